@@ -9,12 +9,14 @@ HEART := tests/description/test_description.py tests/description/test_portabilit
 SCRIPTS := pictures lifting_line/lifting_line section_law screenshots studies results crank frames tool_pictures \
 	observer_study structural_error method animation real_recordings strange_arms
 BIN := $(VENV)/bin
+# Without --no-compile, Python's copies of modules that nobody imports take 130 MB.
+PIP := -m pip install --quiet --no-compile --disable-pip-version-check
 # Tests of a file stay together, as they share flights; the longest files come first (tests/conftest.py).
 PARALLEL := -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 # Says which Python was found and which would do, and how to name it; exit code 1 for one that would not do.
 RIGHT_PYTHON = -c 'import sys; v = sys.version_info[:2]; ok = (3, 11) <= v <= (3, 13); ok or print("%s is Python %d.%d: Python 3.11 to 3.13 was expected; name one, as in: make PYTHON=python3.12 $(or $(MAKECMDGOALS),demo)" % (sys.argv[1], *v), file=sys.stderr); sys.exit(not ok)'
 
-.PHONY: demo test test-python coverage mutants docs site bench reliability evidence tools clean
+.PHONY: demo test test-python test-lowest coverage mutants docs reproduce site bench reliability evidence tools clean
 
 demo: $(VENV)/.installed
 	$(BIN)/aerobat run paper --force
@@ -32,9 +34,16 @@ test-python:
 	@if python$(VERSION) -c '' 2>/dev/null && ! $(BIN)/python -c 'import sys; sys.exit(sys.version_info[:2] != tuple(map(int, "$(VERSION)".split("."))))'; then \
 		echo "Python $(VERSION):"; \
 		test -x $(VENV)-$(VERSION)/bin/python || python$(VERSION) -m venv $(VENV)-$(VERSION); \
-		$(VENV)-$(VERSION)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.[test]' && \
+		$(VENV)-$(VERSION)/bin/python $(PIP) --editable '.[test]' && \
 		$(VENV)-$(VERSION)/bin/python -m pytest $(PARALLEL) $(HEART); \
 	fi
+
+# The heart of the tests with the oldest version of everything that pyproject.toml allows, Python's too.
+test-lowest: $(VENV)/.installed-test
+	test -x $(VENV)-lowest/bin/python || $(word 1,$(foreach one,$(PYTHONS),$(shell command -v python$(one)))) -m venv $(VENV)-lowest
+	$(BIN)/python tests/support/lowest.py > $(VENV)-lowest/constraints.txt
+	$(VENV)-lowest/bin/python $(PIP) --constraint $(VENV)-lowest/constraints.txt --editable '.[test]'
+	$(VENV)-lowest/bin/python -m pytest $(PARALLEL) $(HEART)
 
 # Lines of aerobat_pin that no test runs; processes that tests start count too.
 coverage: $(VENV)/.installed-test
@@ -63,6 +72,8 @@ evidence: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/legs.py --write docs/legs.md
 	PYTHONPATH=tests $(BIN)/python benchmarks/stream_faults.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/ros_node.py
+	$(BIN)/python benchmarks/extras.py
+	$(MAKE) --no-print-directory test-lowest
 
 # The robot's files in other people's tools, each in an environment of its own in .venv-tools/: some gigabytes at first.
 tools: $(VENV)/.installed-test
@@ -72,6 +83,14 @@ docs: $(VENV)/.installed-test
 	@for script in $(SCRIPTS); do \
 		echo "docs/scripts/$$script.py"; \
 		PYTHONPATH=tests $(BIN)/python docs/scripts/$$script.py || exit 1; \
+	done
+
+# The figures of the paper, the numbers and figures of README, and how long each script took; needs a Chromium.
+reproduce: $(VENV)/.installed-test
+	@for script in pictures method results animation; do \
+		begin=$$(date +%s); \
+		PYTHONPATH=tests $(BIN)/python docs/scripts/$$script.py || exit 1; \
+		echo "docs/scripts/$$script.py: $$(($$(date +%s) - begin)) s"; \
 	done
 
 # The pages of docs/ as a site in build/site/html, which needs no network.
@@ -87,20 +106,21 @@ $(BIN)/python:
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	@$(BIN)/python $(RIGHT_PYTHON) $(VENV) || { echo "then remove the old one: make clean" >&2; exit 1; }
-	@echo "installing about 70 packages into $(VENV): 1.1 GB on disk, some minutes; pip says nothing meanwhile"
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	@echo "installing about 70 packages into $(VENV): 994 MB on disk, some minutes; pip says nothing meanwhile"
+	$(BIN)/python $(PIP) --editable .
 	touch $@
 
 $(VENV)/.installed-test: pyproject.toml $(VENV)/.installed | $(BIN)/python
 	@echo "installing what the tests need: about 75 more packages, 1 GB on disk, some minutes; pip says nothing meanwhile"
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[test]'
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[ros2]' 2>/dev/null || \
+	$(BIN)/python $(PIP) --editable '.[test]'
+	$(BIN)/python $(PIP) --editable '.[ros2]' 2>/dev/null || \
 		echo "ROS 2 has no package for this Python and system: the node's test will be skipped"
 	touch $@
 
 $(VENV)/.installed-docs: pyproject.toml $(VENV)/.installed | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@echo "installing what the site needs: about 40 packages, 70 MB"
+	$(BIN)/python $(PIP) --editable '.[docs]'
 	touch $@
 
 clean:
-	rm -rf $(VENV) $(VENV)-3.* $(VENV)-tools build *.egg-info runs
+	rm -rf $(VENV) $(VENV)-3.* $(VENV)-lowest $(VENV)-tools build *.egg-info runs

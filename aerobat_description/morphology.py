@@ -33,7 +33,15 @@ from aerobat_description.morphology_tables import (
     WingShape,
 )
 from aerobat_description.position_closure import ClosureError, advice, elbow, reach, remedies
-from aerobat_description.reading import MorphologyError, build, check_frames, check_name, dotted, require
+from aerobat_description.reading import (
+    MorphologyError,
+    build,
+    check_frames,
+    check_name,
+    did_you_mean,
+    dotted,
+    require,
+)
 from aerobat_description.toml_text import TomlError, toml_file
 
 STRETCH = 0.05  # allowed relative difference of the last proximal station and the elbow's distance; 2.5 % as shipped
@@ -232,8 +240,8 @@ def _file_values(morphology: str) -> dict[str, Any]:
     if morphology in MORPHOLOGIES:
         path = Path(PACKAGE_PATH, "morphologies", f"{morphology}.toml")
     elif not os.path.isfile(path):
-        shipped = ", ".join(MORPHOLOGIES)
-        raise MorphologyError(f"no morphology named '{morphology}': shipped are {shipped}; or give a TOML file")
+        hint = did_you_mean(morphology, MORPHOLOGIES, "shipped are")
+        raise MorphologyError(f"no morphology named '{morphology}': {hint}; or give a TOML file")
     try:
         values = toml_file(path)
     except TomlError as error:

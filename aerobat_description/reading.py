@@ -6,7 +6,8 @@ Errors name key, value and rule. Tools reject a robot in which the name of a lin
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
@@ -15,6 +16,7 @@ FRAMES = ("force_point", "linkage_J1", "linkage_J8")
 WING = ("proximal", "distal", "shoulder", "elbow", *FRAMES, *(f"{frame}_fixed" for frame in FRAMES))
 LONGEST_ROBOT_NAME = 100  # bytes: files are named after a robot, and no file system takes names above 255 bytes
 BUILT_IN = {"universe", "root_joint", "base_link", *(f"{side}_{name}" for side in ("left", "right") for name in WING)}
+LONGEST_LIST = 600  # characters of all known names in a message
 LARGEST = 1e30  # powers of such numbers are still finite doubles, and they fit the single precision of a mesh
 POSITIVE, NOT_NEGATIVE = "it must be positive", "it is not negative"
 AboveZero = Annotated[float, POSITIVE]
@@ -29,6 +31,23 @@ def require(holds: bool, key: str, value: object, rule: str) -> None:
     """Raise MorphologyError with key, value and rule if `holds` is False."""
     if not holds:
         raise MorphologyError(f"morphology: {key} = {value}: {rule}")
+
+
+def did_you_mean(name: str, known: Iterable[str], every: str = "") -> str:
+    """Return the known name that is closest to a wrong one as a question, or else all known names.
+
+    Args:
+        name: the wrong name.
+        known: the right ones.
+        every: words before all of them, such as `shipped are`; they then follow the question, too.
+    """
+    names = {one.lower(): one for one in known}
+    close = difflib.get_close_matches(name.lower(), names, n=1)
+    listed = textwrap.shorten(f"{every or 'known are'} {', '.join(names.values())}", LONGEST_LIST, placeholder=" ...")
+    if not close:
+        return listed
+    question = f"did you mean '{names[close[0]]}'?"
+    return f"{question} {listed[0].upper()}{listed[1:]}" if every else question
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -56,9 +75,7 @@ def build(kind: Any, values: object, where: str) -> Any:
     hints = get_type_hints(kind, include_extras=True)
     for key in values:
         if key not in known:
-            close = difflib.get_close_matches(str(key), known, n=1)
-            hint = f"; did you mean '{close[0]}'?" if close else f"; known are {', '.join(known)}"
-            raise MorphologyError(f"morphology: unknown key '{dotted(where, key)}'{hint}")
+            raise MorphologyError(f"morphology: unknown key '{dotted(where, key)}'; {did_you_mean(str(key), known)}")
     made = {}
     for key, field in known.items():
         if key in values:

@@ -6,8 +6,6 @@ puts the columns of each channel in the order of `LABELS`.
 
 from __future__ import annotations
 
-import difflib
-import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -15,6 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS, LINKS
@@ -183,13 +182,6 @@ def _row(key: str, table: Mapping[str, Channel], dims: tuple[Any, ...], name: st
     if key not in table:
         raise LogError(f"{name}: unknown channel '{key}'; {did_you_mean(key, table)}")
     return table[key]
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the known name that is closest to a wrong one as a question, or else all known names."""
-    close = difflib.get_close_matches(name, known, n=1)
-    every = textwrap.shorten(", ".join(known), 400, placeholder=" ...")
-    return f"did you mean '{close[0]}'?" if close else f"known are {every}"
 
 
 def _check_form(values: xr.Variable, row: Channel, where: str, *, complete: bool) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from aerobat_description.reading import did_you_mean
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import flight_record, noted_air
 from aerobat_pin.aerobat.robot import AerobatRobot
@@ -125,8 +126,8 @@ def estimate_flight(
 @guarded()
 def check_names(names: Sequence[str]) -> None:
     """Raise ScenarioError if no name is given, or if there is no observer of one of the names."""
-    if not names or any(name not in OBSERVERS for name in names):
-        raise ScenarioError(f"observers.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
+    if wrong := [name for name in names if name not in OBSERVERS] or [""] * (not names):
+        raise ScenarioError(f"observers.names = {list(names)}: {did_you_mean(wrong[0], OBSERVERS, 'choose from')}")
 
 
 def _check_keys(settings: Iterable[str]) -> None:

@@ -13,7 +13,7 @@ import os
 from functools import cache
 from pathlib import Path
 
-from aerobat_pin.aerobat.channels import did_you_mean
+from aerobat_description.reading import did_you_mean
 from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.errors import LogError
 from aerobat_pin.records import BAGS, NETCDF, Map, Request, load_map, requests_of

@@ -21,7 +21,17 @@ from aerobat_pin.cli.check import check_command
 from aerobat_pin.cli.console import picture_files, print_version, write_results
 from aerobat_pin.cli.estimate import estimate_command
 from aerobat_pin.cli.node import node_command
-from aerobat_pin.cli.options import CalibrationFile, Correct, Force, NameOrFile, ObserverNames, Settings
+from aerobat_pin.cli.options import (
+    CalibrationFile,
+    Correct,
+    Force,
+    NameOrFile,
+    ObserverNames,
+    Settings,
+    complete_key,
+    out_option,
+    renamed,
+)
 from aerobat_pin.cli.runs import compare_command, convert_command, play_command
 from aerobat_pin.cli.several_runs import run_seeds, sweep_command
 from aerobat_pin.cli.urdf import urdf_command
@@ -48,7 +58,7 @@ def top_command(
 @app.command("run")
 def run_command(
     scenario: NameOrFile,
-    out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<scenario>.")] = None,
+    out: Annotated[Path | None, out_option("Output folder; default runs/<scenario>.")] = None,
     force: Force = False,
     seed: Annotated[int | None, typer.Option(help="Seed of all random numbers.")] = None,
     settings: Settings = None,
@@ -117,7 +127,7 @@ app.command("sweep")(sweep_command)
 @app.command("trim")
 def trim_command(
     scenario: NameOrFile,
-    out: Annotated[Path | None, typer.Option(help="File for the trimmed scenario; printed when omitted.")] = None,
+    out: Annotated[Path | None, out_option("File for the trimmed scenario; printed when omitted.")] = None,
     force: Force = False,
     settings: Settings = None,
 ) -> None:
@@ -157,7 +167,7 @@ app.command("urdf")(urdf_command)
 @app.command("crank")
 def crank_command(
     morphology: NameOrFile = "aerobat",
-    output: Annotated[Path, typer.Option("--output", "-o", help="The page, an HTML file.")] = Path("crank.html"),
+    out: Annotated[Path, out_option("The page, an HTML file.")] = Path("crank.html"),
     force: Force = False,
 ) -> None:
     """Write a page on which one turns the crank by hand and changes the linkage's lengths; it needs no network."""
@@ -165,16 +175,16 @@ def crank_command(
     from aerobat_pin.robot import load_morphology
     from aerobat_pin.visualization import crank_page
 
-    check_file(output, force=force)
-    write_text(output, crank_page(load_morphology(morphology)))
-    typer.echo(f"written to {output}")
+    check_file(out, force=force)
+    write_text(out, crank_page(load_morphology(morphology)))
+    typer.echo(f"written to {out}")
 
 
 @app.command("linkage")
 def linkage_command(
     morphology: NameOrFile = "aerobat",
     out: Annotated[
-        Path | None, typer.Option(help="Picture (.png, .pdf, .svg) or folder for one; default runs/linkage.")
+        Path | None, out_option("Picture (.png, .pdf, .svg) or folder for one; default runs/linkage.")
     ] = None,
     force: Force = False,
 ) -> None:
@@ -212,7 +222,11 @@ def doctor_command() -> None:
 def describe_command(
     what: Annotated[Literal["scenario", "map"], typer.Argument(help="What to describe.")],
     key: Annotated[
-        str | None, typer.Argument(help="One table or key alone, such as crank or observers.gain; else all of them.")
+        str | None,
+        typer.Argument(
+            help="One table or key alone, such as crank or observers.gain; else all of them.",
+            autocompletion=complete_key,
+        ),
     ] = None,
 ) -> None:
     """Print all keys of a scenario file or of a recording's map, or one, with type, unit, default and meaning."""
@@ -253,7 +267,7 @@ def main() -> None:
     warnings.showwarning = _show_warning
     try:
         try:
-            app()
+            app(renamed(sys.argv[1:]))
         finally:
             sys.stdout.flush()
     except AerobatError as error:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aerobat_pin.cli.console import progress_bar
-from aerobat_pin.cli.options import BelievedMorphology, Force, Settings
+from aerobat_pin.cli.options import BelievedMorphology, Force, Settings, out_option
 from aerobat_pin.cli.recordings import chosen_map
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def calibrate_command(
         list[Path],
         typer.Argument(metavar="RUN|LOG...", help="Runs (folders) or logs (.nc, .csv) without unknown forces."),
     ],
-    out: Annotated[Path, typer.Option(help="File of the calibration (.nc), for `run` and `estimate --calibration`.")],
+    out: Annotated[Path, out_option("File of the calibration (.nc), for `run` and `estimate --calibration`.")],
     morphology: BelievedMorphology = None,
     settings: Settings = None,
     harmonics: Annotated[

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from aerobat_pin.cli.calibrate import opened
-from aerobat_pin.cli.options import BelievedMorphology, Force, Settings
+from aerobat_pin.cli.options import BelievedMorphology, Force, Settings, out_option
 
 CHANGED_MODEL = 3  # exit code
 FIGURE_KINDS = ("png", "pdf", "svg")
@@ -23,7 +23,7 @@ def check_command(
     morphology: BelievedMorphology = None,
     settings: Settings = None,
     map_file: Annotated[Path | None, typer.Option("--map", help="What the recording's columns mean.")] = None,
-    out: Annotated[Path, typer.Option(help="File of the figure, .png or .pdf.")] = Path("check.png"),
+    out: Annotated[Path, out_option("File of the figure, .png, .pdf or .svg.")] = Path("check.png"),
     force: Force = False,
 ) -> None:
     """Is a calibration still good? Print one line, draw one figure; exit code 0 if nothing changed, else 3.

@@ -21,7 +21,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 PROJECT = "aerobat-pinocchio"
-PIN_RULE = ">=4.1,<5"
+PIN_RULE = ">=4.0,<5"
 # Modules and libraries that other folders of the search paths must not contain.
 FOREIGN_MODULES = ("pinocchio", "eigenpy", "coal", "hppfcl", "numpy", "scipy", "numba")
 FOREIGN_LIBRARIES = ("libpinocchio*", "libeigenpy*", "libcoal*", "libhpp-fcl*")

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aerobat_pin.cli.console import write_results
-from aerobat_pin.cli.options import BelievedMorphology, CalibrationFile, Correct, Force, ObserverNames, Settings
+from aerobat_pin.cli.options import (
+    BelievedMorphology,
+    CalibrationFile,
+    Correct,
+    Force,
+    ObserverNames,
+    Settings,
+    out_option,
+)
 from aerobat_pin.cli.recordings import chosen_map, estimate_by_map
 
 if TYPE_CHECKING:
@@ -30,7 +38,7 @@ def estimate_command(
     calibration: CalibrationFile = None,
     correct: Correct = False,
     out: Annotated[
-        Path | None, typer.Option(help="Output folder, default runs/<log>-estimate; or, for --out-mcap, X.mcap.")
+        Path | None, out_option("Output folder, default runs/<log>-estimate; or, for --out-mcap, X.mcap.")
     ] = None,
     force: Force = False,
     map_file: Annotated[

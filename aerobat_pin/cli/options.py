@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,6 +13,29 @@ SHIPPED = {  # command -> folder of what its first argument can name
     "urdf": "aerobat_description/morphologies",
     "linkage": "aerobat_description/morphologies",
 }
+
+RENAMED = {  # command -> how options were called -> how they are called now
+    "urdf": {"--output": "--out"},
+    "crank": {"--output": "--out"},
+    "play": {"--html": "--out"},
+    "convert": {"--mcap": "--out"},
+}
+
+
+def renamed(words: list[str]) -> list[str]:
+    """Return a command line with options as they are called now, and tell of each that was called otherwise."""
+    now = RENAMED.get(words[0] if words else "", {})
+    for k, word in enumerate(words):
+        option, equals, value = word.partition("=")
+        if option in now:
+            typer.echo(f"note: {option} of `aerobat {words[0]}` is called {now[option]} now", err=True)
+            words[k] = f"{now[option]}{equals}{value}"
+    return words
+
+
+def out_option(what: str) -> Any:
+    """Return the option `--out`, which says where a command writes; missing folders are made."""
+    return typer.Option("--out", "-o", help=what)
 
 
 def complete_name(ctx: typer.Context, incomplete: str) -> list[str]:
@@ -28,6 +51,18 @@ def complete_observer(incomplete: str) -> list[str]:
     return [name for name in OBSERVERS if name.startswith(incomplete)]
 
 
+def complete_key(incomplete: str) -> list[str]:
+    """Return the keys of a scenario that begin with what was typed, for completion in a shell."""
+    from aerobat_pin.scenario import scenario_keys
+
+    return [key for key in scenario_keys() if key.startswith(incomplete)]
+
+
+def complete_setting(incomplete: str) -> list[str]:
+    """Return the keys of a scenario as `--set` takes them, for completion in a shell."""
+    return [f"{key}=" for key in complete_key(incomplete)]
+
+
 NameOrFile = Annotated[
     str, typer.Argument(help="Shipped name (see `aerobat list`) or TOML file.", autocompletion=complete_name)
 ]
@@ -36,7 +71,8 @@ BelievedMorphology = Annotated[
     typer.Option("--morphology", help="Robot that flew a log: shipped name or TOML file; else what the log notes."),
 ]
 Settings = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Set one dotted key; repeatable.")
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Set one dotted key; repeatable.", autocompletion=complete_setting),
 ]
 ObserverNames = Annotated[
     list[str] | None,
@@ -49,4 +85,4 @@ Correct = Annotated[
     bool,
     typer.Option("--correct", help="Correct what changed since the calibration where it has a name."),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Replace files of an earlier run.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace earlier results.")]

@@ -25,15 +25,15 @@ def chosen_map(file: Path | None, urdf: Path | None, points: str | None, observe
 
 
 def _print_self_check(record: Record) -> None:
-    """Play known forces into a recording, and print how well each is found again."""
+    """Play known forces into a recording, and print how well each is recovered."""
     from aerobat_pin.estimation import check_record
 
     checks = check_record(record)
     for check in checks:
         typer.echo(str(check))
     found = sum(check.ok for check in checks)
-    others = "" if found == len(checks) else "; what no measured row shows cannot be found"
-    typer.echo(f"self-check: {found} of {len(checks)} known forces are found again within 2 %{others}")
+    others = "" if found == len(checks) else "; what no measured row shows cannot be recovered"
+    typer.echo(f"self-check: {found} of {len(checks)} known forces are recovered within 2 %{others}")
 
 
 def estimate_by_map(

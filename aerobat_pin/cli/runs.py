@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aerobat_pin.cli.console import files_in
-from aerobat_pin.cli.options import BelievedMorphology, Force
+from aerobat_pin.cli.options import BelievedMorphology, Force, out_option
 
 if TYPE_CHECKING:
     from aerobat_pin.visualization import Recording
@@ -24,7 +24,7 @@ def play_command(
         Path | None, typer.Argument(metavar="RUN|LOG", help="Folder of a run, or a recorded flight (.nc, .csv).")
     ] = None,
     morphology: BelievedMorphology = None,
-    html: Annotated[Path | None, typer.Option(help="Write the page to this file.")] = None,
+    out: Annotated[Path | None, out_option("Write the page to this file.")] = None,
     frames: Annotated[Path | None, typer.Option(help="Write PNG pictures to this folder, 30 a second.")] = None,
     rate: Annotated[
         float | None, typer.Option(min=1e-3, help="Speed, of real time; default 0.1 for flights, else 1.")
@@ -42,8 +42,8 @@ def play_command(
     from aerobat_pin.errors import LogError, check_file, output_folder, write_text
     from aerobat_pin.visualization import SLOW_MOTION, serve, snapshots
 
-    if html is not None:
-        check_file(html, force=force)
+    if out is not None:
+        check_file(out, force=force)
     rate = rate or (1.0 if source is None else SLOW_MOTION)
     if not math.isfinite(rate):
         raise LogError(f"play: --rate {rate}: a finite number was expected")
@@ -61,10 +61,10 @@ def play_command(
             for k, picture in enumerate(snapshots(page, times)):
                 (folder / f"frame_{k:05d}.png").write_bytes(picture)
         typer.echo(f"{len(times)} pictures, {PICTURES_PER_SECOND:g} a second, in {frames}/")
-    if html is not None:
-        write_text(html, page)
-        typer.echo(f"written to {html}")
-    if html is None and frames is None:
+    if out is not None:
+        write_text(out, page)
+        typer.echo(f"written to {out}")
+    if out is None and frames is None:
         serve(page, lambda address: typer.echo(f"playing at {address} (Ctrl-C stops)"), port)
         typer.echo("stopped")
 
@@ -87,7 +87,7 @@ def _recording(source: Path | None, morphology: str | None, table: Path | None, 
 def compare_command(
     first: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     second: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of another run.")],
-    out: Annotated[Path | None, typer.Option(help="Output folder; default runs/compare-<first>-<second>.")] = None,
+    out: Annotated[Path | None, out_option("Output folder; default runs/compare-<first>-<second>.")] = None,
     force: Force = False,
 ) -> None:
     """Set two runs side by side: what differs between their scenarios, their scores and their figures."""
@@ -105,7 +105,7 @@ def compare_command(
 
 def convert_command(
     run: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run, with flight.nc and estimate.nc.")],
-    mcap: Annotated[Path, typer.Option(help="MCAP file, for Foxglove, rerun, ROS 2.")],
+    out: Annotated[Path, out_option("MCAP file, for Foxglove, rerun, ROS 2.")],
     force: Force = False,
 ) -> None:
     """Convert a simulated flight to MCAP: forces per point, joint states, pose and arrows. Needs the extra ros."""
@@ -113,7 +113,7 @@ def convert_command(
     from aerobat_pin.experiments import read_run, write_flight_mcap
     from aerobat_pin.robot import flown_robot
 
-    check_file(mcap, force=force)
+    check_file(out, force=force)
     scenario, log, estimates = read_run(run)
-    write_flight_mcap(flown_robot(scenario).model, log, estimates, mcap)
-    typer.echo(f"written to {mcap}")
+    write_flight_mcap(flown_robot(scenario).model, log, estimates, out)
+    typer.echo(f"written to {out}")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aerobat_pin.cli.console import LINE_EVERY, progress_bar
-from aerobat_pin.cli.options import NameOrFile
+from aerobat_pin.cli.options import Force, NameOrFile, out_option
 from aerobat_pin.errors import raising
 
 if TYPE_CHECKING:
@@ -115,8 +115,8 @@ def sweep_command(
     cluster: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Fly on the Dask cluster with its scheduler there instead.")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Output folder; default runs/<sweep>.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Start anew, whatever the folder holds.")] = False,
+    out: Annotated[Path | None, out_option("Output folder; default runs/<sweep>.")] = None,
+    force: Force = False,
 ) -> None:
     """Simulate a sweep of scenarios and write its tables; the same command resumes an interrupted sweep."""
     from aerobat_pin.experiments import load_sweep, run_sweep

@@ -8,14 +8,12 @@ from typing import Annotated, Literal
 
 import typer
 
-from aerobat_pin.cli.options import Force, NameOrFile
+from aerobat_pin.cli.options import Force, NameOrFile, out_option
 
 
 def urdf_command(
     morphology: NameOrFile = "aerobat",
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="File; what it needs goes beside it. Else it is printed.")
-    ] = None,
+    out: Annotated[Path | None, out_option("File; what it needs goes beside it. Else it is printed.")] = None,
     form: Annotated[
         Literal["urdf", "mjcf"], typer.Option("--format", help="URDF: a tree. MJCF: with the closed linkage.")
     ] = "urdf",
@@ -39,17 +37,17 @@ def urdf_command(
     if form == "urdf" and bars is not None:
         raise OutputError(f"urdf: --bars {bars}: a URDF has no bars that close its loops; --format mjcf was expected")
     robot = load_morphology(morphology)
-    if output is None:
+    if out is None:
         text = shipped_text(robot, form, meshes, bars)
         if text is None:
-            raise OutputError(f"robot {robot.name}: its meshes must be written somewhere; give --output FILE")
+            raise OutputError(f"robot {robot.name}: its meshes must be written somewhere; give --out FILE")
         typer.echo(text, nl=False)
         return
-    contents = export(robot, output, form, meshes, bars)
-    for path in (output, *filter(os.path.exists, contents)):
+    contents = export(robot, out, form, meshes, bars)
+    for path in (out, *filter(os.path.exists, contents)):
         check_file(path, force=force)
-    write_files(contents, output.absolute().parent)
-    typer.echo(f"written {output} and, beside it, {len(contents) - 1} files it needs:")
+    write_files(contents, out.absolute().parent)
+    typer.echo(f"written {out} and, beside it, {len(contents) - 1} files it needs:")
     for path in contents:
-        if path != output.absolute():
+        if path != out.absolute():
             typer.echo(f"  {path}")

@@ -2,6 +2,8 @@
 
 import math
 
+from aerobat_description.reading import did_you_mean
+
 
 class AerobatError(Exception):
     """Base class of errors in the caller's input or environment; a bug in the package never raises an AerobatError."""
@@ -54,7 +56,7 @@ class FrameNotFoundError(AerobatError, KeyError):
     """The model has no frame of the requested name; the attribute `known` lists the frames of the model."""
 
     def __init__(self, name: str, known: list[str]) -> None:
-        super().__init__(f"no frame named '{name}' in the model; it has: {', '.join(known)}")
+        super().__init__(f"no frame named '{name}' in the model: {did_you_mean(name, known, 'it has')}")
         self.name = name
         self.known = known
 

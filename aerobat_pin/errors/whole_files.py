@@ -217,7 +217,10 @@ def without_empty(folders: Iterable[Path]) -> Iterator[None]:
 
 
 def check_file(target: Path, *, force: bool) -> None:
-    """Raise OutputError if a file cannot be written, a link leads to it, or it exists and `force` is False."""
+    """Raise OutputError if a file cannot be written, a link leads to it, or it exists and `force` is False.
+
+    Missing folders are no obstacle: `write_files` makes them.
+    """
     refuse_links(target)
     if len(os.fsencode(target.name)) > LONGEST_FILE_NAME:
         raise OutputError(f"output {target}: a name of {LONGEST_FILE_NAME} bytes at most was expected")
@@ -225,7 +228,8 @@ def check_file(target: Path, *, force: bool) -> None:
         raise OutputError(f"output {target}: is a folder; a file was expected")
     if os.path.exists(target) and not force:
         raise OutputError(f"output {target} exists; --force overwrites it")
-    if not os.path.isdir(target.absolute().parent):
-        raise OutputError(f"output {target}: there is no folder {target.parent}")
-    if not os.access(target.absolute().parent, os.W_OK):
-        raise OutputError(f"output {target}: cannot be written: the folder {target.parent} takes no files")
+    folder = next(folder for folder in target.absolute().parents if os.path.lexists(folder))
+    if not os.path.isdir(folder):
+        raise OutputError(f"output {target}: {folder} is no folder")
+    if not os.access(folder, os.W_OK):
+        raise OutputError(f"output {target}: cannot be written: the folder {folder} takes no files")

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.known_forces import KnownForces
@@ -72,8 +73,8 @@ def built_observers(
     """Return observers of a map's points, those that it names when `names` is empty; errors as `observers_of`."""
     points = points_of(chosen)
     names = (tuple(names) or chosen.observer.names) if points else ("momentum",)  # all others need a point
-    if not names or any(name not in OBSERVERS for name in names):
-        raise MapError(f"map: observer.names = {list(names)}: choose from {', '.join(OBSERVERS)}")
+    if wrong := [name for name in names if name not in OBSERVERS] or [""] * (not names):
+        raise MapError(f"map: observer.names = {list(names)}: {did_you_mean(wrong[0], OBSERVERS, 'choose from')}")
     section, made = chosen.observer, []
     for name in names:
         settings = section.settings(name)

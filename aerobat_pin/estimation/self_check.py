@@ -1,8 +1,8 @@
-"""Play a known force into a record: is it found again at its point, along its axis, of its sign and size, and no other?
+"""Play a known force into a record: is it recovered at its point, along its axis, of its sign and size, and no other?
 
 The motion stays as it was recorded. What the efforts and the ground would have shown less of while a force f pushed,
 J^T f, is taken off the known forces; the estimate with f less the estimate without it must then be f. That tests the
-points, rows, axes and the gain on this very motion; what no row shows is not found again, and says so.
+points, rows, axes and the gain on this very motion; what no row shows is not recovered, and says so.
 """
 
 from __future__ import annotations

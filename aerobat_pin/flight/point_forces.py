@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.scenario import Axes, Scenario, UnknownForce
@@ -34,8 +35,9 @@ def point_forces(model: pin.Model, scenario: Scenario) -> tuple[PointForce, ...]
     forces = []
     for i, section in enumerate(scenario.unknown_force):
         if not model.existFrame(section.frame) or model.frames[model.getFrameId(section.frame)].parentJoint == 0:
-            known = ", ".join(frame.name for frame in model.frames if frame.parentJoint > 0)
-            raise ScenarioError(f"unknown_force.{i}.frame = '{section.frame}': the robot's frames are {known}")
+            known = [frame.name for frame in model.frames if frame.parentJoint > 0]
+            hint = did_you_mean(section.frame, known, "the robot's frames are")
+            raise ScenarioError(f"unknown_force.{i}.frame = '{section.frame}': {hint}")
         size = float(np.linalg.norm(section.direction))
         if size == 0.0:
             raise ScenarioError(f"unknown_force.{i}.direction = {section.direction}: a direction must not be zero")

@@ -37,7 +37,11 @@ from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
+<<<<<<< HEAD
 from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
+=======
+from aerobat_pin.observers.pickled import model_bytes, rebuilt
+>>>>>>> origin/doors
 from aerobat_pin.observers.reference import Equations, Observed, Samples, observe_record, sample_robot
 from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight, serial_model
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, for_kernels, modes
@@ -130,9 +134,9 @@ class Observer:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy as a new observer that is not yet reset: views of Pinocchio's results cannot be pickled."""
-        arguments = (self.model, self.applications.given, self.gain, self.believed.rows)
+        arguments = (model_bytes(self.model), self.applications.given, self.gain, self.believed.rows)
         settings = {**self._settings} if self.expected is None else {**self._settings, "expected": self.expected}
-        return partial(type(self), **settings), arguments
+        return rebuilt, (partial(type(self), **settings), *arguments)
 
     def __repr__(self) -> str:
         """Show the name, model, rows, gain and the components that are estimated."""

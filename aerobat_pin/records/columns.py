@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.spool import EXTENT, Series, Spool, series_of
 from aerobat_pin.records.stamps import in_order, stands_alone
-
-MOST_NAMES = 40  # of the log that an error message lists
 
 
 def same_unit(text: str, unit: str) -> bool:
@@ -99,11 +97,9 @@ class Columns:
 
     def missing(self, name: str, key: str) -> LogError:
         """Return the error for a name that the log does not have."""
-        close = difflib.get_close_matches(name, self.names, n=1)
-        guess = f" (did you mean '{close[0]}'?)" if close else ""
         what = "topic" if self.kinds and name in (name.split(".")[0],) else "column"
-        listed = ", ".join((list(self.kinds) if what == "topic" else list(self.names))[:MOST_NAMES])
-        return LogError(f"log {self.path}: no {what} '{name}', which {key} of the map names{guess}; there are {listed}")
+        hint = did_you_mean(name, list(self.kinds) if what == "topic" else self.names, "there are")
+        return LogError(f"log {self.path}: no {what} '{name}', which {key} of the map names: {hint}")
 
 
 class GrowingTable:

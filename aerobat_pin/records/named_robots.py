@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
 from pathlib import Path
 
+from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import LogError
 
 FOLDER = Path("share", "example-robot-data", "robots")  # in an environment, or in the folder where cmeel installs
@@ -67,9 +67,7 @@ def named_robot(name: str) -> tuple[Path, bool]:
     """
     known = FREE | FIXED
     if name not in known:
-        close = difflib.get_close_matches(name.lower(), known, n=1)
-        guess = f"did you mean '{close[0]}'? There are" if close else "there are"
-        raise LogError(f"robot '{name}': {guess} {', '.join(sorted(known))}; any other by its file")
+        raise LogError(f"robot '{name}': {did_you_mean(name, sorted(known), 'there are')}; any other by its file")
     for folder in (*(Path(entry, "cmeel.prefix") for entry in sys.path), Path(sys.prefix)):
         if (file := folder / FOLDER / known[name]).is_file():
             return file, name in FREE

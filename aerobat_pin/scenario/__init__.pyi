@@ -7,6 +7,7 @@ from .changes import shipped_description as shipped_description
 from .csv_rows import TextTable as TextTable
 from .describe import describe_scenario as describe_scenario
 from .describe import describe_tables as describe_tables
+from .describe import scenario_keys as scenario_keys
 from .feedback_tables import ControlSection as ControlSection
 from .feedback_tables import InertialSection as InertialSection
 from .feedback_tables import MotionCaptureSection as MotionCaptureSection

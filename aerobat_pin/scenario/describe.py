@@ -5,12 +5,12 @@ The descriptions come from the JSON schema that pydantic makes of the classes in
 
 from __future__ import annotations
 
-import difflib
 import re
 import textwrap
 from collections.abc import Iterator
 from typing import Any, get_args
 
+from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.scenario.scenario import Scenario
 from aerobat_pin.scenario.tables import LARGEST_NUMBER, Section, sections_of
@@ -33,6 +33,22 @@ def describe_scenario(wanted: str | None = None) -> str:
     """
     head = "A scenario is a TOML file of these tables and keys. Only what is marked required must be written."
     return describe_tables(Scenario, head, "scenario", wanted)
+
+
+def scenario_keys() -> list[str]:
+    """Return the dotted keys of a scenario file; `*` stands for the number of an item in a list."""
+    return list(_keys_below(Scenario, ""))
+
+
+def _keys_below(section: type[Section], table: str) -> dict[str, None]:
+    keys: dict[str, None] = {}
+    for key, field in section.model_fields.items():
+        kinds, name = sections_of(field.annotation).values(), f"{table}{key.rstrip('_')}"
+        for kind in kinds:
+            keys |= _keys_below(kind, f"{name}{'.*' * (len(kinds) > 1)}.")
+        if not kinds:
+            keys[name] = None
+    return keys
 
 
 def describe_tables(root: type[Section], head: str, kind: str, wanted: str | None = None) -> str:
@@ -69,8 +85,7 @@ def _part_of(text: str, wanted: str, kind: str) -> str:
         if not found and key in entries and table in (tables or [""]):
             found.append("\n".join([*([block.partition("  ")[0]] if tables else []), entries[key]]))
     if not found:
-        close = difflib.get_close_matches(plain, sorted(known), n=3)
-        hint = f"did you mean {' or '.join(close)}?" if close else f"`aerobat describe {kind}` lists all"
+        hint = did_you_mean(plain, sorted(known))
         raise ScenarioError(f"describe {kind} {wanted[:60]}: there is no such table or key: {hint}")
     return "\n\n".join(found)
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from typing import Any, get_args
 
+from aerobat_description.reading import did_you_mean
 from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario.tables import Section, sections_of
 from aerobat_pin.scenario.toml import parsed_value, scenario_value
@@ -19,9 +19,7 @@ def explain(error: dict[str, Any], root: type[Section]) -> str:
     where, kind = ".".join(parts), error["type"]
     if kind == "union_tag_invalid":
         tag, known = error["ctx"]["tag"], error["ctx"]["expected_tags"].replace("'", "").split(", ")
-        close = difflib.get_close_matches(tag, known, n=1)
-        guess = f"did you mean '{close[0]}'? There are" if close else "there are"
-        return f"{where}.signal = '{tag}': {guess} {', '.join(known)}"
+        return f"{where}.signal = '{tag}': {did_you_mean(tag, known, 'there are')}"
     if kind == "missing" and isinstance(error["loc"][-1], int):
         count = _fixed_length(section, parts[-2])
         return f"{'.'.join(parts[:-1])} = {list(error['input'])}: {count or 'more'} numbers were expected"
@@ -43,8 +41,7 @@ def explain_plainly(error: dict[str, Any], where: str, known: Sequence[str]) -> 
         known: keys that the table accepts, to suggest one for a misspelt key.
     """
     if error["type"] == "extra_forbidden":
-        close = difflib.get_close_matches(where.rpartition(".")[2], known, n=1)
-        return f"unknown key '{where}'" + (f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}")
+        return f"unknown key '{where}'; {did_you_mean(where.rpartition('.')[2], known)}"
     if error["type"] == "missing":
         return f"missing key '{where}'"
     if error["type"] == "value_error":

@@ -7,6 +7,7 @@ estimated before it begins, and one that is too large is refused.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,6 +41,7 @@ BYTES_PER_STEP, BYTES_PER_STRIP = 980, 72  # of a step of the log; measured with
 MOST_SECONDS, LARGEST_LOG = 3600.0, 2.0e9  # of one flight; the simulation takes twice the memory of its log
 SHIPPED_SCENARIOS = Path(__file__).with_name("shipped")
 MOST_WARM_UP = 60.0  # [s]
+SCENARIO_NAME_LENGTH = 200  # characters
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ class Scenario(Section):
 
     name: str = Field(
         min_length=1,
-        max_length=200,
+        max_length=SCENARIO_NAME_LENGTH,
         pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
         description="also the default output folder",
     )
@@ -191,6 +193,9 @@ def shipped_scenarios() -> dict[str, str]:
 def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
     """Read a scenario and apply settings.
 
+    A copy of a shipped scenario takes the name of its file, so that its results are not taken for the shipped one's;
+    `scenario.toml`, as a run writes it, keeps its name.
+
     Args:
         source: name of a shipped scenario, or path of a TOML file.
         settings: `dotted.key=value` texts; the value is TOML, or a string without quotes.
@@ -202,7 +207,17 @@ def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
     values = read_toml("scenario", str(source), SHIPPED_SCENARIOS, ScenarioError)
     if os.path.isfile(source):
         _find_beside(Path(source).parent, values)
-    return parse_scenario(with_settings(values, settings), str(source))
+    scenario = parse_scenario(with_settings(values, settings), str(source))
+    return _named_by_file(scenario, Path(source).stem) if os.path.isfile(source) else scenario
+
+
+def _named_by_file(scenario: Scenario, stem: str) -> Scenario:
+    name = re.sub(r"[^\w.-]+", "_", stem, flags=re.ASCII).lstrip("_.-")[:SCENARIO_NAME_LENGTH]
+    if scenario.name not in shipped_names(SHIPPED_SCENARIOS) or name in ("", scenario.name, "scenario"):
+        return scenario
+    shipped = read_toml("scenario", scenario.name, SHIPPED_SCENARIOS, ScenarioError)["description"]
+    description = f"made from {scenario.name}" if scenario.description == shipped else scenario.description
+    return scenario.model_copy(update={"name": name, "description": description})
 
 
 @guarded()

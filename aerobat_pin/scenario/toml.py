@@ -13,6 +13,7 @@ from typing import Any
 
 import tomli_w
 
+from aerobat_description.reading import did_you_mean
 from aerobat_description.toml_text import MOST_LEVELS, TomlError, toml_file, toml_values
 from aerobat_pin.errors import AerobatError, ScenarioError
 from aerobat_pin.numerics import guarded
@@ -48,7 +49,8 @@ def read_toml(kind: str, source: str, shipped: Path, error: Callable[[str], Aero
             return toml_file(file)
         except TomlError as cause:
             raise error(f"{kind} file {file}: {cause}") from cause
-    raise error(f"no {kind} '{source}': shipped are {', '.join(shipped_names(shipped))}; or give a TOML file")
+    hint = did_you_mean(source, shipped_names(shipped), "shipped are")
+    raise error(f"no {kind} '{source}': {hint}; or give a TOML file")
 
 
 @guarded()

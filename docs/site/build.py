@@ -46,8 +46,24 @@ def build(folder: Path) -> int:
     """Build the site into `folder`/html and return the generator's exit code."""
     from sphinx.cmd.build import build_main
 
-    words = ["-b", "html", "-c", Path(__file__).parent, "-d", folder / "doctrees", "-W", "--keep-going", "-q"]
-    return build_main([str(word) for word in [*words, stage(folder), folder / "html"]])
+    print("importing the package, and writing the pages that it describes itself on ...", flush=True)
+    source = stage(folder)
+    count = sum(path.suffix in (".md", ".rst") for path in source.rglob("*"))
+    print(f"building {count} pages: about a minute ...", flush=True)
+    words = [
+        "-b",
+        "html",
+        "-c",
+        Path(__file__).parent,
+        "-d",
+        folder / "doctrees",
+        "-W",
+        "--keep-going",
+        "-q",
+        "-j",
+        "auto",
+    ]
+    return build_main([str(word) for word in [*words, source, folder / "html"]])
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import aerobat_pin
 project = "Aerobat on Pinocchio"
 author = "Aerobat on Pinocchio developers"
 version = release = aerobat_pin.__version__
+copyright = f"{author}, BSD-2-Clause; version {release}"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
 root_doc = "index"
@@ -38,6 +39,7 @@ html_title = "Aerobat on Pinocchio"
 html_math_renderer = "mathml"
 html_show_sourcelink = False
 html_copy_source = False
+html_use_index = False  # api/names has every name, in a line
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_theme_options = {"navigation_with_keys": False, "top_of_page_buttons": []}

@@ -17,7 +17,7 @@ CODE = {".py": "python", ".toml": "toml", ".cff": "yaml", ".json": "json"}
 PICTURES = {".png", ".svg", ".gif"}
 # Caption -> pages in order, as paths of the repository; a star stands for every page that no other line names.
 SECTIONS = {
-    "Start": ["docs/start.md", "docs/glossary.md", "docs/limits.md"],
+    "Start": ["docs/start.md", "docs/installation.md", "docs/glossary.md", "docs/limits.md"],
     "Method": ["docs/method.md", "docs/paper.md"],
     "Tutorials": ["docs/tutorials/*.md"],
     "How to": ["docs/*.md"],
@@ -35,8 +35,9 @@ SECTIONS = {
         "docs/legs.md",
         "docs/reliability.md",
         "docs/broken_runs.md",
+        "docs/reproducibility.md",
     ],
-    "Reference": ["docs/conventions.md", "aerobat_description/README.md"],
+    "Reference": ["docs/conventions.md", "aerobat_description/README.md", "docs/upstream.md"],
     "Design": [
         *("docs/architecture.md", "CONTRIBUTING.md", "docs/design/*.md", "SECURITY.md", "docs/walls.md"),
         *("docs/licences.md", "CHANGELOG.md"),

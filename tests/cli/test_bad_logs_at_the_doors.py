@@ -50,7 +50,7 @@ def test_a_bad_log_is_refused_at_every_door(
     rng = np.random.default_rng(3)
     for kind in [kind for kind in KINDS if kind.number == 2][:: 4 if door == "estimate" else 6]:
         path, *_ = write_kind(kind, rng, short.log, tmp_path)
-        words = [door, path.name, *(["--html", "page.html"] if door == "play" else [])]
+        words = [door, path.name, *(["--out", "page.html"] if door == "play" else [])]
         refused(monkeypatch, capsys, *words)
         path.unlink()
         assert list(tmp_path.iterdir()) == [], kind.name
@@ -109,7 +109,7 @@ def test_a_run_with_spoilt_estimates_is_not_played(
     shutil.copytree(good, folder)
     spoil(folder / "estimate.nc")
     page = tmp_path / "page.html"
-    told = refused(monkeypatch, capsys, "play", str(folder), "--html", str(page))
+    told = refused(monkeypatch, capsys, "play", str(folder), "--out", str(page))
     assert "estimate.nc" in told
     assert re.search(message, told), told
     assert not page.exists()

@@ -108,7 +108,7 @@ def test_an_old_pin_is_named_with_the_version_that_is_wanted(monkeypatch: pytest
     """The distribution found first counts."""
     distribution(tmp_path, "pin", "3.9.0")
     monkeypatch.syspath_prepend(str(tmp_path))
-    assert_bad(found()["pin"], "3.9.0", advice=">=4.1")
+    assert_bad(found()["pin"], "3.9.0", advice=">=4.0")
 
 
 def test_the_package_called_pinocchio_is_unmasked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -135,7 +135,7 @@ def test_a_suggested_map_is_a_map(
 def test_a_simulated_flight_becomes_mcap(paper_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With true forces beside the estimates."""
     highlevel = pytest.importorskip("rosbags.highlevel")
-    assert call(monkeypatch, "convert", str(paper_folder), "--mcap", str(tmp_path / "paper.mcap")) == 0
+    assert call(monkeypatch, "convert", str(paper_folder), "--out", str(tmp_path / "paper.mcap")) == 0
     with highlevel.AnyReader([tmp_path / "paper.mcap"]) as reader:
         assert {"/pose", "/joint_states", "/arrows", "/truth/left_force_point"} <= set(reader.topics)
 

@@ -13,8 +13,10 @@ from pathlib import Path
 
 import pytest
 from support.commands import aerobat, call
+from typer.main import get_command
 
 import aerobat_pin
+from aerobat_pin.cli.app import app
 
 FLIGHT = ["run", "paper", "--set", "simulation.duration=0.01"]
 THRUSTER = 'name = "left_force_point"\nposition = [0.1, 0, 0]\ndirection = [0, 0, 1]\nthrust = 0.1\n'
@@ -31,7 +33,11 @@ FILES = {
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["run", "papr"], "no scenario 'papr'"),
+        (["run", "papr"], "no scenario 'papr': did you mean 'paper'? Shipped are guard, gust,"),
+        (["sweep", "gain_nois"], "no sweep 'gain_nois': did you mean 'gain_noise'?"),
+        (["describe", "scenario", "crank.frequncy"], "did you mean 'crank.frequency'?"),
+        ([*FLIGHT, "--observer", "kalmann"], "did you mean 'kalman'? Choose from momentum, force_level"),
+        ([*FLIGHT, "--set", "unknown_force.0.frame=left_forcepoint"], "did you mean 'left_force_point'?"),
         ([*FLIGHT, "--set", "simulation.dt=-1"], "simulation.dt = -1"),
         ([*FLIGHT, "--set", "observers.gain=-1"], "observers.gain = -1"),
         ([*FLIGHT, "--set", "unknown_force.0.frame=wing"], "the robot's frames are"),
@@ -54,18 +60,17 @@ FILES = {
         (["linkage", "--out", "."], "output aerobat.png exists; --force overwrites it"),
         (["linkage", "--out", "kept"], "output kept: is a file; a folder, or a .png, .pdf or .svg file was expected"),
         (["linkage", "--out", "new.jpg"], "output new.jpg: .jpg is none of .png, .pdf and .svg"),
-        (["linkage", "--out", "missing/new.png"], "there is no folder missing"),
         (["linkage", "--out", "kept/new"], "output kept/new"),
-        (["urdf", "--output", 300 * "n" + ".urdf"], "a name of 246 bytes at most was expected"),
-        (["urdf", "heavy.toml"], "robot heavy: its meshes must be written somewhere; give --output FILE"),
+        (["urdf", "--out", 300 * "n" + ".urdf"], "a name of 246 bytes at most was expected"),
+        (["urdf", "heavy.toml"], "robot heavy: its meshes must be written somewhere; give --out FILE"),
         (["urdf", "no_robot.toml"], "morphology file no_robot.toml: there is no such file"),
-        (["urdf", "heavy.toml", "-o", "nowhere/x.urdf"], "there is no folder nowhere"),
+        (["urdf", "heavy.toml", "-o", "kept/x.urdf"], "kept is no folder"),
         (["urdf", "heavy.toml", "-o", "there.urdf"], "there.urdf exists; --force overwrites it"),
         (["urdf", "heavy.toml", "--meshes", "somewhere"], "'package'"),
         (["urdf", "--format", "mjcf", "--meshes", "package"], "relative or absolute was expected"),
         (["urdf", "--bars", "cad"], "--format mjcf was expected"),
-        (["crank", "aerobot", "--output", "a.html"], "no morphology named 'aerobot'"),
-        (["crank", "--output", "kept"], "--force"),
+        (["crank", "aerobot", "--out", "a.html"], "no morphology named 'aerobot': did you mean 'aerobat'?"),
+        (["crank", "--out", "kept"], "--force"),
         (["linkage", "--out", 300 * "n" + ".png"], "a name of 246 bytes at most was expected"),
         (["run", "paper", "--out", 300 * "n"], "File name too long"),
         (["run", 300 * "n"], "no scenario 'nnn"),
@@ -169,10 +174,13 @@ def test_the_version_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Cap
         ("sweep gain", "gain_noise"),
         ("urdf aerobat_l", "aerobat_light"),
         ("com", "compare"),
+        ("run paper --set crank.f", "crank.frequency="),
+        ("run paper --observer kal", "kalman"),
+        ("describe scenario unknown_force.*.fr", "unknown_force.*.frame"),
     ],
 )
 def test_a_shell_completes_what_can_be_named(typed: str, offered: str) -> None:
-    """As bash asks for it: commands, scenarios, sweeps and morphologies."""
+    """As bash asks for it: commands, scenarios, sweeps, morphologies, observers and keys."""
     words = typed.split()
     asked = {"COMP_WORDS": f"aerobat {typed}", "COMP_CWORD": str(len(words)), "_AEROBAT_COMPLETE": "complete_bash"}
     code = "import sys; from aerobat_pin.cli import main; sys.argv = ['aerobat']; main()"
@@ -180,6 +188,41 @@ def test_a_shell_completes_what_can_be_named(typed: str, offered: str) -> None:
         [sys.executable, "-c", code], env=os.environ | asked, capture_output=True, text=True, check=False
     )
     assert offered in done.stdout.split(), done.stderr
+
+
+@pytest.mark.parametrize(
+    ("now", "before"),
+    [
+        ("crank --out", "crank --output"),
+        ("urdf -o", "urdf --output"),
+        ("linkage --out", None),
+        ("trim paper_open_loop --set robot.changes.body.mass=0.025 -o", None),
+    ],
+)
+def test_out_is_called_so_everywhere_and_makes_folders(
+    now: str, before: str | None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`--out` and `-o` take a file in folders that are not there yet; what they were called is told and still works."""
+    monkeypatch.chdir(tmp_path)
+    suffix = {"crank": "html", "urdf": "urdf", "linkage": "png", "trim": "toml"}[now.split()[0]]
+    assert call(monkeypatch, *now.split(), f"new/folder/file.{suffix}") == 0
+    assert Path("new", "folder", f"file.{suffix}").stat().st_size > 1000
+    assert "note:" not in capsys.readouterr().err
+    if before is not None:
+        door, option = before.split()
+        assert call(monkeypatch, door, f"{option}=old/file.{suffix}") == 0
+        assert f"note: {option} of `aerobat {door}` is called --out now" in capsys.readouterr().err
+        assert Path("old", f"file.{suffix}").exists()
+
+
+def test_every_command_that_writes_has_the_same_out_and_force() -> None:
+    """Both spellings of `--out`; `--force` with the same words."""
+    for name, command in get_command(app).commands.items():
+        options = {option: one for one in command.params for option in one.opts}
+        assert ("--force" in options) == ("--out" in options), name
+        if "--out" in options:
+            assert options["--out"] is options["-o"], name
+            assert options["--force"].help == "Replace earlier results.", name
 
 
 def test_a_port_that_is_taken_is_one_message(

@@ -277,7 +277,7 @@ def test_a_diverged_flight_can_be_replayed_and_estimated(bench: Bench) -> None:
     for page in ("report.html", "replay.html"):
         assert f"DIVERGED at {log.measured.attrs['diverged_at']:.4g} s" in (folder / "result" / page).read_text()
     assert "diverged at" in (folder / "result" / "report.html").read_text()
-    for words in (["play", "result", "--html", "page.html"], ["estimate", "result/flight.nc", "--out", "again"]):
+    for words in (["play", "result", "--out", "page.html"], ["estimate", "result/flight.nc", "--out", "again"]):
         assert bench.forks.start(words, folder).result().returncode == 0
     assert "DIVERGED at" in (folder / "page.html").read_text()
     assert "DIVERGED at" in (folder / "again" / "metrics.json").read_text()

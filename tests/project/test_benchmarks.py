@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -50,10 +51,17 @@ def python(*words: str) -> str:
     return subprocess.run([sys.executable, *words], env=environment, capture_output=True, text=True, check=True).stdout
 
 
-@pytest.mark.parametrize("name", ["bench.py", "other_tools.py", "same_numbers.py"])
+@pytest.mark.parametrize("name", ["bench.py", "extras.py", "other_tools.py", "same_numbers.py"])
 def test_a_benchmark_starts(name: str) -> None:
     """All that it imports is there."""
     assert "usage" in python(str(ROOT / "benchmarks" / name), "--help")
+
+
+def test_every_extra_has_something_that_is_tried_with_it() -> None:
+    """One that has none is not known to be complete."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
+    tried = python("-c", "import sys; sys.path.insert(0, 'benchmarks'); import extras; print(*extras.PROGRAMS)").split()
+    assert set(extras) - {"test"} - set(tried) == set()
 
 
 def test_a_ratio_that_got_worse_by_more_than_three_percent_is_marked() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shlex
@@ -174,6 +175,31 @@ def test_every_option_of_the_page_on_recorded_flights_is_taken() -> None:
     belief = belief_about(None, "hall", "aerobat_guard", ["smoother"], settings)
     assert belief.observers.frames == ("base_link",)
     assert belief.observers.settings("smoother")["known_error"] == {"aerodynamic": 0.2}
+
+
+def test_every_message_that_a_page_quotes_is_one_that_the_program_prints() -> None:
+    """Word by word, between the numbers and names that vary; titles and cells of tables are quoted, too.
+
+    What stands in blocks of its own, scripts have copied.
+    """
+    pages = {path: path.read_text() for path in (ROOT / "README.md", *DOCS.glob("*.md"), *DOCS.glob("tutorials/*.md"))}
+    shown = "".join(line for text in pages.values() for line in text.splitlines() if line.startswith(("#", "|")))
+    nodes = [
+        node
+        for folder in ("aerobat_pin", "aerobat_description")
+        for path in (ROOT / folder).rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text()))
+    ]
+    told = "\n".join(node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str))
+    found = []
+    for page, text in pages.items():
+        prose = re.sub(r"^```.*?^```|`[^`]*`", "0", text, flags=re.DOTALL | re.MULTILINE)
+        quotes = [quote for part in prose.split("\n\n") for quote in re.findall(r'"([^"]*)"', part)]
+        for message in [*quotes, *re.findall(r"`((?!aerobat )[a-z]+(?: \w+){2,})`", text)]:
+            words = re.findall(r"(?<![\w.'])[a-z]+(?: [a-z]+)+(?![\w])", " ".join(message.split()))
+            found += [(page.name, piece) for piece in words if piece not in shown]
+    assert [(page, piece) for page, piece in found if piece not in told and page != "paper.md"] == []
+    assert len(found) > 8
 
 
 def script(name: str, *words: str) -> subprocess.CompletedProcess[str]:

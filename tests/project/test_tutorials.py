@@ -91,7 +91,7 @@ README, START = ((ROOT / path).read_text() for path in ("README.md", "docs/start
 # The commands are typed as they stand; these words, added at the end, make a flight last a moment instead of seconds.
 SHORTER = {
     "run": ["--set", "simulation.duration=0.1", "--set", "air.warm_up_cycles=1", "--no-report"],
-    "play": ["--html", "replay.html"],
+    "play": ["--out", "replay.html"],
 }
 FAKE = """#!/bin/sh
 exec {python} -c "import sys; sys.version_info = (3, 10, 13, 'final', 0); exec(sys.argv.pop(1))" "$2" "$3"

@@ -57,7 +57,7 @@ def test_one_table_or_key_is_described_alone(wanted: str, first: str, holds: str
 
 def test_a_key_that_is_none_is_told_its_neighbours() -> None:
     """One line, with what was probably meant."""
-    with pytest.raises(ScenarioError, match=r"observers\.gian: there is no such .* did you mean observers\.gain"):
+    with pytest.raises(ScenarioError, match=r"observers\.gian: there is no such .* did you mean 'observers\.gain'"):
         describe_scenario("observers.gian")
 
 

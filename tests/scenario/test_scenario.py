@@ -32,10 +32,24 @@ from aerobat_pin.scenario import (
 def test_a_shipped_scenario_survives_writing_and_reading(name: str, tmp_path: Path) -> None:
     """The resolved scenario holds every default and gives the same scenario again."""
     scenario = load_scenario(name, ["simulation.seed=7", "robot.changes.wing.offset_x=-0.05"])
-    file = tmp_path / "again.toml"
+    file = tmp_path / "scenario.toml"
     file.write_text(scenario_toml(scenario), encoding="utf-8")
     assert load_scenario(file) == scenario
     assert name in shipped_scenarios()
+
+
+@pytest.mark.parametrize(
+    ("stem", "given", "name"),
+    [("my", "paper", "my"), ("-my flight", "paper", "my_flight"), ("my", "own", "own"), ("--", "paper", "paper")],
+)
+def test_a_copy_of_a_shipped_scenario_takes_its_files_name(stem: str, given: str, name: str, tmp_path: Path) -> None:
+    """And says where it comes from; a name of one's own stays."""
+    text = scenario_toml(load_scenario("paper", ["simulation.seed=7"])).replace('"paper"', f'"{given}"', 1)
+    (tmp_path / f"{stem}.toml").write_text(text, encoding="utf-8")
+    copied = load_scenario(tmp_path / f"{stem}.toml", ["observers.gain=500"])
+    assert copied.name == name
+    if name.startswith("my"):
+        assert copied.description == "made from paper"
 
 
 def test_a_part_that_is_taken_off_in_python_is_off_in_the_written_scenario(tmp_path: Path) -> None:
@@ -178,7 +192,10 @@ def test_a_robots_file_that_is_missing_or_wrong_is_named(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("unknown_force.0.frame=left_tip", "unknown_force.0.frame = 'left_tip': the robot's frames are"),
+        (
+            "unknown_force.0.frame=left_tip",
+            "frame = 'left_tip': did you mean 'left_distal'? The robot's frames",
+        ),
         ("unknown_force.0.direction=[0, 0, 0]", "a direction must not be zero"),
         ("unknown_force.0.frame=universe", "unknown_force.0.frame = 'universe': the robot's frames are root_joint"),
         ("observers.frames=['universe']", "is fixed to the world"),

@@ -13,7 +13,7 @@ from support.bad_strangers import ARM_MJCF
 
 Rng = np.random.Generator
 WITH_MAP, SUGGESTED = ["--map", "map.toml", "--out", "out"], ["--suggest"]
-PLAY = ["play", "--from-csv", "motion.csv", "--urdf", "arm.urdf", "--html", "out.html"]
+PLAY = ["play", "--from-csv", "motion.csv", "--urdf", "arm.urdf", "--out", "out.html"]
 SEAL = 12  # bytes of the checksum at the end of a NetCDF file, without which the HDF5 library reads what is damaged
 READERS = {  # file that is changed -> the words that read it, and the other files that they need
     "log.csv": (["estimate", "log.csv", *SUGGESTED], ()),

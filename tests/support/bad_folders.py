@@ -47,8 +47,8 @@ def bad_run(rng: Rng, place: Path, run: Path) -> list[str]:
     elif choice == 5:
         file.write_bytes(b"name = 1" if name == "scenario.toml" else good[:1000] + bytes(len(good) - 1000))
     if name == "scenario.toml":
-        return ["play", "run", "--html", "out.html"]
-    doors = ["play", "run", "--html", "out.html"], ["convert", "run", "--mcap", "out.mcap"]
+        return ["play", "run", "--out", "out.html"]
+    doors = ["play", "run", "--out", "out.html"], ["convert", "run", "--out", "out.mcap"]
     return list(doors[rng.integers(2)])
 
 

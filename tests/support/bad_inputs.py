@@ -301,7 +301,7 @@ class Doors:
     def _bad_log(self, rng: np.random.Generator, number: int, place: Path) -> Attempt:
         path, _, name = bad_log(rng, self.log, place, (number,))
         if number != 11 and name not in HARMLESS:
-            out = {"estimate": ["--out", "out"], "play": ["--html", "out.html"], "calibrate": ["--out", "out.nc"]}
+            out = {"estimate": ["--out", "out"], "play": ["--out", "out.html"], "calibrate": ["--out", "out.nc"]}
             door = str(rng.choice(list(out)))
             return Attempt(number, name, self._refused(rng, [door, path.name, *out[door]], place))
         try:

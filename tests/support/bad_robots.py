@@ -27,7 +27,7 @@ COLLADA = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11
 <library_visual_scenes><visual_scene id="s"><node id="n">
 <instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
-PLAY = ["play", "--from-csv", "motion.csv", "--urdf", "arm.urdf", "--html", "out.html"]
+PLAY = ["play", "--from-csv", "motion.csv", "--urdf", "arm.urdf", "--out", "out.html"]
 ENTITIES = "".join(f'<!ENTITY a{i} "{16 * f"&a{i - 1 if i else str()};"}">' for i in range(8))
 ROBOTS = {  # text -> what is said of it
     "": "cannot be read as XML: no element found",
@@ -67,7 +67,7 @@ MOTIONS = {  # text -> what is said of it, with the arm
     "time,hinge\n1,0\n0,0\n": "never decreasing",
     "time,hinge\n0,0\n0,0\n": "the same in all rows",
     "time,hinge,bar.Fx\n0,0,0\n1,0,0\n": "three columns bar.Fx",
-    "time,hinge,x.Fx,x.Fy,x.Fz\n0,0,0,0,0\n1,0,0,0,0\n": "no frame named 'x' in the model; it has: .*bar",
+    "time,hinge,x.Fx,x.Fy,x.Fz\n0,0,0,0,0\n1,0,0,0,0\n": "no frame named 'x' in the model: it has .*bar",
     "time;hinge\n0;0\n1;0\n": "semicolons separate its columns",
     "time,x,y,z,a,b,c,d,hinge\n0,0,0,0,0,0,0,0,0\n1,0,0,0,0,0,0,0,0\n": "no unit quaternion",
 }

@@ -47,7 +47,7 @@ def words_for(door: str, file: str) -> list[str]:
     """Return the command line that reads a file at a door and would write beside it."""
     if door in ("urdf", "mjcf", "crank"):
         words = ["crank", file] if door == "crank" else ["urdf", file, "--format", door]
-        return [*words, "--output", "out.html" if door == "crank" else f"out.{door}"]
+        return [*words, "--out", "out.html" if door == "crank" else f"out.{door}"]
     out = {"linkage": "out.png", "trim": "out.toml"}.get(door, "out")
     return [door, file, "--out", out, *(SHORT if door == "run" else ["--jobs", "1"] if door == "sweep" else [])]
 
@@ -209,14 +209,14 @@ def _path(rng: Rng, place: Path) -> list[str]:
     reads += (
         ["crank", name],
         ["compare", name, name],
-        ["convert", name, "--mcap", "out.mcap"],
+        ["convert", name, "--out", "out.mcap"],
         ["estimate", name, "--suggest"],
     )
     reads += (["calibrate", name, "--out", "out.nc"], ["estimate", "x.csv", "--map", name])
     reads += (["play", name], ["play", "--from-csv", name, "--urdf", name])
     good = ["run", "paper", *SHORT]
     writes = ([*good, "--out", long], ["linkage", "--out", long], ["linkage", "--out", f"{long}.png"])
-    writes += (["urdf", "--output", f"{long}.urdf"], ["trim", "paper", "--out", long], ["play", "x.nc", "--html", long])
+    writes += (["urdf", "--out", f"{long}.urdf"], ["trim", "paper", "--out", long], ["play", "x.nc", "--out", long])
     writes += (["run", "paper", *SHORT, "--out", f"pipe/{long}"], ["linkage", "--out", "nowhere/x.png"])
     words = [*reads, *writes]
     return list(words[rng.integers(len(words))])
@@ -312,8 +312,8 @@ def _table(rng: Rng, place: Path) -> list[str]:
         ["estimate", "log.csv", "--out", "out"],
         ["estimate", "log.csv", "--map", "map.toml", "--out", "out"],
         ["calibrate", "log.csv", "--out", "out.nc"],
-        ["play", "log.csv", "--html", "out.html"],
-        ["play", "--from-csv", "log.csv", "--urdf", "arm.urdf", "--html", "out.html"],
+        ["play", "log.csv", "--out", "out.html"],
+        ["play", "--from-csv", "log.csv", "--urdf", "arm.urdf", "--out", "out.html"],
         ["run", "paper", "--out", "out", *SHORT, "--set", force],
     )
     return list(doors[rng.integers(len(doors))])

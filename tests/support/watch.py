@@ -36,7 +36,7 @@ CHANGES = {
     "os.truncate": ((0, None),),
     "os.utime": ((0, 3),),
 }
-OUTPUTS = ("--out", "--output", "-o", "--html", "--frames", "--mcap")
+OUTPUTS = ("--out", "-o", "--frames", "--out-mcap")
 CACHES = (HOME / ".cache", HOME / ".config", HOME / ".numba")
 SYSTEM = (*map(Path, ("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys", "/opt", "/var/cache")), *CACHES)
 PYTHON = {Path(path) for path in (*sysconfig.get_paths().values(), *site.getsitepackages(), *sys.path) if path}

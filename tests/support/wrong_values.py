@@ -339,7 +339,8 @@ RobotSection Scenario SensorSection SensorsSection UnknownForce InertialSection 
 SampledSection LoadSection PlantSection"""  # pydantic checks
 MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
 HOT = "prescribed_joint_dynamics"  # called for every sample
-NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
+# Without arguments.
+NOTHING = "closed_settings describe_map describe_scenario scenario_keys shipped_scenarios shipped_sweeps"
 LONG = "run_sweep ForceNode"  # start processes, or a node of ROS 2; sweep and map come from load_sweep and load_map
 # Called by other rooms, with what these have checked.
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of

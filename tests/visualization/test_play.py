@@ -160,15 +160,15 @@ def test_a_run_and_its_log_alone_become_pages(
 ) -> None:
     """The run's page is the run's own replay but for random names; a log is estimated on the way."""
     run, log = tmp_path / "run.html", tmp_path / "log.html"
-    assert call(monkeypatch, "play", str(paper_folder), "--html", str(run)) == 0
+    assert call(monkeypatch, "play", str(paper_folder), "--out", str(run)) == 0
     assert f"written to {run}" in capsys.readouterr().out
     assert len(run.read_text()) == pytest.approx(len((paper_folder / "replay.html").read_text()), rel=1e-3)
-    assert call(monkeypatch, "play", str(paper_folder / "flight.nc"), "--html", str(log)) == 0
+    assert call(monkeypatch, "play", str(paper_folder / "flight.nc"), "--out", str(log)) == 0
     assert "recorded flight of 2 s" in log.read_text()
     assert "estimated force (momentum)" in log.read_text()
-    assert call(monkeypatch, "play", str(paper_folder), "--html", str(run)) == 2
+    assert call(monkeypatch, "play", str(paper_folder), "--out", str(run)) == 2
     assert "--force overwrites it" in capsys.readouterr().err
-    assert call(monkeypatch, "play", str(paper_folder), "--html", str(run), "--force") == 0
+    assert call(monkeypatch, "play", str(paper_folder), "--out", str(run), "--force") == 0
 
 
 def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_it(
@@ -179,7 +179,7 @@ def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_
     write_csv(FlightLog(short), tmp_path / "log.csv")
     for words, name in (([], "aerobat"), (["--morphology", "aerobat_guard"], "aerobat_guard")):
         page = tmp_path / f"{name}.html"
-        assert call(monkeypatch, "play", str(tmp_path / "log.csv"), "--html", str(page), *words) == 0
+        assert call(monkeypatch, "play", str(tmp_path / "log.csv"), "--out", str(page), *words) == 0
         assert f"believed robot {name}</title>" in page.read_text()
 
 
@@ -229,7 +229,7 @@ def test_pictures_are_taken_beside_a_running_loop_and_may_be_left(paper_folder: 
 @needs_browser
 def test_ctrl_c_among_pictures_leaves_a_line_and_nothing_else(paper_folder: Path, tmp_path: Path) -> None:
     """Exit code 130; neither the pictures that were taken nor the page."""
-    words = ["play", str(paper_folder), "--frames", "frames", "--html", "page.html", "--rate", "0.001"]
+    words = ["play", str(paper_folder), "--frames", "frames", "--out", "page.html", "--rate", "0.001"]
     done = interrupted(*words, cwd=tmp_path, at=".aerobat-frames/new/frame_00002.png")
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted: nothing was written\n")
     assert list(tmp_path.iterdir()) == []
@@ -262,7 +262,7 @@ def test_any_table_moves_any_robot(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     rows = np.column_stack([clock, angle, 10.0 + still, still, still])
     fixed, out = table(tmp_path, header, rows), tmp_path / "arm.html"
     urdf = str(tmp_path / "arm.urdf")
-    assert call(monkeypatch, "play", "--from-csv", str(fixed), "--urdf", urdf, "--html", str(out)) == 0
+    assert call(monkeypatch, "play", "--from-csv", str(fixed), "--urdf", urdf, "--out", str(out)) == 0
     with opened(browser, out.as_uri()) as page:
         ready(page)
         assert page.evaluate("viewer.animator.mixer.timeScale") == 1.0
