@@ -100,7 +100,7 @@ def run_command(
 
     def flown(show: experiments.Progress) -> experiments.Experiment:
         try:
-            return experiments.run(loaded, show, calibration=learnt)
+            return experiments.beside_pd(experiments.run(loaded, show, calibration=learnt), show)
         except SimulationError as error:
             if not isinstance(error.kept, experiments.Experiment):
                 raise

@@ -119,7 +119,8 @@ def sweep_command(
     force: Force = False,
 ) -> None:
     """Simulate a sweep of scenarios and write its tables; the same command resumes an interrupted sweep."""
-    from aerobat_pin.experiments import load_sweep, run_sweep
+    from aerobat_pin.errors import write_files
+    from aerobat_pin.experiments import effects_text, load_sweep, run_sweep, sweep_effects
 
     planned = load_sweep(sweep)
     target = out or Path("runs") / planned.file.name
@@ -134,7 +135,16 @@ def sweep_command(
             typer.echo(f"\ninterrupted: {progress.text}; the same command goes on from there", err=True)
             raise typer.Exit(130) from None
     reasons = [str(reason) for reason in grid["failed"].values.flat if reason]
-    typer.echo(f"{progress.text}; results in {target}/: results.nc, results.csv")
+    effects = sweep_effects(grid)
+    drawn = ""
+    if effects and len(reasons) < len(planned.scenarios):
+        from aerobat_pin.visualization import draw_sweep, render_figure
+
+        title = f"{planned.file.name}: {planned.file.size_text} runs of {planned.base.name}"
+        write_files({target / "sweep.png": render_figure(draw_sweep(effects, title), "png")})
+        typer.echo(f"\n{effects_text(effects)}\n")
+        drawn = ", sweep.png"
+    typer.echo(f"{progress.text}; results in {target}/: results.nc, results.csv{drawn}")
     if reasons:
         typer.echo(f"first failure: {reasons[0]}", err=True)
     if len(reasons) == len(planned.scenarios):

@@ -45,3 +45,4 @@ from .use import Cause as Cause
 from .use import Contact as Contact
 from .use import FoundEvent as FoundEvent
 from .use import ModelCheck as ModelCheck
+from .verdict import quantity as quantity

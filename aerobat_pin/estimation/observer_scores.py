@@ -34,7 +34,7 @@ class ObserverScores:
             world axes, else (c,). None at full rank.
         unseen: a line of text about each combination of components that cannot be estimated.
         redundancy: what no force explains, and what this says about the belief.
-        deviation: point -> root mean square of the standard deviation of its three forces, None where it is infinite;
+        deviation: point -> median of the standard deviation of its three forces, None where it is infinite;
             None if the observer states none.
         innovation: how well a filter predicts the samples; None for other observers.
         warnings: a line of text about each property of this observer that spoils the estimate.
@@ -102,6 +102,11 @@ class ObserverScores:
             events=found_events(estimate, use),
             notes=list(head.notes),
         )
+
+    @property
+    def scored(self) -> dict[str, Score]:
+        """Component, such as `left.Fx` -> its score."""
+        return {f"{point}.{axis}": score for point, axes in self.points.items() for axis, score in axes.items()}
 
     @property
     def states_seen(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache, cached_property
 from html import escape
@@ -16,9 +16,11 @@ from aerobat_pin.estimation.contacts import Stance, stances_on_ground
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.observer_scores import ObserverScores
-from aerobat_pin.estimation.scores import Score, point_label
+from aerobat_pin.estimation.score_tables import score_table, size_table, text_table
+from aerobat_pin.estimation.scores import point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.use import CalibrationUse, ModelCheck
+from aerobat_pin.estimation.verdict import quantity, verdict_of
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Record, Reference, SmoothedMotion, TrueEvent
 
@@ -26,12 +28,8 @@ VERSIONED_PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "scipy", "xarray", "h
 VERSION = 2  # of `metrics.json`
 MOST_EVENTS = 6  # that the table shows of each observer
 MARKS = {"good": "ok", "note": "  ", "warning": "warning:", "refused": "warning:"}
+NOISY_TRUTH = "R2 noise-free is lower where the estimate follows the noise of the true force, which is no error of it"
 WORSE_THAN_NOTHING = "R2 below 0 is worse than no estimate, as the mean of the true force would be closer"
-
-
-ScoreTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
-TEXT_COLUMNS = ("observer", "point", "axis", "component")  # which begin at the left
-SIZE_HEADER = ("observer", "component", "mean", "rms", "least", "largest", "deviation", "seen")
 
 
 @cache
@@ -116,6 +114,18 @@ class Result:
         return [(estimate.start[0], estimate.end) for estimate in list(self.stored.values())[:1]]
 
     @cached_property
+    def risen(self) -> dict[str, float]:
+        """Observer -> time [s] from which its estimate is not what filters show that still rise."""
+        return {name: estimate.risen for name, estimate in self.stored.items()}
+
+    @cached_property
+    def verdict(self) -> str:
+        """What pushed, how much, how sure that is and what could not be seen, in a sentence, by the first observer."""
+        name, estimate = next(iter(self.stored.items()))
+        kind = self.references[0].kind if self.references else ""
+        return verdict_of(estimate, self.observers[name], self.start, kind, self.findings, self.model)
+
+    @cached_property
     def stances(self) -> dict[str, tuple[Stance, ...]]:
         """Observer -> when each point is in contact with the ground, of a robot that walks."""
         return {} if self.record is None else stances_on_ground(self.record, self.stored)
@@ -126,7 +136,7 @@ class Result:
         return self.calibration.model if self.calibration else None
 
     @property
-    def verdicts(self) -> dict[str, list[str]]:
+    def judgements(self) -> dict[str, list[str]]:
         """What no force explains says about the belief: line of text -> observers that say it."""
         lines: dict[str, list[str]] = {}
         for name, found in self.observers.items():
@@ -143,7 +153,7 @@ class Result:
                 lines.append(str(self.model))
         lines += [
             f"{', '.join(names)}: {words}"
-            for words, names in self.verdicts.items()
+            for words, names in self.judgements.items()
             if self.observers[names[0]].judgement[1]
         ]
         for name, found in self.observers.items():
@@ -156,6 +166,7 @@ class Result:
         return {
             "version": VERSION,
             "scenario": self.name,
+            "verdict": self.verdict,
             "seed": None,
             "changed": {},
             "log": None if self.record is None else self.name,
@@ -189,43 +200,49 @@ class Result:
     @property
     def header(self) -> tuple[str, ...]:
         """Names of the columns of `rows`."""
-        return _score_table(self.observers)[0]
+        return score_table(self.observers)[0]
 
     def rows(self) -> Iterator[tuple[str, ...]]:
         """Yield the rows of the table of scores; none without a reference."""
-        yield from _score_table(self.observers)[1]
+        yield from score_table(self.observers)[1]
 
     @property
     def sizes(self) -> list[tuple[str, ...]]:
         """The table of sizes, with its header: a row for each component."""
-        return _size_table(self.stored)
+        return size_table(self.stored)
 
     @property
     def hints(self) -> list[str]:
-        """Lines of text that help to read the table: an R2 below 0, and what may help."""
+        """Lines of text that help to read the table: noise of the truth, an R2 below 0, and what may help."""
+        scored = {name: found.scored for name, found in self.observers.items()}
         lines = []
-        for name, found in self.observers.items():
-            worse = [
-                f"{point} {axis}"
-                for point, axes in found.points.items()
-                for axis, score in axes.items()
-                if next(filter(None, (score.r2_seen, score.r2_noise_free, score.r2)), 0.0) < 0.0
-            ]
+        for name, scores in scored.items():
+            best = {label: next(filter(None, (s.r2_seen, s.r2_noise_free, s.r2)), 0.0) for label, s in scores.items()}
+            worse = [label for label, r2 in best.items() if r2 < 0.0]
             lines += [f"{name}, {', '.join(worse)}: {WORSE_THAN_NOTHING}"] if worse else []
-        return lines + ([self.advice] if lines and self.advice else [])
+        lines += [self.advice] if lines and self.advice else []
+        for name, scores in scored.items():
+            still = {label: score.rmse for label, score in scores.items() if not score.tells}
+            if still and len(still) < len(scores):
+                error = quantity(max(still.values()), "N")
+                lines.append(f"{name}, {', '.join(still)}: no true force to compare with; errors up to {error} rms")
+        noisy = any((one.r2_noise_free or 1.0) < (one.r2 or 0.0) for found in scored.values() for one in found.values())
+        return [*lines, *([NOISY_TRUTH] if noisy else [])]
 
     def __repr__(self) -> str:
-        """Return title, findings, tables and judgements as text."""
-        lines = [self.title, *filter(None, [self.changes]), *(f"note: {note}" for note in self.notes)]
+        """Return verdict, title, findings, tables and judgements as text."""
+        lines = [self.verdict, self.title, *filter(None, [self.changes]), *(f"note: {note}" for note in self.notes)]
         sources = (f"{name} {source}" for name, source in self.inputs.items())
         lines += [f"inputs: {', '.join(sources)}"]
         told = any(one.kind == "truth" for one in self.references)  # of a simulation, what is right is no news
         lines += [f"{MARKS[one.verdict]} {one}" for one in self.findings if one.warns or not told]
         lines += [f"fit: {fit}" for fit in self.fits]
-        header, rows = _score_table(self.observers)
-        lines += _text_table([header, *rows]) if rows else []
-        if len(rows) < sum(len(found.components) for found in self.observers.values()):
-            lines += _text_table(self.sizes)
+        header, rows = score_table(self.observers)
+        lines += text_table([header, *rows]) if rows else []
+        if sum(len(found.scored) for found in self.observers.values()) < sum(
+            len(found.components) for found in self.observers.values()
+        ):
+            lines += text_table(self.sizes)
         for name, found in self.observers.items():
             lines += [f"{name}: rank {found.rank}; cannot be seen at all: {pattern}" for pattern in found.unseen]
             if found.innovation is not None:
@@ -242,89 +259,21 @@ class Result:
             lines.append(self.calibration.words)
             lines += [f"warning: calibration: {line}" for line in self.calibration.warnings]
         lines += [str(self.model)] * (self.model is not None)
-        for words, names in self.verdicts.items():
-            lines.append(words if len(self.verdicts) == 1 else f"{', '.join(names)}: {words}")
+        for words, names in self.judgements.items():
+            lines.append(words if len(self.judgements) == 1 else f"{', '.join(names)}: {words}")
         return "\n".join([*lines, *self.hints])
 
     def _repr_html_(self) -> str:
-        """Return title and table as HTML, for notebooks."""
-        header, rows = _score_table(self.observers)
+        """Return verdict, title and table as HTML, for notebooks."""
+        header, rows = score_table(self.observers)
         cells = [header, *rows] if rows else self.sizes
         kinds = ("th", *("td" for _ in cells[1:]))
         table = (
             "<tr>" + "".join(f"<{kind}>{escape(cell)}</{kind}>" for cell in row) + "</tr>"
             for kind, row in zip(kinds, cells, strict=True)
         )
-        return f"<p>{escape(self.title)}</p><table>{''.join(table)}</table>"
+        return f"<p><b>{escape(self.verdict)}</b></p><p>{escape(self.title)}</p><table>{''.join(table)}</table>"
 
 
 def _or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def _score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
-    """Return the table of scores; columns that have no meaning for these references are left out."""
-    rows = []
-    for name, found in observers.items():
-        sizes = {_short(size.name): size for size in found.components}
-        for point, axes in found.points.items():
-            for axis, score in axes.items():
-                own = sizes[f"{point}.{axis}"]
-                cells = {"observer": name, "point": point, "axis": axis, **_score_cells(score, own.unit)}
-                rows.append({**cells, "deviation": own.certainty})
-    header = tuple(dict.fromkeys(key for row in rows for key in row))
-    header = (*(key for key in header if key != "deviation"), "deviation")
-    return header, [tuple(row.get(key, "-") for key in header) for row in rows]
-
-
-def _score_cells(score: Score, unit: str) -> dict[str, str]:
-    """Return the cells of a score, without those that have no meaning."""
-
-    def r2(value: float | None) -> str:
-        return "no signal" if value is None else f"{value:.5f}"
-
-    def size(value: float) -> str:
-        return f"{1e3 * value:.2f} m{unit}"
-
-    cells = {"R2": r2(score.r2)}
-    if score.factor is None and score.offset is None:
-        cells["R2 noise-free"] = r2(score.r2_noise_free)
-    cells["error rms"] = size(score.rmse)
-    if score.rmse_seen is not None:
-        cells |= {"R2 where seen": r2(score.r2_seen), "rms where seen": size(score.rmse_seen)}
-    if score.rmse_outside_fit is not None:
-        cells |= {"R2 unfitted": r2(score.r2_outside_fit), "unfitted rms": size(score.rmse_outside_fit)}
-    if score.offset is not None:
-        cells["factor"] = "-" if score.factor is None else f"{score.factor:.4f}"
-        cells["offset"] = size(score.offset)
-    return {**cells, "lag": "-" if score.lag_s is None else f"{1e3 * score.lag_s:.2f} ms"}
-
-
-def _size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
-    """Return the header, and a row for each component."""
-    rows: list[tuple[str, ...]] = [SIZE_HEADER]
-    for name, estimate in stored.items():
-        least, most = estimate.extremes
-        sizes = zip(estimate.component_sizes(), estimate.mean, least, most, strict=True)
-        for size, mean, low, high in sizes:
-            numbers = ("" if size.rms is None else f"{value:.4g} {size.unit}" for value in (mean, size.rms, low, high))
-            rows.append((name, size.name, *numbers, size.certainty, "-" if size.seen is None else f"{size.seen:.0%}"))
-    return rows
-
-
-def _text_table(cells: Sequence[tuple[str, ...]]) -> list[str]:
-    """Return a table, its header first, as lines of text with columns as wide as they need to be."""
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    return [
-        " ".join(
-            cell.ljust(width) if name in TEXT_COLUMNS else cell.rjust(width + 1)
-            for name, cell, width in zip(cells[0], row, widths, strict=True)
-        )
-        for row in cells
-    ]
-
-
-def _short(component: str) -> str:
-    """Return the label of a component with the short name of its point: `left.Fx`."""
-    frame, _, axis = component.rpartition(".")
-    return f"{point_label(frame)}.{axis}"

@@ -17,6 +17,7 @@ from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.moving_axes import with_zeroed_velocity
 from aerobat_pin.estimation.row_residuals import rows_as_components
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
+from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE as TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.estimation.tilt import tilt_of, with_tilt
 from aerobat_pin.estimation.trust import local_noise
 from aerobat_pin.numerics import Array
@@ -25,7 +26,6 @@ from aerobat_pin.records import Map, PlainRobot, Record, Spool
 
 BLOCK = 30_000  # intervals that are estimated at once
 LEAD = 15.0  # time constants 1/K by which a block begins before its first result: what is left of its start is e^-15
-TIME_CONSTANTS_TO_SETTLE = 5.0  # time constants after which an estimate counts as settled
 
 
 class ErrorOfBelief(Protocol):

@@ -42,6 +42,11 @@ class Score:
     r2_seen: float | None = field(default=None, metadata=_quantity("1", "R2 where the pose shows the component"))
     rmse_seen: float | None = field(default=None, metadata=_quantity("N", "root mean square error there"))
 
+    @property
+    def tells(self) -> bool:
+        """Whether there is more to say than the error: the true force varies, or it is a sensor's."""
+        return not (self.r2 is self.r2_noise_free is self.offset is None)
+
     def to_json(self) -> dict[str, float | None]:
         """Return all fields, of a score against a truth those alone that a truth has."""
         values: dict[str, float | None] = asdict(self)
@@ -106,6 +111,12 @@ class Moments:
 def point_label(frame: str) -> str:
     """Return the short name of a force point: `left` for `left_force_point`."""
     return frame.removesuffix(POINT_SUFFIX)
+
+
+def short_label(component: str) -> str:
+    """Return the label of a component with the short name of its point: `left.Fx`."""
+    frame, _, axis = component.rpartition(".")
+    return f"{point_label(frame)}.{axis}"
 
 
 @guarded(estimate=("m",), truth=("m",))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,9 +13,11 @@ import numpy as np
 from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, innovation_score
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, Redundancy
-from aerobat_pin.records import Series, Spool
+from aerobat_pin.records import MOST_SAMPLED, Series, Spool, spread_stretches
 
 ROWS_READ = 50_000  # intervals that are read at once
+TIME_CONSTANTS_TO_SETTLE = 5.0  # time constants after which an estimate counts as settled
+RISEN = 3.0  # times its median: a larger deviation at the start says that the observer knows nothing yet
 
 
 class StoredEstimate:
@@ -54,7 +58,7 @@ class StoredEstimate:
             found["doubt"] = block.doubt
         if not self._counts:
             self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
-            self._sum, self._squares, self._variance, self._shown = np.zeros((4, block.components.shape[1]))
+            self._sum, self._squares, self._shown = np.zeros((3, block.components.shape[1]))
             self._doubt, self._judged = 0.0, 0
             self._columns = {
                 name: Series(self._spool, None if rows.ndim == 1 else rows.shape[1]) for name, rows in found.items()
@@ -79,8 +83,6 @@ class StoredEstimate:
         components = np.where(shown, block.components, 0.0)
         self._sum += components.sum(axis=0)
         self._squares += np.sum(components**2, axis=0)
-        if block.standard_deviation is not None:
-            self._variance += np.sum(np.where(shown, block.standard_deviation, 0.0) ** 2, axis=0)
         if block.doubt is not None:
             self._doubt += float(np.nansum(block.doubt))
             self._judged += int(np.sum(np.isfinite(block.doubt)))
@@ -137,6 +139,36 @@ class StoredEstimate:
         """Share (c,) of the intervals in which each component is seen; None if no force was expected."""
         return None if self.head.seen is None else np.asarray(self._shown / len(self))
 
+    @cached_property
+    def deviation(self) -> Array | None:
+        """Median (c,) of the stated deviations of each component where it is seen; None if none are stated.
+
+        Of a long record it is that of a sample spread over it. A median, as an observer that knows nothing yet states a
+        hundred times what it states ever after.
+        """
+        if "standard_deviation" not in self._columns:
+            return None
+        parts = [self.between(first, last) for first, last in spread_stretches(len(self), MOST_SAMPLED)]
+        stated = [np.where(one.shown, np.asarray(one.standard_deviation), np.nan) for one in parts]
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of a component that is never seen
+            return np.asarray(np.nanmedian(np.concatenate(stated), axis=0))
+
+    @cached_property
+    def risen(self) -> float:
+        """Start [s] of the first interval at which the estimate no longer rises from what it began with.
+
+        That is 5 time constants after the first, or, where deviations are stated, once all are at most `RISEN` times
+        their medians.
+        """
+        if self.deviation is None:
+            gain = float(np.min(np.diagonal(self.head.gain) if self.head.gain.ndim == 2 else self.head.gain))
+            at = self.index(self.start[0] + TIME_CONSTANTS_TO_SETTLE / gain) if gain > 0.0 else 0
+        else:
+            stated = self.between(0, min(len(self), ROWS_READ)).standard_deviation
+            assert stated is not None
+            at = int(np.argmax(~np.any(stated > RISEN * self.deviation, axis=1)))
+        return float(self.start[at if at < len(self) else 0])
+
     @property
     def doubt(self) -> float | None:
         """Mean k: how many times as large as stated the squared errors of the rows are.
@@ -168,9 +200,8 @@ class StoredEstimate:
         """Return size and deviation of each component."""
         found = self.head.identifiability
         sure: list[float | None] = [None] * len(self._sum)
-        if "standard_deviation" in self._columns:
-            own = np.sqrt(self._over_shown(self._variance))
-            sure = [float(size) if np.isfinite(size) else None for size in own]
+        if self.deviation is not None:
+            sure = [float(size) if np.isfinite(size) else None for size in self.deviation]
         seen: list[float | None] = [None] * len(sure) if self.seen is None else self.seen.tolist()
         unseen = np.isinf(found.deviation).tolist() if self.seen is None else [share == 0.0 for share in seen]
         rms = [float(size) if np.isfinite(size) else None for size in self.rms]

@@ -25,7 +25,7 @@ class ComponentSize:
         name: label of the component.
         rms: root mean square of the estimate, where it is seen; None where it never is.
         unit: N or N m.
-        deviation: root mean square of the standard deviation that the observer states, where the component is seen;
+        deviation: median of the standard deviation that the observer states, where the component is seen;
             None if it states none, or if it is infinite.
         unseen: whether the component belongs to a pattern that leaves no trace at some instant of the flight; if a
             force was expected, whether it is never seen.
@@ -90,12 +90,16 @@ def local_noise(components: Array) -> Array:
     return np.asarray(size[np.minimum(np.arange(len(components)) // NOISE_STRETCH, count - 1)])
 
 
+def burst_noise(components: Array) -> Array:
+    """Return the standard deviation (c,) of what changes from sample to sample, in the noisiest stretches."""
+    return np.maximum(sample_noise(components), np.quantile(local_noise(components), BURST, axis=0))
+
+
 def _noisy_components(estimate: Estimate) -> list[str]:
     """Return a warning about the components that are mostly noise, if an observer states no deviations itself."""
     if estimate.innovation is not None or not estimate.frames:  # a filter has taken it out
         return []
-    noise, rms = sample_noise(estimate.components), np.sqrt(np.mean(estimate.components**2, axis=0))
-    noise = np.maximum(noise, np.quantile(local_noise(estimate.components), BURST, axis=0))
+    noise, rms = burst_noise(estimate.components), np.sqrt(np.mean(estimate.components**2, axis=0))
     loud = [
         f"{name} {1e3 * own:.2g} of {1e3 * whole:.2g} m{unit}"
         for name, unit, own, whole in zip(estimate.identifiability.components, estimate.units, noise, rms, strict=True)

@@ -1,3 +1,4 @@
+from .beside_pd import beside_pd as beside_pd
 from .experiment import Experiment as Experiment
 from .experiment import Progress as Progress
 from .experiment import run as run
@@ -8,6 +9,9 @@ from .flight_summary import flight_summary as flight_summary
 from .result_tables import estimate_dataset as estimate_dataset
 from .result_tables import read_run as read_run
 from .self_check import self_check as self_check
+from .sweep.effects import Effect as Effect
+from .sweep.effects import effects_text as effects_text
+from .sweep.effects import sweep_effects as sweep_effects
 from .sweep.plan import load_sweep as load_sweep
 from .sweep.run_sweep import run_sweep as run_sweep
 from .sweep.sweep_file import shipped_sweeps as shipped_sweeps

@@ -63,6 +63,11 @@ class Redundancy:
             return "blind"
         return "consistent" if self.belief <= self.allowed else "inconsistent"
 
+    @property
+    def least(self) -> float:
+        """Force [N] that the belief's error can look like."""
+        return SHARE_OF_ERROR * self.belief
+
     def describe(self) -> str:
         """Return the verdict in words, with what it cannot see."""
         if self.verdict == "blind":
@@ -70,9 +75,8 @@ class Redundancy:
         unseen = f"blind to errors that look like forces at {', '.join(self.points)}"
         if self.verdict == "consistent":
             return f"belief: consistent within {_millinewtons(self.allowed)} a row; {unseen}"
-        least = _millinewtons(SHARE_OF_ERROR * self.belief)
         size = f"belief off by about {_millinewtons(self.belief)} a row"
-        return f"{size}: forces below {least} are not to be trusted; {unseen}"
+        return f"{size}: forces below {_millinewtons(self.least)} are not to be trusted; {unseen}"
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values, with the verdict and its words."""

@@ -55,9 +55,11 @@ from .robots import FREE_NQ as FREE_NQ
 from .robots import FREE_NV as FREE_NV
 from .robots import PlainRobot as PlainRobot
 from .spool import EXTENT as EXTENT
+from .spool import MOST_SAMPLED as MOST_SAMPLED
 from .spool import Series as Series
 from .spool import Spool as Spool
 from .spool import series_of as series_of
+from .spool import spread_stretches as spread_stretches
 from .spool import typical_spacing as typical_spacing
 from .suggest import suggested_map as suggested_map
 from .write_netcdf import netcdf_bytes as netcdf_bytes

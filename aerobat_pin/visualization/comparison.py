@@ -73,6 +73,10 @@ def _figures(folder: Path) -> dict[str, bytes]:
     return found
 
 
+def _names_along(run: ComparedRun, dimension: str) -> list[str]:
+    return [str(label) for label in run.estimates[dimension].values]
+
+
 def _force_scores(path: Path) -> dict[tuple[str, str, str], tuple[float | None, float]]:
     """Read the scores of a run's forces. Raises LogError if the file has none."""
     found = {}
@@ -115,13 +119,33 @@ class Comparison:
             r2 = ("no signal" if one[0] is None else f"{one[0]:.5f}" for one in pair)
             yield *key, *r2, *(f"{1e3 * one[1]:.2f} mN" for one in pair)
 
+    @property
+    def missing(self) -> list[str]:
+        """Why a curve or a row is not there: lines of text."""
+        lines, runs = [], (self.first, self.second)
+        for run, other in (runs, runs[::-1]):
+            drawn, *rest = map(str, run.estimates["observer"].values)
+            lines += [f"{run.label}: {drawn} is drawn, its first observer, and not {', '.join(rest)}"] * bool(rest)
+            alone = {
+                name: set(_names_along(run, name)) - set(_names_along(other, name)) for name in ("observer", "point")
+            }
+            lines += [
+                f"{run.label} alone has the {name} {', '.join(sorted(names))}: nothing to set beside it"
+                for name, names in alone.items()
+                if names
+            ]
+            known = set() if run.log.truth is None else set(map(str, run.log.truth["point"].values))
+            if blind := [point_label(point) for point in _names_along(run, "point") if point not in known]:
+                lines.append(f"{run.label}: the true force at {', '.join(blind)} is not known, so no error is drawn")
+        return lines
+
     def __repr__(self) -> str:
         a, b = self.first, self.second
         lines = [f"{run.label}: {run.folder}" for run in (a, b)]
         lines.append(f"in {b.label}: {keys_text(self.differences)}" if self.differences else "the scenarios are equal")
         for name, point, axis, *numbers in (self.header, *self.rows()):
             lines.append(f"{name:<12} {point:<12} {axis:<4} " + " ".join(f"{number:>14}" for number in numbers))
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.missing])
 
     def draw(self) -> Figure:
         """Draw true and estimated forces of both runs and the errors, a column for each point that both estimate."""
@@ -153,7 +177,7 @@ class Comparison:
                 style.share_limits(grid[2 * k])
             style.share_limits(axis for k in range(3) for axis in grid[2 * k + 1])
             style.title_of(figure, f"Unknown forces, {runs[0].label} and {runs[1].label}: world axes, interval means")
-            figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+            figure.legend(*grid[0][0].get_legend_handles_names_along(), loc="outside lower center", ncols=3)
         return figure
 
     def write(self, folder: Path) -> None:
@@ -168,6 +192,7 @@ class Comparison:
             differences=keys_text(self.differences),
             header=self.header,
             rows=list(self.rows()),
+            missing=self.missing,
             forces=folder / "forces.png",
             figures={name: (one[name], other[name]) for name in one if name in other},
         )

@@ -236,7 +236,8 @@ aerobat sweep mine.toml --cluster tcp://10.0.0.1:8786
 
 After an interruption, whatever its reason, the same command goes on: every finished run is on the disk, and none is flown
 twice. A run that fails stands in the tables with its reason. `results.nc` is one grid whose dimensions are what was varied;
-`results.csv` has a row for each run.
+`results.csv` has a row for each run. The command prints median and range of the errors at each value of what was varied, and
+draws them as `sweep.png`.
 
 ```python
 import xarray as xr

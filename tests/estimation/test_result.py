@@ -17,6 +17,7 @@ from aerobat_pin.records import open_record, parse_map, series_of
 EVERYWHERE = {
     "contacts",
     "version",
+    "verdict",
     "scenario",
     "seed",
     "changed",
@@ -100,8 +101,9 @@ def test_metrics_have_the_same_keys_for_every_source(paper: Experiment, tmp_path
 
 def test_the_table_has_a_column_for_what_these_references_mean(paper: Experiment) -> None:
     """Noise for a truth; and no column without any meaning."""
-    assert paper.scores.header == (
-        *("observer", "point", "axis", "R2", "R2 noise-free", "error rms", "lag", "deviation"),
-    )
+    assert paper.scores.header == (*("observer", "point", "axis", "R2", "R2 noise-free", "error rms", "lag"),)
     assert len(list(paper.scores.rows())) == 12
     assert "factor" not in repr(paper.scores)
+    assert paper.scores.hints == [
+        "R2 noise-free is lower where the estimate follows the noise of the true force, which is no error of it"
+    ]

@@ -46,7 +46,7 @@ def test_the_belief_is_judged_in_words_and_numbers() -> None:
         for entry in experiment.metrics["observers"].values():
             assert entry["redundancy"]["verdict"] == verdict
             assert (entry["redundancy"]["rows"], entry["redundancy"]["redundant"]) == (10, 4)
-        assert len(experiment.scores.verdicts) == 1
+        assert len(experiment.scores.judgements) == 1
     assert right.metrics["warnings"] == []
     assert right.metrics["observers"]["force_level"]["redundancy"]["rms"] < 1e-3
     assert wrong.metrics["observers"]["force_level"]["redundancy"]["rms"] > 0.02

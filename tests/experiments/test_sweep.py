@@ -15,7 +15,7 @@ import xarray as xr
 
 from aerobat_pin.cli import app as cli
 from aerobat_pin.errors import OutputError, WorkersLostError
-from aerobat_pin.experiments import load_sweep, run_sweep, shipped_sweeps
+from aerobat_pin.experiments import effects_text, load_sweep, run_sweep, shipped_sweeps, sweep_effects
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.sweep.outcomes import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
@@ -224,6 +224,10 @@ def test_a_folder_keeps_to_its_sweep(
         assert "holds no sweep; an empty or missing one was expected" in capsys.readouterr().err
     (out / "results.csv").unlink()
     assert call(monkeypatch, path, "--out", str(out), "--jobs", "1") == 0
+    printed = capsys.readouterr().out
+    assert "seed = 1 " in printed
+    assert f"results in {out}/: results.nc, results.csv, sweep.png" in printed
+    assert (out / "sweep.png").read_bytes().startswith(b"\x89PNG")
     (out / "notes.txt").write_text("mine")
     kept = (out / "finished.jsonl").read_bytes()
     assert call(monkeypatch, path, "--out", str(out), "--jobs", "1") == 0
@@ -307,3 +311,51 @@ def test_a_shipped_sweep_is_listed_and_every_run_of_it_is_a_scenario(name: str) 
     assert sweep.file.name == name
     assert len(sweep.scenarios) == np.prod(sweep.shape)
     assert len({json.dumps(one.model_dump()) for one in sweep.scenarios}) > 0.5 * len(sweep.scenarios)
+
+
+def made_grid() -> xr.Dataset:
+    """Return results whose error is 1 mN at one point, and gain x wind at the other; the fastest wind fails twice."""
+    gain, wind, seed = np.array([1.0, 10.0, 100.0]), ["calm", "strong"], [1, 2]
+    rmse = np.zeros((3, 2, 2, 1, 2, 3))
+    rmse[..., 0, 0] = 1e-3
+    rmse[..., 1, 2] = 1e-3 * gain[:, None, None, None] * np.array([1.0, 2.0])[None, :, None, None]
+    rmse[2, 1] = np.nan
+    dims = ("observers.gain", "wind", "seed")
+    coords = {"observers.gain": gain, "wind": wind, "seed": seed, "observer": ["momentum"], "point": ["left", "right"]}
+    failed = np.where(np.isnan(rmse[..., 0, 0, 0]), "diverged", "").astype(object)
+    data = {"rmse": ((*dims, "observer", "point", "axis"), rmse), "failed": (dims, failed)}
+    return xr.Dataset(data, coords | {"axis": ["x", "y", "z"]})
+
+
+def test_what_each_quantity_does_is_a_table() -> None:
+    """Median and range over all runs with a value, worked by hand; failed runs do not count, seeds are no effect."""
+    gain, wind = sweep_effects(made_grid())
+    assert (gain.name, gain.labels, wind.name, wind.labels) == (
+        *("observers.gain", ("1", "10", "100")),
+        *("wind", ("calm", "strong")),
+    )
+    size = {one: np.sqrt(0.5 * (1.0 + one**2)) for one in (1.0, 2.0, 10.0, 20.0, 100.0)}
+    middle = 0.5 * (size[10.0] + size[20.0])
+    expected = [
+        [0.5 * (size[1.0] + size[2.0]), size[1.0], size[2.0]],
+        [middle, size[10.0], size[20.0]],
+        [size[100.0]] * 3,
+    ]
+    assert gain.errors["momentum [mN]"] == pytest.approx(np.array(expected))
+    assert wind.errors["momentum [mN]"][0] == pytest.approx([size[10.0], size[1.0], size[100.0]])
+    header, *lines = effects_text([gain, wind]).splitlines()
+    assert header.split() == ["median", "error,", "least", "..", "largest", "momentum", "[mN]"]
+    assert [line.split()[:3] for line in lines][3:] == [["wind", "=", "calm"], ["wind", "=", "strong"]]
+    assert lines[2].split()[3:] == ["70.7,", "70.7", "..", "70.7"]
+
+
+def test_draws_are_told_by_thirds_of_what_was_drawn(tmp_path: Path) -> None:
+    """One key at a time; of three draws each is a third."""
+    grid = run_sweep(load_sweep(written(tmp_path, SHORT + DRAWS)), tmp_path / "out")
+    [effect] = sweep_effects(grid)
+    order = np.argsort(grid["believed.air.density"].values)
+    assert effect.name == "believed.air.density"
+    assert effect.values == pytest.approx(grid["believed.air.density"].values[order])
+    size = 1e3 * np.sqrt((grid["rmse"].sel(observer="momentum") ** 2).sum("axis").mean("point"))
+    assert effect.errors["momentum [mN]"][:, 0] == pytest.approx(np.median(size.values, axis=1)[order])
+    assert effect.labels[0].endswith("(lowest third)")

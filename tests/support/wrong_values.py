@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import tomli_w
+import xarray as xr
 
 from aerobat_pin import scenario
 from aerobat_pin.errors import AerobatError, ShapeError
@@ -120,6 +121,8 @@ def calls() -> dict[str, Call]:
     free_paper = api.load_scenario("paper", quick)
     free = {"robot": api.AerobatRobot.of(api.believed_robot(free_paper), free_paper.air), "section": None}
     free_flight = api.free_record(api.simulate(free_paper), **free)
+    swept = {"gain": [1.0, 2.0], "observer": ["momentum"]}
+    grid = xr.Dataset({"rmse": ((*swept, "point", "axis"), np.ones((2, 1, 1, 3))), "failed": ("gain", ["", ""])}, swept)
     learnt = api.calibrate([free_flight], harmonics=1, parameters=["friction"])
     (folder / "calibration.nc").write_bytes(api.calibration_bytes(learnt))
     joints = {"q": np.outer(noise[:50], np.ones(2)), "v": np.ones((50, 2)), "a": np.ones((50, 2))}
@@ -174,6 +177,9 @@ def calls() -> dict[str, Call]:
         "write_csv": {"path": folder / "again.csv"},
         "load_sweep": {"source": next(iter(api.shipped_sweeps()))},
         "write": {"experiment": done},
+        "beside_pd": {"made": done},
+        "sweep_effects": {"grid": grid},
+        "effects_text": {"effects": api.sweep_effects(grid)},
         "estimate_dataset": {"estimates": done.estimates},
     }
     methods: list[tuple[Callable[..., Any], dict[str, Any]]] = [
@@ -332,7 +338,7 @@ PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotState
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
-Contact Cause ModelCheck Suspect Finding Agreement Moments Check KnownForces StreamHealth Stance
+Contact Cause Effect ModelCheck Suspect Finding Agreement Moments Check KnownForces StreamHealth Stance
 ObserversTogether LoopState"""  # made by other functions
 TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
 RobotSection Scenario SensorSection SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection
@@ -346,7 +352,7 @@ LONG = "run_sweep ForceNode"  # start processes, or a node of ROS 2; sweep and m
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
 seal_netcdf netcdf_bytes torque_per_unit read_netcdf read_run joint_series
 effort_findings record_findings moving_weight AllBut with_record robot_length has_free_base low_passed
-typical_step redundancy_of slow_part describe_tables explain fit_friction
+quantity typical_step redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew
 SeriesSculpture scenario_of_run changed_keys changes_text differing_keys keys_text blocks_of component_sizes
 found_events belief_of described log_with_motion shipped_description"""

@@ -6,6 +6,7 @@
 | `base.toml` | the base scenario, `[set]` included |
 | `finished.jsonl` | one line for each finished run, written to disk as soon as the run ends |
 | `results.nc`, `results.csv` | all results as tables, written at the end |
+| `sweep.png` | what each varied quantity does, drawn by the command line |
 
 What an earlier process left in the folder can be cut off, forged, or no file at all.
 """
@@ -40,9 +41,9 @@ from aerobat_pin.experiments import FlightSummary
 from aerobat_pin.experiments.sweep.plan import Sweep
 from aerobat_pin.scenario import Scenario, scenario_toml
 
-FILES = ("sweep.json", "base.toml", "finished.jsonl", "results.csv", "results.nc")
+FILES = ("sweep.json", "base.toml", "finished.jsonl", "results.csv", "results.nc", "sweep.png")
 MOST_MANIFEST = 10_000_000  # bytes of a sweep file as JSON
-MANIFEST, BASE_SCENARIO, FINISHED, TABLE, GRID = FILES
+MANIFEST, BASE_SCENARIO, FINISHED, TABLE, GRID, _ = FILES
 MOST_BYTES_PER_RUN = 1_000_000  # of a line; one of two observers has 3,000
 KEYS = {"observers", "flight", "failed", "warnings"}
 ADVICE = "--force starts anew"

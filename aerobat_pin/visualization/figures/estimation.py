@@ -27,15 +27,17 @@ ESTIMATE_LINES = ("-", ":", "--", "-.")
 ROUGHER = 1.5  # an estimate whose steps are larger than the truth's by this factor is drawn behind it
 DEVIATIONS = 2.0  # half the height of a band of uncertainty, in standard deviations
 EVERYWHERE = (-np.inf, np.inf)
+MARGIN = 0.05  # above and below what is drawn, of its height
+HIDDEN = 0.2  # of the largest error: smaller ones would be flat lines on its scale
 ACTUAL = {"truth": "actual", "sensor": "force sensor"}
 
 
 def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
     """Draw estimated and actual unknown forces, one column for each point.
 
-    Below each force is its error, on one scale for all of them, if there is a reference. The last row enlarges a part
-    of one component; boxes mark this part and the events; a stretch that a map calls free of contact is grey. Panels
-    of a row share their axes.
+    Below each force is its error, if there is a reference, on one scale for all of them, unless that hides some. The
+    last row enlarges a part of one component; boxes mark this part and the events; a stretch that a map calls free of
+    contact is grey. Panels of a row share their axes, which fit what is drawn once the estimates have risen.
 
     Args:
         result: the estimates, with their references and events.
@@ -66,10 +68,13 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
         panels.draw_forces(close, frame, enlarged.label, (enlarged.start, enlarged.end))
         close.set(xlim=(enlarged.start, enlarged.end), xlabel="time [s]")
         close.set_ylabel(f"{close.get_ylabel()}, enlarged")
+    risen = max(result.risen.values()) - result.start
     for row in range(rows):
-        style.share_limits(grid[step * row])
+        _fit(grid[step * row], risen)
     if known:
-        style.share_limits(axis for row in range(rows) for axis in grid[2 * row + 1])
+        sizes = [_fit(grid[2 * row + 1], risen) for row in range(rows)]
+        if min(sizes) > HIDDEN * max(sizes):
+            style.share_limits(axis for row in range(rows) for axis in grid[2 * row + 1])
     _fit_close_ups(grid[-1])
     chosen = step * panels.labels.index(enlarged.label)
     for column in range(len(frames)):
@@ -249,6 +254,25 @@ def _samples_around(estimate: StoredEstimate, start: float, end: float) -> tuple
     last = estimate.start.index(end - 1e-9)
     first = max(min(estimate.start.index(start + 1e-9, "right") - 1, last - 1), 0)
     return float(estimate.start[first]), estimate.end if last >= len(estimate) else float(estimate.start[last])
+
+
+def _fit(axes: Sequence[Axes], begin: float) -> float:
+    """Give panels the limits that fit all that is drawn in them from a time [s] on; return the height of that."""
+    ends = []
+    for axis in axes:
+        places = [line.get_xydata() for line in axis.lines]
+        places += [path.vertices for band in axis.collections for path in band.get_paths() if band.get_hatch() is None]
+        drawn = np.concatenate([np.empty((0, 2)), *(np.asarray(one, float) for one in places)])
+        drawn = drawn[np.all(np.isfinite(drawn), axis=1)]
+        late = drawn[drawn[:, 0] >= begin]
+        ends += [late if len(late) else drawn] if len(drawn) else []
+    if not ends:
+        return 0.0
+    low, high = (float(extreme(np.concatenate(ends)[:, 1])) for extreme in (np.min, np.max))
+    margin = MARGIN * (high - low) or 1e-6
+    for axis in axes:
+        axis.set_ylim(low - margin, high + margin)
+    return high - low
 
 
 def _fit_close_ups(axes: Sequence[Axes]) -> None:

@@ -187,7 +187,7 @@ def linkage_animation(linkage: KineticSculpture, turn: float) -> str:
     pins["tip"] = pins["J6"] + 1e3 * linkage.lengths.L7a * np.column_stack([np.cos(heading), -np.sin(heading)])
     everything = np.concatenate(list(pins.values()))
     low, high = everything.min(axis=0) - SVG_MARGIN, everything.max(axis=0) + SVG_MARGIN
-    lines = [(style.INK, ("J6", "tip")), *((style.BAR_COLOURS[bar], names) for bar, names in BAR_PINS.items())]
+    lines = [("currentColor", ("J6", "tip")), *((style.BAR_COLOURS[bar], names) for bar, names in BAR_PINS.items())]
     return fill_template(
         "linkage.svg",
         turn=turn,
@@ -195,7 +195,6 @@ def linkage_animation(linkage: KineticSculpture, turn: float) -> str:
         top=low[1],
         width=high[0] - low[0],
         height=high[1] - low[1],
-        ink=style.INK,
         bars=[
             (colour, len(names) > 2, [_points(pose) for pose in np.stack([pins[name] for name in names], axis=1)])
             for colour, names in lines

@@ -1,0 +1,160 @@
+"""What a record says, in one sentence: what pushed, how much, how sure that is, and what could not be seen.
+
+It is about the first observer, which the sentence names, whether or not another one is nearer to the truth: on a real
+robot nobody knows which one is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.estimation.observer_scores import ObserverScores
+from aerobat_pin.estimation.scores import point_label, short_label
+from aerobat_pin.estimation.stored_estimate import StoredEstimate
+from aerobat_pin.estimation.trust import burst_noise
+from aerobat_pin.estimation.use import ModelCheck
+
+SUDDEN = 5.0  # errors that a push exceeds at its peak: noise alone does so once in a million samples
+LASTING = 1.5  # or its rms: noise alone has one error
+CROSSTALK = 0.02  # share of the largest force that its estimate leaves elsewhere
+SAID_AT_MOST = 2  # pushes, or components, that a sentence names
+MOSTLY = 0.8  # share of a force that is along an axis before the axis is named
+SOMETIMES = 0.95  # share of the time below which a component is not always seen
+WAYS = {"Fx": ("along x", "against x"), "Fy": ("along y", "against y"), "Fz": ("upward", "downward")}
+COMPARED_WITH = {"truth": "true force", "sensor": "force sensor"}
+
+
+@dataclass(frozen=True)
+class _Push:
+    """Force or moment at one place: largest size, its time after the start [s] and direction; rms and error."""
+
+    place: str
+    unit: str
+    peak: float
+    at: float
+    way: str
+    rms: float
+    error: float
+
+    def stands_out(self, least: float) -> bool:
+        """Whether errors, or an error of the belief that looks like `least`, cannot make it up."""
+        return self.peak > max(SUDDEN * self.error, least) or self.rms > max(LASTING * self.error, least)
+
+    def __str__(self) -> str:
+        return f"{self.place} (up to {quantity(self.peak, self.unit)}{self.way}, at {self.at:.2f} s)"
+
+
+def verdict_of(
+    estimate: StoredEstimate,
+    found: ObserverScores,
+    start: float,
+    kind: str,
+    findings: Iterable[Finding],
+    model: ModelCheck | None,
+) -> str:
+    """Return the sentence about an observer.
+
+    Args:
+        estimate: what it estimated.
+        found: its scores.
+        start: time from which the sentence counts [s].
+        kind: what the scores compare it with: `truth` or `sensor`.
+        findings: what the checks found.
+        model: whether the belief is still that of its calibration; None without one.
+    """
+    pushes = _pushes(estimate, start)
+    largest = {unit: max(one.peak for one in pushes if one.unit == unit) for unit in {one.unit for one in pushes}}
+    least = {unit: CROSSTALK * size for unit, size in largest.items()}
+    least["N"] = max(least.get("N", 0.0), estimate.redundancy.least)
+    certain = sorted((one for one in pushes if one.stands_out(least[one.unit])), key=lambda one: -one.peak)
+    rest = [one.place for one in pushes if one not in certain]
+    what = "a push" if estimate.head.frames else "a torque that the motion does not explain"
+    said = f"{estimate.head.observer} finds " + (
+        f"{what} at {_listed(certain)}" if certain else f"no {what[2:]} that stands out from its errors"
+    )
+    if events := found.events:
+        many = f"{len(events)} contacts, the first" if len(events) > 1 else "one contact,"
+        said += f", in {many} at {events[0].onset - start:.2f} s"
+    if certain and rest:
+        said += f"; nothing at {_listed(dict.fromkeys(rest))} stands out from its errors"
+    doubts = [f"the record contradicts itself: {one.check}" for one in findings if one.verdict == "refused"]
+    words, wrong = found.judgement
+    doubts += [words.removeprefix("belief: ").partition(";")[0]] * wrong
+    doubts += ["something has changed since the calibration"] * (model is not None and model.verdict == "changed")
+    return "; ".join([said, _sureness(found, kind, certain or pushes), *doubts, _unseen(found)]) + "."
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return a size with three digits, in thousandths of the unit below 1, as `238 mN`."""
+    factor, prefix = (1e3, "m") if value < 1.0 else (1.0, "") if value < 1e3 else (1e-3, "k")
+    return f"{factor * value:.3g} {prefix}{unit}"
+
+
+def _listed(things: Iterable[object]) -> str:
+    """Return the first few things, and how many more there are."""
+    texts = [str(one) for one in things]
+    more = len(texts) - SAID_AT_MOST
+    texts = [*texts[:SAID_AT_MOST], f"{more} more"] if more > 0 else texts
+    return " and ".join(filter(None, [", ".join(texts[:-1]), texts[-1]]))
+
+
+def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
+    """Return the force, and the moment, at each place once the estimate has risen."""
+    labels = [label.rpartition(".") for label in estimate.head.identifiability.components]
+    groups = dict[tuple[str, str], list[int]]()
+    for k, ((place, _, axis), unit) in enumerate(zip(labels, estimate.head.units, strict=True)):
+        groups.setdefault((place or axis, unit), []).append(k)
+    largest = {key: (0.0, start, np.zeros(len(columns))) for key, columns in groups.items()}
+    squares, count = dict.fromkeys(groups, 0.0), 0
+    for block in estimate.blocks():
+        after = block.time[:-1, None] > estimate.risen - 1e-9
+        values = np.where(block.shown & after, block.components, 0.0)
+        count += int(after.sum())
+        for key, columns in groups.items():
+            sizes = np.linalg.norm(values[:, columns], axis=1)
+            at = int(np.argmax(sizes))
+            squares[key] += float(np.sum(sizes**2))
+            if sizes[at] > largest[key][0]:
+                largest[key] = float(sizes[at]), float(block.time[at]), values[at, columns]
+    noise = burst_noise(next(estimate.blocks()).components)
+    errors = [noise[k] if one.deviation is None else one.deviation for k, one in enumerate(estimate.component_sizes())]
+    pushes = []
+    for (place, unit), columns in groups.items():
+        peak, time, vector = largest[place, unit]
+        at = int(np.argmax(np.abs(vector)))
+        ways = WAYS.get(labels[columns[at]][2]) if abs(vector[at]) > MOSTLY * peak else None
+        way = f" {ways[int(vector[at] < 0.0)]}" if ways else ""
+        rms, error = (squares[place, unit] / max(count, 1)) ** 0.5, float(np.linalg.norm([errors[k] for k in columns]))
+        pushes.append(_Push(point_label(place), unit, peak, time - start, way, rms, error))
+    return pushes
+
+
+def _sureness(found: ObserverScores, kind: str, pushes: list[_Push]) -> str:
+    """Return how sure the forces are: errors against a reference, or as stated."""
+    if found.points:
+        forces = {label: score for label, score in found.scored.items() if label.rpartition(".")[2][0] == "F"}
+        error = float(np.linalg.norm([one.rmse for one in forces.values()]))
+        size = float(np.linalg.norm([one.rms or 0.0 for one in found.components if short_label(one.name) in forces]))
+        share = f", {100.0 * error / size:.2g} % of it" if 0.99 * size > error else ""
+        return f"it is off the {COMPARED_WITH[kind]} by {quantity(error / len(found.points) ** 0.5, 'N')} rms{share}"
+    if any(size.deviation is not None for size in found.components):
+        return f"its standard deviation, as stated, is {_listed(quantity(one.error, one.unit) for one in pushes)}"
+    return "how sure that is cannot be said: a calibration, kalman or smoother would state it"
+
+
+def _unseen(found: ObserverScores) -> str:
+    """Return which parts of the forces the record does not show."""
+    never = [short_label(one.name) for one in found.components if one.seen == 0.0] + found.unseen
+    rarely = [
+        f"{short_label(one.name)} ({100.0 * one.seen:.0f} % of the time)"
+        for one in found.components
+        if one.seen and one.seen < SOMETIMES
+    ]
+    if not never and not rarely:
+        return "every direction of these forces can be seen"
+    said = [f"it cannot see {_listed(never)}"] if never else []
+    return "; ".join([*said, *([f"it sees only at times {_listed(rarely)}"] if rarely else [])])

@@ -1,0 +1,122 @@
+"""What a record says first, in one sentence, whatever it is a record of."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.walking_log import table, table_map, urdf, walk
+
+from aerobat_pin.estimation import Result, StoredEstimate, estimate
+from aerobat_pin.estimation.verdict import quantity
+from aerobat_pin.experiments import Experiment
+from aerobat_pin.observers import Estimate
+from aerobat_pin.records import open_record, parse_map
+from aerobat_pin.visualization.result_pages import report_html
+
+SEEN = "every direction of these forces can be seen."
+
+
+def judged(paper: Experiment, made: Estimate) -> Result:
+    """Return the result of an estimate that nothing is compared with."""
+    return replace(paper.scores, stored={"momentum": StoredEstimate.of(made)}, references=(), events=())
+
+
+def noisy(paper: Experiment, deviation: float = 0.01, *, stated: bool = True) -> Estimate:
+    """Return an estimate of nothing but white noise."""
+    made = paper.estimates["momentum"]
+    noise = np.random.default_rng(1).normal(0.0, deviation, made.components.shape)
+    sure = np.full_like(noise, deviation) if stated else None
+    return replace(made, components=noise, standard_deviation=sure)
+
+
+def test_the_verdict_comes_first_everywhere(paper: Experiment) -> None:
+    """On the terminal, in the report, in a notebook and in `metrics.json`; its numbers are those of the table."""
+    verdict = paper.scores.verdict
+    force = np.linalg.norm(paper.estimates["momentum"].force, axis=2)
+    left, right = (quantity(float(size), "N") for size in force.max(axis=0))
+    assert verdict.startswith(
+        f"momentum finds a push at left (up to {left} upward, at 1.11 s) and right (up to {right}"
+    )
+    scores = [one.rmse for axes in paper.scores.observers["momentum"].points.values() for one in axes.values()]
+    error = quantity(float(np.linalg.norm(scores)) / 2**0.5, "N")
+    assert f"it is off the true force by {error} rms, 1.4 % of it; {SEEN}" in verdict
+    assert repr(paper.scores).splitlines()[0] == verdict
+    assert paper.metrics["verdict"] == verdict
+    assert f"<b>{verdict}</b>" in paper._repr_html_()
+    page = report_html(paper, {})
+    assert page.index(verdict) < page.index("<h2") < page.index("<table")
+
+
+def test_it_is_the_first_observers_not_the_best_ones(paper: Experiment) -> None:
+    """Who is nearest to the truth is known in a simulation alone."""
+    first = paper.scores.verdict
+    turned = replace(paper.scores, stored=dict(reversed(paper.scores.stored.items())))
+    assert first.startswith("momentum ")
+    assert turned.verdict.startswith("force_level ")
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_noise_is_no_push_and_a_push_in_noise_is_one(paper: Experiment, stated: bool) -> None:
+    """Ten errors high for one sample, or two errors for all the time; the place, the time and the way are named."""
+    made = noisy(paper, stated=stated)
+    sure = "its standard deviation, as stated, is 17.3 mN" if stated else "how sure that is cannot be said"
+    quiet = judged(paper, made).verdict
+    assert quiet.startswith(f"momentum finds no push that stands out from its errors; {sure}")
+    for where, size, words in ((slice(700, 701), -0.2, "downward"), (slice(None), -0.06, "")):
+        components = made.components.copy()
+        components[where, 5] += size
+        found = judged(paper, replace(made, components=components)).verdict
+        assert found.startswith("momentum finds a push at right (up to ")
+        assert "; nothing at left stands out from its errors; " in found
+        assert f"{words}, at " in found
+        if words:
+            assert f", at {made.time[700]:.2f} s)" in found
+
+
+def test_what_an_observer_states_before_it_knows_anything_counts_nowhere(paper: Experiment) -> None:
+    """Neither in the deviation, which is a median, nor as a push."""
+    made = noisy(paper)
+    assert made.standard_deviation is not None
+    made.standard_deviation[:50] = 10.0
+    made.components[:50] = 5.0
+    stored = StoredEstimate.of(made)
+    assert stored.risen == made.time[50]
+    assert stored.deviation == pytest.approx(np.full(6, 0.01))
+    assert "no push" in judged(paper, made).verdict
+    filtered = StoredEstimate.of(paper.estimates["momentum"])
+    assert filtered.deviation is None
+    assert filtered.risen == pytest.approx(5.0 / float(np.min(filtered.head.gain)), abs=1.1e-3)
+
+
+def test_what_cannot_be_seen_is_said(paper: Experiment) -> None:
+    """Of a pose that hides a force, the component and for how long; of a wrong belief, what is not to be trusted."""
+    made = noisy(paper)
+    assert made.standard_deviation is not None
+    made.components[:, 0] += 1.0
+    made.standard_deviation[:, 4] = 1.0
+    made.standard_deviation[::4, 3] = 1.0
+    hidden = judged(paper, replace(made, expected_force=np.ones(6)))
+    assert hidden.verdict.endswith("it cannot see right.Fy; it sees only at times right.Fx (75 % of the time).")
+    off = replace(noisy(paper), unexplained=np.full((len(made.components), 18), 0.1), standard_deviation=None)
+    assert "belief off by about" in judged(paper, off).verdict
+
+
+def test_a_recording_is_judged_by_its_sensor(tmp_path: Path) -> None:
+    """The four feet of a quadruped, of which the sentence names the two that are pushed most."""
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    table(walk()).to_csv(tmp_path / "walk.csv", index=False)
+    chosen = parse_map(table_map(Path("quadruped.urdf")), "of the test")
+    found = estimate(open_record(tmp_path / "walk.csv", chosen, tmp_path))
+    assert " and 2 more; it is off the force sensor by " in found.verdict
+    assert json.loads(json.dumps(found.metrics()))["verdict"] == found.verdict
+
+
+def test_sizes_are_read_at_a_glance() -> None:
+    """Three digits, and a unit that needs no power of ten."""
+    assert [quantity(size, "N") for size in (0.0, 4.04e-4, 0.2384, 1.0, 12.34, 12340.0)] == [
+        *("0 mN", "0.404 mN", "238 mN", "1 N", "12.3 N", "12.3 kN"),
+    ]
