@@ -56,8 +56,9 @@ coverage: $(VENV)/.installed-test
 mutants: $(VENV)/.installed-test
 	$(BIN)/python tests/mutants.py $(ARGS)
 
+# AGAINST=rev: beside another commit, measured in turn.
 bench: $(VENV)/.installed
-	$(BIN)/python benchmarks/bench.py $(ARGS)
+	$(BIN)/python benchmarks/bench.py $(if $(AGAINST),--against $(AGAINST)) $(ARGS)
 
 # Thousands of bad inputs through all doors, and the page of their counts; ARGS="--count 5000 --seeds 1 2 3".
 reliability: $(VENV)/.installed-test

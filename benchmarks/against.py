@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -32,19 +33,37 @@ def measured(checkout: Path, words: list[str]) -> Figures:
         return {found["name"]: found for found in json.loads(saved.read_text(encoding="utf-8"))["figures"]}
 
 
-def against(other: Path, words: list[str]) -> Iterator[str]:
+@contextmanager
+def checkout_of(other: str) -> Iterator[Path]:
+    """Yield a folder with another commit of this repository, removed afterwards; or the folder of that name."""
+    if Path(other).is_dir():
+        yield Path(other).resolve()
+        return
+    git = ["git", "-C", str(HERE), "worktree"]
+    with tempfile.TemporaryDirectory() as work:
+        folder = Path(work) / "other"
+        if subprocess.run([*git, "add", "--quiet", "--detach", str(folder), other], check=False).returncode:
+            raise SystemExit(f"--against {other}: a commit of {HERE}, or the folder of a checkout, was expected")
+        try:
+            yield folder
+        finally:
+            subprocess.run([*git, "remove", "--force", str(folder)], check=True)
+
+
+def against(other: str, words: list[str]) -> Iterator[str]:
     """Measure another checkout and this one in turn, and yield the lines of the comparison.
 
     Args:
-        other: folder of the checkout that this one is compared with.
+        other: commit, or folder of the checkout, that this one is compared with.
         words: further words of both command lines.
     """
     sides: tuple[list[Figures], list[Figures]] = ([], [])
-    for run in range(RUNS):
-        pair = [(other, sides[0]), (HERE, sides[1])]
-        for checkout, runs in pair if run % 2 == 0 else reversed(pair):  # a machine that slows down slows both
-            runs.append(measured(checkout, words))
-        print(f"run {run + 1} of {RUNS}", file=sys.stderr, flush=True)
+    with checkout_of(other) as folder:
+        for run in range(RUNS):
+            pair = [(folder, sides[0]), (HERE, sides[1])]
+            for checkout, runs in pair if run % 2 == 0 else reversed(pair):  # a machine that slows down slows both
+                runs.append(measured(checkout, words))
+            print(f"run {run + 1} of {RUNS}", file=sys.stderr, flush=True)
     yield from lines(*sides)
 
 

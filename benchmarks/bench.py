@@ -8,7 +8,7 @@ the lowest and the highest round beside it. Nothing fails here: benchmarks infor
     python benchmarks/bench.py --quick               a glance
     python benchmarks/bench.py --save before.json    keep the figures
     python benchmarks/bench.py --compare before.json measure again and print what changed
-    python benchmarks/bench.py --against FOLDER      measure another checkout too, in turn, five times each
+    python benchmarks/bench.py --against REV         measure another commit (or checkout) too, in turn, five times each
 """
 
 from __future__ import annotations
@@ -340,10 +340,10 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer rounds, and each process only once")
     parser.add_argument("--save", type=Path, metavar="FILE.json", help="write the figures to a file")
     parser.add_argument("--compare", type=Path, metavar="FILE.json", help="print the change since saved figures")
-    parser.add_argument("--against", type=Path, metavar="FOLDER", help="compare with another checkout, run by run")
+    parser.add_argument("--against", metavar="REV", help="compare with another commit or checkout, run by run")
     chosen = parser.parse_args()
     if chosen.against:
-        print("\n".join(against(chosen.against.resolve(), ["--quick"] if chosen.quick else [])))
+        print("\n".join(against(chosen.against, ["--quick"] if chosen.quick else [])))
         return
     before = json.loads(chosen.compare.read_text(encoding="utf-8")) if chosen.compare else None
     rounds, runs = (3, 1) if chosen.quick else (15, 5)

@@ -77,6 +77,29 @@ def test_a_ratio_that_got_worse_by_more_than_three_percent_is_marked() -> None:
     ]
 
 
+def test_another_commit_is_checked_out_for_a_comparison_and_removed_again() -> None:
+    """The last commit of this repository; a folder is taken as it is, and no commit ends the program."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("no repository")
+    script = """
+import sys
+sys.path.insert(0, sys.argv[1])
+from against import checkout_of
+
+with checkout_of("HEAD") as folder:
+    print((folder / "benchmarks" / "bench.py").is_file())
+print(folder.exists())
+with checkout_of(sys.argv[1]) as folder:
+    print(str(folder) == sys.argv[1])
+try:
+    checkout_of("no-such-commit").__enter__()
+except SystemExit as error:
+    print(str(error).partition(":")[0])
+"""
+    told = python("-c", script, str(ROOT / "benchmarks")).splitlines()
+    assert told == ["True", "False", "True", "--against no-such-commit"]
+
+
 def test_a_number_that_moved_is_found_and_a_text_that_is_worded_anew_is_told() -> None:
     """A key of another name is followed; one that went, a verdict, a number within a text and a clock differ."""
     assert python("-c", DIFFERENCES, str(ROOT / "benchmarks")).splitlines() == [
