@@ -51,10 +51,8 @@ class Tones:
         found = np.empty((len(time), 3, 3))
         for rows in range(0, len(time), BLOCK):
             turned = time[rows : rows + BLOCK, None, None] * self.rate + self.phase
-            sine, cosine = np.sin(turned), np.cos(turned)
-            for kind, (factor, wave) in enumerate(
-                ((-1.0 / self.rate, cosine), (np.ones(1), sine), (self.rate, cosine))
-            ):
+            for kind, factor in enumerate((-1.0 / self.rate, np.ones(1), self.rate)):
+                wave = np.sin(turned) if kind == 1 else np.cos(turned)
                 found[rows : rows + BLOCK, kind] = np.einsum("ij,nij->nj", self.amplitude * factor, wave)
         return found
 

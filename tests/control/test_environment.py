@@ -74,11 +74,7 @@ def test_what_cannot_be_flown_is_refused() -> None:
 def test_starts_wind_and_parameters_are_drawn_anew_at_each_reset() -> None:
     """By the seed; within their limits; the course stays; a reset's own draw counts for that reset."""
     draw = {"flight.roll_deg": (-5.0, 5.0), "air.wind": ((-1.0, -1.0, 0.0), (1.0, 1.0, 0.0))}
-    more = {
-        "thrusters.factor": (0.9, 1.1),
-        "air.turbulence.seed": (1, 9),
-        "flight.velocity": ((3, -0.2, 0), (3, 0.2, 0)),
-    }
+    more = {"thrusters.factor": (0.9, 1.1), "air.turbulence.seed": (1, 9)}
     env = AerobatEnv(settings=[*COARSE, "air.turbulence.deviation=[0.1, 0.1, 0.1]"], draw={**draw, **more})
     course = env.scenario
     found = []
