@@ -9,8 +9,8 @@ along the flight        2 s^2 L / (pi V) / (1 + (w L / V)^2)
 across it               s^2 L / (pi V) (1 + 3 (w L / V)^2) / (1 + (w L / V)^2)^2
 
 `TONES` sines of equal amplitude stand for equal shares of the variance, each at a frequency that is drawn within its
-share. So variance and autocorrelation are those of the spectrum up to `HIGHEST`, and velocity, rate and drift are exact
-at any time.
+share. So variance and autocorrelation are those of the spectrum up to `HIGHEST_TONE`, and velocity, rate and drift are
+exact at any time.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from aerobat_pin.numerics import Array, guarded
 
 LARGEST_AIRSPEED = 100.0  # [m/s]: Mach 0.3, where air stops to be incompressible; all models of this package take it so
 TONES = 256  # of an axis
-BLOCK = 1000  # times at which tones are summed at once
-HIGHEST = 30.0  # [Hz]: at 3 m/s, eddies of 0.1 m; smaller ones are not the same everywhere on a wing
+TIMES_AT_ONCE = 1000  # times at which tones are summed at once
+HIGHEST_TONE = 30.0  # [Hz]: at 3 m/s, eddies of 0.1 m; smaller ones are not the same everywhere on a wing
 
 
 @guarded(duration="positive")
@@ -49,17 +49,17 @@ class Tones:
     def at(self, time: Array) -> Array:
         """Return drift (up to a constant), velocity and rate of change (n, 3, 3) at times (n,): by kind, by axis."""
         found = np.empty((len(time), 3, 3))
-        for rows in range(0, len(time), BLOCK):
-            turned = time[rows : rows + BLOCK, None, None] * self.rate + self.phase
+        for rows in range(0, len(time), TIMES_AT_ONCE):
+            turned = time[rows : rows + TIMES_AT_ONCE, None, None] * self.rate + self.phase
             for kind, factor in enumerate((-1.0 / self.rate, np.ones(1), self.rate)):
                 wave = np.sin(turned) if kind == 1 else np.cos(turned)
-                found[rows : rows + BLOCK, kind] = np.einsum("ij,nij->nj", self.amplitude * factor, wave)
+                found[rows : rows + TIMES_AT_ONCE, kind] = np.einsum("ij,nij->nj", self.amplitude * factor, wave)
         return found
 
 
 @guarded(length="positive", airspeed="positive")
 def dryden(deviation: tuple[float, float, float], length: float, airspeed: float, seed: int) -> Tones:
-    """Draw turbulence with Dryden's spectra up to `HIGHEST`.
+    """Draw turbulence with Dryden's spectra up to `HIGHEST_TONE`.
 
     Args:
         deviation: (3,) along world x, the direction of the flight, and across it, y and z [m/s].
@@ -73,7 +73,7 @@ def dryden(deviation: tuple[float, float, float], length: float, airspeed: float
     shares = [2.0 * turn / np.pi, *[(2.0 * turn - reduced / (1.0 + reduced**2)) / np.pi] * 2]
     amplitude, rate = np.empty((TONES, 3)), np.empty((TONES, 3))
     for axis, share in enumerate(shares):  # of the variance below a frequency
-        kept = float(np.interp(2.0 * np.pi * HIGHEST * length / airspeed, reduced, share))
+        kept = float(np.interp(2.0 * np.pi * HIGHEST_TONE * length / airspeed, reduced, share))
         drawn = kept * (np.arange(TONES) + rng.random(TONES)) / TONES
         rate[:, axis] = np.interp(drawn, share, reduced) * airspeed / length
         amplitude[:, axis] = deviation[axis] * np.sqrt(2.0 * kept / TONES)

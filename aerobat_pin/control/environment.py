@@ -48,8 +48,8 @@ from aerobat_pin.scenario import Scenario, assign, load_scenario, parse_scenario
 
 MISS = (4.0, 1.0, 0.1, 0.01)  # [1/m2, 1/rad2, s2/m2, s2/rad2]: of position, attitude, velocity, rate
 SIZE = 20
-Limits: TypeAlias = "tuple[float | tuple[float, ...], float | tuple[float, ...]]"  # lowest, largest
-Draw: TypeAlias = Mapping[str, Limits]
+LowestLargest: TypeAlias = "tuple[float | tuple[float, ...], float | tuple[float, ...]]"  # lowest, largest
+Draw: TypeAlias = Mapping[str, LowestLargest]
 
 
 class AerobatEnv(gymnasium.Env[Array, Array]):

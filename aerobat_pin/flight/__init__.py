@@ -10,7 +10,7 @@ from aerobat_pin.flight.loop import ClosedLoop, LoopRecord, Pilot
 from aerobat_pin.flight.mujoco_robot import MujocoRobot
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.plant.simulated_elsewhere import Motion, Simulator
+from aerobat_pin.flight.plant.simulated_elsewhere import SimulatedMotion, Simulator
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import Sensing
 from aerobat_pin.flight.shown import Wake, log_with_motion, wake_of
@@ -24,12 +24,12 @@ __all__ = [
     "CrankDrive",
     "LaggedThrust",
     "LoopRecord",
-    "Motion",
     "MujocoRobot",
     "Pilot",
     "Plant",
     "RateControlledMotor",
     "Sensing",
+    "SimulatedMotion",
     "Simulator",
     "SpinUp",
     "ThrusterSet",

@@ -17,14 +17,14 @@ import pinocchio as pin
 
 from aerobat_description.write_mjcf import mjcf_text
 from aerobat_pin.errors import ExtraError
-from aerobat_pin.flight.plant.simulated_elsewhere import Motion
+from aerobat_pin.flight.plant.simulated_elsewhere import SimulatedMotion
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import JOINTS, Aerobat, closed_model, closed_state
 
-STEP = 1.25e-4  # [s]: longest step of MuJoCo's Runge-Kutta method
-CLOSING = 5e-4  # [s]: time constant of the closures
-BARS = 1e-2  # mass of the bars, as a share of what the file gives them
-HOLD = 100.0  # [1/s]: how fast a miss of the crank angle is taken back
+MUJOCO_STEP = 1.25e-4  # [s]: longest step of MuJoCo's Runge-Kutta method
+CLOSURE_TIME = 5e-4  # [s]: time constant of the closures
+BAR_SHARE = 1e-2  # mass of the bars, as a share of what the file gives them
+CRANK_HOLD = 100.0  # [1/s]: how fast a miss of the crank angle is taken back
 
 
 class MujocoRobot:
@@ -49,12 +49,12 @@ class MujocoRobot:
         self._robot, self._mujoco = robot, mujoco
         self.model = model = mujoco.MjModel.from_xml_string(mjcf_text(robot.morphology, meshdir=None))
         self.data = mujoco.MjData(model)
-        model.opt.gravity[:], model.eq_solref[:, 0] = robot.model.gravity.linear, CLOSING
+        model.opt.gravity[:], model.eq_solref[:, 0] = robot.model.gravity.linear, CLOSURE_TIME
         body = model.body("base_link").id
         for bar in (i for i in range(model.nbody) if "_L" in model.body(i).name):
-            model.body_mass[body] += (1.0 - BARS) * model.body_mass[bar]
-            model.body_mass[bar] *= BARS
-            model.body_inertia[bar] *= BARS
+            model.body_mass[body] += (1.0 - BAR_SHARE) * model.body_mass[bar]
+            model.body_mass[bar] *= BAR_SHARE
+            model.body_inertia[bar] *= BAR_SHARE
         self._angles = [model.joint(name).qposadr[0] for name in JOINTS]
         self._rates = [model.joint(name).dofadr[0] for name in JOINTS]
         self._crank = self.data.joint("left_crank")
@@ -73,13 +73,13 @@ class MujocoRobot:
         data.ctrl[0] = crank_rate
         self._mujoco.mj_forward(self.model, data)
 
-    def step(self, force: Array, crank_angle: float, crank_rate: float, dt: float) -> Motion:
+    def step(self, force: Array, crank_angle: float, crank_rate: float, dt: float) -> SimulatedMotion:
         """Fly on; the force on the body keeps its direction in the world."""
         model, data, robot = self.model, self.data, self._robot
         data.qfrc_applied[:3] = pin.Quaternion(data.qpos[[4, 5, 6, 3]]).matrix() @ force[:3]
         data.qfrc_applied[3:6], data.qfrc_applied[self._rates] = force[3:6], force[list(robot.idx_v)]
-        data.ctrl[0] = crank_rate + HOLD * (crank_angle - self._crank.qpos[0] - crank_rate * dt)
-        count, torque = math.ceil(dt / STEP - 1e-9), np.zeros(4)
+        data.ctrl[0] = crank_rate + CRANK_HOLD * (crank_angle - self._crank.qpos[0] - crank_rate * dt)
+        count, torque = math.ceil(dt / MUJOCO_STEP - 1e-9), np.zeros(4)
         model.opt.timestep = dt / count
         for _ in range(count):
             torque += 0.5 / count * data.qfrc_constraint[self._rates]
@@ -89,4 +89,4 @@ class MujocoRobot:
         q, v = robot.configuration(placement, 0.0, 0.0), robot.velocity(np.zeros(6), 0.0, 0.0)
         v[:3], v[3:6] = pin.Quaternion(q[3:7]).matrix().T @ data.qvel[:3], data.qvel[3:6]
         q[list(robot.idx_q)], v[list(robot.idx_v)] = data.qpos[self._angles], data.qvel[self._rates]
-        return Motion(q, v, float(self._crank.qpos[0]), float(self._crank.qvel[0]), torque)
+        return SimulatedMotion(q, v, float(self._crank.qpos[0]), float(self._crank.qvel[0]), torque)

@@ -7,7 +7,7 @@ import pytest
 
 from aerobat_pin.aerobat import wind_of
 from aerobat_pin.aerodynamics import Wind, dryden
-from aerobat_pin.aerodynamics.wind import HIGHEST
+from aerobat_pin.aerodynamics.wind import HIGHEST_TONE
 from aerobat_pin.flight import simulate
 from aerobat_pin.scenario import load_scenario
 
@@ -49,7 +49,7 @@ def test_rate_and_drift_are_derivative_and_integral_of_the_velocity(settings: tu
 def test_turbulence_has_drydens_variance_and_autocorrelation() -> None:
     """R(t) is s^2 exp(-t / T) along the flight and s^2 exp(-t / T) (1 - t / 2T) across, T = L / V (Dryden's model).
 
-    Over 200 seeds; above `HIGHEST` the spectrum has 0.8 % of the variance along, and 1.3 % across.
+    Over 200 seeds; above `HIGHEST_TONE` the spectrum has 0.8 % of the variance along, and 1.3 % across.
     """
     lags, T = np.array([0.0, 0.1, 0.3, 0.6, 1.0, 1.6]), LENGTH / SPEED
     begins = np.arange(40) * 0.9
@@ -59,7 +59,7 @@ def test_turbulence_has_drydens_variance_and_autocorrelation() -> None:
         velocity = air.field(np.add.outer(begins, lags).ravel())[:, 0].reshape(len(begins), len(lags), 3)
         found += np.mean(velocity[:, :1] * velocity, axis=0) / 200
     shape = np.exp(-lags / T)
-    beyond = T * 2.0 * np.pi * HIGHEST
+    beyond = T * 2.0 * np.pi * HIGHEST_TONE
     lost = np.array([2.0, 3.0, 3.0]) / np.pi / beyond
     expected = np.stack([shape, *[shape * (1.0 - 0.5 * lags / T)] * 2], axis=1) * np.square(DEVIATION)
     np.testing.assert_allclose(found, expected, atol=0.03 * 0.25)
@@ -70,7 +70,7 @@ def test_turbulence_has_drydens_variance_and_autocorrelation() -> None:
 def test_tones_have_drydens_spectrum() -> None:
     """The share of the variance below a frequency is the spectrum's integral, by quadrature of its formula."""
     tones, T = dryden(DEVIATION, LENGTH, SPEED, 7), LENGTH / SPEED
-    w = np.linspace(0.0, 2.0 * np.pi * HIGHEST, 200001)
+    w = np.linspace(0.0, 2.0 * np.pi * HIGHEST_TONE, 200001)
     x = (w * T) ** 2
     along, across = 2.0 * T / np.pi / (1.0 + x), T / np.pi * (1.0 + 3.0 * x) / (1.0 + x) ** 2
     for axis, density in enumerate((along, across, across)):

@@ -13,7 +13,7 @@ from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.control import Controller
 from aerobat_pin.errors import ExtraError, ScenarioError, ShapeError
 from aerobat_pin.experiments import run
-from aerobat_pin.flight import Motion, MujocoRobot, simulate
+from aerobat_pin.flight import MujocoRobot, SimulatedMotion, simulate
 from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 
@@ -64,12 +64,12 @@ class Glider:
         """Keep where it is."""
         self.q, self.v = q.copy(), v.copy()
 
-    def step(self, force: np.ndarray, crank_angle: float, crank_rate: float, dt: float) -> Motion:
+    def step(self, force: np.ndarray, crank_angle: float, crank_rate: float, dt: float) -> SimulatedMotion:
         """Fly straight on."""
         self.force = force
         self.q = self.q.copy()
         self.q[0] += 3.0 * dt
-        return Motion(self.q, self.v, crank_angle, crank_rate, np.zeros(4))
+        return SimulatedMotion(self.q, self.v, crank_angle, crank_rate, np.zeros(4))
 
 
 def test_any_object_with_two_methods_is_a_simulator() -> None:
@@ -88,8 +88,8 @@ def test_any_object_with_two_methods_is_a_simulator() -> None:
         with pytest.raises(ScenarioError, match="a simulator flies it"):
             simulate(load_scenario("paper", ["simulation.duration=0.05", setting]), simulator=glider)
     wrong = Glider()
-    wrong.step = lambda *_: Motion(wrong.q[:5], wrong.v, 0.0, 0.0, np.zeros(4))  # type: ignore[method-assign]
-    with pytest.raises(ShapeError, match=r"Motion\.q"):
+    wrong.step = lambda *_: SimulatedMotion(wrong.q[:5], wrong.v, 0.0, 0.0, np.zeros(4))  # type: ignore[method-assign]
+    with pytest.raises(ShapeError, match=r"SimulatedMotion\.q"):
         simulate(scenario, simulator=wrong)
 
 

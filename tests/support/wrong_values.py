@@ -336,7 +336,7 @@ FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
 Contact Cause ModelCheck Suspect Finding Agreement Moments Check KnownForces StreamHealth Stance
-ObserversTogether LoopState Motion"""  # made by other functions
+ObserversTogether LoopState SimulatedMotion"""  # made by other functions
 TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
 RobotSection Scenario SensorSection SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection
 SampledSection LoadSection PlantSection"""  # pydantic checks

@@ -29,7 +29,7 @@ from aerobat_pin.robot import BASE_SIZE
 EXCHANGES = 4  # an even number
 
 
-class Motion(NamedTuple):
+class SimulatedMotion(NamedTuple):
     """Where a simulator's robot is at the end of a step.
 
     Attributes:
@@ -53,7 +53,7 @@ class Simulator(Protocol):
     def start(self, q: Array, v: Array, crank_angle: float, crank_rate: float) -> None:
         """Begin a flight at a configuration (nq,), a velocity (nv,), and a crank angle [rad] with its rate [rad/s]."""
 
-    def step(self, force: Array, crank_angle: float, crank_rate: float, dt: float) -> Motion:
+    def step(self, force: Array, crank_angle: float, crank_rate: float, dt: float) -> SimulatedMotion:
         """Fly on for a time.
 
         Args:
@@ -83,7 +83,7 @@ class FlightElsewhere(SteppedFlight):
         super().__init__(plant, held, dt, start, endless)
         self.simulator, tables = simulator, self.tables
         tables.crank_angle, tables.crank_rate = tables.crank_angle.copy(), tables.crank_rate.copy()
-        self._moved = Motion(self.q, self.v, self.crank_angle, self.crank_rate, np.zeros(4))
+        self._moved = SimulatedMotion(self.q, self.v, self.crank_angle, self.crank_rate, np.zeros(4))
         self._last: tuple[Array, Array] | None = None  # forces of the air and rate of its state, one part before
         self._crank_acceleration = 0.0
         simulator.start(self.q, self.v, self.crank_angle, self.crank_rate)
@@ -123,11 +123,11 @@ class FlightElsewhere(SteppedFlight):
         driven = plant.closure(np.array([k * tables.dt + (part + 1) * dt]))
         crank = float(driven.crank_angle[0]), float(driven.crank_velocity[0])
         moved = self.simulator.step(given.sum(axis=0) + forces.thrusters + forces.unknown, *crank, dt)
-        q, v = shaped(moved.q, now.q.shape, "Motion.q"), shaped(moved.v, now.v.shape, "Motion.v")
-        self._moved = moved = Motion(q, v, float(moved.crank_angle), float(moved.crank_rate), moved.torque)
+        q, v = shaped(moved.q, now.q.shape, "SimulatedMotion.q"), shaped(moved.v, now.v.shape, "SimulatedMotion.v")
+        self._moved = moved = SimulatedMotion(q, v, float(moved.crank_angle), float(moved.crank_rate), moved.torque)
         self._crank_acceleration = (moved.crank_rate - now.crank_rate) / dt
         forces.motor[:] = 0.0
-        forces.motor[rows] = shaped(moved.torque, (len(rows),), "Motion.torque")
+        forces.motor[rows] = shaped(moved.torque, (len(rows),), "SimulatedMotion.torque")
         forces.motor_power[...] = forces.motor @ now.v
         forces.air_power[...] = given.sum(axis=0) @ now.v
         tables.means[k] += np.concatenate([one.ravel() for one in forces]) / EXCHANGES
