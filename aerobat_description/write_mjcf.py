@@ -33,7 +33,7 @@ ARMATURE = {"light": 1e-6, "cad": 0.0}  # [kg m2] of the bars' joints: light bar
 FLYWHEEL = (
     1e-3  # [kg m2] of each crank, part of the servo and no claim about the motor; without it the first step fails
 )
-SERVO_GAIN = 0.3  # [N m s/rad]
+SERVO_GAIN = 3.0  # [N m s/rad]: 0.3 let the crank fall 7 deg behind in 2.5 s of air loads
 LIGHT_ON = {"ambient": "0.45 0.45 0.45", "diffuse": "0.6 0.6 0.6", "specular": "0.1 0.1 0.1"}
 SKY = {"rgb1": "0.97 0.98 0.99", "rgb2": "0.84 0.87 0.9", "width": "64", "height": "384"}
 # Bars that hang on another bar: joint, whose angle is relative to that bar.

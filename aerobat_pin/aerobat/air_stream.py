@@ -35,7 +35,7 @@ class AirStream:
         self.robot, self.dt = robot, dt
         self._along = AirAlongMotion(robot, air)
         self._in_air, self._wind = self._along.in_air, wind_of(air)
-        self._gusty = air.gust is not None and any(air.gust.amplitude)
+        self._gusty = not air.is_steady
         self._steps = 1
         self._memory = new_state(Stream, air=self._in_air.memory, nq=robot.model.nq, nv=robot.model.nv)
         self._stream = fields_of(self._memory, Stream)

@@ -117,7 +117,7 @@ def completed(block: Block, robot: Aerobat, air: AirSection) -> Block:
 def _wind(time: Array, q: Array, v: Array, extra: dict[str, Array], air: AirSection) -> tuple[Array, str]:
     if "wind_W" in extra:
         velocity, source = extra["wind_W"], "measured"
-    elif any(air.wind) or air.gust is not None or "airspeed" not in extra:
+    elif any(air.wind) or air != air.steady or "airspeed" not in extra:
         return wind_of(air).field(time), "believed"
     else:
         along = v[:, 0] - extra["airspeed"][:, 0]

@@ -45,7 +45,13 @@ from aerobat_pin.records import (
 from aerobat_pin.robot import JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
-OF_THE_DAY = {"wind", "gust", "warm_up_cycles"}  # keys of the air that may differ from flight to flight
+OF_THE_DAY = {
+    "wind",
+    "gust",
+    "turbulence",
+    "wave",
+    "warm_up_cycles",
+}  # keys of the air of the day
 LARGEST_OPENING = np.degrees(0.01)  # [deg]: rms difference of a joint from the linkage; encoders are 20 times better
 
 

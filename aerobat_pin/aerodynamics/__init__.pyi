@@ -19,4 +19,6 @@ from .strip_forces import StripLoads as StripLoads
 from .strip_forces import strips_of as strips_of
 from .wind import LARGEST_AIRSPEED as LARGEST_AIRSPEED
 from .wind import Gust as Gust
+from .wind import Tones as Tones
 from .wind import Wind as Wind
+from .wind import dryden as dryden

@@ -66,6 +66,9 @@ def run_command(
     calibration: CalibrationFile = None,
     correct: Correct = False,
     no_report: Annotated[bool, typer.Option("--no-report", help="Skip figures, report and replay.")] = False,
+    plant: Annotated[
+        Literal["mujoco"] | None, typer.Option(help="Simulator of the motion, in our air; needs the extra of its name.")
+    ] = None,
     seeds: Annotated[
         str | None, typer.Option(metavar="LIST", help="Run several seeds, such as 1-5 or 1,4,9: a folder for each.")
     ] = None,
@@ -78,13 +81,15 @@ def run_command(
             scenario,
             out,
             lambda one, folder: run_command(
-                scenario, folder, force, one, settings, observers, calibration, correct, no_report
+                scenario, folder, force, one, settings, observers, calibration, correct, no_report, plant
             ),
         )
         return
     from aerobat_pin import experiments
     from aerobat_pin.errors import SimulationError
     from aerobat_pin.estimation import read_calibration
+    from aerobat_pin.flight import MujocoRobot
+    from aerobat_pin.robot import flown_robot
     from aerobat_pin.scenario import load_scenario
 
     changes = list(settings or [])
@@ -100,7 +105,9 @@ def run_command(
 
     def flown(show: experiments.Progress) -> experiments.Experiment:
         try:
-            return experiments.beside_pd(experiments.run(loaded, show, calibration=learnt), show)
+            moved = None if plant is None else MujocoRobot(flown_robot(loaded))
+            made = experiments.run(loaded, show, calibration=learnt, simulator=moved)
+            return made if moved else experiments.beside_pd(made, show)
         except SimulationError as error:
             if not isinstance(error.kept, experiments.Experiment):
                 raise

@@ -20,13 +20,17 @@ The course is the scenario's start, flown on with its velocity and heading, at t
 reward is 1 less what the course is missed by, `MISS` times (errors of position, attitude, velocity and rate)^2; an
 episode is terminated where the robot is LOST (`monitor`), that is farther than `FARTHEST_OFF` from its course or tilted
 by more than `TILTED`; `info["state"]` says so then. It is truncated after the scenario's duration. `reset(seed=...)`
-seeds all noise, of forces and sensors.
+seeds all noise, of forces and sensors, and what is drawn: with `draw`, each episode flies another start, wind or robot,
+
+    {"flight.roll_deg": (-10, 10), "air.wind": ((-1, -1, 0), (1, 1, 0)), "air.turbulence.seed": (1, 1000)}
+
+each a key of the scenario with its lowest and largest value; whole numbers where both are. The course stays.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeAlias
 
 import gymnasium
 import numpy as np
@@ -36,14 +40,16 @@ from gymnasium import spaces
 from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.control.monitor import FARTHEST_OFF, TILTED
 from aerobat_pin.control.nominal import control_of, nominal_flight
-from aerobat_pin.errors import SimulationError
+from aerobat_pin.errors import ScenarioError, SimulationError
 from aerobat_pin.flight import LaggedThrust, Plant, Sensing, interval_means, thrusters_of
 from aerobat_pin.numerics import Array, checked
 from aerobat_pin.robot import believed_robot, flown_robot
-from aerobat_pin.scenario import load_scenario
+from aerobat_pin.scenario import Scenario, assign, load_scenario, parse_scenario
 
 MISS = (4.0, 1.0, 0.1, 0.01)  # [1/m2, 1/rad2, s2/m2, s2/rad2]: of position, attitude, velocity, rate
 SIZE = 20
+LowestLargest: TypeAlias = "tuple[float | tuple[float, ...], float | tuple[float, ...]]"  # lowest, largest
+Draw: TypeAlias = Mapping[str, LowestLargest]
 
 
 class AerobatEnv(gymnasium.Env[Array, Array]):
@@ -53,6 +59,7 @@ class AerobatEnv(gymnasium.Env[Array, Array]):
         scenario: name of a scenario with a table `control`, or path of a TOML file.
         settings: `dotted.key=value` texts, as for `load_scenario`.
         dt: time of a step [s].
+        draw: keys of the scenario that are drawn anew at each reset, with their lowest and largest values.
         render_mode: nothing is drawn; write a log with `simulate` and replay it.
 
     Attributes:
@@ -70,12 +77,13 @@ class AerobatEnv(gymnasium.Env[Array, Array]):
         scenario: str = "hover_closed_loop",
         settings: Iterable[str] = (),
         dt: float = 0.01,
+        draw: Draw | None = None,
         render_mode: str | None = None,
     ) -> None:
         """Load the robot and warm up its air."""
         self.scenario = load_scenario(scenario, [f"simulation.dt={dt}", *settings])
         control_of(self.scenario)
-        self.render_mode = render_mode
+        self.render_mode, self._draw = render_mode, dict(draw or {})
         self._plant = Plant(flown_robot(self.scenario), self.scenario)
         self._thrusters = thrusters_of(self._plant.robot.morphology)
         nominal = nominal_flight(self.scenario, believed_robot(self.scenario))
@@ -88,10 +96,15 @@ class AerobatEnv(gymnasium.Env[Array, Array]):
         self._done = -1
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Start an episode; without a seed, its noise follows from that of the episodes before."""
+        """Start an episode; `options` may have a `draw` that takes the place of the environment's in this episode.
+
+        Without a seed, noise and draws follow from those of the episodes before. Raises ScenarioError for a key or a
+        value that the scenario cannot have.
+        """
         super().reset(seed=seed)
         noise = int(self.np_random.integers(2**31))
-        plant, scenario = self._plant, self.scenario
+        scenario = self._drawn({} if options is None else options)
+        plant = self._plant
         self._q, self._v = plant.start(interval_means(plant.forces, self._edges, noise))
         self._sensing = Sensing(plant.robot, scenario.sensors, self._edges, noise)
         dt = scenario.simulation.dt
@@ -119,6 +132,26 @@ class AerobatEnv(gymnasium.Env[Array, Array]):
         info["state"] = "LOST" if lost else "OK"
         truncated = self._done == len(self._edges) - 1
         return seen, float(max(reward, -100.0)), lost, truncated and not lost, info
+
+    def _drawn(self, options: dict[str, Any]) -> Scenario:
+        """Draw a scenario, and build its plant if it is another than that of the episode before."""
+        wrong = sorted(set(options) - {"draw"})
+        if wrong:
+            raise ScenarioError(f"reset options {', '.join(wrong)}: draw was expected")
+        values = self.scenario.model_dump(exclude_none=True)
+        for key, limits in options.get("draw", self._draw).items():
+            try:
+                low, high = (np.asarray(limit) for limit in limits)
+                whole = low.dtype.kind == high.dtype.kind == "i"
+                drawn = self.np_random.integers(low, high + 1) if whole else self.np_random.uniform(low, high)
+            except (TypeError, ValueError, OverflowError) as error:
+                raise ScenarioError(f"draw: {key} = {limits}: lowest and largest value were expected") from error
+            assign(values, key, drawn.tolist() if whole or low.ndim else float(drawn), f"draw: {key}")
+        scenario, flown = parse_scenario(values, "draw"), self._plant.scenario
+        if scenario != flown:
+            same = (scenario.robot, scenario.flight.gravity) == (flown.robot, flown.flight.gravity)
+            self._plant = Plant(self._plant.robot if same else flown_robot(scenario), scenario)
+        return scenario
 
     def _observation(self) -> tuple[Array, dict[str, Any]]:
         """Return what the sensors show, and in `info` the time [s] and the configuration q and velocity v they make."""

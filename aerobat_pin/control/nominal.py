@@ -94,7 +94,7 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
     twists, accelerations = np.tile(twist, (len(time), 1)), np.zeros((len(time), BASE_SIZE))
     placements = np.tile(placement, (len(time), 1))
     placements[:, :3] += time[:, None] * np.array(flight.velocity)
-    steady = scenario.believed_air.model_copy(update={"gust": None})
+    steady = scenario.believed_air.steady
     stream, data = AirStream(robot, steady, dt), model.createData()
     beat = waves(angle[:-1]) if rate > 0.0 else np.zeros((FLAP_SAMPLES, 2 * OVERTONES))
     for left in reversed(range(PASSES)):

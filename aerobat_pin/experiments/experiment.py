@@ -18,7 +18,7 @@ from aerobat_pin.control import FAILED, Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.estimation import Calibration, Finding, Result
 from aerobat_pin.experiments.flight_summary import FlightSummary, flight_note, flight_summary, recorded_note
-from aerobat_pin.flight import log_with_motion, simulate
+from aerobat_pin.flight import Simulator, log_with_motion, simulate
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import Aerobat, believed_robot, flown_robot
@@ -83,12 +83,13 @@ class Experiment:
         return self.scores._repr_html_()
 
 
-@guarded()
+@guarded(simulator="free")
 def run(
     scenario: Scenario,
     progress: Progress | None = None,
     robots: tuple[Aerobat, Aerobat] | None = None,
     calibration: Calibration | None = None,
+    simulator: Simulator | None = None,
 ) -> Experiment:
     """Simulate a scenario, estimate the forces and score the estimates; no file is written.
 
@@ -97,6 +98,7 @@ def run(
         progress: called with the name of the stage and the share of the stage that is done.
         robots: the robot that flies and the robot that the observers assume; loaded from the scenario when omitted.
         calibration: what free flights showed about the scenario's belief.
+        simulator: what integrates the motion in the plant's place, such as `aerobat_pin.flight.MujocoRobot`.
 
     Raises:
         SimulationError: the flight diverged; its attribute `kept` is the experiment until then.
@@ -130,7 +132,7 @@ def run(
         return replace(made, robot=robot, scores=scores, flight=flight, control=control)
 
     try:
-        return judged(simulate(scenario, _stage(progress, "flying"), robot=robot, pilot=pilot))
+        return judged(simulate(scenario, _stage(progress, "flying"), robot=robot, pilot=pilot, simulator=simulator))
     except SimulationError as error:
         if isinstance(error.kept, FlightLog):
             error.kept = judged(error.kept)

@@ -7,8 +7,10 @@ from aerobat_pin.aerobat import read_log as read_log
 from aerobat_pin.aerobat import write_csv as write_csv
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp
 from aerobat_pin.flight.loop import ClosedLoop, LoopRecord, Pilot
+from aerobat_pin.flight.mujoco_robot import MujocoRobot
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.simulated_elsewhere import SimulatedMotion, Simulator
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import Sensing
 from aerobat_pin.flight.shown import Wake, log_with_motion, wake_of
@@ -22,10 +24,13 @@ __all__ = [
     "CrankDrive",
     "LaggedThrust",
     "LoopRecord",
+    "MujocoRobot",
     "Pilot",
     "Plant",
     "RateControlledMotor",
     "Sensing",
+    "SimulatedMotion",
+    "Simulator",
     "SpinUp",
     "ThrusterSet",
     "Trim",

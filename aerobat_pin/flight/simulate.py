@@ -13,6 +13,7 @@ from aerobat_pin.flight.log_channels import flight_log_of
 from aerobat_pin.flight.loop import ClosedLoop, Pilot
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.simulated_elsewhere import Simulator
 from aerobat_pin.flight.plant.tables import Flown
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import recorded
@@ -21,13 +22,14 @@ from aerobat_pin.robot import Aerobat, flown_robot
 from aerobat_pin.scenario import Scenario
 
 
-@guarded(pilot="free")
+@guarded(pilot="free", simulator="free")
 def simulate(
     scenario: Scenario,
     progress: Callable[[float], None] | None = None,
     drive: CrankDrive | RateControlledMotor | None = None,
     robot: Aerobat | None = None,
     pilot: Pilot | None = None,
+    simulator: Simulator | None = None,
 ) -> FlightLog:
     """Simulate the flight of a scenario and return its log.
 
@@ -37,6 +39,7 @@ def simulate(
         drive: crank drive or motor that replaces the scenario's.
         robot: the scenario's robot, if it is already loaded by `flown_robot`.
         pilot: what flies the robot by its thrusters; needed if, and only if, the scenario has a table `control`.
+        simulator: what integrates the motion in the plant's place, see `Simulator`.
 
     Raises:
         ScenarioError, MorphologyFileError, LinkageError: the scenario does not fit its robot, or is too large.
@@ -54,7 +57,7 @@ def simulate(
             f"scenario {scenario.name} has {table} control, but {given}: `run` closes the loop by itself, and so does "
             "`simulate(scenario, pilot=aerobat_pin.control.Controller(scenario))`"
         )
-    plant = Plant(flown_robot(scenario) if robot is None else robot, scenario, drive)
+    plant = Plant(flown_robot(scenario) if robot is None else robot, scenario, drive, simulator)
     count, dt = settings.count, settings.dt
     time = np.arange(count + 1) * dt
 

@@ -157,7 +157,7 @@ def _trimmed(scenario: Scenario, unknowns: Array) -> Scenario:
 
 def _plant(scenario: Scenario, unknowns: Array) -> tuple[Plant, State]:
     """Build the plant and its state at the start of the flap from scaled unknowns."""
-    steady = scenario.air.model_copy(update={"warm_up_cycles": 0, "gust": None})
+    steady = scenario.air.steady.model_copy(update={"warm_up_cycles": 0})
     flown = _trimmed(scenario, unknowns).model_copy(update={"air": steady})
     plant = Plant(flown_robot(flown), flown)
     return plant, State(plant.initial.placement, plant.initial.twist, unknowns[BODY:] * AIR_SCALE)

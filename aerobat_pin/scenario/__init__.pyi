@@ -1,3 +1,4 @@
+from .air_tables import AirSection as AirSection
 from .changes import changed_keys as changed_keys
 from .changes import changes_text as changes_text
 from .changes import described as described
@@ -24,7 +25,6 @@ from .scenario import load_scenario as load_scenario
 from .scenario import parse_scenario as parse_scenario
 from .scenario import scenario_of_run as scenario_of_run
 from .scenario import shipped_scenarios as shipped_scenarios
-from .tables import AirSection as AirSection
 from .tables import LoadSection as LoadSection
 from .tables import NonNegative as NonNegative
 from .tables import Number as Number

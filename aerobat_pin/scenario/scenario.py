@@ -19,10 +19,10 @@ from aerobat_description import MORPHOLOGIES
 from aerobat_description.reading import merge
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.numerics import guarded
+from aerobat_pin.scenario.air_tables import AirSection
 from aerobat_pin.scenario.feedback_tables import ControlSection, SensorsSection, ThrustersSection
 from aerobat_pin.scenario.messages import explain
 from aerobat_pin.scenario.tables import (
-    AirSection,
     BelievedSection,
     CrankSection,
     FlightSection,

@@ -107,29 +107,6 @@ class CrankSection(Section):
         return self
 
 
-class GustSection(Section):
-    """A gust that is the same everywhere; over time its velocity rises and falls as (1 - cos) / 2."""
-
-    amplitude: Triple = Field(description="largest velocity beside the wind, world axes [m/s]")
-    start: Number = Field(0.5, description="of the gust [s]")
-    duration: Positive = Field(0.5, description="of the gust [s]")
-
-
-class AirSection(Section):
-    """The air: density, wind, gust, and the aerodynamic model of the wings."""
-
-    density: Positive = Field(1.225, description="of the air [kg/m3]")
-    model: Literal["lifting_line", "quasi_steady"] = Field("lifting_line", description="what the strips obey")
-    added_mass: NonNegative = Field(
-        1.0, description="factor of the wings' added mass; 1 is theory, 0 leaves it out [-]"
-    )
-    lift_limit: Positive | None = Field(None, description="largest lift coefficient of a strip of the lifting line [-]")
-    wind: Triple = Field((0.0, 0.0, 0.0), description="velocity of the air, world axes [m/s]")
-    gust: GustSection | None = None
-    strips: Whole = Field(16, ge=2, le=200, description="strips over the full span")
-    warm_up_cycles: Whole = Field(6, ge=0, description="flapping cycles flown with the body held before t = 0")
-
-
 class HoldSection(Section):
     """Attitude hold: an ideal controller that keeps the attitude, height and speed of the start.
 

@@ -71,6 +71,34 @@ def test_what_cannot_be_flown_is_refused() -> None:
             env.step(np.append(env.neutral[:5], wrong))
 
 
+def test_starts_wind_and_parameters_are_drawn_anew_at_each_reset() -> None:
+    """By the seed; within their limits; the course stays; a reset's own draw counts for that reset."""
+    draw = {"flight.roll_deg": (-5.0, 5.0), "air.wind": ((-1.0, -1.0, 0.0), (1.0, 1.0, 0.0))}
+    more = {"thrusters.factor": (0.9, 1.1), "air.turbulence.seed": (1, 9)}
+    env = AerobatEnv(settings=[*COARSE, "air.turbulence.deviation=[0.1, 0.1, 0.1]"], draw={**draw, **more})
+    course = env.scenario
+    found = []
+    for seed in (1, 2, None, 1):
+        seen = [env.reset(seed=seed)[0], env.step(env.neutral)[0]]
+        found.append(np.array(seen))
+        flown = env._plant.scenario
+        assert abs(flown.flight.roll_deg) <= 5.0
+        assert 0.9 <= flown.thrusters.factor <= 1.1
+        assert np.max(np.abs(flown.air.wind)) <= 1.0
+        assert flown.air.turbulence is not None
+        assert isinstance(flown.air.turbulence.seed, int)
+    np.testing.assert_array_equal(found[0], found[3])
+    assert len({tuple(seen[0]) for seen in found}) == 3
+    assert env.scenario is course
+    still = env.reset(seed=1, options={"draw": {}})[0]
+    assert abs(still[3]) < 0.03 < abs(env.reset(seed=1, options={"draw": {"flight.roll_deg": (5.0, 5.0)}})[0][3])
+    for wrong in ({"flight.rol_deg": (0.0, 1.0)}, {"thrusters.factor": (-2.0, -1.0)}, {"thrusters.lag": 1.0}):
+        with pytest.raises(ScenarioError, match=next(iter(wrong)).split(".")[1]):
+            env.reset(options={"draw": wrong})
+    with pytest.raises(ScenarioError, match="draw was expected"):
+        env.reset(options={"start": 1})
+
+
 @pytest.mark.parametrize("name", sorted(ENVIRONMENTS))
 def test_gymnasium_knows_the_environments_by_name(name: str) -> None:
     """`make` builds the scenario's, with the settings that it is given."""

@@ -21,8 +21,8 @@ from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.observers import ForceLevelObserver, MomentumObserver
 from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat
 from aerobat_pin.robot.load import flown_robot
+from aerobat_pin.scenario.air_tables import AirSection
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.scenario.tables import AirSection
 
 SHORT = ["simulation.duration=0.3"]
 

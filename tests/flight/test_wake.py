@@ -18,8 +18,8 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.flight.shown import Wake, wake_of
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.load import flown_robot
+from aerobat_pin.scenario.air_tables import AirSection
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.scenario.tables import AirSection
 
 STILL = [f"unknown_force.{i}.{key}=0.0" for i in range(2) for key in ("amplitude", "noise", "step")]
 WINDY = ["air.wind=[0.5, -0.2, 0.1]", "air.gust={amplitude = [0.0, 1.0, 0.5], start = 0.1, duration = 0.2}"]

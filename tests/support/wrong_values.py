@@ -155,6 +155,9 @@ def calls() -> dict[str, Call]:
         "tie_joints": {"pairs": {"left_elbow": "right_elbow"}, "name": "elbows"},
         "locate_series": {"wrenches": rng.standard_normal((50, 6))},
         "Gust": {"amplitude": (0.0, 0.0, 1.0)},
+        "Tones": {name: np.ones((2, 3)) for name in ("amplitude", "rate", "phase")},
+        "dryden": {"deviation": (0.1, 0.1, 0.1), "length": 1.0, "airspeed": 3.0},
+        "Wind": {"tones": ()},
         "fly": {"motion": stroke, "time": [0.0, 0.01]},
         "RobotAir": {"model": "lifting_line"},
         "RobotInAir": {"air": air},
@@ -339,7 +342,7 @@ FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
 Contact Cause Effect ModelCheck Suspect Finding Agreement Moments Check KnownForces StreamHealth Stance
-ObserversTogether LoopState"""  # made by other functions
+ObserversTogether LoopState SimulatedMotion"""  # made by other functions
 TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
 RobotSection Scenario SensorSection SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection
 SampledSection LoadSection PlantSection"""  # pydantic checks
@@ -356,7 +359,7 @@ quantity typical_step redundancy_of slow_part describe_tables explain fit_fricti
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew
 SeriesSculpture scenario_of_run changed_keys changes_text differing_keys keys_text blocks_of component_sizes
 found_events belief_of described log_with_motion shipped_description"""
-PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
+PROTOCOLS = "Pilot Disturbance AerobatEnv Simulator"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed
 

@@ -32,6 +32,7 @@ from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor, checked_mo
 from aerobat_pin.flight.plant.elastic_joints import ElasticJoints, as_measured, loaded
 from aerobat_pin.flight.plant.kernels import evaluate
 from aerobat_pin.flight.plant.plant_state import Forces, PlantState, unknown_forces
+from aerobat_pin.flight.plant.simulated_elsewhere import FlightElsewhere, Simulator
 from aerobat_pin.flight.plant.stepping import SteppedFlight
 from aerobat_pin.flight.plant.tables import Flown, State
 from aerobat_pin.flight.point_forces import interval_means, point_forces
@@ -52,18 +53,23 @@ class Plant:
         scenario: start, air, crank, attitude hold and unknown forces.
         drive: crank drive or motor that replaces the scenario's. A drive is also called with times before zero, while
             the aerodynamic state is warmed up.
+        simulator: what integrates the motion in the plant's place, see `simulated_elsewhere`.
 
     Raises:
         CrankError: the drive's angle, rate and acceleration do not agree.
         ScenarioError: a force acts at a frame that the robot does not have, or its direction is zero.
     """
 
-    @guarded()
+    @guarded(simulator="free")
     def __init__(
-        self, robot: Aerobat, scenario: Scenario, drive: CrankDrive | RateControlledMotor | None = None
+        self,
+        robot: Aerobat,
+        scenario: Scenario,
+        drive: CrankDrive | RateControlledMotor | None = None,
+        simulator: Simulator | None = None,
     ) -> None:
         """Build air, attitude hold and unknown forces, and lay out the kernel's memory."""
-        self._given, self.scenario = robot, scenario
+        self._given, self.scenario, self.simulator = robot, scenario, simulator
         self.robot = robot = loaded(robot, scenario.plant.payload)
         self.model = model = robot.model
         self.drive = crank_drive(scenario) if drive is None else drive
@@ -108,7 +114,7 @@ class Plant:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy by building the plant anew, because views of Pinocchio's results cannot be pickled."""
-        return type(self), (self._given, self.scenario, self.drive)
+        return type(self), (self._given, self.scenario, self.drive, self.simulator)
 
     @guarded(time=("n",))
     def closure(self, time: Array) -> Closure:
@@ -190,7 +196,12 @@ class Plant:
         if held is None:
             held = interval_means(self.forces, np.arange(settings.count + 1) * dt, settings.seed)
         held = shaped(held, (2, len(self.forces), held.shape[-1]), "held")
-        self.flight = SteppedFlight(self, held, dt, self.initial if start is None else start, endless)
+        begin = self.initial if start is None else start
+        self.flight = (
+            SteppedFlight(self, held, dt, begin, endless)
+            if self.simulator is None
+            else FlightElsewhere(self, held, dt, begin, endless, self.simulator)
+        )
         return self.flight.q, self.flight.v
 
     def step(self, command: Array | None = None, crank_rate: float | None = None) -> tuple[Array, Array]:
