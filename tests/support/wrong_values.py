@@ -241,6 +241,8 @@ def calls() -> dict[str, Call]:
         "describe_belief": (api.describe_belief, {"belief": paper, "morphology": "aerobat", "settings": []}),
         "estimate_flight": (api.estimate_flight, {"log": log, "robot": bat, "belief": paper, "progress": None}),
         "flight_summary": (api.flight_summary, {"log": log, "mass": 0.04}),
+        "LiveFlight": (api.LiveFlight, {"scenario": loop}),
+        "LiveRobot": (api.LiveRobot, {"name": "double_pendulum", "points": ()}),
         "known_inputs": (
             api.known_inputs,
             {"log": log, "robot": bat, "torque": "measured", "air": paper.air},
@@ -298,12 +300,14 @@ def _recordings(
             api.estimate,
             {"record": record, "observers": ["momentum"], "calibration": None, "trust": False, "progress": None},
         ),
+        "stream_of": (api.stream_of, {"record": record}),
         "check_record": (api.check_record, {"record": record}),
         "suggested_map": (api.suggested_map, {"log": folder / "drone.csv", "urdf": None}),
         "OnlineEstimator": (
             api.OnlineEstimator,
             {"chosen": read, "folder": folder, "heard": None, "calibration": None, "wait": 0.0, "expected": None},
         ),
+        "LiveRecording": (api.LiveRecording, {"log": folder / "drone.csv", "chosen": read, "folder": folder}),
         "write_mcap": (api.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
         "write_flight_mcap": (
             api.write_flight_mcap,
@@ -326,7 +330,7 @@ def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
 SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 
-RESULTS = """Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
+RESULTS = """LiveSource LiveRow Flown Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
 Applications Bias Crossing Estimate Event Identifiability LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotMemory StateSpace StripLoads Trim Wake Tree
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
@@ -336,11 +340,11 @@ Contact Cause ModelCheck Suspect Finding Agreement Moments Check KnownForces Str
 ObserversTogether LoopState"""  # made by other functions
 TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
 RobotSection Scenario SensorSection SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection
-SampledSection LoadSection PlantSection"""  # pydantic checks
+SampledSection LoadSection PlantSection SineForce"""  # pydantic checks
 MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
 HOT = "prescribed_joint_dynamics"  # called for every sample
 NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"  # no arguments
-LONG = "run_sweep ForceNode"  # start processes, or a node of ROS 2; sweep and map come from load_sweep and load_map
+LONG = "run_sweep ForceNode LiveTopics"  # start processes or nodes; sweep and map come from load_sweep and load_map
 # Called by other rooms, with what these have checked.
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
 seal_netcdf netcdf_bytes torque_per_unit read_netcdf read_run joint_series
@@ -348,7 +352,7 @@ effort_findings record_findings moving_weight AllBut with_record robot_length ha
 typical_step redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew
 SeriesSculpture scenario_of_run changed_keys changes_text differing_keys keys_text blocks_of component_sizes
-found_events belief_of described log_with_motion shipped_description"""
+found_events belief_of described flight_log_of log_with_motion shipped_description"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed
