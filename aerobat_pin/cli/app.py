@@ -20,6 +20,7 @@ from aerobat_pin.cli.calibrate import calibrate_command
 from aerobat_pin.cli.check import check_command
 from aerobat_pin.cli.console import picture_files, print_version, write_results
 from aerobat_pin.cli.estimate import estimate_command
+from aerobat_pin.cli.live import live_command
 from aerobat_pin.cli.node import node_command
 from aerobat_pin.cli.options import (
     CalibrationFile,
@@ -127,6 +128,7 @@ app.command("estimate")(estimate_command)
 app.command("calibrate")(calibrate_command)
 app.command("check")(check_command)
 app.command("node")(node_command)
+app.command("live")(live_command)
 app.command("convert")(convert_command)
 app.command("sweep")(sweep_command)
 

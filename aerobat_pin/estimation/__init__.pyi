@@ -13,6 +13,7 @@ from .contacts import END_SHARE as END_SHARE
 from .contacts import ONSET_SHARE as ONSET_SHARE
 from .contacts import Stance as Stance
 from .estimate_record import estimate as estimate
+from .estimate_record import stream_of as stream_of
 from .findings import Finding as Finding
 from .findings import FindingVerdict as FindingVerdict
 from .inputs import KnownInputs as KnownInputs

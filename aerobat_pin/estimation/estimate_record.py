@@ -14,6 +14,8 @@ from aerobat_pin.estimation.compared import sensor_references
 from aerobat_pin.estimation.expected import expected_of
 from aerobat_pin.estimation.findings import refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
+from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.online import OnlineEstimator
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import inputs_between, observers_of, points_of, run_observers
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
@@ -53,11 +55,9 @@ def estimate(
     findings = list(record_findings(record))
     if not trust:
         refuse_if_certain(name, findings)
-    forces = fitted_forces(record) if calibration is None else calibration.forces(record)
+    forces = _with_noise(fitted_forces(record) if calibration is None else calibration.forces(record))
     record = forces.record  # whose robot carries what was found
     names = [one for one in observers if isinstance(one, str)]
-    if record.robot.limits_forces and not forces.values.row_noise:
-        forces = replace(forces, values=replace(forces.values, row_noise=noise_where_known(forces)))
     inputs = inputs_between(record, forces)
     expected = expected_of(record, inputs, forces.values, points_of(record.map))
     made, notes = observers_of(record, names, expected) if names or not observers else ([], ())
@@ -104,3 +104,22 @@ def estimate(
     if not trust:
         refuse_if_certain(name, findings)
     return replace(result, findings=tuple(findings))
+
+
+@guarded()
+def stream_of(record: Record) -> OnlineEstimator:
+    """Return a stream by a record's map that expects of forces and rows what the whole record shows.
+
+    Raises:
+        MapError: the map needs a whole record.
+    """
+    forces = _with_noise(fitted_forces(record))
+    expected = expected_of(record, inputs_between(record, forces), forces.values, points_of(record.map))
+    return OnlineEstimator(record.map, record.folder, expected=expected)
+
+
+def _with_noise(forces: KnownForces) -> KnownForces:
+    """Return known forces with the noise of the rows where nothing touches, unless it is known."""
+    if not forces.record.robot.limits_forces or forces.values.row_noise:
+        return forces
+    return replace(forces, values=replace(forces.values, row_noise=noise_where_known(forces)))

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.errors import MapError
+from aerobat_pin.errors import AerobatError, MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.contacts import walks_on
@@ -30,7 +30,7 @@ from aerobat_pin.estimation.stream_kernels import build_interval
 from aerobat_pin.estimation.stream_state import new_rings
 from aerobat_pin.estimation.tilt import tilt_of, with_tilt
 from aerobat_pin.numerics import Array, fields_of, guarded
-from aerobat_pin.observers import Expected, KalmanObserver, ObserversTogether, SmootherObserver
+from aerobat_pin.observers import Expected, KalmanObserver, Observer, ObserversTogether, SmootherObserver
 from aerobat_pin.records import (
     Map,
     PlainRobot,
@@ -103,10 +103,12 @@ class OnlineEstimator:
         self._rows, _ = rows_of(chosen, self.robot, names, self._requests)
         sizes = self._expected(np.zeros(self.robot.model.nv)) if expected is None else expected
         self._learns = expected is None and sizes is not None
-        self._observers = built_observers(chosen, self.robot, self._rows, (), sizes)
-        self._wait = TIME_CONSTANTS_TO_SETTLE / float(chosen.observer.gain)
         self._tilt = 0.0 if chosen.robot.wrenches else tilt_of(chosen)
-        self._share_data()
+        self._sizes, self._observers = sizes, list[Observer]()
+        self._build()
+        ring_kernels.put(self._memory, 0, np.nan, self._readers[0][2])  # compiles
+        build_interval(self._memory, self._leading)
+        self._rings.tally[:] = 0
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -156,6 +158,24 @@ class OnlineEstimator:
         rings.now[: ring_kernels.COUNT] = np.nan
         rings.now[ring_kernels.BROKEN] = 0.0
         self._epoch = None
+
+    @guarded()
+    def tune(self, observer: str, gain: float) -> None:
+        """Go on with one observer, anew, and its gain K [1/s]. Raises MapError if there is none, or no such gain."""
+        section = {**self._map.observer.model_dump(exclude_none=True), "names": [observer], "gain": gain}
+        chosen, before = self._map, list(self._observers)
+        self._map = chosen.model_copy(update={"observer": type(chosen.observer).model_validate(section)})
+        try:
+            self._build()
+        except AerobatError:
+            self._map, self._observers = chosen, before
+            raise
+        self._rings.now[ring_kernels.LAST] = np.nan
+
+    @property
+    def configuration(self) -> Array:
+        """The robot's q (nq,) at the end of the last interval."""
+        return self._rings.q.copy()
 
     def message(self, topic: str, message: object) -> list[OnlineSample]:
         """Take a ROS message of any client library; return the estimates that it completes."""
@@ -207,8 +227,10 @@ class OnlineEstimator:
         if self.robot.free and not base.held and not needed <= set(self._requests):
             raise MapError(f"online: {' and '.join(sorted(needed, reverse=True))} must be measured")
 
-    def _share_data(self) -> None:
-        """Let all observers read one `pin.Data`, in groups by what they need computed, and compile what they run."""
+    def _build(self) -> None:
+        """Make the map's observers, and let all read one `pin.Data`, in groups by what they need computed."""
+        self._observers = built_observers(self._map, self.robot, self._rows, (), self._sizes)
+        self._wait = TIME_CONSTANTS_TO_SETTLE / float(self._map.observer.gain)
         for observer in self._observers:
             if isinstance(observer, SmootherObserver):
                 raise MapError(
@@ -218,9 +240,6 @@ class OnlineEstimator:
             if isinstance(observer, KalmanObserver) and observer.doubted_forces:
                 raise MapError("online: observer.kalman.known_error: a stream knows the sum of known forces alone")
         self._together = ObserversTogether(self._observers)
-        ring_kernels.put(self._memory, 0, np.nan, self._readers[0][2])  # compiles
-        build_interval(self._memory, self._leading)
-        self._rings.tally[:] = 0
 
     def _advance(self) -> list[OnlineSample]:
         """Estimate at all times for which every channel has a sample at or after."""
@@ -276,4 +295,5 @@ class OnlineEstimator:
             expected = self._expected(np.sqrt(self._rings.squares / count))
             for observer in self._observers:
                 if expected is not None and observer.expected is not None:
+                    self._sizes = expected
                     observer.expect(expected)

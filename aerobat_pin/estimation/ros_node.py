@@ -47,6 +47,7 @@ class ForceNode:
         name: of the node, and where its topics begin.
         calibration: see `OnlineEstimator`, like `wait`.
         wait: by how much messages may arrive late [s].
+        heard: called with each estimate, beside publishing it.
 
     Raises:
         ExtraError: rclpy, or a package of messages, is not installed.
@@ -62,6 +63,7 @@ class ForceNode:
         calibration: Calibration | None = None,
         *,
         wait: float = 0.0,
+        heard: Callable[[OnlineSample], None] | None = None,
     ) -> None:
         rclpy, quality = _imported("rclpy"), _imported("rclpy.qos")
         signals = _imported("rclpy.signals").SignalHandlerOptions.NO
@@ -70,7 +72,7 @@ class ForceNode:
         self._diagnostic = _imported("diagnostic_msgs.msg")
         self._quality = quality.QoSProfile(depth=QUEUE, reliability=quality.ReliabilityPolicy.BEST_EFFORT)
         self.estimator = OnlineEstimator(chosen, folder, self._publish, calibration, wait=wait)
-        self._say, self._name = say, name
+        self._say, self._name, self._heard = say, name, heard
         self._wanted = {column.partition(".")[0] for column in self.estimator.columns}
         self._publishers: dict[str, Any] = {}
         self._watches: dict[str, ContactWatch] = {}
@@ -81,14 +83,18 @@ class ForceNode:
         self.node = rclpy.create_node(name, context=self._context)
         self.node.create_timer(LOOK_PERIOD, self._look)
         self.node.create_timer(SAY_PERIOD, self._diagnose)
+        self._executor = _imported("rclpy.experimental").EventsExecutor(context=self._context)
+        self._executor.add_node(self.node)
 
     def spin(self) -> None:
         """Run until Ctrl-C, SIGTERM or SIGHUP."""
-        executor = _imported("rclpy.experimental").EventsExecutor(context=self._context)
-        executor.add_node(self.node)
         with suppress(KeyboardInterrupt), raising():
             while True:  # `spin` of this executor does not let Python handle signals
-                executor.spin_once(timeout_sec=LOOK_PERIOD)
+                self.turn(LOOK_PERIOD)
+
+    def turn(self, seconds: float) -> None:
+        """Handle what comes next, within some time [s]."""
+        self._executor.spin_once(timeout_sec=seconds)
 
     def close(self) -> None:
         """Leave the network."""
@@ -121,6 +127,8 @@ class ForceNode:
 
     def _publish(self, found: OnlineSample) -> None:
         """Publish an estimate, and which point is in contact, as far as somebody listens."""
+        if self._heard is not None:
+            self._heard(found)
         at = self._stamps.get(found.end)
         if at is None:
             at = self.node.get_clock().now().to_msg()

@@ -6,6 +6,13 @@ from .experiment import run_recorded as run_recorded
 from .flight_summary import FlightSummary as FlightSummary
 from .flight_summary import flight_note as flight_note
 from .flight_summary import flight_summary as flight_summary
+from .live.flight import LiveFlight as LiveFlight
+from .live.heard import LiveRecording as LiveRecording
+from .live.heard import LiveTopics as LiveTopics
+from .live.source import LIVE_OBSERVERS as LIVE_OBSERVERS
+from .live.source import LiveRow as LiveRow
+from .live.source import LiveSource as LiveSource
+from .live.standing import LiveRobot as LiveRobot
 from .result_tables import estimate_dataset as estimate_dataset
 from .result_tables import read_run as read_run
 from .self_check import self_check as self_check

@@ -144,14 +144,15 @@ class Sensing:
         sensors: settings of the sensors.
         time: (n + 1,) times of the samples [s]; after them, the errors are drawn anew and the sensors start again.
         seed: seed of all random numbers.
+        first: number of the sample that is read first.
     """
 
-    def __init__(self, robot: Aerobat, sensors: SensorsSection, time: Array, seed: int) -> None:
+    def __init__(self, robot: Aerobat, sensors: SensorsSection, time: Array, seed: int, first: int = 0) -> None:
         """Draw the errors of the first n + 1 samples."""
         places = places_in_motion(robot)
         self._fitted = [(name, *places[name], one) for name, one in sensors.fitted.items() if name in places]
         self._crank = [("crank_angle", "crank", slice(0, 1), one) for one in [sensors.fitted.get("crank_angle")] if one]
-        self._time, self._seed, self._first = time, seed, 0
+        self._time, self._seed, self._first = time, seed, first
         self._readers, self._crank_readers = self._drawn(self._fitted), self._drawn(self._crank)
 
     def draw(self, k: int) -> None:

@@ -38,6 +38,7 @@ from .messages import stamp as stamp
 from .netcdf import read_netcdf as read_netcdf
 from .read import BAGS as BAGS
 from .read import NETCDF as NETCDF
+from .read import read_columns as read_columns
 from .record import ZEROED as ZEROED
 from .record import Record as Record
 from .reference import Reference as Reference
@@ -51,6 +52,7 @@ from .robot_files import load_robot as load_robot
 from .robot_files import robot_of_map as robot_of_map
 from .robot_files import urdf_of as urdf_of
 from .robot_tables import PayloadSection as PayloadSection
+from .robot_tables import RobotTable as RobotTable
 from .robots import FREE_NQ as FREE_NQ
 from .robots import FREE_NV as FREE_NV
 from .robots import PlainRobot as PlainRobot

@@ -43,4 +43,5 @@ from .toml import shipped_names as shipped_names
 from .toml import with_settings as with_settings
 from .unknown_forces import Axes as Axes
 from .unknown_forces import RecordedForce as RecordedForce
+from .unknown_forces import SineForce as SineForce
 from .unknown_forces import UnknownForce as UnknownForce

@@ -11,6 +11,8 @@ import sys
 import tempfile
 import time
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -60,3 +62,28 @@ def interrupted(*words: str, cwd: Path, at: str) -> subprocess.CompletedProcess[
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: a browser too
     output, errors = process.communicate()
     return subprocess.CompletedProcess(command, process.returncode, output, errors)
+
+
+@contextmanager
+def served(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Run a command that serves a page until the `with` block ends; provide the process and its page's address."""
+    command = [sys.executable, "-m", "aerobat_pin", *words]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as server:
+        try:
+            assert server.stdout is not None
+            yield server, server.stdout.readline().split()[2]
+        finally:
+            server.kill()
+
+
+def of_session(leader: int) -> list[str]:
+    """Return the live processes of a session."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[3]) == leader and fields[0] != "Z":
+            found.append(stat.parent.name)
+    return found

@@ -250,6 +250,8 @@ def calls() -> dict[str, Call]:
         "describe_belief": (api.describe_belief, {"belief": paper, "morphology": "aerobat", "settings": []}),
         "estimate_flight": (api.estimate_flight, {"log": log, "robot": bat, "belief": paper, "progress": None}),
         "flight_summary": (api.flight_summary, {"log": log, "mass": 0.04}),
+        "LiveFlight": (api.LiveFlight, {"scenario": loop}),
+        "LiveRobot": (api.LiveRobot, {"name": "double_pendulum", "points": ()}),
         "known_inputs": (
             api.known_inputs,
             {"log": log, "robot": bat, "torque": "measured", "air": paper.air},
@@ -307,12 +309,14 @@ def _recordings(
             api.estimate,
             {"record": record, "observers": ["momentum"], "calibration": None, "trust": False, "progress": None},
         ),
+        "stream_of": (api.stream_of, {"record": record}),
         "check_record": (api.check_record, {"record": record}),
         "suggested_map": (api.suggested_map, {"log": folder / "drone.csv", "urdf": None}),
         "OnlineEstimator": (
             api.OnlineEstimator,
             {"chosen": read, "folder": folder, "heard": None, "calibration": None, "wait": 0.0, "expected": None},
         ),
+        "LiveRecording": (api.LiveRecording, {"log": folder / "drone.csv", "chosen": read, "folder": folder}),
         "write_mcap": (api.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
         "write_flight_mcap": (
             api.write_flight_mcap,
@@ -335,7 +339,7 @@ def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
 SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 
-RESULTS = """Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
+RESULTS = """LiveSource LiveRow Flown Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
 Applications Bias Crossing Estimate Event Identifiability LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotState StateSpace StripLoads Trim Wake Tree
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
@@ -345,12 +349,12 @@ Contact Cause Effect ModelCheck Suspect Finding Agreement Moments Check KnownFor
 ObserversTogether LoopState SimulatedMotion"""  # made by other functions
 TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
 RobotSection Scenario SensorSection SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection
-SampledSection LoadSection PlantSection"""  # pydantic checks
+SampledSection LoadSection PlantSection SineForce"""  # pydantic checks
 MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
 HOT = "prescribed_joint_dynamics"  # called for every sample
 # Without arguments.
 NOTHING = "closed_settings describe_map describe_scenario scenario_keys shipped_scenarios shipped_sweeps"
-LONG = "run_sweep ForceNode"  # start processes, or a node of ROS 2; sweep and map come from load_sweep and load_map
+LONG = "run_sweep ForceNode LiveTopics"  # start processes or nodes; sweep and map come from load_sweep and load_map
 # Called by other rooms, with what these have checked.
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
 seal_netcdf netcdf_bytes torque_per_unit read_netcdf read_run joint_series
@@ -358,7 +362,7 @@ effort_findings record_findings moving_weight AllBut with_record robot_length ha
 quantity typical_step redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew
 SeriesSculpture scenario_of_run changed_keys changes_text differing_keys keys_text blocks_of component_sizes
-found_events belief_of described log_with_motion shipped_description"""
+found_events belief_of described flight_log_of log_with_motion shipped_description"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv Simulator"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed

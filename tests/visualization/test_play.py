@@ -14,8 +14,6 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +23,7 @@ import pytest
 from matplotlib.image import imread
 from support.bad_inputs import AllAnswers
 from support.browser import at, needs_browser, node, opened, ready
-from support.commands import call, interrupted
+from support.commands import call, interrupted, of_session, served
 
 from aerobat_description import PACKAGE_PATH, URDF_PATH
 from aerobat_pin.aerobat.flight_log import FlightLog
@@ -41,31 +39,6 @@ ARM = """<robot name="arm"><link name="base"/><link name="bar"><visual><origin x
 <child link="bar"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
 
 
-@contextmanager
-def playing(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Run `aerobat play` with these words until the `with` block ends; provide the process and its page's address."""
-    command = [sys.executable, "-m", "aerobat_pin", "play", *words]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as server:
-        try:
-            assert server.stdout is not None
-            yield server, server.stdout.readline().split()[2]
-        finally:
-            server.kill()
-
-
-def of_session(leader: int) -> list[str]:
-    """Return the live processes of a session."""
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = stat.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        if int(fields[3]) == leader and fields[0] != "Z":
-            found.append(stat.parent.name)
-    return found
-
-
 def sent_again(connection: socket.socket) -> int:
     """Return how many packets of a connection nobody confirmed at first: `tcpi_total_retrans` of Linux."""
     told = connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 104)
@@ -75,7 +48,7 @@ def sent_again(connection: socket.socket) -> int:
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Path, how: signal.Signals) -> None:
     """The address is printed and gives the page; one process alone; afterwards it is gone and its port is free."""
-    with playing(str(paper_folder), "--rate", "0.05") as (server, address):
+    with served("play", str(paper_folder), "--rate", "0.05") as (server, address):
         assert address.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(address) as answer:
             page = answer.read().decode()
@@ -96,7 +69,7 @@ def test_a_thousand_clients_that_leave_early_do_not_end_the_server(tmp_path: Pat
     """Some close their connection while the page is on its way, some reset it, some leave before they have asked."""
     (tmp_path / "arm.urdf").write_text(ARM)
     motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
-    with playing("--from-csv", str(motion), "--urdf", str(tmp_path / "arm.urdf")) as (server, address):
+    with served("play", "--from-csv", str(motion), "--urdf", str(tmp_path / "arm.urdf")) as (server, address):
         host, port = address.removeprefix("http://").rstrip("/").split(":")
         asked = f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode()
         for k in range(1000):

@@ -38,6 +38,8 @@ class SteppedFlight:
     def __init__(self, plant: Flyer, held: Array, dt: float, start: State, endless: bool) -> None:
         """Lay out the tables, and put the state into the kernel's memory."""
         self.plant, self.endless, self.done, self._window = plant, endless, 0, 0
+        self._force: Array = np.zeros(held.shape[1])
+        self._wind: Array = np.zeros(3)
         fields = plant.fields
         begin = np.concatenate([start.twist, start.air, start.crank, start.bent])
         fields.start[:] = fields.state[:] = shaped(begin, (len(fields.start),), "start")
@@ -89,6 +91,16 @@ class SteppedFlight:
         ready = isinstance(wrench, np.ndarray) and wrench.shape == (BASE_SIZE,) and wrench.dtype == float
         fields.command[:] = wrench if ready else checked(wrench, BASE_SIZE, "command")
         fields.holds[...] = 0.0
+
+    def disturb(self, force: Array, wind: Array) -> None:
+        """From here on, add to the unknown forces (f,) [N] and to the wind (3,) [m/s]; no pilot knows of either."""
+        self._add(force - self._force, wind - self._wind)
+        self._force, self._wind = force.copy(), wind.copy()
+
+    def _add(self, force: Array, wind: Array) -> None:
+        tables, at = self.tables, self.done - self._window
+        tables.held[1, :, at:] += force[:, None]
+        tables.wind[2 * tables.parts * at :, 0] += wind
 
     def advance(self) -> None:
         """Fly the next interval."""
@@ -154,4 +166,5 @@ class SteppedFlight:
         crank, bent = np.split(np.array(plant.fields.start[air:]), [len(plant.crank_start)])
         state = State(self.q[:7], plant.fields.start[:BASE_SIZE], np.zeros(0), crank, bent)
         self.tables, self._window = FlightTables(plant, held, tables.dt, state, self.done), self.done
+        self._add(self._force, self._wind)
         self._lay_out()

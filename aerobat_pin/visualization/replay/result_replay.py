@@ -12,7 +12,7 @@ from aerobat_pin.aerobat import belief_about, read_log
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Result
 from aerobat_pin.experiments import Experiment, estimate_dataset, run_recorded
-from aerobat_pin.records import Record, urdf_of
+from aerobat_pin.records import urdf_of
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.any_robot import load_any_robot
 from aerobat_pin.visualization.replay.flight_replay import replay_flight
@@ -37,7 +37,8 @@ def replay_result(made: Experiment | Result) -> Recording:
     last = min(last, first + round(LONGEST_REPLAY * record.rate))
     block, every = record.block(first, last), max(1, round(record.rate / REPLAY_RATE))
     rows = np.arange(0, len(block.time), every)
-    model, visual = _visible(made, record)
+    path = urdf_of(record.map.robot, record.folder)
+    model, visual = visible_parts(path, record.robot.model, made.name)
     recording = Recording(model, visual, block.time[rows] - record.start, block.q[rows], title=made.name)
     low = next(iter(made.stored.values())).index(block.time[0])
     at = np.minimum(rows, last - first - 1)
@@ -72,17 +73,16 @@ def replay_log(file: Path, morphology: str | None = None) -> Recording:
     return replay_result(run_recorded(log, belief_about(log, file.stem, morphology, [], [])))
 
 
-def _visible(result: Result, record: Record) -> tuple[pin.Model, pin.GeometryModel]:
-    """Return the model with its own shapes if its file names any that can be read, else with sticks."""
-    path = urdf_of(record.map.robot, record.folder)
+def visible_parts(path: Path | None, model: pin.Model, name: str) -> tuple[pin.Model, pin.GeometryModel]:
+    """Return the model with its own shapes if its URDF file names any that can be read, else with sticks."""
     if path is not None:
         try:
-            model, visual = load_any_robot(path, int(record.robot.model.nq), Path(result.name))
+            model_of_file, visual = load_any_robot(path, int(model.nq), Path(name))
             if visual.ngeoms > 0:
-                return model, visual
+                return model_of_file, visual
         except LogError:
             pass
-    return record.robot.model, sticks(record.robot.model)
+    return model, sticks(model)
 
 
 def sticks(model: pin.Model) -> pin.GeometryModel:

@@ -1,0 +1,58 @@
+"""The command `aerobat live`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from aerobat_pin.cli.console import write_results
+from aerobat_pin.cli.options import Settings
+
+if TYPE_CHECKING:
+    from aerobat_pin.experiments import LiveSource
+
+
+def live_command(
+    what: Annotated[
+        str, typer.Argument(metavar="[SCENARIO|ROBOT|LOG]", help="A scenario, a robot by name or URDF file, or a log.")
+    ] = "",
+    map_file: Annotated[
+        Path | None, typer.Option("--map", help="What the log's columns mean, or without a log the topics of ROS 2.")
+    ] = None,
+    points: Annotated[str | None, typer.Option(help="Frames of a robot that can be pushed: A,B.")] = None,
+    settings: Settings = None,
+    out: Annotated[Path, typer.Option(help="Folder for what is saved; further ones get a number.")] = Path("runs/live"),
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Serve at this port; 0 takes a free one.")] = 0,
+) -> None:
+    """Watch a robot in the browser and push it: true and estimated forces, while it flies, stands or is heard."""
+    from aerobat_pin.visualization import serve_live
+
+    typer.echo("compiling kernels (half a minute, once) ...", err=True)
+    source = _source(what, map_file, points, settings or [])
+
+    def save() -> str:
+        target, count = out, 1
+        while target.exists():
+            count += 1
+            target = out.with_name(f"{out.name}-{count}")
+        write_results(source.result, target, force=False)
+        return str(target)
+
+    serve_live(source, lambda address: typer.echo(f"live at {address} (Ctrl-C stops)"), save, port)
+    typer.echo("stopped")
+
+
+def _source(what: str, map_file: Path | None, points: str | None, settings: list[str]) -> LiveSource:
+    """Return what is to be watched."""
+    from aerobat_pin.experiments import LiveFlight, LiveRecording, LiveRobot, LiveTopics
+    from aerobat_pin.records import load_map
+    from aerobat_pin.scenario import load_scenario, shipped_scenarios
+
+    if map_file is not None:
+        chosen, folder = load_map(map_file), map_file.absolute().parent
+        return LiveRecording(Path(what), chosen, folder) if what else LiveTopics(chosen, folder, typer.echo)
+    if not what or what in shipped_scenarios() or what.endswith(".toml"):
+        return LiveFlight(load_scenario(what or "hover_closed_loop", settings))
+    return LiveRobot(what, tuple(name.strip() for name in (points or "").split(",") if name.strip()))

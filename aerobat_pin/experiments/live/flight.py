@@ -1,0 +1,211 @@
+"""Aerobat flies as long as one watches: the closed loop of a scenario keeps it up while somebody pushes it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from aerobat_pin.aerobat import AirStream, FlightLog
+from aerobat_pin.control import Controller
+from aerobat_pin.errors import AerobatError, ScenarioError, SimulationError
+from aerobat_pin.experiments.experiment import Experiment, Progress, run_recorded
+from aerobat_pin.experiments.flight_summary import flight_summary
+from aerobat_pin.experiments.live.source import KEPT, PUSH_SHARE, LiveRow, LiveSource
+from aerobat_pin.flight import ClosedLoop, Flown, LoopRecord, Plant, Sensing, flight_log_of
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.observers import OBSERVERS
+from aerobat_pin.robot import BASE_SIZE, believed_robot, flown_robot
+from aerobat_pin.scenario import Scenario, SineForce
+
+LIVE_WINDOW = 1.0  # [s]: the flight's tables are made anew so often
+
+
+class _Seen(NamedTuple):
+    """What the sensors showed at the start of an interval, and what happened in the loop over it."""
+
+    q: Array
+    v: Array
+    crank: float
+    command: Array
+    thrust: Array
+    modelled: Array
+    unrealised: Array
+    disturbance: Array
+
+
+class _Watched(Controller):
+    """A controller that remembers its last sample."""
+
+    def command(self, time: float, q: Array, v: Array, crank_angle: float) -> Array:
+        """Return the commanded thrusts (m,) [N]."""
+        given = super().command(time, q, v, crank_angle)
+        self.sample = q.copy(), v.copy(), crank_angle, given.copy()
+        return given
+
+
+class LiveFlight(LiveSource):
+    """The flight of a scenario under forces of the user, in place of its own.
+
+    Observers and controller know nothing of the forces that are set, and nothing of the wind.
+
+    Args:
+        scenario: it has a table `control`.
+
+    Raises:
+        ScenarioError: it has none, or too many forces for a page.
+    """
+
+    knobs: ClassVar[tuple[str, ...]] = ("noise", "wind")
+
+    @guarded()
+    def __init__(self, scenario: Scenario) -> None:
+        if scenario.control is None:
+            raise ScenarioError(
+                f"scenario {scenario.name} has no table control, so nothing keeps its robot up: one with it was "
+                "expected, such as hover_closed_loop"
+            )
+        section = scenario.observers
+        axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        forces = tuple(
+            SineForce(signal="sine", frame=frame, direction=axis, axes="world", amplitude=0.0)
+            for frame in section.frames
+            for axis in axes
+        )
+        settings = scenario.simulation.model_copy(update={"duration": LIVE_WINDOW})
+        self.scenario = scenario.model_copy(update={"unknown_force": forces, "simulation": settings})
+        self.plant = Plant(flown_robot(scenario), self.scenario)
+        self.robot, self._believed = self.plant.robot, believed_robot(scenario)
+        super().__init__(scenario.name, self.robot.model, section.frames, section.names[-1], section.gain)
+        self.limit = PUSH_SHARE * self.robot.mass * scenario.flight.gravity
+        self.dt, self._count, self._before = settings.dt, settings.count, 0.0
+        self._drawn = 1.0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Begin the flight, or begin it again."""
+        self._pilot = _Watched(self.scenario, self._believed)
+        self._loop = ClosedLoop(self.plant, self._pilot, endless=True)
+        self._air = AirStream(self._believed, self.scenario.believed_air, self.dt)
+        self._windows: deque[Flown] = deque(maxlen=round(KEPT / LIVE_WINDOW))
+        self._seen: deque[_Seen] = deque(maxlen=self._count * (round(KEPT / LIVE_WINDOW) + 1))
+        self._before, self._true, self._started = self.time, None, False
+        self.changed(tuned=True)
+
+    def changed(self, *, tuned: bool) -> None:
+        """Push, blow, draw the sensors' errors anew, and begin with another observer."""
+        self._loop.flight.disturb(self.force.ravel(), self.wind)
+        if tuned:
+            settings = self.scenario.observers.settings(self.observer)
+            kind = OBSERVERS[self.observer]
+            self._observer = kind(self._believed.model, self.points, self.gain, **settings)
+            self._started = False
+        fitted = self.scenario.sensors.fitted
+        if fitted and (tuned or self.noise != self._drawn):
+            self._drawn = self.noise
+            scaled = {
+                name: one.model_copy(update={"noise": (self.noise * np.array(one.noise)).tolist()})
+                for name, one in fitted.items()
+            }
+            sensors = self.scenario.sensors.model_copy(update=scaled)
+            time = np.arange(self._count + 1) * self.dt
+            seed, first = self.scenario.simulation.seed, self._loop.done
+            self._loop.sensing = Sensing(self.robot, sensors, time, seed + first, first)
+
+    def step(self) -> list[LiveRow]:
+        """Fly one interval; the estimate is that of the interval before, whose end the sensors show now."""
+        try:
+            found = self._step()
+        except AerobatError:  # numbers beyond all limits
+            return self._lost()
+        if self._loop.done % self._count == 0:
+            self._windows.append(self._loop.flight.flown())
+            if self._pilot.state.word == "LOST":
+                return self._lost()
+        return found
+
+    def _step(self) -> list[LiveRow]:
+        loop, pilot = self._loop, self._pilot
+        loop.step()
+        q, v, crank, command = pilot.sample
+        at = (loop.done - 1) * self.dt
+        parts = loop.thrust.mean, pilot.modelled, pilot.unrealised, pilot.disturbance
+        self._seen.append(_Seen(q, v, crank, command, *(np.array(part) for part in parts)))
+        found = list[LiveRow]()
+        if self._true is None:
+            self._air.reset(at, q, v, crank, loop.flight.crank_rate)
+        else:
+            air, added = self._air.update(at, q, v)
+            if self._started:
+                known = {"air": air, "added_mass": added, "thrusters": self._pushed}
+                sample = self._observer.update(at, q, v, self._motor, known)
+                found = [LiveRow(self._before + at, self._true, sample.components.reshape(-1, 3))]
+        if not self._started:
+            self._observer.reset(q, v, at)
+            self._started = True
+        forces = loop.flight.last_forces()
+        self._true, self._motor = forces.force_W[0].copy(), forces.motor[0].copy()
+        self._pushed = np.pad(pilot.modelled, (0, self.model.nv - BASE_SIZE))
+        self.q, self.time = loop.q, self._before + loop.done * self.dt
+        return found
+
+    @property
+    def crank(self) -> float:
+        """Absolute crank angle t1 [rad]."""
+        return self._loop.flight.crank_angle
+
+    def _lost(self) -> list[LiveRow]:
+        self.said = f"lost: {self._pilot.state.line}; it begins again"
+        self.force[:] = 0.0
+        self._begin()
+        return []
+
+    def result(self, show: Progress) -> Experiment:
+        """Return the last seconds as a run: what the sensors showed, and what only the simulation knows."""
+        flight, done = self._loop.flight, self._loop.done
+        windows = [*self._windows, *([flight.flown()] if done % self._count else [])]
+        if len(self._seen) < 10:
+            raise SimulationError("nothing has been flown yet that could be saved", self.time)
+        flown, count = _joined(windows), sum(len(one.loads) for one in windows)
+        seen: list[Array] = [np.array(part) for part in zip(*list(self._seen)[-count:], strict=True)]
+        flown = _first(flown, count - 1)  # the sensors have not yet shown the end of the last interval
+        record = LoopRecord(self._loop.thrusters, *(part[:-1] for part in seen[3:]))
+        time = (done - count + np.arange(count)) * self.dt
+        exact = flight_log_of(self.plant, time, flown, record)
+        assert exact.truth is not None
+        measured, truth = exact.measured.copy(deep=True), exact.truth.copy()
+        for name, values in zip(("q", "v", "crank_angle"), seen, strict=False):
+            truth[name] = truth.get(name, exact.measured[name])
+            measured[name].values[:] = values
+        section = self.scenario.observers.model_copy(update={"names": (self.observer,), "gain": self.gain})
+        settings = self.scenario.simulation.model_copy(update={"duration": (count - 1) * self.dt})
+        belief = self.scenario.model_copy(update={"observers": section, "simulation": settings})
+        log = FlightLog(measured, truth)
+        made = run_recorded(log, belief, show)
+        flight_numbers = flight_summary(log, self.robot.mass)
+        scores = replace(made.scores, more={**made.scores.more, "log": None, "flight": flight_numbers.to_json()})
+        return replace(made, robot=self.robot, scores=scores, flight=flight_numbers)
+
+
+def _joined(windows: list[Flown]) -> Flown:
+    """Return windows that follow each other as one flight."""
+    last = windows[-1]
+
+    def samples(name: str) -> Array:
+        return np.concatenate([*(getattr(one, name)[:-1] for one in windows[:-1]), getattr(last, name)])
+
+    forces = type(last.forces)(*(np.concatenate(parts) for parts in zip(*(one.forces for one in windows), strict=True)))
+    loads = np.concatenate([one.loads for one in windows])
+    names = ("crank_angle", "crank_rate", "q", "v", "deflection", "air")
+    return Flown(**{name: samples(name) for name in names}, forces=forces, loads=loads)
+
+
+def _first(flown: Flown, count: int) -> Flown:
+    """Return the first intervals of a flight."""
+    forces = type(flown.forces)(*(part[:count] for part in flown.forces))
+    samples = {
+        name: getattr(flown, name)[: count + 1] for name in ("crank_angle", "crank_rate", "q", "v", "deflection", "air")
+    }
+    return Flown(**samples, forces=forces, loads=flown.loads[:count])

@@ -1,0 +1,140 @@
+"""A robot that is heard: its recording, in the time that it took, or the topics of a ROS 2 node."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from time import monotonic
+
+import numpy as np
+
+from aerobat_pin.errors import LogError, MapError
+from aerobat_pin.estimation import ForceNode, OnlineEstimator, OnlineSample, Result, estimate, stream_of
+from aerobat_pin.experiments.experiment import Progress
+from aerobat_pin.experiments.live.source import LiveRow, LiveSource
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.records import Columns, Map, open_record, read_columns, urdf_of
+
+Stamped = tuple[float, int, dict[str, float]]  # time [s], number of its clock, columns
+
+
+class LiveStream(LiveSource):
+    """A robot whose forces a stream estimates.
+
+    Args:
+        title: a line about it.
+        stream: the stream; its first observer alone goes on.
+        chosen: its map.
+        folder: where relative paths of the map begin.
+    """
+
+    def __init__(self, title: str, stream: OnlineEstimator, chosen: Map, folder: Path) -> None:
+        points, section = (*chosen.robot.points, *chosen.robot.wrenches), chosen.observer
+        if not points:
+            raise MapError("live: robot.points = []: a point at which a force is sought was expected")
+        super().__init__(title, stream.robot.model, points, stream.observers[0], section.gain)
+        self.stream, self.urdf = stream, urdf_of(chosen.robot, folder)
+        stream.tune(self.observer, self.gain)
+
+    def changed(self, *, tuned: bool) -> None:
+        """Let another observer go on."""
+        if tuned:
+            self.stream.tune(self.observer, self.gain)
+
+    def rows(self, samples: list[OnlineSample], true: Array) -> list[LiveRow]:
+        """Return estimates beside the true force (p, 3)."""
+        found = []
+        for one in samples:
+            values = one.components
+            force = np.array([[values[f"{point}.{axis}"] for axis in ("Fx", "Fy", "Fz")] for point in self.points])
+            found.append(LiveRow(one.end, true, force))
+        return found
+
+
+class LiveRecording(LiveStream):
+    """A recording, sample by sample.
+
+    Args:
+        log: a table, a bag, or an MCAP file.
+        chosen: its map.
+        folder: where relative paths of the map begin.
+
+    Raises:
+        LogError, MapError: they cannot be read, or need a whole record.
+    """
+
+    @guarded()
+    def __init__(self, log: Path, chosen: Map, folder: Path) -> None:
+        self._log, self._folder = log, folder
+        record = open_record(log, chosen, folder)
+        self._map = chosen = record.map
+        super().__init__(log.name, stream_of(record), chosen, folder)
+        columns = read_columns(log, chosen.log, self.stream.columns)
+        self._samples = heapq.merge(
+            *(_samples(columns, n, clock) for n, clock in enumerate(columns.clocks)), key=lambda one: one[:2]
+        )
+        self._next = next(self._samples, None)
+        if self._next is None:
+            raise LogError(f"log {log}: no sample of what the map names")
+        self.time = self._next[0]
+
+    def step(self) -> list[LiveRow]:
+        """Hear the next sample."""
+        if self._next is None:
+            self.ended, self.said = True, "the recording has ended"
+            return []
+        self.time = self._next[0]
+        samples = self.stream.push(self.time, self._next[2])
+        self._next = next(self._samples, None)
+        if samples:
+            self.q = self.stream.configuration
+        return self.rows(samples, self.unknown)
+
+    def result(self, show: Progress) -> Result:
+        """Return what `aerobat estimate` finds in the whole recording."""
+        section = self._map.observer.model_copy(update={"names": (self.observer,), "gain": self.gain})
+        record = open_record(self._log, self._map.model_copy(update={"observer": section}), self._folder)
+        return estimate(record, progress=lambda share: show("estimating", share), trust=True)
+
+
+class LiveTopics(LiveStream):
+    """The topics that a map names, heard by a ROS 2 node, which publishes the forces as well.
+
+    Args:
+        chosen: the map.
+        folder: where relative paths of the map begin.
+        say: called with a line for each topic that is heard.
+
+    Raises:
+        ExtraError: there is no ROS 2.
+        LogError, MapError: see `OnlineEstimator`.
+    """
+
+    def __init__(self, chosen: Map, folder: Path, say: Callable[[str], None]) -> None:
+        self._heard: list[OnlineSample] = []
+        self.node = ForceNode(chosen, folder, say, heard=self._heard.append)
+        super().__init__("topics of ROS 2", self.node.estimator, chosen, folder)
+
+    def advance(self, seconds: float, budget: float) -> list[LiveRow]:
+        """Hear what arrives within the budget [s]."""
+        deadline = monotonic() + budget
+        while (left := deadline - monotonic()) > 0.0:
+            self.node.turn(left)
+        samples = self._heard.copy()
+        self._heard.clear()
+        if samples:
+            self.time, self.q = samples[-1].end, self.stream.configuration
+        return self.rows(samples, self.unknown)
+
+    def result(self, show: Progress) -> Result:
+        """Refuse: a bag records topics."""
+        raise LogError("topics are not kept here: `ros2 bag record`, then `aerobat estimate BAG --map MAP`")
+
+
+def _samples(columns: Columns, number: int, clock: str) -> Iterator[Stamped]:
+    """Yield the samples of one clock, without empty cells."""
+    names = [name for name, its in columns.clock_of.items() if its == clock]
+    pieces = [columns.clocks[clock].time[:], *(columns.values[name][:] for name in names)]
+    for row in zip(*(piece.tolist() for piece in pieces), strict=True):
+        yield row[0], number, {name: value for name, value in zip(names, row[1:], strict=True) if np.isfinite(value)}

@@ -1,0 +1,1 @@
+"""A page on which a robot lives and can be pushed."""

@@ -1,0 +1,236 @@
+"""Serve a live page to browsers on this machine, until Ctrl-C.
+
+Who does not know the token of the address, asks for another host (a foreign name that was made to lead here) or comes
+from another page, gets neither page nor socket. Messages leave at a fixed rate, whatever a browser draws; it gets no
+further one while the last is on its way.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import secrets
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from time import monotonic
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.errors import AerobatError, ExtraError, OutputError, raising
+from aerobat_pin.experiments import LIVE_OBSERVERS, LiveFlight, LiveRow, LiveSource
+from aerobat_pin.robot import place_bars, visual_model_with_bars
+from aerobat_pin.visualization import style
+from aerobat_pin.visualization.live.live_parts import live_parts
+from aerobat_pin.visualization.replay.result_replay import visible_parts
+from aerobat_pin.visualization.replay.scene import box_corners, round_number_above
+from aerobat_pin.visualization.replay.serve import LOCALHOST
+from aerobat_pin.visualization.template import fill_template
+
+PERIOD = 0.04  # [s] between messages
+SHARE = 0.7  # of a period that the robot may take
+ROW_PERIOD = 0.02  # [s] between points of a curve
+PICTURE_FOLLOWS = 0.1  # share by which the picture follows a robot that flies, from message to message
+LARGEST_WISH = 10_000  # bytes of a message from a page
+
+
+class _Picture:
+    """What is drawn of a robot."""
+
+    def __init__(self, source: LiveSource) -> None:
+        self.source = source
+        if isinstance(source, LiveFlight):
+            self.visual = visual_model_with_bars(source.robot)
+        else:
+            self.visual = visible_parts(source.urdf, source.model, source.title)[1]
+        self._data, self._placed = source.model.createData(), self.visual.createData()
+        self._frames = [source.model.getFrameId(point) for point in source.points]
+        self._free = source.model.joints[1].nq == 7
+        self._place()
+        placed = zip(self._placed.oMg, self.visual.geometryObjects, strict=True)
+        corners = [at.rotation @ box_corners(part).T + at.translation[:, None] for at, part in placed]
+        low, high = (end(np.hstack(corners), axis=1) for end in (np.min, np.max))
+        self.size, self._target = 0.5 * float(np.linalg.norm(high - low)) or 1.0, 0.5 * (low + high)
+
+    def _place(self) -> None:
+        source = self.source
+        if isinstance(source, LiveFlight):
+            place_bars(source.robot, self.visual, source.crank)
+        pin.updateGeometryPlacements(source.model, self._data, self.visual, self._placed, source.q)
+        pin.updateFramePlacements(source.model, self._data)
+
+    def message(self, rows: list[LiveRow], pace: float) -> bytes:
+        """Return a message as the page reads it: numbers in single precision."""
+        source = self.source
+        self._place()
+        if self._free:
+            self._target = self._target + PICTURE_FOLLOWS * (source.q[:3] - self._target)
+        parts = [pin.SE3ToXYZQUAT(place) for place in self._placed.oMg]
+        points = [self._data.oMf[frame].translation for frame in self._frames]
+        curves = [np.concatenate([[row.time], row.true.ravel(), row.estimate.ravel()]) for row in rows]
+        whole = [[source.time, pace, len(rows)], self._target, source.force.ravel(), *parts, *points, *curves]
+        return np.concatenate([np.ravel(one) for one in whole]).astype("<f4").tobytes()
+
+
+class _Life:
+    """The robot's time, and the browsers that watch."""
+
+    def __init__(self, source: LiveSource, save: Callable[[], str]) -> None:
+        self.source, self.picture, self.save = source, _Picture(source), save
+        self.watchers: dict[Any, Any] = {}  # socket -> its last message, on its way
+        self.paused, self._row, self._wanted = False, -np.inf, False
+
+    def greeting(self) -> str:
+        """Return what a page is told first."""
+        source = self.source
+        told = {
+            "title": source.title,
+            "parts": live_parts(self.picture.visual),
+            "points": source.points,
+            "size": self.picture.size,
+            "limit": round_number_above(source.limit) if source.limit else 0.0,
+            "knobs": source.knobs,
+            "observers": LIVE_OBSERVERS,
+            "observer": source.observer,
+            "gain": source.gain,
+            "noise": source.noise,
+            "wind": source.wind.tolist(),
+            "paused": self.paused,
+        }
+        return json.dumps(told)
+
+    def wish(self, text: str | bytes) -> None:
+        """Do what a page asks for."""
+        try:
+            values = json.loads(text)
+            if not isinstance(values, Mapping):
+                raise ValueError
+            self.paused = bool(values.get("paused", self.paused))
+            self._wanted = self._wanted or bool(values.get("save"))
+            self.source.change(values)
+        except AerobatError as error:
+            self.tell(f"error: {error}")
+        except (TypeError, ValueError):
+            self.tell("error: a message that cannot be read")
+
+    def tell(self, line: str) -> None:
+        """Let all pages show a line."""
+        for socket in self.watchers:
+            self._send(socket, json.dumps({"said": line}))
+
+    def _send(self, socket: Any, message: str | bytes) -> None:
+        with suppress(Exception):  # it has just left
+            self.watchers[socket] = socket.write_message(message, binary=isinstance(message, bytes))
+
+    async def live(self) -> None:
+        """Go on, message by message."""
+        due = monotonic()
+        while True:
+            due = max(due + PERIOD, monotonic() + 0.1 * PERIOD)
+            await asyncio.sleep(due - monotonic())
+            if self._wanted:
+                self._wanted = False
+                self.tell("saving ...")
+                await asyncio.sleep(PERIOD)
+                try:
+                    self.tell(f"saved in {self.save()}")
+                except AerobatError as error:
+                    self.tell(f"error: {error}")
+            if self.paused:
+                continue
+            before = self.source.time
+            rows = self.source.advance(PERIOD, SHARE * PERIOD)
+            if self.source.said:
+                self.tell(self.source.said)
+                self.source.said, self.paused = "", self.source.ended
+            kept = []
+            for row in rows:
+                if row.time >= self._row + ROW_PERIOD - 1e-9 or row.time < self._row:
+                    self._row = row.time
+                    kept.append(row)
+            message = self.picture.message(kept, (self.source.time - before) / PERIOD)
+            for socket, sent in list(self.watchers.items()):
+                if sent is None or sent.done():
+                    self._send(socket, message)
+
+
+def serve_live(
+    source: LiveSource,
+    announce: Callable[[str], None],
+    save: Callable[[], str],
+    port: int = 0,
+) -> None:
+    """Serve a live page until Ctrl-C; only browsers on this machine can open it, by the announced address.
+
+    Args:
+        source: the robot.
+        announce: called with the address as soon as the page can be opened.
+        save: writes what happened, and says where.
+        port: port of this machine; 0 takes a free one.
+
+    Raises:
+        ExtraError: tornado is not installed.
+        OutputError: the port is taken, or not free for this user.
+    """
+    try:
+        from tornado.httpserver import HTTPServer
+        from tornado.netutil import bind_sockets
+        from tornado.web import Application, HTTPError, RequestHandler
+        from tornado.websocket import WebSocketHandler
+    except ImportError as error:
+        raise ExtraError(f"live: {error}: pip install 'aerobat-pinocchio[live]' was expected") from error
+    token, life = secrets.token_urlsafe(18), _Life(source, save)
+
+    def refused(request: Any, *, socket: bool) -> bool:
+        asked, given = request.headers.get_list("Host"), request.arguments.get("token", [b""])
+        origins = request.headers.get_list("Origin")
+        if len(asked) != 1 or asked[0] not in hosts or not secrets.compare_digest(given[-1], token.encode()):
+            return True
+        return (socket or bool(origins)) and origins != [f"http://{asked[0]}"]
+
+    class Page(RequestHandler):
+        def get(self) -> None:
+            if refused(self.request, socket=False):
+                raise HTTPError(403)
+            policy = f"default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src ws://{self.request.host}"
+            self.set_header("Content-Security-Policy", f"{policy}; frame-ancestors 'none'")
+            self.set_header("Referrer-Policy", "no-referrer")
+            self.set_header("Cache-Control", "no-store")
+            self.finish(page)
+
+    class Socket(WebSocketHandler):
+        def prepare(self) -> None:
+            if refused(self.request, socket=True):
+                raise HTTPError(403)
+
+        def check_origin(self, origin: str) -> bool:
+            return True  # `prepare` has seen to it
+
+        def open(self, *_: str) -> None:
+            life.watchers[self] = None
+            self.write_message(life.greeting())
+
+        def on_message(self, message: str | bytes) -> None:
+            life.wish(message)
+
+        def on_close(self) -> None:
+            life.watchers.pop(self, None)
+
+    page = fill_template("live.html", title=source.title, truth=style.TRUTH, estimate=style.ESTIMATES[0])
+    hosts: list[str] = []
+
+    async def run() -> None:
+        application = Application([("/", Page), ("/live", Socket)], log_function=lambda handler: None)
+        server = HTTPServer(application, max_body_size=LARGEST_WISH)
+        try:
+            sockets = bind_sockets(port, LOCALHOST)
+        except OSError as error:
+            raise OutputError(f"live: --port {port}: {error.strerror}; another port, or none, was expected") from error
+        server.add_sockets(sockets)
+        hosts.extend(f"{name}:{sockets[0].getsockname()[1]}" for name in (LOCALHOST, "localhost"))
+        announce(f"http://{hosts[0]}/?token={token}")
+        await life.live()
+
+    with suppress(KeyboardInterrupt), raising():
+        asyncio.run(run())

@@ -1,0 +1,141 @@
+"""Robots that live: what a user sets acts, and the estimate is that of the batch or the known answer."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from support.walking_log import FEET, table, table_map, urdf, walk
+
+from aerobat_pin.errors import ObserverError, ScenarioError
+from aerobat_pin.estimation import estimate
+from aerobat_pin.experiments import LiveFlight, LiveRecording, LiveRobot, LiveRow
+from aerobat_pin.records import open_record, parse_map
+from aerobat_pin.scenario import load_scenario
+
+LONG = 1e3  # [s] of work that a test allows
+
+
+def errors(rows: list[LiveRow]) -> np.ndarray:
+    """Return estimate less true force (n, p, 3) [N]."""
+    return np.array([row.estimate - row.true for row in rows])
+
+
+@pytest.fixture
+def hovering() -> LiveFlight:
+    """Return a flight that has settled."""
+    live = LiveFlight(load_scenario("hover_closed_loop"))
+    live.change({"noise": 0.0, "gain": 1000.0})
+    live.advance(0.1, LONG)
+    return live
+
+
+def test_a_hovering_robot_feels_what_is_set_and_flies_on(hovering: LiveFlight) -> None:
+    """0.02 N within 0.03 % over three flaps, past the end of the flight's tables; the robot stays where it is."""
+    hovering.change({"force": [[0.0, 0.0, 0.02], [0.0, 0.01, 0.0]]})
+    rows = hovering.advance(1.5, LONG)
+    assert len(rows) >= 1499
+    np.testing.assert_allclose(rows[-1].true, [[0.0, 0.0, 0.02], [0.0, 0.01, 0.0]], rtol=0.0, atol=1e-12)
+    off = errors(rows[-632:])  # three flaps
+    assert np.abs(off.mean(axis=0)).max() < 3e-4 * 0.02
+    assert np.sqrt(np.mean(off**2)) < 2e-3 * 0.02
+    assert np.linalg.norm(hovering.q[:3]) < 0.1
+    assert hovering.said == ""
+
+
+def test_wind_and_noise_act_while_it_flies(hovering: LiveFlight) -> None:
+    """Wind that nobody believes in looks like a force; noise of the sensors shakes the estimate, a lower gain less."""
+    hovering.change({"force": np.zeros((2, 3)).tolist(), "wind": [0.3, 0.0, 0.0]})
+    blown = hovering.advance(0.6, LONG)
+    assert np.abs(errors(blown[-400:])).max() > 2e-3
+    hovering.change({"wind": [0.0, 0.0, 0.0], "noise": 1.0})
+    rough = errors(hovering.advance(0.3, LONG)).std(axis=0)
+    hovering.change({"gain": 20.0})
+    smooth = errors(hovering.advance(0.6, LONG)[-300:]).std(axis=0)
+    assert np.all(rough > 5.0 * smooth)
+
+
+def test_what_was_flown_is_a_run(hovering: LiveFlight) -> None:
+    """What the sensors showed, and the truth; the batch sees what the stream has seen."""
+    hovering.change({"noise": 0.0, "gain": 1000.0, "observer": "momentum"})
+    rows = hovering.advance(0.4, LONG)
+    made = hovering.result(lambda *_: None)
+    assert made.flight is not None
+    assert list(made.estimates) == ["momentum"]
+    assert len(made.log.time) == round(made.flight.duration / hovering.dt) + 1
+    batch = made.estimates["momentum"].components[-200:-1].reshape(-1, 2, 3)
+    live = np.array([row.estimate for row in rows[-199:]])
+    np.testing.assert_allclose(batch, live, rtol=0.0, atol=1e-4)
+
+
+def test_a_robot_that_is_lost_begins_again() -> None:
+    """Ten times its weight at a wing."""
+    live = LiveFlight(load_scenario("hover_closed_loop", ["air.strips=4"]))
+    live.limit = 10.0
+    live.change({"force": [[0.0, 0.0, 9.0], [0.0, 0.0, 0.0]]})
+    while not live.said and live.time < 8.0:
+        live.advance(0.5, LONG)
+    assert live.said.startswith("lost: ")
+    assert live.advance(0.1, LONG)
+    assert np.linalg.norm(live.q[:3]) < 0.1
+
+
+def test_only_a_scenario_that_keeps_its_robot_up_can_live() -> None:
+    """And only observers that need no future."""
+    with pytest.raises(ScenarioError, match="no table control"):
+        LiveFlight(load_scenario("paper"))
+    live = LiveRobot("double_pendulum")
+    for wrong in ({"observer": "smoother"}, {"gain": -1.0}, {"gain": float("nan")}):
+        with pytest.raises(ObserverError, match="a gain up to 2000"):
+            live.change(wrong)
+
+
+@pytest.mark.parametrize("name", ["ur5", "solo12"])
+def test_a_standing_robot_comes_to_rest_where_springs_weight_and_force_balance(name: str) -> None:
+    """J^T f = K (q - q0) + g(q) - g(q0) by Pinocchio; the estimate is the force."""
+    live = LiveRobot(name)
+    live.change({"noise": 0.0})
+    force = np.zeros((len(live.points), 3))
+    force[0] = np.array([0.5, -0.3, 0.7]) * live.limit
+    live.change({"force": force.tolist()})
+    rows = live.advance(3.0, LONG)
+    np.testing.assert_allclose(rows[-1].estimate, force, rtol=0.0, atol=0.003 * live.limit)
+    model, data = live.model, live.model.createData()
+    frame = model.getFrameId(live.points[0])
+    J = pin.computeFrameJacobian(model, data, live.q, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[:3]
+    turned = live.spring * (live.q - live.posture)
+    weight = [pin.computeGeneralizedGravity(model, data, q).copy() for q in (live.q, live.posture)]
+    np.testing.assert_allclose(J.T @ force[0], turned + weight[0] - weight[1], rtol=0.0, atol=1e-3 * live.spring)
+
+
+def test_what_stood_is_a_recording(tmp_path: Path) -> None:
+    """With the force at its first point as the sensor; another observer goes on at once."""
+    live = LiveRobot("ur5")
+    live.advance(0.5, LONG)
+    live.change({"force": [[0.0, 0.0, 10.0]], "observer": "momentum", "gain": 100.0})
+    assert live.advance(0.5, LONG)
+    found = live.result(lambda *_: None)
+    assert list(found.estimates) == ["momentum"]
+    assert found.metrics()["observers"]["momentum"]["tool0"]["Fz"]["r2"] > 0.95
+
+
+def test_a_recording_lives_as_the_batch_has_it(tmp_path: Path) -> None:
+    """Sample by sample within 1e-9 N."""
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    values = copy.deepcopy(table_map(tmp_path / "quadruped.urdf"))
+    values |= {"log": {"time": {"column": "t"}}, "check": {}}
+    chosen, log = parse_map(values, "of the test"), tmp_path / "log.csv"
+    table(walk(1.0)).to_csv(log, index=False, float_format="%.17g")
+    live = LiveRecording(log, chosen, tmp_path)
+    rows = live.advance(10.0, LONG)
+    assert live.ended
+    assert live.points == FEET
+    name = live.observer
+    whole = estimate(open_record(log, chosen, tmp_path), [name]).estimates[name]
+    np.testing.assert_allclose([row.time for row in rows], whole.time[1:], rtol=0.0, atol=1e-9)
+    batch = whole.components.reshape(-1, len(FEET), 3)
+    np.testing.assert_allclose([row.estimate for row in rows], batch, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(live.q, walk(1.0).q[-1], atol=1e-6)
