@@ -152,6 +152,7 @@ def write_results(
         progress_bar() as show,
     ):
         made = estimated(show)
+        show("scoring and writing", 0.0)
         experiments.write(made, folder)
         if pages:
             from aerobat_pin.visualization import write_figures_and_pages
