@@ -18,7 +18,7 @@ import typer
 
 from aerobat_pin.cli.calibrate import calibrate_command
 from aerobat_pin.cli.check import check_command
-from aerobat_pin.cli.console import picture_files, print_version, write_results
+from aerobat_pin.cli.console import doing, picture_files, print_version, write_results
 from aerobat_pin.cli.estimate import estimate_command
 from aerobat_pin.cli.live import live_command
 from aerobat_pin.cli.node import node_command
@@ -152,7 +152,8 @@ def trim_command(
     if out is not None:
         check_file(out, force=force)
     guess = load_scenario(scenario, settings or [])
-    trimmed = find_trim(guess)
+    with doing("searching the trim"):
+        trimmed = find_trim(guess)
     flight, crank = trimmed.scenario.flight, trimmed.scenario.crank
     offset, doubling = trimmed.scenario.robot.changes["wing"]["offset_x"], trimmed.time_to_double
     typer.echo(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 import re
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,14 +20,14 @@ if TYPE_CHECKING:
     from aerobat_pin.estimation import Result
     from aerobat_pin.experiments import Experiment, Progress
 
-LINE_EVERY = 10.0  # [s] between lines about the same work, without a terminal
-QUIET = 2.0  # [s]: a command that is faster says nothing about its stages
+QUIET = 1.5  # [s]: a command that is faster says nothing about its stages, and none is silent for longer
+LINE_EVERY, LONG = 10.0, 60.0  # [s] between lines, without a terminal, of a command that takes longer than `LONG`
 FIRST_OPENED = ("replay.html", "report.html")  # what a person opens, the most telling last
 
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Show on stderr how far a command is: a bar for each stage, or without a terminal a line for each that is slow.
+    """Show on stderr how far a command is: a bar for each stage, or without a terminal lines that say what takes long.
 
     What is compiled is told too, by the name of the kernel: a run then takes a minute more, once.
 
@@ -37,7 +38,7 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
 
     if sys.stderr is None or not sys.stderr.isatty():
         lines = _StageLines()
-        with told_of_compilation(lines.say):
+        with told_of_compilation(lines.say), lines.ticking():
             yield lines
         return
     from rich.console import Console
@@ -59,21 +60,58 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
 
 
 class _StageLines:
-    """Print a line when a stage begins late in a command, and every ten seconds of a stage that takes longer."""
+    """Print what a command does whenever it was silent for `QUIET`, also while one step takes long."""
 
     def __init__(self) -> None:
-        self._label, self._last = "", time.monotonic()
+        self._doing, self._said = "starting", ""
+        self._begin = self._last = time.monotonic()
 
     def __call__(self, label: str, share: float) -> None:
         """Update the name of the stage and the share of it that is done."""
-        if time.monotonic() - self._last > (QUIET if label != self._label else LINE_EVERY):
-            self.say(label if share == 0.0 else f"{label}: {100.0 * share:.0f} %")
-        self._label = label
+        self._doing = label if share == 0.0 else f"{label}: {100.0 * share:.0f} %"
 
     def say(self, text: str) -> None:
-        """Print a line."""
-        typer.echo(text, err=True)
+        """Print what begins, which may take long."""
+        self._doing = self._said = text
         self._last = time.monotonic()
+        typer.echo(text, err=True)
+
+    def tick(self) -> None:
+        """Print what is being done, if nothing was printed for a while; the same again with the seconds so far."""
+        now = time.monotonic()
+        if sys.stderr is not None and now - self._last > (QUIET if now - self._begin < LONG else LINE_EVERY):
+            self._last = now
+            again = f", {now - self._begin:.0f} s" if self._said == self._doing else ""
+            self._said = self._doing
+            with suppress(
+                OSError
+            ):  # past Python's buffers: a process that is forked meanwhile would inherit their lock
+                os.write(2, f"{self._doing}{again}\n".encode())
+
+    @contextmanager
+    def ticking(self) -> Iterator[None]:
+        """Call `tick` twice a second during a `with` block."""
+        over = threading.Event()
+
+        def watch() -> None:
+            while not over.wait(0.25 * QUIET):
+                self.tick()
+
+        thread = threading.Thread(target=watch, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            over.set()
+            thread.join()
+
+
+@contextmanager
+def doing(what: str) -> Iterator[None]:
+    """Say on stderr what a `with` block does, if that takes long."""
+    with progress_bar() as show:
+        show(what, 0.0)
+        yield
 
 
 def print_version(wanted: bool) -> None:
@@ -114,6 +152,7 @@ def write_results(
         progress_bar() as show,
     ):
         made = estimated(show)
+        show("scoring and writing", 0.0)
         experiments.write(made, folder)
         if pages:
             from aerobat_pin.visualization import write_figures_and_pages

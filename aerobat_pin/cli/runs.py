@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import files_in
+from aerobat_pin.cli.console import doing, files_in
 from aerobat_pin.cli.options import BelievedMorphology, Force, out_option
 
 if TYPE_CHECKING:
@@ -47,7 +47,8 @@ def play_command(
     rate = rate or (1.0 if source is None else SLOW_MOTION)
     if not math.isfinite(rate):
         raise LogError(f"play: --rate {rate}: a finite number was expected")
-    recording = _recording(source, morphology, from_csv, urdf)
+    with doing("reading the motion"):
+        recording = _recording(source, morphology, from_csv, urdf)
     count = recording.duration / rate * PICTURES_PER_SECOND
     if frames is not None and count > MOST_PICTURES:
         raise LogError(
@@ -94,10 +95,14 @@ def compare_command(
     from aerobat_pin.errors import output_folder
     from aerobat_pin.visualization import compare_runs
 
-    comparison = compare_runs(first, second)
+    with doing("reading both runs"):
+        comparison = compare_runs(first, second)
     typer.echo(str(comparison))
     target = out or Path("runs") / f"compare-{first.resolve().name}-{second.resolve().name}"
-    with output_folder(target, force=force, replaces=comparison.FILES, sign="comparison.html") as folder:
+    with (
+        output_folder(target, force=force, replaces=comparison.FILES, sign="comparison.html") as folder,
+        doing("drawing both runs"),
+    ):
         comparison.write(folder)
         files = files_in(folder)
     typer.echo(f"\nresults in {target}/: {', '.join(map(str, files))}\nopen {target / 'comparison.html'}")

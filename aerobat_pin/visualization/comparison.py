@@ -136,7 +136,10 @@ class Comparison:
             ]
             known = set() if run.log.truth is None else set(map(str, run.log.truth["point"].values))
             if blind := [point_label(point) for point in _names_along(run, "point") if point not in known]:
-                lines.append(f"{run.label}: the true force at {', '.join(blind)} is not known, so no error is drawn")
+                why = "is not known" if run.log.truth is None else "is none"
+                lines.append(
+                    f"{run.label}: the true force at {', '.join(blind)} {why}, so it and its error are not drawn"
+                )
         return lines
 
     def __repr__(self) -> str:
@@ -177,7 +180,7 @@ class Comparison:
                 style.share_limits(grid[2 * k])
             style.share_limits(axis for k in range(3) for axis in grid[2 * k + 1])
             style.title_of(figure, f"Unknown forces, {runs[0].label} and {runs[1].label}: world axes, interval means")
-            figure.legend(*grid[0][0].get_legend_handles_names_along(), loc="outside lower center", ncols=3)
+            figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
         return figure
 
     def write(self, folder: Path) -> None:

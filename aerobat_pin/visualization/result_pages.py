@@ -39,9 +39,10 @@ def write_figures_and_pages(made: Experiment | Result, folder: Path, progress: P
         folder: folder to write into.
         progress: called with the name of the stage and the share of the stage that is done.
     """
+    show = progress or (lambda stage, share: None)
+    show("laying out figures", 0.0)
     figures = draw_all(made)
     (folder / "figures").mkdir()
-    show = progress or (lambda stage, share: None)
     style.save_figures(figures, folder / "figures", lambda share: show("drawing figures", share))
     report = report_html(made, {name: folder / "figures" / f"{name}.png" for name in figures})
     (folder / "report.html").write_text(report, encoding="utf-8")

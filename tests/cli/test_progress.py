@@ -9,6 +9,8 @@ import os
 import pty
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import numba
@@ -51,23 +53,41 @@ def test_each_observer_is_a_stage_of_its_own() -> None:
 
 
 def test_without_a_terminal_slow_work_is_told_in_lines(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """A quick command says nothing; a slow one its stages, and every ten seconds how far it is."""
+    """A quick command says nothing; no other is silent for two seconds, whatever step of it takes long."""
     clock = [0.0]
     monkeypatch.setattr(console.time, "monotonic", lambda: clock[0])
-    with console.progress_bar() as show:
-        for now, label, share in (
-            (0.5, "flying", 0.0),
-            (1.0, "flying", 0.5),
-            (11.0, "flying", 0.6),
-            (12.0, "flying", 0.7),
-            (15.0, "drawing figures", 0.0),
-            (24.0, "drawing figures", 0.5),
-        ):
-            clock[0] = now
-            show(label, share)
-    assert capsys.readouterr().err.splitlines() == ["flying: 60 %", "drawing figures"]
+    lines = console._StageLines()
+    for now, label, share in (
+        (0.5, "flying", 0.0),
+        (1.0, "flying", 0.5),
+        (1.6, "flying", 0.6),
+        (2.0, "drawing figures", 0.0),
+        (3.2, "", 0.0),
+        (4.8, "", 0.0),
+        (100.0, "", 0.0),
+        (109.0, "", 0.0),
+    ):
+        clock[0] = now
+        if label:
+            lines(label, share)
+        lines.tick()
+    assert capfd.readouterr().err.splitlines() == [
+        *("flying: 60 %", "drawing figures", "drawing figures, 5 s", "drawing figures, 100 s"),
+    ]
+
+
+def test_a_step_that_says_nothing_itself_is_told(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """By a thread of its own, which ends with the work."""
+    monkeypatch.setattr(console, "QUIET", 0.02)
+    before = threading.active_count()
+    with console.doing("searching"):
+        time.sleep(0.2)
+    assert capfd.readouterr().err.startswith("searching\nsearching, 0 s\n")
+    assert threading.active_count() == before
 
 
 def test_on_a_terminal_each_stage_is_a_bar(tmp_path: Path) -> None:
@@ -89,7 +109,7 @@ def test_on_a_terminal_each_stage_is_a_bar(tmp_path: Path) -> None:
     os.close(ours)
     for label in ("flying", "estimating with momentum", "estimating with force_level"):
         assert label.encode() in shown
-    assert printed.startswith("\npaper, seed 1: ")
+    assert printed.startswith("\nmomentum finds ")
 
 
 SLOW = (
