@@ -63,6 +63,7 @@ evidence: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/legs.py --write docs/legs.md
 	PYTHONPATH=tests $(BIN)/python benchmarks/stream_faults.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/ros_node.py
+	PYTHONPATH=tests $(BIN)/python benchmarks/live.py --write docs/live.md
 
 # The robot's files in other people's tools, each in an environment of its own in .venv-tools/: some gigabytes at first.
 tools: $(VENV)/.installed-test

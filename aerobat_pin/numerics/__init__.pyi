@@ -36,6 +36,7 @@ from .memory import new_memory as new_memory
 from .memory import next_size as next_size
 from .memory import rewind as rewind
 from .memory import take as take
+from .notebook import ShownInNotebooks as ShownInNotebooks
 from .pinocchio_models import frame_id as frame_id
 from .pinocchio_models import frame_jacobian as frame_jacobian
 from .pinocchio_models import read_robot as read_robot
