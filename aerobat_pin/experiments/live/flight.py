@@ -20,7 +20,7 @@ from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.robot import BASE_SIZE, believed_robot, flown_robot
 from aerobat_pin.scenario import Scenario, SineForce
 
-DRAWN = 1.0  # [s]: the sensors' errors are drawn anew so often
+ERRORS_DRAWN = 1.0  # [s]: the sensors' errors are drawn anew so often
 LEAST_SAVED = 2.0  # [s]
 
 
@@ -106,7 +106,7 @@ class LiveFlight(LiveSource):
                 for name, one in fitted.items()
             }
             sensors = self.scenario.sensors.model_copy(update=scaled)
-            time = np.arange(round(DRAWN / self.dt) + 1) * self.dt
+            time = np.arange(round(ERRORS_DRAWN / self.dt) + 1) * self.dt
             seed, first = self.scenario.simulation.seed, self._loop.done
             self._loop.sensing = Sensing(self.robot, sensors, time, seed + first, first)
 
