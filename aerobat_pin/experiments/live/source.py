@@ -103,7 +103,7 @@ class LiveSource:
 
 def _within(given: Any, least: float, most: float) -> Array:
     """Return numbers within bounds. Raises TypeError or ValueError for what is none, or not finite."""
-    values = np.array(given, float)
+    values: Array = np.array(given, float)
     if not np.all(np.isfinite(values)):
         raise ValueError(f"{given}: finite numbers were expected")
-    return np.clip(values, least, most)
+    return np.asarray(np.clip(values, least, most))

@@ -222,7 +222,7 @@ def serve_live(
     hosts: list[str] = []
 
     async def run() -> None:
-        limits = {"websocket_max_message_size": LARGEST_WISH, "log_function": lambda handler: None}
+        limits: dict[str, Any] = {"websocket_max_message_size": LARGEST_WISH, "log_function": lambda handler: None}
         server = HTTPServer(Application([("/", Page), ("/live", Socket)], **limits), max_body_size=LARGEST_WISH)
         try:
             sockets = bind_sockets(port, LOCALHOST)
