@@ -54,7 +54,9 @@ class LiveSource:
 
     def __init__(self, title: str, model: pin.Model, points: tuple[str, ...], observer: str, gain: float) -> None:
         self.title, self.model, self.points, self.observer, self.gain = title, model, points, observer, gain
-        self.force, self.wind, self.noise = np.zeros((len(points), 3)), np.zeros(3), 1.0
+        self.force: Array = np.zeros((len(points), 3))
+        self.wind: Array = np.zeros(3)
+        self.noise = 1.0
         self.time, self.q = 0.0, np.array(pin.neutral(model))
         self.unknown = np.full((len(points), 3), np.nan)
 
