@@ -75,6 +75,7 @@ evidence: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/ros_node.py
 	$(BIN)/python benchmarks/extras.py
 	$(MAKE) --no-print-directory test-lowest
+	PYTHONPATH=tests $(BIN)/python benchmarks/live.py --write docs/live.md
 
 # The robot's files in other people's tools, each in an environment of its own in .venv-tools/: some gigabytes at first.
 tools: $(VENV)/.installed-test

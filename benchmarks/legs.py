@@ -284,7 +284,8 @@ CONTACT_HEADER = """| base | contacts | touchdown [ms] | 90 % within [ms] | lift
 DEVIATION_PROSE = """## Deviations
 
 The share of all errors within two stated deviations, and how right the probability of contact is: the Brier
-score, and how often a foot stands whose probability is above 0.95.
+score, and how often a foot stands whose probability is above 0.95. Rows are expected to err by a tenth of their
+efforts, and by what they show while their foot is in the air: friction and noise. For Fy a tenth is too much.
 """
 DEVIATION_HEADER = """| base | Fx | Fy | Fz | Brier | right above 0.95 |
 |---|---|---|---|---|---|"""

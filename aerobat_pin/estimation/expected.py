@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.estimation.contacts import END_SHARE, walks_on
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
 from aerobat_pin.estimation.known_forces import FittedValues
@@ -30,6 +32,7 @@ EFFORT_ERROR = 0.1  # of the rms of a row's effort, or of what its motion needs:
 LEAST_ROW_ERROR = 1e-3  # of the weight (moments: times the robot's length): no row is known better than that
 LOOKED_AT = 2000  # intervals of a record that show the size of efforts and forces
 WEIGHED = 20  # of them, one in so many is weighed
+LEAST_LIFTED = 10  # of these, with a foot in the air
 
 
 def expected_of(
@@ -67,6 +70,9 @@ def expected_of(
     if not found:
         return expected
     v, rows, jacobians = (np.stack(part) for part in zip(*found, strict=True))
+    if walks_on(record.robot, record.map):
+        lifted = lifted_errors(rows, jacobians, END_SHARE * record.robot.weight)
+        expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
     return with_record(expected, stretches[0].rows, record.robot.model, v, rows, jacobians)
 
 
@@ -86,6 +92,27 @@ def expected_from(
     lever = np.array([1.0 if unit == "N" else robot_length(model) for unit in applications.units])
     least = LEAST_ROW_ERROR * weight * row_scale(model)
     return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), stiction, rate)
+
+
+def lifted_errors(rows: Array, jacobians: Array, least: float) -> Array:
+    """Return the rms (nv,) of the rows of each leg while its foot carries nothing; 0 where that is not shown.
+
+    A leg in the air is free of unknown forces, so its rows show friction and noise, however small its efforts.
+
+    Args:
+        rows: (m, nv) generalised forces behind the observer's low-pass.
+        jacobians: (m, c, nv) of the forces on the feet, three components each.
+        least: a foot with less force than that is in the air [N].
+    """
+    moved = np.any(jacobians != 0.0, axis=0).reshape(-1, 3, rows.shape[1]).any(axis=1)  # which foot, by which row
+    errors = np.zeros(rows.shape[1])
+    for foot, own in enumerate(moved & (moved.sum(axis=0) == 1)):
+        J = jacobians[:, 3 * foot : 3 * foot + 3][:, :, own]
+        force = (np.linalg.pinv(np.swapaxes(J, 1, 2)) @ rows[:, own, None])[..., 0]
+        lifted = np.linalg.norm(force, axis=1) < least
+        if lifted.sum() >= LEAST_LIFTED:
+            errors[own] = _column_rms(rows[lifted][:, own])
+    return errors
 
 
 def row_scale(model: pin.Model) -> Array:

@@ -19,7 +19,7 @@ from aerobat_pin.errors import SimulationError
 from aerobat_pin.estimation import Calibration, Finding, Result
 from aerobat_pin.experiments.flight_summary import FlightSummary, flight_note, flight_summary, recorded_note
 from aerobat_pin.flight import Simulator, log_with_motion, simulate
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.numerics import Array, ShownInNotebooks, guarded
 from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import Aerobat, believed_robot, flown_robot
 from aerobat_pin.scenario import Scenario, changed_keys, changes_text
@@ -29,7 +29,7 @@ Progress = Callable[[str, float], None]  # called with the name of the stage and
 
 
 @dataclass(frozen=True, repr=False)
-class Experiment:
+class Experiment(ShownInNotebooks):
     """The results of one flight of Aerobat, simulated or recorded.
 
     Attributes:
@@ -77,10 +77,6 @@ class Experiment:
             f"Experiment {self.scores.title}\n"
             f"  robot {robot}; {time[-1] - time[0]:.3g} s, {len(time)} samples; observers {', '.join(self.estimates)}"
         )
-
-    def _repr_html_(self) -> str:
-        """Return the table of scores as HTML, for notebooks."""
-        return self.scores._repr_html_()
 
 
 @guarded(simulator="free")

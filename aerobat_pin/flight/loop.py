@@ -75,7 +75,7 @@ class ClosedLoop:
         plant: the plant; its robot has thrusters.
         pilot: the controller.
         held: (2, f, n) mean noise and mean signal of each unknown force [N]; when omitted, the scenario's.
-        endless: whether the flight goes on after n intervals, see `Plant.start`; nothing is recorded then.
+        endless: whether the flight goes on after n intervals, see `Plant.start`; the record begins anew with them.
 
     Attributes:
         q, v: true configuration and velocity.
@@ -98,7 +98,7 @@ class ClosedLoop:
         self.done = 0
         m = len(self.thrusters.limit)
         pilot.loop_times = self._times = np.zeros(count)
-        self._rows = [np.zeros((1 if endless else count, size)) for size in (m, m, 6, 6, 6)]
+        self._rows = [np.zeros((count, size)) for size in (m, m, 6, 6, 6)]
 
     def step(self) -> None:
         """Fly one interval."""

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, ShownInNotebooks
 from aerobat_pin.observers import Observer, Rows
 from aerobat_pin.records.agreement import Agreement
 from aerobat_pin.records.block import Block, SmoothedMotion
@@ -27,7 +27,7 @@ FREE_NQ, FREE_NV = 7, 6
 
 
 @dataclass(frozen=True)
-class PlainRobot:
+class PlainRobot(ShownInNotebooks):
     """A robot of which the model is known, and which a subclass can know more about.
 
     Attributes:

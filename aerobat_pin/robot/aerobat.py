@@ -20,7 +20,7 @@ from aerobat_description.reading import MorphologyError
 from aerobat_description.write_urdf import srdf_text, urdf_text
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.linkage import KineticSculpture
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.numerics import Array, ShownInNotebooks, guarded
 from aerobat_pin.robot.visual_model import visual_model
 from aerobat_pin.robot.wing import Wing
 
@@ -31,7 +31,7 @@ STANDARD_GRAVITY = 9.81  # [m/s2]
 
 
 @dataclass(frozen=True, repr=False)
-class Aerobat:
+class Aerobat(ShownInNotebooks):
     """A robot: its morphology, Pinocchio model, linkage and wing.
 
     A configuration `q` is [position (3), quaternion xyzw (4), joint angles (4)]; a velocity `v` is the body twist (6)

@@ -33,6 +33,7 @@ SECTIONS = {
         "docs/mismatch.md",
         "docs/learnt_error.md",
         "docs/legs.md",
+        "docs/live.md",
         "docs/reliability.md",
         "docs/broken_runs.md",
         "docs/reproducibility.md",

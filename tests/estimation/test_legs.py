@@ -19,6 +19,7 @@ from support.walking_log import FEET, bag, bag_map, table, table_map, urdf, walk
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.estimation.contacts import contact_probability, stances_of, touching
+from aerobat_pin.estimation.expected import lifted_errors
 from aerobat_pin.estimation.moving_axes import change_of_axes
 from aerobat_pin.estimation.tilt import with_tilt
 from aerobat_pin.records import base_requests, open_record, parse_map
@@ -95,6 +96,25 @@ def test_a_tilt_turns_forces_in_world_axes() -> None:
     force = np.array([[0.0, 0.0, 100.0, 3.0, 4.0, 0.0]])
     np.testing.assert_allclose(with_tilt(force, np.zeros((1, 6)), 0.01), [[1.0, 1.0, 0.0, 0.0, 0.0, 0.05]], atol=1e-12)
     np.testing.assert_allclose(with_tilt(force, np.ones((1, 6)), 0.0), np.ones((1, 6)))
+
+
+def test_a_leg_in_the_air_shows_the_errors_of_its_rows() -> None:
+    """Of known sizes, within 3 %; the trunk's rows, and those of a foot that always stands, show none."""
+    rng, sizes = np.random.default_rng(3), np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.3, 0.3, 0.3])
+    count = 4000
+    jacobians = np.zeros((count, 9, 15))
+    for foot in range(3):
+        rows = slice(6 + 3 * foot, 9 + 3 * foot)
+        jacobians[:, 3 * foot : 3 * foot + 3, :6] = rng.standard_normal((count, 3, 6))
+        jacobians[:, 3 * foot : 3 * foot + 3, rows] = 0.5 * np.eye(3) + 0.05 * rng.standard_normal((count, 3, 3))
+    force = rng.uniform(20.0, 100.0, (count, 9))
+    force[: count // 2, :3] = force[count // 4 :, 3:6] = 0.0
+    rows = np.einsum("mcv,mc->mv", jacobians, force)
+    rows[:, 6:] += sizes * rng.standard_normal((count, 9))
+    found = lifted_errors(rows, jacobians, 6.0)
+    np.testing.assert_allclose(found[6:12], sizes[:6], rtol=0.03)
+    assert not found[:6].any()
+    assert not found[12:].any()
 
 
 def test_contacts_begin_and_end_where_the_weight_says(folder: Path) -> None:

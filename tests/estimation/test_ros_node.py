@@ -19,6 +19,7 @@ from support.walking_log import FEET, bag_map, urdf, walk
 from aerobat_pin.errors import ExtraError
 from aerobat_pin.estimation import ForceNode, OnlineEstimator, OnlineSample
 from aerobat_pin.estimation.contacts import END_SHARE, ONSET_SHARE, ContactWatch, touching
+from aerobat_pin.experiments import LiveRow, LiveTopics
 from aerobat_pin.records import load_map
 
 SAMPLES = 600  # `make evidence` publishes for minutes
@@ -89,6 +90,26 @@ def test_a_node_loses_nothing_and_says_what_the_stream_says(chosen: Path) -> Non
     counts = {key: int(value) for key, value in found["health"].items()}
     assert counts["estimates"] == len(expected) >= SAMPLES - 3
     assert [counts[fate] for fate in ("refused", "duplicate", "late", "outlier", "clock_step", "failed")] == [0] * 6
+
+
+@pytest.mark.skipif(importlib.util.find_spec("rclpy") is None, reason="no package of ROS 2 for this Python and system")
+def test_a_live_page_hears_topics(chosen: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The node within it publishes as ever; the page has every estimate, equal to the bit, and the robot's pose."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(os.getpid() % 100 + 102))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), str(ROOT / "tests")]))
+    expected, said, rows = streamed(chosen), list[str](), list[LiveRow]()
+    live = LiveTopics(load_map(chosen), chosen.parent, said.append)
+    program, out = ROOT / "tests" / "support" / "ros_walk.py", chosen.parent / "out.json"
+    with subprocess.Popen([sys.executable, str(program), "aerobat", str(out), "500", str(SAMPLES), "100"]) as talk:
+        while talk.poll() is None:
+            rows += live.advance(0.04, 0.02)
+    live.node.close()
+    assert len(said) == 3
+    wanted = np.array([list(one.components.values()) for one in expected]).reshape(-1, len(FEET), 3)
+    np.testing.assert_array_equal([row.estimate for row in rows], wanted)
+    assert np.isnan(rows[0].true).all()
+    np.testing.assert_allclose(live.q[7:], walk().q[SAMPLES - 2, 7:], atol=1e-2)
 
 
 def test_contacts_are_the_same_a_sample_at_a_time() -> None:

@@ -88,6 +88,9 @@ def test_only_a_scenario_that_keeps_its_robot_up_can_live() -> None:
     with pytest.raises(ScenarioError, match="no table control"):
         LiveFlight(load_scenario("paper"))
     live = LiveRobot("double_pendulum")
+    for force in (float("nan"), "much", [1.0], None):
+        with pytest.raises((TypeError, ValueError)):
+            live.change({"force": force})
     for wrong in ({"observer": "smoother"}, {"gain": -1.0}, {"gain": float("nan")}):
         with pytest.raises(ObserverError, match="a gain up to 2000"):
             live.change(wrong)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
+from copy import deepcopy
 from dataclasses import replace
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -20,30 +20,26 @@ from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.robot import BASE_SIZE, believed_robot, flown_robot
 from aerobat_pin.scenario import Scenario, SineForce
 
-LIVE_WINDOW = 1.0  # [s]: the flight's tables are made anew so often
-
-
-class _Seen(NamedTuple):
-    """What the sensors showed at the start of an interval, and what happened in the loop over it."""
-
-    q: Array
-    v: Array
-    crank: float
-    command: Array
-    thrust: Array
-    modelled: Array
-    unrealised: Array
-    disturbance: Array
+ERRORS_DRAWN = 1.0  # [s]: the sensors' errors are drawn anew so often
+LEAST_SAVED = 2.0  # [s]
 
 
 class _Watched(Controller):
-    """A controller that remembers its last sample."""
+    """A controller that remembers what the sensors showed: q, v and crank angle (n, nq + nv + 1) of a window.
+
+    Attributes:
+        samples: see above.
+        last: (q, v, crank angle) of the last sample.
+    """
+
+    samples: Array
+    last: tuple[Array, Array, float]
 
     def command(self, time: float, q: Array, v: Array, crank_angle: float) -> Array:
         """Return the commanded thrusts (m,) [N]."""
-        given = super().command(time, q, v, crank_angle)
-        self.sample = q.copy(), v.copy(), crank_angle, given.copy()
-        return given
+        self.last = q.copy(), v.copy(), crank_angle
+        self.samples[round(time / self._step) % len(self.samples)] = np.concatenate([q, v, [crank_angle]])
+        return super().command(time, q, v, crank_angle)
 
 
 class LiveFlight(LiveSource):
@@ -74,7 +70,7 @@ class LiveFlight(LiveSource):
             for frame in section.frames
             for axis in axes
         )
-        settings = scenario.simulation.model_copy(update={"duration": LIVE_WINDOW})
+        settings = scenario.simulation.model_copy(update={"duration": KEPT})
         self.scenario = scenario.model_copy(update={"unknown_force": forces, "simulation": settings})
         self.plant = Plant(flown_robot(scenario), self.scenario)
         self.robot, self._believed = self.plant.robot, believed_robot(scenario)
@@ -89,8 +85,8 @@ class LiveFlight(LiveSource):
         self._pilot = _Watched(self.scenario, self._believed)
         self._loop = ClosedLoop(self.plant, self._pilot, endless=True)
         self._air = AirStream(self._believed, self.scenario.believed_air, self.dt)
-        self._windows: deque[Flown] = deque(maxlen=round(KEPT / LIVE_WINDOW))
-        self._seen: deque[_Seen] = deque(maxlen=self._count * (round(KEPT / LIVE_WINDOW) + 1))
+        self._pilot.samples = np.zeros((self._count, len(self.q) + self.model.nv + 1))
+        self._past: tuple[Flown, LoopRecord, Array] | None = None
         self._before, self._true, self._started = self.time, None, False
         self.changed(tuned=True)
 
@@ -110,7 +106,7 @@ class LiveFlight(LiveSource):
                 for name, one in fitted.items()
             }
             sensors = self.scenario.sensors.model_copy(update=scaled)
-            time = np.arange(self._count + 1) * self.dt
+            time = np.arange(round(ERRORS_DRAWN / self.dt) + 1) * self.dt
             seed, first = self.scenario.simulation.seed, self._loop.done
             self._loop.sensing = Sensing(self.robot, sensors, time, seed + first, first)
 
@@ -121,18 +117,20 @@ class LiveFlight(LiveSource):
         except AerobatError:  # numbers beyond all limits
             return self._lost()
         if self._loop.done % self._count == 0:
-            self._windows.append(self._loop.flight.flown())
-            if self._pilot.state.word == "LOST":
-                return self._lost()
+            self._past = deepcopy(self._window(self._count))
+        if self._loop.done % 100 == 0 and self._pilot.state.word == "LOST":
+            return self._lost()
         return found
+
+    def _window(self, samples: int) -> tuple[Flown, LoopRecord, Array]:
+        """Return the first samples of the window: the flight, what happened in the loop, what the sensors showed."""
+        loop = self._loop
+        return loop.flight.flown(samples), loop.record(samples - 1), self._pilot.samples[:samples]
 
     def _step(self) -> list[LiveRow]:
         loop, pilot = self._loop, self._pilot
         loop.step()
-        q, v, crank, command = pilot.sample
-        at = (loop.done - 1) * self.dt
-        parts = loop.thrust.mean, pilot.modelled, pilot.unrealised, pilot.disturbance
-        self._seen.append(_Seen(q, v, crank, command, *(np.array(part) for part in parts)))
+        (q, v, crank), at = pilot.last, (loop.done - 1) * self.dt
         found = list[LiveRow]()
         if self._true is None:
             self._air.reset(at, q, v, crank, loop.flight.crank_rate)
@@ -164,48 +162,25 @@ class LiveFlight(LiveSource):
 
     def result(self, show: Progress) -> Experiment:
         """Return the last seconds as a run: what the sensors showed, and what only the simulation knows."""
-        flight, done = self._loop.flight, self._loop.done
-        windows = [*self._windows, *([flight.flown()] if done % self._count else [])]
-        if len(self._seen) < 10:
-            raise SimulationError("nothing has been flown yet that could be saved", self.time)
-        flown, count = _joined(windows), sum(len(one.loads) for one in windows)
-        seen: list[Array] = [np.array(part) for part in zip(*list(self._seen)[-count:], strict=True)]
-        flown = _first(flown, count - 1)  # the sensors have not yet shown the end of the last interval
-        record = LoopRecord(self._loop.thrusters, *(part[:-1] for part in seen[3:]))
-        time = (done - count + np.arange(count)) * self.dt
+        count = self._loop.done % self._count  # the end of the last interval is yet to be shown
+        if count * self.dt >= LEAST_SAVED or self._past is None:
+            if count < 10:
+                raise SimulationError("nothing has been flown yet that could be saved", self.time)
+            flown, record, shown = self._window(count)
+        else:
+            flown, record, shown = self._past
+        time = np.arange(len(shown)) * self.dt
         exact = flight_log_of(self.plant, time, flown, record)
         assert exact.truth is not None
         measured, truth = exact.measured.copy(deep=True), exact.truth.copy()
-        for name, values in zip(("q", "v", "crank_angle"), seen, strict=False):
+        nq, nv = self.model.nq, self.model.nv
+        for name, values in (("q", shown[:, :nq]), ("v", shown[:, nq : nq + nv]), ("crank_angle", shown[:, -1])):
             truth[name] = truth.get(name, exact.measured[name])
             measured[name].values[:] = values
         section = self.scenario.observers.model_copy(update={"names": (self.observer,), "gain": self.gain})
-        settings = self.scenario.simulation.model_copy(update={"duration": (count - 1) * self.dt})
+        settings = self.scenario.simulation.model_copy(update={"duration": float(time[-1])})
         belief = self.scenario.model_copy(update={"observers": section, "simulation": settings})
         log = FlightLog(measured, truth)
-        made = run_recorded(log, belief, show)
-        flight_numbers = flight_summary(log, self.robot.mass)
-        scores = replace(made.scores, more={**made.scores.more, "log": None, "flight": flight_numbers.to_json()})
-        return replace(made, robot=self.robot, scores=scores, flight=flight_numbers)
-
-
-def _joined(windows: list[Flown]) -> Flown:
-    """Return windows that follow each other as one flight."""
-    last = windows[-1]
-
-    def samples(name: str) -> Array:
-        return np.concatenate([*(getattr(one, name)[:-1] for one in windows[:-1]), getattr(last, name)])
-
-    forces = type(last.forces)(*(np.concatenate(parts) for parts in zip(*(one.forces for one in windows), strict=True)))
-    loads = np.concatenate([one.loads for one in windows])
-    names = ("crank_angle", "crank_rate", "q", "v", "deflection", "air")
-    return Flown(**{name: samples(name) for name in names}, forces=forces, loads=loads)
-
-
-def _first(flown: Flown, count: int) -> Flown:
-    """Return the first intervals of a flight."""
-    forces = type(flown.forces)(*(part[:count] for part in flown.forces))
-    samples = {
-        name: getattr(flown, name)[: count + 1] for name in ("crank_angle", "crank_rate", "q", "v", "deflection", "air")
-    }
-    return Flown(**samples, forces=forces, loads=flown.loads[:count])
+        made, summary = run_recorded(log, belief, show), flight_summary(log, self.robot.mass)
+        more = {**made.scores.more, "log": None, "flight": summary.to_json()}
+        return replace(made, robot=self.robot, scores=replace(made.scores, more=more), flight=summary)

@@ -19,7 +19,7 @@ from aerobat_pin.observers import OBSERVERS, SmootherObserver
 LIVE_OBSERVERS = tuple(name for name, kind in OBSERVERS.items() if not issubclass(kind, SmootherObserver))
 PUSH_SHARE = 0.1  # of the weight: the largest force that a slider sets
 KEPT = 20.0  # [s] that can be saved
-LARGEST_LIVE_GAIN = 2000.0  # [1/s]
+LARGEST_LIVE_GAIN, LARGEST_WIND, LARGEST_NOISE = 2000.0, 5.0, 10.0  # [1/s, m/s, -]
 
 
 class LiveRow(NamedTuple):
@@ -54,7 +54,9 @@ class LiveSource:
 
     def __init__(self, title: str, model: pin.Model, points: tuple[str, ...], observer: str, gain: float) -> None:
         self.title, self.model, self.points, self.observer, self.gain = title, model, points, observer, gain
-        self.force, self.wind, self.noise = np.zeros((len(points), 3)), np.zeros(3), 1.0
+        self.force: Array = np.zeros((len(points), 3))
+        self.wind: Array = np.zeros(3)
+        self.noise = 1.0
         self.time, self.q = 0.0, np.array(pin.neutral(model))
         self.unknown = np.full((len(points), 3), np.nan)
 
@@ -74,14 +76,15 @@ class LiveSource:
 
         Raises:
             ObserverError, MapError: no observer has that name or gain.
+            TypeError, ValueError: these are no such numbers.
         """
         for name, given in values.items():
             if name == "force" and self.limit:
-                self.force = np.clip(np.array(given, float).reshape(self.force.shape), -self.limit, self.limit)
+                self.force = _within(given, -self.limit, self.limit).reshape(self.force.shape)
             elif name == "wind" and name in self.knobs:
-                self.wind = np.clip(np.array(given, float).reshape(3), -5.0, 5.0)
+                self.wind = _within(given, -LARGEST_WIND, LARGEST_WIND).reshape(3)
             elif name == "noise" and name in self.knobs:
-                self.noise = float(np.clip(given, 0.0, 10.0))
+                self.noise = float(_within(given, 0.0, LARGEST_NOISE))
         observer, gain = str(values.get("observer", self.observer)), float(values.get("gain", self.gain))
         if observer not in LIVE_OBSERVERS or not 0.0 < gain <= LARGEST_LIVE_GAIN:
             raise ObserverError(
@@ -98,3 +101,11 @@ class LiveSource:
     def result(self, show: Progress) -> Experiment | Result:
         """Return the last `KEPT` seconds, estimated as a whole."""
         raise NotImplementedError
+
+
+def _within(given: Any, least: float, most: float) -> Array:
+    """Return numbers within bounds. Raises TypeError or ValueError for what is none, or not finite."""
+    values: Array = np.array(given, float)
+    if not np.all(np.isfinite(values)):
+        raise ValueError(f"{given}: finite numbers were expected")
+    return np.asarray(np.clip(values, least, most))

@@ -29,10 +29,11 @@ from aerobat_pin.visualization.replay.serve import LOCALHOST
 from aerobat_pin.visualization.template import fill_template
 
 PERIOD = 0.04  # [s] between messages
-SHARE = 0.7  # of a period that the robot may take
+SHARE = 0.6  # of a period that the robot may take
 ROW_PERIOD = 0.02  # [s] between points of a curve
 PICTURE_FOLLOWS = 0.1  # share by which the picture follows a robot that flies, from message to message
 LARGEST_WISH = 10_000  # bytes of a message from a page
+PAGE_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; frame-ancestors 'none'"
 
 
 class _Picture:
@@ -193,8 +194,8 @@ def serve_live(
         def get(self) -> None:
             if refused(self.request, socket=False):
                 raise HTTPError(403)
-            policy = f"default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; connect-src ws://{self.request.host}"
-            self.set_header("Content-Security-Policy", f"{policy}; frame-ancestors 'none'")
+            policy = f"{PAGE_POLICY}; connect-src ws://{self.request.host}"
+            self.set_header("Content-Security-Policy", policy)
             self.set_header("Referrer-Policy", "no-referrer")
             self.set_header("Cache-Control", "no-store")
             self.finish(page)
@@ -221,8 +222,8 @@ def serve_live(
     hosts: list[str] = []
 
     async def run() -> None:
-        application = Application([("/", Page), ("/live", Socket)], log_function=lambda handler: None)
-        server = HTTPServer(application, max_body_size=LARGEST_WISH)
+        limits: dict[str, Any] = {"websocket_max_message_size": LARGEST_WISH, "log_function": lambda handler: None}
+        server = HTTPServer(Application([("/", Page), ("/live", Socket)], **limits), max_body_size=LARGEST_WISH)
         try:
             sockets = bind_sockets(port, LOCALHOST)
         except OSError as error:
