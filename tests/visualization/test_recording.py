@@ -279,4 +279,4 @@ def test_two_flights_share_clock_and_camera(tmp_path: Path, browser: Any) -> Non
         )
         for size in ((1440, 900), (844, 390), (390, 844)):
             resized(page, *size)
-            assert page.evaluate(bottom) <= page.evaluate(top), "the controls cover no legend"
+            assert page.evaluate(f"{bottom} <= {top}"), "the controls cover no legend"
