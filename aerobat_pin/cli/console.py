@@ -38,7 +38,7 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
 
     if sys.stderr is None or not sys.stderr.isatty():
         lines = _StageLines()
-        with told_of_compilation(lines.say), lines.ticking():
+        with told_of_compilation(lines), lines.ticking():
             yield lines
         return
     from rich.console import Console
@@ -55,7 +55,7 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
                 stages[stage] = bar.add_task(label, total=1.0)
             bar.update(stages[stage], description=label, completed=share)
 
-        with told_of_compilation(bar.console.print):
+        with told_of_compilation(show):
             yield show
 
 
@@ -69,12 +69,6 @@ class _StageLines:
     def __call__(self, label: str, share: float) -> None:
         """Update the name of the stage and the share of it that is done."""
         self._doing = label if share == 0.0 else f"{label}: {100.0 * share:.0f} %"
-
-    def say(self, text: str) -> None:
-        """Print what begins, which may take long."""
-        self._doing = self._said = text
-        self._last = time.monotonic()
-        typer.echo(text, err=True)
 
     def tick(self) -> None:
         """Print what is being done, if nothing was printed for a while; the same again with the seconds so far."""

@@ -243,6 +243,7 @@ class Result:
             len(found.components) for found in self.observers.values()
         ):
             lines += text_table(self.sizes)
+        lines += self.hints
         for name, found in self.observers.items():
             lines += [f"{name}: rank {found.rank}; cannot be seen at all: {pattern}" for pattern in found.unseen]
             if found.innovation is not None:
@@ -261,7 +262,7 @@ class Result:
         lines += [str(self.model)] * (self.model is not None)
         for words, names in self.judgements.items():
             lines.append(words if len(self.judgements) == 1 else f"{', '.join(names)}: {words}")
-        return "\n".join([*lines, *self.hints])
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         """Return verdict, title and table as HTML, for notebooks."""

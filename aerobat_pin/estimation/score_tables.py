@@ -26,7 +26,9 @@ def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
                 own = sizes[f"{point}.{axis}"]
                 cells = {"observer": name, "point": point, "axis": axis, **_score_cells(score, own.unit)}
                 rows.append({**cells, "deviation": own.certainty})
-    header = tuple(dict.fromkeys(key for row in rows for key, cell in row.items() if cell != "-"))
+    always = all(row.get("rms where seen") == row["error rms"] for row in rows)
+    hidden = {"R2 where seen", "rms where seen"} if always else set()
+    header = tuple(dict.fromkeys(key for row in rows for key, cell in row.items() if cell != "-" and key not in hidden))
     header = (*(key for key in header if key != "deviation"), *(key for key in header if key == "deviation"))
     return header, [tuple(row.get(key, "-") for key in header) for row in rows]
 

@@ -139,8 +139,10 @@ def _sureness(found: ObserverScores, kind: str, pushes: list[_Push]) -> str:
         forces = {label: score for label, score in found.scored.items() if label.rpartition(".")[2][0] == "F"}
         error = float(np.linalg.norm([one.rmse for one in forces.values()]))
         size = float(np.linalg.norm([one.rms or 0.0 for one in found.components if short_label(one.name) in forces]))
-        share = f", {100.0 * error / size:.2g} % of it" if 0.99 * size > error else ""
-        return f"it is off the {COMPARED_WITH[kind]} by {quantity(error / len(found.points) ** 0.5, 'N')} rms{share}"
+        share = f"{100.0 * error / size:.2g} % of it" if 0.99 * size > error else "as much as it finds"
+        where = f" at {_listed(found.points)}" if kind == "sensor" else ""
+        per_point = quantity(error / len(found.points) ** 0.5, "N")
+        return f"it is off the {COMPARED_WITH[kind]}{where} by {per_point} rms, {share}"
     if any(size.deviation is not None for size in found.components):
         return f"its standard deviation, as stated, is {_listed(quantity(one.error, one.unit) for one in pushes)}"
     return "how sure that is cannot be said: a calibration, kalman or smoother would state it"

@@ -104,25 +104,50 @@ def lock(entry: Any, *arguments: Any) -> None:
         entry.disable_compile()
 
 
-class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
-    """Call a function when a kernel of ours that Python called begins to compile; those within it are part of it."""
+def kernels_within(entry: Any) -> int:
+    """Return how many kernels have to be compiled for one: itself, and those that it calls by their names."""
+    found, left = {entry}, [entry]
+    while left:
+        function = left.pop().py_func
+        for name in function.__code__.co_names:
+            one = function.__globals__.get(name)
+            if hasattr(one, "py_func") and one not in found and not one.signatures:
+                found.add(one)
+                left.append(one)
+    return len(found)
 
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell, self._depth = tell, 0
+
+class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
+    """Call a function when a kernel of ours that Python called begins to compile, and as those within it are done."""
+
+    def __init__(self, tell: Callable[[str, float], None]) -> None:
+        self._tell, self._depth, self._ours = tell, 0, False
+        self._what, self._count, self._done = "", 0, 0
 
     def on_start(self, found: Any) -> None:
-        function = found.data["dispatcher"].py_func
-        if self._depth == 0 and function.__module__.startswith(OURS):
-            room = function.__module__.split(".")[1]
-            self._tell(f"compiling {function.__name__} of {room}, once per installation: some seconds to a minute")
+        entry = found.data["dispatcher"]
+        if self._depth == 0:
+            module = entry.py_func.__module__
+            self._ours = module.startswith(OURS)
+            self._what = f"compiling {entry.py_func.__name__} of {module.split('.')[1]}" if self._ours else ""
+            self._count, self._done = kernels_within(entry) if self._ours else 0, 0
+            self._say()
         self._depth += 1
 
     def on_end(self, found: Any) -> None:
         self._depth -= 1
+        self._done += found.data["dispatcher"].py_func.__module__.startswith(OURS)
+        self._say()
+
+    def _say(self) -> None:
+        if self._ours:
+            left = max(self._count - self._done, self._depth)  # one is compiled again for other types of arguments
+            share = 1.0 - left / max(self._count, left)
+            self._tell(f"{self._what}, {left} of {self._count} kernels left, once per installation", share)
 
 
 @contextmanager
-def told_of_compilation(tell: Callable[[str], None]) -> Iterator[None]:
-    """Call `tell` with a line of text whenever a kernel begins to compile during a `with` block."""
+def told_of_compilation(tell: Callable[[str, float], None]) -> Iterator[None]:
+    """Call `tell` with a line of text and the share that is done while kernels are compiled during a `with` block."""
     with event.install_listener("numba:compile", _Compilations(tell)):
         yield

@@ -18,6 +18,7 @@ from aerobat_pin.estimation import point_label
 from aerobat_pin.experiments import RESULTS, read_run
 from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
+from aerobat_pin.visualization.figures.limits import fit_errors, fit_to_drawn
 from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_run
 from aerobat_pin.visualization.replay.page import SPEEDS
 from aerobat_pin.visualization.replay.recording import Recording
@@ -177,8 +178,8 @@ class Comparison:
                             error.plot(middle, 1e3 * (values - truth), line, color=colour, lw=0.7)
                 grid[-1][column].set_xlabel("time [s]")
             for k in range(3):
-                style.share_limits(grid[2 * k])
-            style.share_limits(axis for k in range(3) for axis in grid[2 * k + 1])
+                fit_to_drawn(grid[2 * k])
+            fit_errors([grid[2 * k + 1] for k in range(3)])
             style.title_of(figure, f"Unknown forces, {runs[0].label} and {runs[1].label}: world axes, interval means")
             figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
         return figure
@@ -227,7 +228,8 @@ def side_by_side(first: Recording, second: Recording, labels: tuple[str, str], r
     both = first, second
     scale = max(one.newtons_per_centimetre for one in both)
     for one, label in zip(both, labels, strict=True):
-        one.scale, one.title = scale, f"{label}: {one.title}"
+        one.scale = scale
+        one.title = one.title if one.title.startswith(f"{label}:") else f"{label}: {one.title}"
     longer = max(both, key=lambda one: one.duration)
     return fill_template(
         "side_by_side.html",

@@ -86,7 +86,7 @@ def test_an_estimate_that_drowns_in_noise_is_told_what_helps(
         assert call(monkeypatch, "run", "paper", "--out", out, "--no-report", *SHORT, *words) == 0
         printed = capsys.readouterr().out
         assert printed.count("a smaller observers.gain follows the sensors' noise less") == hints
-        clean = [float(line.split()[4]) for line in printed.splitlines() if line.startswith("momentum ")]
+        clean = [float(line.split()[4]) for line in printed.splitlines() if line.startswith("momentum  ")]
         assert (min(clean) < 0.0) == bool(hints)
 
 

@@ -21,6 +21,9 @@ from scipy.signal import lfilter
 from aerobat_pin.cli import console
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.numerics import told_of_compilation
+from aerobat_pin.numerics.jit import kernels_within
+from aerobat_pin.numerics.small_matrices import solve_positive
+from aerobat_pin.observers.kalman.kernels import filter_all
 from aerobat_pin.observers.redundancy import low_passed
 from aerobat_pin.scenario.scenario import load_scenario
 
@@ -34,12 +37,19 @@ def test_what_is_compiled_is_told_by_its_name() -> None:
         return 2.0 * x
 
     doubled.__module__ = "aerobat_pin.observers.somewhere"
-    told: list[str] = []
+    told: list[tuple[str, float]] = []
     compiled = numba.njit(doubled)
-    with told_of_compilation(told.append):
+    with told_of_compilation(lambda *words: told.append(words)):
         assert compiled(2.0) == 4.0
         assert compiled(3.0) == 6.0
-    assert told == ["compiling doubled of observers, once per installation: some seconds to a minute"]
+    words = "compiling doubled of observers, {} of 1 kernels left, once per installation"
+    assert told == [(words.format(1), 0.0), (words.format(0), 1.0)]
+
+
+def test_kernels_that_are_left_are_counted() -> None:
+    """Those that a kernel calls by name, and those that they call, each once."""
+    assert kernels_within(solve_positive) == 2
+    assert kernels_within(filter_all) > 10
 
 
 def test_each_observer_is_a_stage_of_its_own() -> None:

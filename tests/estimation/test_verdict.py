@@ -111,7 +111,7 @@ def test_a_recording_is_judged_by_its_sensor(tmp_path: Path) -> None:
     table(walk()).to_csv(tmp_path / "walk.csv", index=False)
     chosen = parse_map(table_map(Path("quadruped.urdf")), "of the test")
     found = estimate(open_record(tmp_path / "walk.csv", chosen, tmp_path))
-    assert " and 2 more; it is off the force sensor by " in found.verdict
+    assert " and 2 more; it is off the force sensor at FL_FOOT by " in found.verdict
     assert json.loads(json.dumps(found.metrics()))["verdict"] == found.verdict
 
 

@@ -252,6 +252,9 @@ def test_arrows_have_the_coarser_scale_of_both() -> None:
     assert weak.newtons_per_centimetre == strong.newtons_per_centimetre == coarse
     assert "strong &lt;b&gt;: at rest" in page or "strong &amp;lt;b&amp;gt;: at rest" in page
     assert "strong <b>" not in page
+    assert weak.title == "weak: at rest"
+    side_by_side(weak, strong, ("weak", "strong <b>"), 0.1)
+    assert weak.title == "weak: at rest", "not twice"
 
 
 @needs_browser
@@ -270,3 +273,10 @@ def test_two_flights_share_clock_and_camera(tmp_path: Path, browser: Any) -> Non
         page.wait_for_function(same, timeout=60_000)
         page.keyboard.press("ArrowLeft")
         page.wait_for_function("Number(document.getElementById('time').value) < 0.079", timeout=60_000)
+        bottom, top = (
+            "document.getElementById('pair').getBoundingClientRect().bottom",
+            "controls.getBoundingClientRect().top",
+        )
+        for size in ((1440, 900), (844, 390), (390, 844)):
+            resized(page, *size)
+            assert page.evaluate(f"{bottom} <= {top}"), "the controls cover no legend"

@@ -18,6 +18,7 @@ from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Reference, TrueEvent
 from aerobat_pin.robot import FORCE_POINTS
 from aerobat_pin.visualization import style
+from aerobat_pin.visualization.figures.limits import fit_errors, fit_to_drawn
 from aerobat_pin.visualization.figures.lines import estimate_lines
 
 SHORTEST_ENLARGED = 0.06  # [s]: shortest stretch of time shown in the last row
@@ -27,8 +28,6 @@ ESTIMATE_LINES = ("-", ":", "--", "-.")
 ROUGHER = 1.5  # an estimate whose steps are larger than the truth's by this factor is drawn behind it
 DEVIATIONS = 2.0  # half the height of a band of uncertainty, in standard deviations
 EVERYWHERE = (-np.inf, np.inf)
-MARGIN = 0.05  # above and below what is drawn, of its height
-HIDDEN = 0.2  # of the largest error: smaller ones would be flat lines on its scale
 ACTUAL = {"truth": "actual", "sensor": "force sensor"}
 
 
@@ -70,11 +69,9 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
         close.set_ylabel(f"{close.get_ylabel()}, enlarged")
     risen = max(result.risen.values()) - result.start
     for row in range(rows):
-        _fit(grid[step * row], risen)
+        fit_to_drawn(grid[step * row], risen)
     if known:
-        sizes = [_fit(grid[2 * row + 1], risen) for row in range(rows)]
-        if min(sizes) > HIDDEN * max(sizes):
-            style.share_limits(axis for row in range(rows) for axis in grid[2 * row + 1])
+        fit_errors([grid[2 * row + 1] for row in range(rows)], risen)
     _fit_close_ups(grid[-1])
     chosen = step * panels.labels.index(enlarged.label)
     for column in range(len(frames)):
@@ -254,25 +251,6 @@ def _samples_around(estimate: StoredEstimate, start: float, end: float) -> tuple
     last = estimate.start.index(end - 1e-9)
     first = max(min(estimate.start.index(start + 1e-9, "right") - 1, last - 1), 0)
     return float(estimate.start[first]), estimate.end if last >= len(estimate) else float(estimate.start[last])
-
-
-def _fit(axes: Sequence[Axes], begin: float) -> float:
-    """Give panels the limits that fit all that is drawn in them from a time [s] on; return the height of that."""
-    ends = []
-    for axis in axes:
-        places = [line.get_xydata() for line in axis.lines]
-        places += [path.vertices for band in axis.collections for path in band.get_paths() if band.get_hatch() is None]
-        drawn = np.concatenate([np.empty((0, 2)), *(np.asarray(one, float) for one in places)])
-        drawn = drawn[np.all(np.isfinite(drawn), axis=1)]
-        late = drawn[drawn[:, 0] >= begin]
-        ends += [late if len(late) else drawn] if len(drawn) else []
-    if not ends:
-        return 0.0
-    low, high = (float(extreme(np.concatenate(ends)[:, 1])) for extreme in (np.min, np.max))
-    margin = MARGIN * (high - low) or 1e-6
-    for axis in axes:
-        axis.set_ylim(low - margin, high + margin)
-    return high - low
 
 
 def _fit_close_ups(axes: Sequence[Axes]) -> None:

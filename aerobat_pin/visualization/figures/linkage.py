@@ -187,7 +187,7 @@ def linkage_animation(linkage: KineticSculpture, turn: float) -> str:
     pins["tip"] = pins["J6"] + 1e3 * linkage.lengths.L7a * np.column_stack([np.cos(heading), -np.sin(heading)])
     everything = np.concatenate(list(pins.values()))
     low, high = everything.min(axis=0) - SVG_MARGIN, everything.max(axis=0) + SVG_MARGIN
-    lines = [("currentColor", ("J6", "tip")), *((style.BAR_COLOURS[bar], names) for bar, names in BAR_PINS.items())]
+    lines = [(style.MUTED, ("J6", "tip")), *((style.BAR_COLOURS[bar], names) for bar, names in BAR_PINS.items())]
     return fill_template(
         "linkage.svg",
         turn=turn,
