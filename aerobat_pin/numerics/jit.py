@@ -94,7 +94,7 @@ def is_compiled(entry: Any) -> bool:
 def announce_compilation(entry: Any) -> None:
     """Print on stderr that a kernel is about to be compiled, unless the cache already holds it."""
     if not is_compiled(entry) and not entry.signatures:
-        print("compiling the kernels: once per installation, about 20 s", file=sys.stderr, flush=True)
+        print("compiling the kernels: once per installation, about 10 s", file=sys.stderr, flush=True)
 
 
 def lock(entry: Any, *arguments: Any) -> None:
@@ -110,14 +110,14 @@ class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
     def __init__(self, tell: Callable[[str], None]) -> None:
         self._tell, self._depth = tell, 0
 
-    def on_start(self, found: Any) -> None:
-        function = found.data["dispatcher"].py_func
+    def on_start(self, compilation: Any) -> None:
+        function = compilation.data["dispatcher"].py_func
         if self._depth == 0 and function.__module__.startswith(OURS):
             room = function.__module__.split(".")[1]
             self._tell(f"compiling {function.__name__} of {room}, once per installation: some seconds to a minute")
         self._depth += 1
 
-    def on_end(self, found: Any) -> None:
+    def on_end(self, compilation: Any) -> None:
         self._depth -= 1
 
 

@@ -50,19 +50,19 @@ def check_views(model: pin.Model, data: pin.Data, oMi: Array, liMi: Array, v: Ar
             raise RuntimeError("Pinocchio's accelerations do not lie in memory as this version expects")
 
 
-def _pointers(here: Any, there: Any) -> Any:
+def _pointers(in_python: Any, in_numba: Any) -> Any:
     """Return a function that turns an address into a pointer to a number.
 
     Args:
-        here: type of the number for ctypes, used when kernels run as plain Python.
-        there: the same type for numba.
+        in_python: type of the number for ctypes, used when kernels run as plain Python.
+        in_numba: the same type for numba.
     """
     if numba.config.DISABLE_JIT:  # kernels run as plain Python
-        return lambda address: ctypes.cast(int(address), ctypes.POINTER(here))
+        return lambda address: ctypes.cast(int(address), ctypes.POINTER(in_python))
 
     @intrinsic  # type: ignore[untyped-decorator]
     def pointer(_: Any, address: Any) -> Any:
-        kind = types.CPointer(there)
+        kind = types.CPointer(in_numba)
         return kind(types.intp), lambda context, builder, _, args: builder.inttoptr(
             args[0], context.get_value_type(kind)
         )

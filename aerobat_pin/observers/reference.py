@@ -110,7 +110,7 @@ def observe_record(equations: Equations, samples: Samples, time: Array, u: Array
     if new.all():
         return _observe(equations, samples, time, u)
     kept, last = np.concatenate([[True], new]), np.cumsum(new) - 1
-    found = _observe(equations, Samples(*(values[kept] for values in samples)), time[kept], u[new])
+    observed = _observe(equations, Samples(*(values[kept] for values in samples)), time[kept], u[new])
 
     def repeated(values: Array | None) -> Any:
         if values is None:
@@ -118,7 +118,7 @@ def observe_record(equations: Equations, samples: Samples, time: Array, u: Array
         first = np.zeros((1, *values.shape[1:]))  # the result of what repeats the first sample
         return np.concatenate([first, values])[last + 1]
 
-    return Observed(*map(repeated, found))
+    return Observed(*map(repeated, observed))
 
 
 def _observe(equations: Equations, samples: Samples, time: Array, u: Array) -> Observed:

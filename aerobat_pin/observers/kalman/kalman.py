@@ -269,16 +269,16 @@ class KalmanObserver(Observer):
             for k in np.flatnonzero(np.diff(time) == 0.0):
                 out[k] = out[k - 1] if k > 0 else 0.0
         residual, f, deviation, unexplained, pivot, innovation = np.split(out, np.cumsum([nv, c, c, nv, 1]), axis=1)
-        found = Observed(residual, f, unexplained, pivot[:, 0], deviation, innovation=innovation)
-        return found, Samples(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3 : 3 + c])
+        observed = Observed(residual, f, unexplained, pivot[:, 0], deviation, innovation=innovation)
+        return observed, Samples(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3 : 3 + c])
 
-    def _estimate(self, time: Array, found: Observed, samples: Samples) -> Estimate:
-        whitened = found.innovation
+    def _estimate(self, time: Array, observed: Observed, samples: Samples) -> Estimate:
+        whitened = observed.innovation
         assert whitened is not None
         power, along = float(np.sum(whitened[:-1] ** 2)), float(np.sum(whitened[1:] * whitened[:-1]))
         nis = np.sum(whitened**2, axis=1) / self.believed.count
         innovation = Innovation(nis, along / power if power > 0.0 else 0.0)
-        return replace(super()._estimate(time, found, samples), innovation=innovation)
+        return replace(super()._estimate(time, observed, samples), innovation=innovation)
 
 
 class SmootherObserver(KalmanObserver):

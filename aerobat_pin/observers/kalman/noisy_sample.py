@@ -41,8 +41,8 @@ def kinship_of(model: pin.Model) -> Integers:
     That is `ABOVE` if the other one moves the joint, `BELOW` if it is in a joint further out, else 0.
     """
     nv, joint = int(model.nv), np.zeros(int(model.nv), np.intp)
-    for one in model.joints.tolist()[1:]:
-        joint[one.idx_v : one.idx_v + one.nv] = one.id
+    for member in model.joints.tolist()[1:]:
+        joint[member.idx_v : member.idx_v + member.nv] = member.id
     supports = [set(support.tolist()) for support in model.supports.tolist()]
     table = np.zeros((nv, nv + 1), np.intp)
     table[:, 0] = joint
@@ -69,9 +69,9 @@ def inertias_at(model: pin.Model, data: pin.Data) -> int:
     first, count = int(data.oYcrb[0].lever.ctypes.data) - DOUBLE, int(model.njoints)
     seen = np.reshape((ctypes.c_double * (count * INERTIA_SIZE)).from_address(first), (count, INERTIA_SIZE))
     for joint in range(1, count):
-        one = data.oYcrb[joint]
-        moments = one.inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-        if not np.array_equal(seen[joint], [one.mass, *one.lever, *moments]):
+        subtree = data.oYcrb[joint]
+        moments = subtree.inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+        if not np.array_equal(seen[joint], [subtree.mass, *subtree.lever, *moments]):
             raise RuntimeError("Pinocchio's inertias do not lie in memory as this version expects")
     return first
 
