@@ -14,7 +14,8 @@ on to another kernel. Shapes are not part of a type, so that other sizes need no
     fields_of(memory, Filter).gain[:] = 1000.0
 
 Places are counted from the directory's own numbers, so a copy of a state is a state of its own. A field marked
-`ELSEWHERE` lies in another array, which the state keeps alive. So a kernel never looks at what has been given back.
+`ELSEWHERE` lies in another array, which the state keeps alive (a copy does not): a kernel never looks at what has been
+given back.
 """
 
 from __future__ import annotations
@@ -27,9 +28,8 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.datamodel import models
-from numba.core.typing.templates import AttributeTemplate, infer_getattr
-from numba.extending import lower_builtin, lower_getattr_generic, register_model, type_callable
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import infer_getattr, lower_builtin, lower_getattr_generic, models, register_model, type_callable
 
 from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.numerics.jit import Integers
@@ -94,9 +94,9 @@ def new_state(table: type[Any], **given: Any) -> Array:
         if field.kind is int:
             directory.append(int(given[field.name]))
         elif field.elsewhere:
-            directory += [int(addresses(given[field.name])[0]), *(eval(part, None, given) for part in field.shape)]
+            directory += [int(addresses(given[field.name])[0]), *(eval(part, {}, given) for part in field.shape)]
         else:
-            shape = [int(eval(part, None, given)) for part in field.shape]
+            shape = [int(eval(part, {}, given)) for part in field.shape]
             directory += [DOUBLE * (end - len(directory)), *shape]
             end += int(np.prod(shape))
     values = np.zeros(end)

@@ -254,10 +254,9 @@ class KalmanObserver(Observer):
         memory = self._memory.copy()  # so that a running stream is not disturbed
         kalman, nv, c, model, data = fields_of(memory, KalmanState), self._nv, self._count, self.model, self.data
         samples = np.empty((len(time), *kalman.filter.samples.shape[1:]))
-        kalman.observer.record[:] = v.ctypes.data, samples.ctypes.data, 0
-        for configuration, velocity in zip(q, v, strict=True):
+        for configuration, velocity, sample in zip(q, v, samples, strict=True):
             self._compute(model, data, configuration, velocity)
-            kernels.record_noisy_sample(memory)
+            kernels.record_noisy_sample(memory, velocity, sample)
         self._begin(kalman, samples[0])
         errors = np.array([np.asarray(self._of(known, name), float) for name in self._errors])
         out = np.empty((len(u), self._width))

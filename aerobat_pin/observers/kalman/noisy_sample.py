@@ -166,18 +166,6 @@ def put_momentum(Y: Array, x: float, y: float, z: float, a: float, b: float, c: 
 
 
 @inner
-def next_in_record(observer: ObserverState, rows: int) -> tuple[Array, Array]:
-    """Return views of the next sample of a record: its velocity (nv,), and the array (rows, nv) to write it to.
-
-    Passing these views from Python instead would cost a fiftieth of the whole computation.
-    """
-    record, nv = observer.record, observer.sizes.nv
-    k = record[2]
-    record[2] += 1
-    return array_at(record[0] + DOUBLE * k * nv, (nv,)), array_at(record[1] + DOUBLE * k * rows * nv, (rows, nv))
-
-
-@inner
 def repeat_interval(samples: Array, out: Array, k: int) -> None:
     """Handle a repeated time stamp: copy the previous result to interval k, and its first sample to its last."""
     if k > 0:
