@@ -69,8 +69,8 @@ def _wrapped(function: Callable[..., Any], rules: Mapping[str, Rule]) -> Callabl
             known[name](value, name, sizes) if name in known else value
             for name, value in zip(names, given, strict=False)
         ]
-        found = {name: known[name](value, name, sizes) if name in known else value for name, value in named.items()}
-        return function(*values, *given[len(values) :], **found)
+        checked = {name: known[name](value, name, sizes) if name in known else value for name, value in named.items()}
+        return function(*values, *given[len(values) :], **checked)
 
     return call
 
@@ -131,26 +131,26 @@ def _number(value: Any, name: str, sizes: dict[Any, Any], rule: Any = None) -> A
 
 def number(value: Any, name: str, sign: Literal["positive", "not negative", "any"] | None = None) -> float:
     """Return a number as a float. Raises ArgumentError or ShapeError with its name if it is none, or not allowed."""
-    found = real_numbers(value, name)
-    if found.shape != ():
-        raise ShapeError(f"{name} has shape {found.shape}: one number was expected")
-    good = {"positive": found > 0.0, "not negative": found >= 0.0}.get(sign or "", True)
-    if sign != "any" and not (good and abs(found) <= LARGEST_REAL):
-        raise ShapeError(f"{name} = {found}: a finite number{'' if sign is None else f', {sign},'} was expected")
-    return float(found)
+    array = real_numbers(value, name)
+    if array.shape != ():
+        raise ShapeError(f"{name} has shape {array.shape}: one number was expected")
+    good = {"positive": array > 0.0, "not negative": array >= 0.0}.get(sign or "", True)
+    if sign != "any" and not (good and abs(array) <= LARGEST_REAL):
+        raise ShapeError(f"{name} = {array}: a finite number{'' if sign is None else f', {sign},'} was expected")
+    return float(array)
 
 
 def _array(value: Any, name: str, sizes: dict[Any, Any], shape: Any = None, keep: bool = False) -> Any:
-    found = real_numbers(value, name)
+    array = real_numbers(value, name)
     if shape is not None and shape != "any":
-        checked_shape(found, shape, name, sizes)
-    if shape != "any" and not np.all(np.abs(found) <= LARGEST_REAL):
-        if found.shape == ():
-            raise ShapeError(f"{name} = {found}: a finite number was expected")
+        checked_shape(array, shape, name, sizes)
+    if shape != "any" and not np.all(np.abs(array) <= LARGEST_REAL):
+        if array.shape == ():
+            raise ShapeError(f"{name} = {array}: a finite number was expected")
         raise ShapeError(
             f"{name} holds NaN, infinity or a number beyond {LARGEST_REAL:g}: finite numbers were expected"
         )
-    return value if keep else found
+    return value if keep else array
 
 
 def _choice(value: Any, name: str, sizes: dict[Any, Any], choices: tuple[Any, ...] = ()) -> Any:
@@ -181,24 +181,24 @@ def _items(value: Any, name: str, _: dict[Any, Any], item: ArgumentCheck, kept: 
     if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
         raise _wrong(name, value, "a list")
     items = value if kept and isinstance(value, Sequence) else list(value)
-    for i, one in enumerate(items):
-        item(one, f"{name}[{i}]", {})
+    for i, element in enumerate(items):
+        item(element, f"{name}[{i}]", {})
     return items
 
 
 def _row_of(value: Any, name: str, _: dict[Any, Any], items: list[ArgumentCheck]) -> Any:
-    found = _items(value, name, {}, _anything)
-    if len(found) != len(items):
-        raise ArgumentError(f"{name} has {len(found)} items: {len(items)} were expected")
-    for i, (item, one) in enumerate(zip(items, found, strict=True)):
-        item(one, f"{name}[{i}]", {})
-    return found
+    elements = _items(value, name, {}, _anything)
+    if len(elements) != len(items):
+        raise ArgumentError(f"{name} has {len(elements)} items: {len(items)} were expected")
+    for i, (item, element) in enumerate(zip(items, elements, strict=True)):
+        item(element, f"{name}[{i}]", {})
+    return elements
 
 
 def _table(value: Any, name: str, _: dict[Any, Any], key: Any, item: ArgumentCheck) -> Any:
-    if not isinstance(value, Mapping) or not all(isinstance(one, key) for one in value):
+    if not isinstance(value, Mapping) or not all(isinstance(entry, key) for entry in value):
         raise _wrong(name, value, "a mapping from names" if key is str else "a mapping")
-    return {one: item(inside, f"{name}[{one!r}]", {}) for one, inside in value.items()}
+    return {entry: item(inside, f"{name}[{entry!r}]", {}) for entry, inside in value.items()}
 
 
 def _subclass(value: Any, name: str, sizes: dict[Any, Any], base: type = object) -> Any:

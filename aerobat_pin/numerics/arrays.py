@@ -47,24 +47,24 @@ def checked_shape(array: Array, shape: Any, name: str, sizes: dict[Any, Any] | N
     """
     known = {} if sizes is None else sizes
     shapes = shape if isinstance(shape, list) else [shape]
-    if not any(_fits(array.shape, one, known) for one in shapes):
-        texts = " or ".join(_shape_text(one, known) for one in shapes)
+    if not any(_fits(array.shape, option, known) for option in shapes):
+        texts = " or ".join(_shape_text(option, known) for option in shapes)
         raise ShapeError(f"{name} has shape {array.shape}: {texts} was expected")
 
 
-def _fits(found: tuple[int, ...], shape: tuple[Any, ...], known: dict[Any, Any]) -> bool:
+def _fits(actual: tuple[int, ...], shape: tuple[Any, ...], known: dict[Any, Any]) -> bool:
     if shape[:1] == (...,):
-        split = max(len(found) - len(shape) + 1, 0)
-        if known.setdefault(..., found[:split]) != found[:split]:
+        split = max(len(actual) - len(shape) + 1, 0)
+        if known.setdefault(..., actual[:split]) != actual[:split]:
             return False
-        shape, found = shape[1:], found[split:]
-    return len(shape) == len(found) and all(map(_fits_size, found, shape, itertools.repeat(known)))
+        shape, actual = shape[1:], actual[split:]
+    return len(shape) == len(actual) and all(map(_fits_size, actual, shape, itertools.repeat(known)))
 
 
-def _fits_size(there: int, size: Any, known: dict[Any, Any]) -> bool:
+def _fits_size(actual: int, size: Any, known: dict[Any, Any]) -> bool:
     if not isinstance(size, str):
-        return bool(there == size)
-    return there >= int(size[:-1]) if size.endswith("+") else bool(there == known.setdefault(size, there))
+        return bool(actual == size)
+    return actual >= int(size[:-1]) if size.endswith("+") else bool(actual == known.setdefault(size, actual))
 
 
 def _shape_text(shape: tuple[Any, ...], known: dict[Any, Any]) -> str:

@@ -25,7 +25,7 @@ from aerobat_pin.numerics.kernel_cache import KernelCache
 Function = TypeVar("Function", bound=Callable[..., Any])
 Integers = NDArray[np.intp]
 OURS = "aerobat_pin."
-MARKS = (
+KERNEL_MARKS = (
     b"\n@kernel\n",
     b"\n@inner\n",
     b"\n@inlined\n",
@@ -74,7 +74,7 @@ def sources_stamp() -> tuple[tuple[str, int, int], ...]:
     package, files = Path(__file__).parents[1], {Path(__file__)}
     for file in package.rglob("*.py"):
         text = file.read_bytes()
-        if any(mark in text for mark in MARKS):
+        if any(mark in text for mark in KERNEL_MARKS):
             imported = re.findall(rb"^from aerobat_pin\.(\S+) import", text, re.MULTILINE)
             files |= {file, *(package / f"{name.decode().replace('.', '/')}.py" for name in imported)}
     stats = ((file.relative_to(package), file.stat()) for file in sorted(files) if file.exists())
@@ -94,7 +94,7 @@ def is_compiled(entry: Any) -> bool:
 def announce_compilation(entry: Any) -> None:
     """Print on stderr that a kernel is about to be compiled, unless the cache already holds it."""
     if not is_compiled(entry) and not entry.signatures:
-        print("compiling the kernels: once per installation, about 20 s", file=sys.stderr, flush=True)
+        print("compiling the kernels: once per installation, about 10 s", file=sys.stderr, flush=True)
 
 
 def lock(entry: Any, *arguments: Any) -> None:

@@ -114,8 +114,8 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
         content = BytesIO(self._told_content(self._index_path) or pickle.dumps(""))
         if pickle.load(content) != self._version:
             return {}
-        stamp, found = pickle.load(content)
-        return dict(found) if stamp == self._source_stamp else {}
+        stamp, entries = pickle.load(content)
+        return dict(entries) if stamp == self._source_stamp else {}
 
     def _load_data(self, name: str) -> Any:
         content = self._told_content(path := self._data_path(name))

@@ -14,7 +14,8 @@ on to another kernel. Shapes are not part of a type, so that other sizes need no
     fields_of(memory, Filter).gain[:] = 1000.0
 
 Places are counted from the directory's own numbers, so a copy of a state is a state of its own. A field marked
-`ELSEWHERE` lies in another array, which the state keeps alive. So a kernel never looks at what has been given back.
+`ELSEWHERE` lies in another array, which the state keeps alive (a copy does not): a kernel never looks at what has been
+given back.
 """
 
 from __future__ import annotations
@@ -27,9 +28,8 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.core.datamodel import models
-from numba.core.typing.templates import AttributeTemplate, infer_getattr
-from numba.extending import lower_builtin, lower_getattr_generic, register_model, type_callable
+from numba.core.typing.templates import AttributeTemplate
+from numba.extending import infer_getattr, lower_builtin, lower_getattr_generic, models, register_model, type_callable
 
 from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.numerics.jit import Integers
@@ -94,9 +94,9 @@ def new_state(table: type[Any], **given: Any) -> Array:
         if field.kind is int:
             directory.append(int(given[field.name]))
         elif field.elsewhere:
-            directory += [int(addresses(given[field.name])[0]), *(eval(part, None, given) for part in field.shape)]
+            directory += [int(addresses(given[field.name])[0]), *(eval(part, {}, given) for part in field.shape)]
         else:
-            shape = [int(eval(part, None, given)) for part in field.shape]
+            shape = [int(eval(part, {}, given)) for part in field.shape]
             directory += [DOUBLE * (end - len(directory)), *shape]
             end += int(np.prod(shape))
     values = np.zeros(end)
@@ -159,36 +159,36 @@ def _view(address: int, shape: tuple[int, ...], kind: Any, owner: Any) -> Array:
 # What follows tells numba how kernels read a state.
 
 
-class State(types.Type):  # type: ignore[misc]  # numba has no types
+class KernelState(types.Type):  # type: ignore[misc]  # numba has no types
     """The type of a state in kernels: a pointer to the directory of a table."""
 
     def __init__(self, table: Any) -> None:
         self.table = table
-        super().__init__(name=f"State({table.__module__}.{table.__qualname__})")
+        super().__init__(name=f"KernelState({table.__module__}.{table.__qualname__})")
 
     def field(self, name: str) -> Field | None:
         """Return a field by its name."""
         return next((field for field in fields_in(self.table) if field.name == name), None)
 
 
-register_model(State)(models.OpaqueModel)
+register_model(KernelState)(models.OpaqueModel)
 
 
 @type_callable(fields_of)  # type: ignore[untyped-decorator]
 def _type_fields_of(_: Any) -> Any:
-    return lambda memory, table: State(table.instance_class) if isinstance(memory, types.Array) else None
+    return lambda memory, table: KernelState(table.instance_class) if isinstance(memory, types.Array) else None
 
 
 @infer_getattr
 class _Fields(AttributeTemplate):  # type: ignore[misc]
-    key = State
+    key = KernelState
 
-    def generic_resolve(self, state: State, name: str) -> Any:
+    def generic_resolve(self, state: KernelState, name: str) -> Any:
         field = state.field(name)
         if field is None:
             return None
         if field.is_table:
-            return State(field.kind)
+            return KernelState(field.kind)
         if field.kind is int:
             return types.intp
         return types.Array(types.intp if field.kind is Integers else types.float64, len(field.shape), "C")
@@ -200,8 +200,8 @@ def _lower_fields_of(context: Any, builder: Any, signature: Any, arguments: Any)
     return builder.bitcast(memory.data, cgutils.voidptr_t)
 
 
-@lower_getattr_generic(State)  # type: ignore[untyped-decorator]
-def _lower_field(context: Any, builder: Any, state: State, pointer: Any, name: str) -> Any:
+@lower_getattr_generic(KernelState)  # type: ignore[untyped-decorator]
+def _lower_field(context: Any, builder: Any, state: KernelState, pointer: Any, name: str) -> Any:
     field, word = state.field(name), ir.IntType(64)
     assert field is not None
     start = builder.bitcast(pointer, word.as_pointer())

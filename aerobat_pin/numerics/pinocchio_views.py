@@ -50,19 +50,14 @@ def check_views(model: pin.Model, data: pin.Data, oMi: Array, liMi: Array, v: Ar
             raise RuntimeError("Pinocchio's accelerations do not lie in memory as this version expects")
 
 
-def _pointers(here: Any, there: Any) -> Any:
-    """Return a function that turns an address into a pointer to a number.
-
-    Args:
-        here: type of the number for ctypes, used when kernels run as plain Python.
-        there: the same type for numba.
-    """
+def _pointer_function() -> Any:
+    """Return a function that turns an address into a pointer to a double."""
     if numba.config.DISABLE_JIT:  # kernels run as plain Python
-        return lambda address: ctypes.cast(int(address), ctypes.POINTER(here))
+        return lambda address: ctypes.cast(int(address), ctypes.POINTER(ctypes.c_double))
 
     @intrinsic  # type: ignore[untyped-decorator]
     def pointer(_: Any, address: Any) -> Any:
-        kind = types.CPointer(there)
+        kind = types.CPointer(types.float64)
         return kind(types.intp), lambda context, builder, _, args: builder.inttoptr(
             args[0], context.get_value_type(kind)
         )
@@ -70,7 +65,7 @@ def _pointers(here: Any, there: Any) -> Any:
     return pointer
 
 
-_double, _integer = _pointers(ctypes.c_double, types.float64), _pointers(ctypes.c_ssize_t, types.intp)
+_double = _pointer_function()
 
 
 def addresses(*arrays: Array) -> Integers:
@@ -91,9 +86,3 @@ def doubles_at(address: int, rows: int, columns: int) -> Any:
 def array_at(address: int, shape: tuple[int, ...]) -> Any:
     """Return a row-major view of doubles at an address. Unlike a slice, it costs nothing: no references are counted."""
     return carray(_double(address), shape)
-
-
-@inner
-def integers_at(address: int, shape: tuple[int, ...]) -> Any:
-    """Return a row-major view of integers at an address."""
-    return carray(_integer(address), shape)

@@ -19,15 +19,15 @@ def copy_values(source: Array, target: Array) -> None:
 def dot(a: Array, b: Array) -> float:
     """Return the inner product of two vectors, computed as four independent sums, which is faster."""
     n = a.shape[0]
-    one, two, three, four = 0.0, 0.0, 0.0, 0.0
+    first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
     for i in range(n // 4):
-        one += a[4 * i] * b[4 * i]
-        two += a[4 * i + 1] * b[4 * i + 1]
-        three += a[4 * i + 2] * b[4 * i + 2]
-        four += a[4 * i + 3] * b[4 * i + 3]
+        first += a[4 * i] * b[4 * i]
+        second += a[4 * i + 1] * b[4 * i + 1]
+        third += a[4 * i + 2] * b[4 * i + 2]
+        fourth += a[4 * i + 3] * b[4 * i + 3]
     for i in range(n - n % 4, n):
-        one += a[i] * b[i]
-    return (one + two) + (three + four)
+        first += a[i] * b[i]
+    return (first + second) + (third + fourth)
 
 
 @inlined

@@ -129,6 +129,28 @@ class Applications:
             blocks.append(application.directions @ frame)
         return np.concatenate(blocks)
 
+    def jacobians(self, world: Array, places: Array) -> Array:
+        """Return J (m, c, nv) at m configurations, from Pinocchio's world Jacobians and the placements of its joints.
+
+        Args:
+            world: (m, 6, nv) `data.J`, at the world's origin.
+            places: (m, njoints, 12) `data.oMi`, each as rotation by columns, then translation.
+        """
+        blocks = [np.zeros((len(world), 0, world.shape[2]))]
+        for application in self.given:
+            frame = self.model.frames[frame_id(self.model, application.frame)]
+            joint, at = places[:, frame.parentJoint], frame.placement
+            x, y, z = (at.translation @ joint[:, :9].reshape(-1, 3, 3) + joint[:, 9:]).T[..., None]  # of the point
+            a, b, c = world[:, 3:].swapaxes(0, 1)
+            linear = world[:, :3] + np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)  # its velocity
+            moving = np.concatenate([linear, world[:, 3:]], axis=1)
+            directions = application.directions
+            if application.axes == "frame":
+                R = at.rotation.T @ joint[:, :9].reshape(-1, 3, 3)  # its rows are the frame's axes in the world
+                directions = np.concatenate([directions[:, :3] @ R, directions[:, 3:] @ R], axis=2)
+            blocks.append(directions @ moving)
+        return np.concatenate(blocks, axis=1) * self.support
+
 
 def axes_of_application(model: pin.Model, application: Application) -> tuple[int, pin.ReferenceFrame]:
     """Return the index of an application's frame, and in which axes Pinocchio gives the Jacobian of its components."""

@@ -203,7 +203,7 @@ class Estimate:
         nis = nothing if self.innovation is None else self.innovation.nis
         seen = np.full_like(self.components, np.nan) if self.seen is None else self.seen
         unit, words = ", ".join(dict.fromkeys(self.units)), f"of the estimated {meaning}, where the observer knows it"
-        found = {
+        variables = {
             name: (dims, self.components.reshape(shape), unit, f"estimated {meaning}, mean over the interval"),
             "standard_deviation": (dims, sure.reshape(shape), unit, words),
             "seen": (dims, seen.reshape(shape), "1", f"share of the expected square of the {meaning} that is settled"),
@@ -213,8 +213,8 @@ class Estimate:
             "nis": (over, nis[None], "1", "normalised innovation squared, per row, of a filter"),
         }
         if name == "force_W":
-            found["force_deviation_W"] = found["standard_deviation"]
-        return xr.Dataset({key: variable(*values) for key, values in found.items()}, coords=coords)
+            variables["force_deviation_W"] = variables["standard_deviation"]
+        return xr.Dataset({key: variable(*values) for key, values in variables.items()}, coords=coords)
 
     def __repr__(self) -> str:
         """Show the observer, the record, and the mean and range of each component."""

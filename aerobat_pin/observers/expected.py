@@ -134,6 +134,6 @@ def with_record(
         unsettled = np.linalg.inv(covariance(factors, 1.0))  # the share of a row's error that no force takes up ...
         unsettled = unsettled @ unsettled  # ... is its square, see `estimate_posterior`
         spare = np.trace(unsettled, axis1=1, axis2=2)
-        left = np.sum((unsettled @ y[..., None])[..., 0] ** 2, axis=1)[spare >= posterior.LEAST_SPARE]
-        k = max(1.0, float(np.median(left / spare[spare >= posterior.LEAST_SPARE]))) if len(left) else 1.0
+        squares = np.sum((unsettled @ y[..., None])[..., 0] ** 2, axis=1)[spare >= posterior.LEAST_SPARE]
+        k = max(1.0, float(np.median(squares / spare[spare >= posterior.LEAST_SPARE]))) if len(squares) else 1.0
     return replace(expected, force=factors * expected.force, doubt=k)

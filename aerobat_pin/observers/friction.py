@@ -85,17 +85,17 @@ def fit_friction(q: Array, v: Array, a: Array, residual_torque: Array, rate: flo
     if len(v) < 10:
         raise ObserverError(f"friction: {len(v)} intervals: ten or more were expected")
     count = q.shape[1]
-    found, deviation = np.zeros((count, 4)), np.full((count, 4), np.inf)
+    coefficients, deviation = np.zeros((count, 4)), np.full((count, 4), np.inf)
     for joint in range(count):
         regressors = -np.column_stack([np.tanh(v[:, joint] / rate), v[:, joint], a[:, joint], np.ones(len(v))])
         seen = [3] if np.ptp(q[:, joint]) < STILL else _independent(regressors)
         columns, target = regressors[:, seen], residual_torque[:, joint]
         lowest = np.where(np.array(seen) == 3, -np.inf, 0.0)
-        found[joint, seen] = lsq_linear(columns, target, (lowest, np.inf), method="bvls").x
-        left = target - regressors @ found[joint]
-        variance = float(np.sum(left**2)) / max(len(v) - len(seen), 1)
+        coefficients[joint, seen] = lsq_linear(columns, target, (lowest, np.inf), method="bvls").x
+        residual = target - regressors @ coefficients[joint]
+        variance = float(np.sum(residual**2)) / max(len(v) - len(seen), 1)
         deviation[joint, seen] = np.sqrt(variance * np.diag(np.linalg.inv(columns.T @ columns)))
-    coulomb, viscous, inertia, offset = found.T
+    coulomb, viscous, inertia, offset = coefficients.T
     return JointFriction(coulomb, viscous, inertia, offset, rate, deviation)
 
 
@@ -104,7 +104,7 @@ def _independent(regressors: Array) -> list[int]:
     kept: list[int] = []
     for k in (3, 1, 0, 2):
         column = regressors[:, k]
-        left = column - regressors[:, kept] @ np.linalg.lstsq(regressors[:, kept], column, rcond=None)[0]
-        if np.linalg.norm(left) > LEAST_SHARE * np.linalg.norm(column) > 0.0:
+        residual = column - regressors[:, kept] @ np.linalg.lstsq(regressors[:, kept], column, rcond=None)[0]
+        if np.linalg.norm(residual) > LEAST_SHARE * np.linalg.norm(column) > 0.0:
             kept.append(k)
     return sorted(kept)

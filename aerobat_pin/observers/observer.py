@@ -138,10 +138,10 @@ class Observer:
     def __repr__(self) -> str:
         """Show the name, model, rows, gain and the components that are estimated."""
         gain = np.array2string(self.gain, precision=4, threshold=12)
-        found = ", ".join(self.applications.components) or "nothing: the generalised residual alone"
+        components = ", ".join(self.applications.components) or "nothing: the generalised residual alone"
         return (
             f"{type(self).__name__} '{self.name}' on '{self.model.name}', {self._nv} velocities\n"
-            f"  rows '{self.believed.name}', gain {gain} 1/s\n  looks for {found}"
+            f"  rows '{self.believed.name}', gain {gain} 1/s\n  looks for {components}"
         )
 
     def _fill(self, memory: ObserverState) -> None:
@@ -277,7 +277,7 @@ class Observer:
         equations = Equations(*kind, self._gains, self._basis, self.slope, self.believed, self.expected)
         return observe_record(equations, samples, time, u), samples
 
-    def _estimate(self, time: Array, found: Observed, samples: Samples) -> Estimate:
+    def _estimate(self, time: Array, observed: Observed, samples: Samples) -> Estimate:
         """Return the results of a record as an `Estimate`."""
         expected = self.expected
         return Estimate(
@@ -286,16 +286,16 @@ class Observer:
             rows=self.believed.name,
             frames=self.applications.frames,
             time=time,
-            components=found.components,
+            components=observed.components,
             units=self.applications.units,
-            residual=found.residual,
-            identifiability=judge(self.applications, samples.J, samples.v, self.believed, found.pivot),
-            unexplained=found.unexplained,
+            residual=observed.residual,
+            identifiability=judge(self.applications, samples.J, samples.v, self.believed, observed.pivot),
+            unexplained=observed.unexplained,
             rows_in_use=self.believed.count,
             weight=moving_weight(self.model),
-            standard_deviation=found.deviation,
+            standard_deviation=observed.deviation,
             expected_force=None if expected is None else expected.force,
-            doubt=found.k,
+            doubt=observed.k,
         )
 
     @guarded()

@@ -85,8 +85,8 @@ class Redundancy:
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Redundancy:
         """Read what `to_json` wrote."""
-        own = {item.name: values[item.name] for item in fields(cls)}
-        return cls(**{**own, "points": tuple(own["points"])})
+        named = {item.name: values[item.name] for item in fields(cls)}
+        return cls(**{**named, "points": tuple(named["points"])})
 
     def __repr__(self) -> str:
         """Show the verdict in words."""

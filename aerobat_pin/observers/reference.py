@@ -26,8 +26,8 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.numerics import Array
-from aerobat_pin.observers.applications import Applications, axes_of_application
+from aerobat_pin.numerics import Array, placements
+from aerobat_pin.observers.applications import Applications
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER, RISE, SECOND_ORDER
 from aerobat_pin.observers.kernels.posterior import LEAST_SPARE, MEMORY_OF_K
@@ -81,19 +81,17 @@ def sample_robot(
 
     `compute` lets Pinocchio compute M, C, g, the world Jacobians and the placements at one sample.
     """
-    M, Ct, g = data.M, data.C.T, data.g
-    p, b = np.empty_like(v), np.empty_like(v)
-    frames = [axes_of_application(model, one) for one in applications.given]
-    J = [np.empty((len(v), 6, model.nv)) for _ in frames]
-    for i, (q_i, v_i, p_i, b_i) in enumerate(zip(q, v, p, b, strict=True)):
+    M, Ct, g, J, oMi = data.M, data.C.T, data.g, data.J, placements(data.oMi)
+    p, b, wanted = np.empty_like(v), np.empty_like(v), len(applications.components) > 0
+    world, places = np.empty((len(v), *J.shape)), np.empty((len(v), *oMi.shape))
+    for q_i, v_i, p_i, b_i, J_i, place in zip(q, v, p, b, world, places, strict=True):
         compute(model, data, q_i, v_i)
-        np.dot(M, v_i, out=p_i)  # p = M v
-        np.dot(Ct, v_i, out=b_i)  # b = C^T v - g
+        M.dot(v_i, p_i)  # p = M v
+        Ct.dot(v_i, b_i)  # b = C^T v - g
         b_i -= g
-        for J_frame, (frame, axes) in zip(J, frames, strict=True):
-            J_frame[i] = pin.getFrameJacobian(model, data, frame, axes).reshape(6, -1)
-    along = [one.directions @ J_frame for one, J_frame in zip(applications.given, J, strict=True)]
-    return Samples(p, b, v, np.concatenate([np.empty((len(v), 0, model.nv)), *along], axis=1))
+        if wanted:
+            J_i[:], place[:] = J, oMi
+    return Samples(p, b, v, applications.jacobians(world, places))
 
 
 def observe_record(equations: Equations, samples: Samples, time: Array, u: Array) -> Observed:
@@ -112,7 +110,7 @@ def observe_record(equations: Equations, samples: Samples, time: Array, u: Array
     if new.all():
         return _observe(equations, samples, time, u)
     kept, last = np.concatenate([[True], new]), np.cumsum(new) - 1
-    found = _observe(equations, Samples(*(values[kept] for values in samples)), time[kept], u[new])
+    observed = _observe(equations, Samples(*(values[kept] for values in samples)), time[kept], u[new])
 
     def repeated(values: Array | None) -> Any:
         if values is None:
@@ -120,7 +118,7 @@ def observe_record(equations: Equations, samples: Samples, time: Array, u: Array
         first = np.zeros((1, *values.shape[1:]))  # the result of what repeats the first sample
         return np.concatenate([first, values])[last + 1]
 
-    return Observed(*map(repeated, found))
+    return Observed(*map(repeated, observed))
 
 
 def _observe(equations: Equations, samples: Samples, time: Array, u: Array) -> Observed:

@@ -37,12 +37,12 @@ def modes(gain: Array, size: int) -> tuple[Array, Array]:
 
 def directions_of(model: pin.Model) -> list[tuple[int, int]]:
     """Return where in a configuration a quaternion or a pair (cosine, sine) starts, and its size."""
-    found = []
+    places = []
     for joint in model.joints:
         size = DIRECTIONS.get(joint.shortname(), 0)
         if size:
-            found.append((joint.idx_q + joint.nq - size, size))
-    return found
+            places.append((joint.idx_q + joint.nq - size, size))
+    return places
 
 
 def check_configurations(directions: list[tuple[int, int]], q: Array) -> None:

@@ -28,7 +28,7 @@ class ObserversTogether:
     """
 
     def __init__(self, observers: Sequence[Observer]) -> None:
-        if len({(int(one.model.nq), int(one.model.nv)) for one in observers}) != 1:
+        if len({(int(observer.model.nq), int(observer.model.nv)) for observer in observers}) != 1:
             raise ObserverError(f"{len(observers)} observers together: one or more of the same model were expected")
         self.observers = tuple(observers)
         self.model = observers[0].model
@@ -59,14 +59,14 @@ class ObserversTogether:
         Returns:
             The estimate of each observer; None if the sample is no configuration or the residual is not finite.
         """
-        found: list[Sample | None] = [None] * len(self.observers)
+        samples: list[Sample | None] = [None] * len(self.observers)
         for compute, observers in self._groups:
             compute(self.model, self.data, q, v)
-            for k, one in observers:
-                out = np.empty(one._width)
-                if one._update(one._memory, q, v, u, dt, out):
-                    found[k] = one._result(out, one._nv, one._count)
-        return found
+            for k, observer in observers:
+                out = np.empty(observer._width)
+                if observer._update(observer._memory, q, v, u, dt, out):
+                    samples[k] = observer._result(out, observer._nv, observer._count)
+        return samples
 
 
 def _read_from(observer: Observer, data: pin.Data) -> None:

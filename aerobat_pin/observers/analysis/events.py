@@ -224,12 +224,12 @@ def _tail_level(maxima: Array, edges: Array, rate: float, advice: str) -> float:
     if not (np.isfinite(rate) and rate > 0.0):
         raise ObserverError(f"false_alarms = {rate}: a finite positive rate in 1/s was expected")
     count = int(TAIL * len(maxima))
-    found = f"the free run of {duration:.3g} s has {len(maxima)} excursions"
+    excursions = f"the free run of {duration:.3g} s has {len(maxima)} excursions"
     if len(maxima) < FEWEST:
-        raise ObserverError(f"{found}: {FEWEST} or more were expected; {advice}")
+        raise ObserverError(f"{excursions}: {FEWEST} or more were expected; {advice}")
     if wanted > count:
         raise ObserverError(
-            f"{found}: ten were expected for each of the {wanted:.3g} false alarms asked for; take a lower rate "
+            f"{excursions}: ten were expected for each of the {wanted:.3g} false alarms asked for; take a lower rate "
             "false_alarms"
         )
     largest = np.sort(maxima)[::-1]

@@ -81,8 +81,8 @@ def locate_series(wrenches: ArrayLike, covariance: ArrayLike) -> PointOfAction:
     seen, chance = _information(z[:, :3].T @ z[:, :3], W), _information(count * noise[:3, :3], W)
     values, axes = np.linalg.eigh(seen - chance)
     doubt = np.sqrt(correlation_length(z) / count) * np.einsum("ij,ik,kj->j", axes, chance, axes)
-    told = values > np.maximum(FAINTEST * doubt, 1e-9 * values[-1])
-    known = axes[:, told]
+    determined = values > np.maximum(FAINTEST * doubt, 1e-9 * values[-1])
+    known = axes[:, determined]
 
     def weighted(place: Array) -> Array:
         r = known @ place
@@ -101,7 +101,7 @@ def locate_series(wrenches: ArrayLike, covariance: ArrayLike) -> PointOfAction:
     return PointOfAction(
         point=point,
         covariance=length * known @ np.linalg.inv(information) @ known.T,
-        unknown=axes[:, ~told].T,
+        unknown=axes[:, ~determined].T,
         misfit=float(np.sum(errors**2) / (3 * count - known.shape[1])),
         limit=max(LARGEST_MISFIT, 1.0 + FAINTEST * float(np.sqrt(2.0 * length / (3 * count)))),
     )

@@ -254,10 +254,9 @@ class KalmanObserver(Observer):
         memory = self._memory.copy()  # so that a running stream is not disturbed
         kalman, nv, c, model, data = fields_of(memory, KalmanState), self._nv, self._count, self.model, self.data
         samples = np.empty((len(time), *kalman.filter.samples.shape[1:]))
-        kalman.observer.record[:] = v.ctypes.data, samples.ctypes.data, 0
-        for configuration, velocity in zip(q, v, strict=True):
+        for configuration, velocity, sample in zip(q, v, samples, strict=True):
             self._compute(model, data, configuration, velocity)
-            kernels.record_noisy_sample(memory)
+            kernels.record_noisy_sample(memory, velocity, sample)
         self._begin(kalman, samples[0])
         errors = np.array([np.asarray(self._of(known, name), float) for name in self._errors])
         out = np.empty((len(u), self._width))
@@ -269,16 +268,16 @@ class KalmanObserver(Observer):
             for k in np.flatnonzero(np.diff(time) == 0.0):
                 out[k] = out[k - 1] if k > 0 else 0.0
         residual, f, deviation, unexplained, pivot, innovation = np.split(out, np.cumsum([nv, c, c, nv, 1]), axis=1)
-        found = Observed(residual, f, unexplained, pivot[:, 0], deviation, innovation=innovation)
-        return found, Samples(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3 : 3 + c])
+        observed = Observed(residual, f, unexplained, pivot[:, 0], deviation, innovation=innovation)
+        return observed, Samples(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3 : 3 + c])
 
-    def _estimate(self, time: Array, found: Observed, samples: Samples) -> Estimate:
-        whitened = found.innovation
+    def _estimate(self, time: Array, observed: Observed, samples: Samples) -> Estimate:
+        whitened = observed.innovation
         assert whitened is not None
         power, along = float(np.sum(whitened[:-1] ** 2)), float(np.sum(whitened[1:] * whitened[:-1]))
         nis = np.sum(whitened**2, axis=1) / self.believed.count
         innovation = Innovation(nis, along / power if power > 0.0 else 0.0)
-        return replace(super()._estimate(time, found, samples), innovation=innovation)
+        return replace(super()._estimate(time, observed, samples), innovation=innovation)
 
 
 class SmootherObserver(KalmanObserver):

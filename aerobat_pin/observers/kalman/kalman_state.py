@@ -82,7 +82,7 @@ class Filter(NamedTuple):
     span: Annotated[Array, "c, nv"]  # scratch: orthonormal basis of the weighted rows that forces explain
     columns: Annotated[Array, "nv, c"]  # scratch: the same, transposed
     sent: Annotated[Array, "2 * nv, nv"]  # scratch: generalised forces that noise of the two samples' velocities makes
-    made: Annotated[Array, "2 * nv, nv"]  # scratch: their weighted rows in use
+    noise_rows: Annotated[Array, "2 * nv, nv"]  # scratch: their weighted rows in use
     along: Annotated[Array, "2 * nv, c"]  # scratch: the part of it that forces explain
     ended: Annotated[Array, "nv, nv"]  # what no force explains of the rows made by the latest sample's noise
 

@@ -46,7 +46,7 @@ from aerobat_pin.observers.kalman.learning import (
     misfit_variance,
     set_walk_by_gain,
 )
-from aerobat_pin.observers.kalman.noisy_sample import next_in_record, repeat_interval, write_noisy_sample
+from aerobat_pin.observers.kalman.noisy_sample import repeat_interval, write_noisy_sample
 from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.projection import fit_forces
 from aerobat_pin.observers.kernels.residual import (
@@ -286,10 +286,9 @@ def start_filter(memory: Array, v: Array) -> None:
 
 
 @kernel
-def record_noisy_sample(memory: Array) -> None:
-    """Write the next sample (3 + c + 2 nv, nv) of a record, for which Pinocchio has computed M."""
+def record_noisy_sample(memory: Array, v: Array, sample: Array) -> None:
+    """Write a sample (3 + c + 2 nv, nv) of a record at a velocity (nv,), for which Pinocchio has computed M."""
     kalman = fields_of(memory, KalmanState)
-    v, sample = next_in_record(kalman.observer, kalman.filter.samples.shape[1])
     write_noisy_sample(kalman.observer, kalman.filter, v, sample)
 
 

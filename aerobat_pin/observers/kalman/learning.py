@@ -82,7 +82,8 @@ def leak_of_noise(
     low-passes, of which an interval forgets `share`, and h' the same one interval later. What noise of the known forces
     leaves is less than half of the least misfit, and counts as misfit.
     """
-    c, nv, made, ended, A = filter_.walk.shape[0], before.shape[1], filter_.made, filter_.ended, observer.equations
+    c, nv, A = filter_.walk.shape[0], before.shape[1], observer.equations
+    noise_rows, ended = filter_.noise_rows, filter_.ended
     span, columns, along, unit = filter_.span, filter_.columns, filter_.along, power_unit(observer, observer.velocity)
     for a in range(c):  # an orthonormal basis of what forces explain, with the Cholesky factor that `fit_forces` left
         copy_values(observer.span[a], span[a])
@@ -98,17 +99,17 @@ def leak_of_noise(
         for i in range(nv):
             start[i] = size * M[i] + half * slope[i]
             end[i] = size * next_M[i] - half * next_slope[i]
-    put_rows(observer, noise, observer.velocity, unit, made)
+    put_rows(observer, noise, observer.velocity, unit, noise_rows)
     along[:, :] = 0.0
-    add_product(along, made, columns, 1.0)
-    add_product(made, along, span, -1.0)
+    add_product(along, noise_rows, columns, 1.0)
+    add_product(noise_rows, along, span, -1.0)
     apart, together, first = 0.0, 0.0, filter_.intervals[0] == 0.0
     for k in range(nv):
         for s in range(nv):
-            b, a = made[k, s], made[k, s] if first else ended[k, s]
+            b, a = noise_rows[k, s], noise_rows[k, s] if first else ended[k, s]
             apart += (a - b) * (a - b)
             together += a * b
-            ended[k, s] = made[nv + k, s]
+            ended[k, s] = noise_rows[nv + k, s]
     kept = 1.0 - (1.0 - share) ** 2
     power = share**4 / kept**3  # sum(h^2) is (2 - kept) power, sum(h^2) - sum(h h') is share^2 power
     return float(power * ((2.0 - kept) * apart + 2.0 * share * share * together))

@@ -41,8 +41,8 @@ def kinship_of(model: pin.Model) -> Integers:
     That is `ABOVE` if the other one moves the joint, `BELOW` if it is in a joint further out, else 0.
     """
     nv, joint = int(model.nv), np.zeros(int(model.nv), np.intp)
-    for one in model.joints.tolist()[1:]:
-        joint[one.idx_v : one.idx_v + one.nv] = one.id
+    for member in model.joints.tolist()[1:]:
+        joint[member.idx_v : member.idx_v + member.nv] = member.id
     supports = [set(support.tolist()) for support in model.supports.tolist()]
     table = np.zeros((nv, nv + 1), np.intp)
     table[:, 0] = joint
@@ -69,9 +69,9 @@ def inertias_at(model: pin.Model, data: pin.Data) -> int:
     first, count = int(data.oYcrb[0].lever.ctypes.data) - DOUBLE, int(model.njoints)
     seen = np.reshape((ctypes.c_double * (count * INERTIA_SIZE)).from_address(first), (count, INERTIA_SIZE))
     for joint in range(1, count):
-        one = data.oYcrb[joint]
-        moments = one.inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-        if not np.array_equal(seen[joint], [one.mass, *one.lever, *moments]):
+        subtree = data.oYcrb[joint]
+        moments = subtree.inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+        if not np.array_equal(seen[joint], [subtree.mass, *subtree.lever, *moments]):
             raise RuntimeError("Pinocchio's inertias do not lie in memory as this version expects")
     return first
 
@@ -163,18 +163,6 @@ def put_momentum(Y: Array, x: float, y: float, z: float, a: float, b: float, c: 
     momentum[3] = Y[4] * a + Y[5] * b + Y[7] * c + t * fz - u * fy
     momentum[4] = Y[5] * a + Y[6] * b + Y[8] * c + u * fx - s * fz
     momentum[5] = Y[7] * a + Y[8] * b + Y[9] * c + s * fy - t * fx
-
-
-@inner
-def next_in_record(observer: ObserverState, rows: int) -> tuple[Array, Array]:
-    """Return views of the next sample of a record: its velocity (nv,), and the array (rows, nv) to write it to.
-
-    Passing these views from Python instead would cost a fiftieth of the whole computation.
-    """
-    record, nv = observer.record, observer.sizes.nv
-    k = record[2]
-    record[2] += 1
-    return array_at(record[0] + DOUBLE * k * nv, (nv,)), array_at(record[1] + DOUBLE * k * rows * nv, (rows, nv))
 
 
 @inner

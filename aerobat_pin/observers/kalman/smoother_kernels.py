@@ -34,9 +34,9 @@ def smooth(step: Step, adjoint: Array, N: Array, work: Array) -> None:
         step.z[a] += dot(Z[a], adjoint)
     for component in range(c):  # only covariances between coefficients of the same component are needed
         for a in range(component, h, c):
-            row, found = work[a, :n], work[a, n:]
+            row, reduction = work[a, :n], work[a, n:]
             for b in range(component, h, c):
-                found[b] = dot(row, Z[b])
+                reduction[b] = dot(row, Z[b])
     for component in range(c):
         for a in range(component, h, c):
             for b in range(component, h, c):

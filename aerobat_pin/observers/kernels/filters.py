@@ -31,7 +31,7 @@ def low_pass(observer: ObserverState, dt: float, value: Array) -> None:
         if kind == FIRST_ORDER:
             if i == 0 or gain != observer.gain[i - 1]:
                 decay = np.exp(-gain * dt)
-            first[i] = value[i] + decay * (first[i] - value[i])
+            first[i] = value[i] + decay * (first[i] - value[i])  # r = phi + exp(-K dt) (r - phi)
         elif kind == SECOND_ORDER:
             rate = RISE * gain
             decay = np.exp(-rate * dt)

@@ -29,7 +29,6 @@ class ObserverState(NamedTuple):
 
     sizes: ObserverSizes
     robot: Annotated[Integers, "5"]  # addresses of Pinocchio's M, C, g, J and oMi
-    record: Annotated[Integers, "3"]  # addresses of a record's velocities and samples, and the index of the next sample
     directions: Annotated[Integers, "directions, 2"]  # for each unit vector in q: where it starts, and its size
     newest: Annotated[Integers, "1"]  # index of the newer one of the two samples
     blind: Annotated[Integers, "1"]  # number of patterns of components that left no trace in the latest interval

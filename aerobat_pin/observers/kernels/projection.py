@@ -28,7 +28,7 @@ def normal_equations(
         copy_values(J[i], given[i])
     copy_values(generalized, given[size])
     put_rows(observer, given, velocity, power_unit(observer, velocity), span)
-    for i in range(size):
+    for i in range(size):  # b = B y, A = B B^T with B = J L
         b[i] = dot(span[i], span[size])
         for j in range(i + 1):
             A[i, j] = dot(span[i], span[j])
@@ -94,7 +94,7 @@ def project(observer: ObserverState, before: Array, after: Array, generalized: A
     trace = normal_equations(observer, observer.jacobian, velocity, generalized, A, force)
     for i in range(force.shape[0]):
         A[i, i] += DAMPING * trace if trace > 0.0 else 1.0  # trace 0: no row depends on the forces, which become 0
-    least = solve_positive(A, force)
+    least = solve_positive(A, force)  # A f = b
     if least < SUSPECT * trace:
         project_deficient(observer, after, generalized, force)
     return least / trace if trace > 0.0 else 0.0

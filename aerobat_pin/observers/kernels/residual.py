@@ -61,7 +61,7 @@ def write_sample(observer: ObserverState, v: Array, sample: Array) -> None:
     """Write a sample (3 + c, nv) at a velocity (nv,); `computeCoriolisMatrix` leaves J in the WORLD frame."""
     _, C, g, _, _ = dynamics_of(observer)
     for i in range(v.shape[0]):
-        sample[1, i] = dot(C[:, i], v) - g[i, 0]
+        sample[1, i] = dot(C[:, i], v) - g[i, 0]  # b = C^T v - g
     write_momentum_and_jacobian(observer, v, sample)
 
 
@@ -72,7 +72,7 @@ def write_momentum_and_jacobian(observer: ObserverState, v: Array, sample: Array
     nv, momentum, rate = v.shape[0], sample[0], sample[2]
     for i in range(nv):
         momentum[i], rate[i] = 0.0, v[i]
-    for j in range(nv):  # M is symmetric, so whole columns can be read
+    for j in range(nv):  # p = M v; M is symmetric, so whole columns can be read
         for i in range(nv):
             momentum[i] += M[i, j] * v[j]
     for row in range(observer.components.shape[0]):
@@ -104,12 +104,12 @@ def mean_residual(before: Array, after: Array, u: Array, dt: float, observer: Ob
     """Write phi (nv,) and `observer.jacobian` of an interval; return False if phi is NaN or huge."""
     if not dt < TOO_LARGE:
         return False
-    for i in range(u.shape[0]):
+    for i in range(u.shape[0]):  # phi = (p_1 - p_0) / dt - (b_0 + b_1) / 2 - u
         residual[i] = (after[0, i] - before[0, i]) / dt - 0.5 * (before[1, i] + after[1, i]) - u[i]
         if not abs(residual[i]) < TOO_LARGE:  # NaN too
             return False
     J = observer.jacobian
-    for row in range(J.shape[0]):
+    for row in range(J.shape[0]):  # J = (J_0 + J_1) / 2
         for i in range(u.shape[0]):
             J[row, i] = 0.5 * (before[3 + row, i] + after[3 + row, i])
     return True
@@ -144,7 +144,7 @@ def observe(before: Array, after: Array, u: Array, dt: float, observer: Observer
         else:
             project(observer, before, after, residual, force)
         return True
-    for i in range(nv):
+    for i in range(nv):  # r = J^T f
         residual[i] = 0.0
         for row in range(force.shape[0]):
             residual[i] += J[row, i] * force[row]
