@@ -11,7 +11,7 @@ import pytest
 import tomli_w
 import xarray as xr
 from support.commands import call
-from support.strange_arm import URDF, arm_map, nothing, pushed, write_log
+from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_log
 
 from aerobat_pin.estimation import Calibration, Result, calibrate, estimate
 from aerobat_pin.records import open_record, parse_map
@@ -116,3 +116,15 @@ def test_without_points_each_joint_has_its_residual(folder: Path) -> None:
         sum(event.end is None or event.end - event.onset > 0.5 for event in found("free").observers["momentum"].events)
         == 0
     )
+
+
+def test_rest_says_nothing_of_the_errors_in_motion(folder: Path) -> None:
+    """Free seconds at rest give no row an error, as friction hides it there; free seconds of motion give all."""
+
+    def noise(seconds: float) -> dict[str, float]:
+        chosen = arm_map(["tool0"]) | {"use": {"free": [0.0, seconds]}}
+        found = estimate(open_record(folder / "free.csv", parse_map(chosen, "of the test"), folder))
+        return dict(found.forces.values.row_noise)
+
+    assert noise(3.0) == {}
+    assert list(noise(25.0)) == JOINTS
