@@ -29,7 +29,7 @@ class Step(NamedTuple):
 
 
 class Filter(NamedTuple):
-    """Data that a Kalman filter keeps between calls; ne and nh as in `kalman_in`, the other sizes as in `Step`."""
+    """Data that a Kalman filter keeps between calls; ne, nr, nh as in `kalman_in`, the other sizes as in `Step`."""
 
     mass_in_doubt: int  # whether the last coefficient is an error of the mass
     power_known: int  # whether the joints' total power is known although their torques are not
@@ -56,7 +56,10 @@ class Filter(NamedTuple):
     scale: Annotated[Array, "c"]  # as `Applications.scale`
     information: Annotated[Array, "c, 2 * c"]  # scratch
     hidden: Annotated[Array, "nh, nh"]  # projector onto generalised forces that do not change the rows in use, or empty
-    errors: Annotated[Array, "ne, nv"]  # known forces with an uncertain factor, in the current interval
+    errors: Annotated[
+        Array, "ne, nv"
+    ]  # known forces with an uncertain factor, then row errors, in the current interval
+    rows: Annotated[Array, "3, nr"]  # of row errors: variance in motion, what stiction adds, rate at which that fades
     doubt: Annotated[Array, "nv"]  # running mean square of the possible errors of known forces and mass, for each row
     x: Annotated[Array, "nv + nz"]  # estimate of the state
     P: Annotated[Array, "nv + nz, nv + nz"]  # covariance of the estimate
@@ -89,7 +92,9 @@ class KalmanMemory(NamedTuple):
     step: Step
 
 
-kalman_fields = layout_of(KalmanMemory, "sizes", "nv", "nz", "c", "blocks", "ne", "nh", "mass_in_doubt", "power_known")
+kalman_fields = layout_of(
+    KalmanMemory, "sizes", "nv", "nz", "c", "blocks", "ne", "nr", "nh", "mass_in_doubt", "power_known"
+)
 step_fields = layout_of(Step, "nv", "nz", "c", "blocks")
 
 
@@ -110,12 +115,13 @@ def kalman_in(memory: Array) -> KalmanMemory:
     """Lay out the memory of a Kalman filter.
 
     Sizes, after those of an observer: number of blocks (1, or 3 with harmonics), number ne of known forces with an
-    uncertain factor, number nh of rows of `hidden` (nv or 0), `mass_in_doubt`, `power_known`.
+    uncertain factor and of row errors, number nr of the latter (nv or 0), number nh of rows of `hidden` (nv or 0),
+    `mass_in_doubt`, `power_known`.
     """
     cursor = rewind(memory)
     sizes = observer_sizes(cursor)
-    blocks, ne, nh = next_size(cursor), next_size(cursor), next_size(cursor)
+    blocks, ne, nr, nh = next_size(cursor), next_size(cursor), next_size(cursor), next_size(cursor)
     mass_in_doubt, power_known = next_size(cursor), next_size(cursor)
     nv, c = sizes.nv, sizes.components
     nz = blocks * c + ne + mass_in_doubt
-    return kalman_fields(cursor, sizes, nv, nz, c, blocks, ne, nh, mass_in_doubt, power_known)
+    return kalman_fields(cursor, sizes, nv, nz, c, blocks, ne, nr, nh, mass_in_doubt, power_known)
