@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +15,9 @@ import xarray as xr
 from support.commands import call
 from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_log
 
-from aerobat_pin.estimation import Calibration, Result, calibrate, estimate
+from aerobat_pin.estimation import Calibration, Result, calibrate, check_record, estimate
 from aerobat_pin.observers import OBSERVERS
-from aerobat_pin.records import open_record, parse_map
+from aerobat_pin.records import open_record, parse_map, suggested_map
 
 pytestmark = pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
 SEEDS = (1, 2, 3, 4, 5, 6)
@@ -144,3 +146,22 @@ def test_each_observer_is_as_right_as_it_says(folder: Path) -> None:
             assert np.sqrt(np.mean(error[inside, k] ** 2)) < 7.0, name
             assert np.mean(np.abs(error[inside, k]) < 2.0 * whole.standard_deviation[inside, k]) > 0.88, name
         assert np.abs(whole.components).max() < 1.2 * whole.expected_force.max(), name
+
+
+def test_a_self_check_says_whether_pose_or_map_hides_a_force(folder: Path) -> None:
+    """An arm that begins straight up hides one for a while; a map that believes two joints hides one for ever."""
+    chosen = arm_map(["tool0"])
+    hidden = [str(one) for one in check_record(opened(folder / "push.csv", ["tool0"])) if not one.ok]
+    assert any(re.search(r"right at \d+% of the times: else the pose hides it", line) for line in hidden)
+    chosen["robot"]["rows"] = {"ignore": JOINTS[1:5]}
+    deaf = check_record(open_record(folder / "push.csv", parse_map(chosen, "of the test"), folder))
+    assert any(str(one).endswith("at no time: the map believes no row that shows it") for one in deaf)
+
+
+def test_a_suggestion_names_joints_that_need_a_robot_and_currents(folder: Path) -> None:
+    """Numbered columns of joints are named where no robot is given; efforts that are called i are currents."""
+    table = pd.read_csv(folder / "free.csv").rename(columns={f"tau{k}": f"i{k}" for k in range(6)})
+    table.to_csv(folder / "currents.csv", index=False)
+    said = suggested_map(folder / "currents.csv", None)
+    assert "# 6 joints? They need a robot, --urdf FILE: velocity v0, v1, v2, v3, v4, v5; effort i0" in said
+    assert tomllib.loads(suggested_map(folder / "currents.csv", URDF))["joints"]["effort"]["unit"] == "A"
