@@ -21,7 +21,7 @@ from aerobat_pin.observers import SMOOTH_RATE, JointFriction
 from aerobat_pin.records import Block, KnownSection, PlainRobot, Record, world_turn
 
 CALIBRATION, FRICTION = "calibration", "friction"  # names of the known forces that are learnt
-SLIDING = 4.0  # times the speed at which Coulomb friction has set in: a joint slides as a fitted law says
+SLIDING_RATE = 2.0 * SMOOTH_RATE  # below it friction falls with the speed (Stribeck): no fitted law holds there
 
 
 @dataclass(frozen=True)
@@ -87,14 +87,11 @@ class FittedValues:
     row_noise: Mapping[str, float] = field(default_factory=dict)
 
     def stiction(self, robot: PlainRobot) -> tuple[Array, Array]:
-        """Return (nv,) the friction at rest [N or N m], and the speed of each joint at which it slides [m/s or rad/s].
-
-        Below that speed friction depends on more than the speed (Stribeck): no law that was fitted holds there.
-        """
-        size, rate = np.zeros(robot.model.nv), np.full(robot.model.nv, SLIDING * SMOOTH_RATE)
+        """Return (nv,) friction at rest [N or N m], and the speed from which each joint slides [m/s or rad/s]."""
+        size, rate = np.zeros(robot.model.nv), np.full(robot.model.nv, SLIDING_RATE)
         if self.friction is not None:
             rows = [robot.v_index(joint) for joint in self.joints]
-            size[rows], rate[rows] = np.abs(self.friction.coulomb), SLIDING * self.friction.rate
+            size[rows], rate[rows] = np.abs(self.friction.coulomb), max(self.friction.rate, SLIDING_RATE)
         return size, rate
 
 
