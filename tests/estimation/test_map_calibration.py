@@ -84,7 +84,7 @@ def calibrated(folder: Path, name: str, values: dict[str, Any], *parameters: str
 def test_a_free_swing_makes_the_force_of_another_recording_right(
     arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """By the two commands: 0.1 N rms where it was up to some newtons; friction, rotors and mass are found."""
+    """By the two commands: 0.15 N rms where it was up to some newtons; friction, rotors and mass are found."""
     folder, force = arms
     monkeypatch.chdir(folder)
     learn = ["calibrate", "free.csv", "--map", "map.toml", "--identify", "mass", "--out", "arm.nc"]
@@ -120,7 +120,7 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
         for found in (plain.estimates["force_level"].force[:, 0], with_it)
     )
     assert np.all(shown.mean(axis=0) > 0.95)
-    assert np.all(right < 0.1)
+    assert np.all(right < 0.15)
     assert np.all(wrong > 5.0 * right)
 
 
