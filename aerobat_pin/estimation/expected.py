@@ -16,7 +16,6 @@ from aerobat_pin.estimation.run_observers import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
     SHARE_OF_WEIGHT,
-    SMOOTH_RATE,
     Application,
     Applications,
     Expected,
@@ -84,14 +83,10 @@ def expected_from(
     error = EFFORT_ERROR * np.where(effort > 0.0, effort, needed)
     for k, name in enumerate(row_names(model)):
         error[k] = values.row_noise.get(name, error[k])
-    stiction, rate = np.zeros(model.nv), np.full(model.nv, SMOOTH_RATE)
-    if values.friction is not None:
-        rows = [robot.v_index(joint) for joint in values.joints]
-        stiction[rows], rate[rows] = np.abs(values.friction.coulomb), values.friction.rate
     applications = Applications(model, points)
     lever = np.array([1.0 if unit == "N" else robot_length(model) for unit in applications.units])
     least = LEAST_ROW_ERROR * weight * row_scale(model)
-    return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), stiction, rate)
+    return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), *values.stiction(robot))
 
 
 def lifted_errors(rows: Array, jacobians: Array, least: float) -> Array:

@@ -17,10 +17,11 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.calibration.learnt_error import LearntError
 from aerobat_pin.estimation.inverse_dynamics import turned
 from aerobat_pin.numerics import Array, frame_jacobian
-from aerobat_pin.observers import JointFriction
-from aerobat_pin.records import Block, KnownSection, Record, world_turn
+from aerobat_pin.observers import SMOOTH_RATE, JointFriction
+from aerobat_pin.records import Block, KnownSection, PlainRobot, Record, world_turn
 
 CALIBRATION, FRICTION = "calibration", "friction"  # names of the known forces that are learnt
+SLIDING_RATE = 2.0 * SMOOTH_RATE  # below it friction falls with the speed (Stribeck): no fitted law holds there
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,14 @@ class FittedValues:
     gain_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     fits: tuple[Fit, ...] = ()
     row_noise: Mapping[str, float] = field(default_factory=dict)
+
+    def stiction(self, robot: PlainRobot) -> tuple[Array, Array]:
+        """Return (nv,) friction at rest [N or N m], and the speed from which each joint slides [m/s or rad/s]."""
+        size, rate = np.zeros(robot.model.nv), np.full(robot.model.nv, SLIDING_RATE)
+        if self.friction is not None:
+            rows = [robot.v_index(joint) for joint in self.joints]
+            size[rows], rate[rows] = np.abs(self.friction.coulomb), max(self.friction.rate, SLIDING_RATE)
+        return size, rate
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE as T
 from aerobat_pin.estimation.tilt import tilt_of, with_tilt
 from aerobat_pin.estimation.trust import local_noise
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Expected, KalmanObserver, Observer, Rows
+from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Expected, Observer, Rows
 from aerobat_pin.records import Map, PlainRobot, Record, Spool
 
 BLOCK = 30_000  # intervals that are estimated at once
@@ -78,7 +78,7 @@ def built_observers(
     section, made = chosen.observer, []
     for name in names:
         settings = section.settings(name)
-        if expected is not None and not issubclass(OBSERVERS[name], KalmanObserver):  # which expects sizes of its own
+        if expected is not None:
             settings = {**settings, "expected": expected}
         made.append(OBSERVERS[name](robot.model, points, section.gain, rows, **settings))
     return made

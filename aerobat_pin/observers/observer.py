@@ -166,6 +166,10 @@ class Observer:
             raise ObserverError("expect: this observer was made without sizes that are expected")
         expected.refuse_unusable(self._count, self._nv)
         self.expected = expected
+        self._expect(expected)
+
+    def _expect(self, expected: Expected) -> None:
+        """Let the kernels expect these sizes."""
         expected.write(fields_of(self._memory, ObserverState).posterior)
 
     @guarded()

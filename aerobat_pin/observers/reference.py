@@ -228,10 +228,11 @@ def posterior(equations: Equations, dt: Array, J: Array, v: Array, y: Array) -> 
 
         e ~ N(0, k R),   f ~ N(0, S^2)           see `Expected`
         P = (J R^-1 J^T / k + S^-2)^-1           covariance of f, given y
-        f = (1 + P S^-2) P J R^-1 y / k
+        f = (1 + N - N^3) P J R^-1 y / k,   N = P S^-2
 
     P J R^-1 y / k is the mean of f given y. It is too small by the share P S^-2 of the force, a tenth where nine tenths
-    are seen, though R and S are guesses at times; the first factor leaves the square of this share, a hundredth.
+    are seen, though R and S are guesses at times; the first factor leaves the square of this share, and adds
+    nothing where nothing is seen.
 
     k is the square of the whitened rows that no force explains, for each row to spare, behind the low-pass of the
     observer, as noise that this takes out does no harm. A few rows at one instant say little about their errors, which
@@ -248,7 +249,9 @@ def posterior(equations: Equations, dt: Array, J: Array, v: Array, y: Array) -> 
     def given(k: Array, B: Array, y: Array) -> tuple[Array, Array]:
         P = np.linalg.inv(B @ np.swapaxes(B, 1, 2) / k[:, None, None] + np.diag(information))
         mean = np.einsum("mcd,mdk,mk->mc", P, B, y / k[:, None], optimize=True)
-        return mean + np.einsum("mcd,md->mc", P, information * mean), np.diagonal(P, axis1=1, axis2=2)
+        N = P * information
+        missing = np.einsum("mcd,md->mc", N, mean)
+        return mean + missing - np.einsum("mcd,mde,me->mc", N, N, missing), np.diagonal(P, axis1=1, axis2=2)
 
     f, variance = given(np.ones(len(y)), B, y)
     spare = rows.count - np.sum(1.0 - (variance * information) ** 2, axis=1)

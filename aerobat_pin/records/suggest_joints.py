@@ -14,10 +14,11 @@ from aerobat_pin.records.joint_names import as_names, nearest_joints
 
 NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)\]?$", re.IGNORECASE)
 PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
-    "velocity": {"vel", "velocity", "velocities", "qd", "dq", "rate", "speed"},
+    "velocity": {"v", "vel", "velocity", "velocities", "qd", "dq", "rate", "speed"},
     "effort": {"tau", "torque", "effort", "efforts", "current", "cur", "i", "moment"},
     "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
 }
+CURRENT_WORDS = {"current", "cur", "i"}
 UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
     "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
     "length": {"mm": "mm", "cm": "cm", "m": "m"},
@@ -46,7 +47,10 @@ def suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
             yield f"{as_names(alike)}  # the robot calls them otherwise: are these the same?"
         yield ""
         return
-    if urdf is None or columns.kinds:
+    if columns.kinds:
+        return
+    if urdf is None:
+        yield from _without_robot(columns)
         return
     names = pin.buildModelFromUrdf(str(urdf)).names.tolist()[1:]
     found = joint_columns(columns, names)
@@ -71,7 +75,7 @@ def suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
     else:
         yield 'velocity = {from = "position", window = 0.02}'
     if len(whole["effort"]) == len(there):
-        unit = named_unit("torque", whole["effort"])
+        unit = named_unit("torque", whole["effort"]) or ("A" if all(map(_is_current, whole["effort"])) else None)
         if unit in ("A", "mA"):
             yield f"# how many N m for each {unit} (torque constant times gear ratio, with its sign)? Or joint by joint"
             columns_of, torque = listed(whole["effort"]), 1.0 if unit == "A" else 0.001
@@ -88,6 +92,22 @@ def suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
         yield "[use]"
         yield "# free = [0, 3]"
     yield ""
+
+
+def _without_robot(columns: Columns) -> Iterator[str]:
+    """Yield a comment about columns that look like those of joints, which a map without a robot cannot use."""
+    found = _numbered_columns(columns, [str(k) for k in range(len(columns.values))])
+    if found:
+        whole = {part: [parts[part] for parts in found.values() if part in parts] for part in PART_WORDS}
+        some = "; ".join(f"{part} {', '.join(names)}" for part, names in whole.items() if names)
+        yield f"# {len(found)} joints? They need a robot, --urdf FILE: {some}"
+        yield ""
+
+
+def _is_current(name: str) -> bool:
+    """Return whether a column's name says that it is a current."""
+    words = set(re.split(r"[^a-z]+", name.lower()))
+    return bool(words & CURRENT_WORDS) and not words & (PART_WORDS["effort"] - CURRENT_WORDS)
 
 
 def joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:

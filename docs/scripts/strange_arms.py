@@ -1,12 +1,17 @@
-"""Print which gains, and which payload, the logs of a UR10E show, if they are here; what is checked, if they are not.
+"""Print what the logs of two arms show that nobody here has seen, if they are here; what is checked, if they are not.
 
     AEROBAT_RECORDINGS=FOLDER python docs/scripts/strange_arms.py
 
-FOLDER holds a clone of github.com/shamilmamedov/dynamic_calibration, which states no licence: read the data, do not pass
-them on.
-An arm swings for 50 s, alone and with 2.805 kg that sit 0.165 m beside its tool. From one loaded log, of which the mass
+FOLDER holds clones of github.com/shamilmamedov/dynamic_calibration (no licence stated: read the data, do not pass them
+on) and github.com/aspectum/ur3-force-estimation (MIT).
+
+A UR10E swings for 50 s, alone and with 2.805 kg that sit 0.165 m beside its tool. From one loaded log, of which the mass
 is known, `calibrate` finds the torque per ampere of all joints and where the load sits. With them, and from nothing
 else, `estimate` finds the load of the other log, which sits on the other side.
+
+Nothing touches a UR3, whose bags are those of ROS 1. It rests straight up and then swings; its efforts oppose its
+velocities, and its last joint turns on and on, which the robot's file does not allow. One log ends as the arm is stopped
+within 30 ms: its last 0.1 s do not count. Factors, friction and errors are learnt from one log and hold for the other.
 """
 
 from __future__ import annotations
@@ -29,6 +34,8 @@ LOGS = ("14harm50sec", "15harm50sec")
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 NOMINAL = 10.0  # [N m/A]: of all joints, from which factors are found
 CENTRES = {"14harm50sec": (0.03, 0.16, 0.04), "15harm50sec": (-0.04, -0.16, 0.04)}  # [m] of the load, from tool0
+BAGS, UR3_NAMES = ("id1", "id2"), ("Base", "Shoulder", "Elbow", "Wrist 1", "Wrist 2", "Wrist 3")
+MOST_SHOWN, STOP = 20.0, 0.1  # [N] where nothing touches, and [s] at the end that do not count
 GRAVITY = np.array([0.0, 0.0, 9.81])
 LETTERS = {"position": "q", "velocity": "v", "effort": "i"}
 
@@ -106,9 +113,46 @@ def force_lines(clone: Path, name: str, folder: Path, calibration: Calibration) 
         )
 
 
+def untouched(bags: Path, name: str, *, learnt: bool) -> Record:
+    """Open a log of the UR3 by a map that seeks a force at its tool, or friction and factors."""
+    joints: dict[str, object] = {
+        "topic": "/arm",
+        "names": dict(zip(UR3_NAMES, (f"{joint}_joint" for joint in JOINTS), strict=True)),
+        "effort": {"unit": "N m", "torque_per_unit": {"*": -1.0}},
+    }
+    if learnt:
+        joints["friction"] = {"law": "coulomb+viscous+inertia", "scale": True}
+    robot = {"name": "ur3", "root": "fixed", "points": ["tool0"]}
+    values = {"robot": robot, "joints": joints, "observer": {"gain": 20.0}}
+    return open_record(bags / f"{name}.bag", parse_map(values, "of the UR3"), bags)
+
+
+def nothing_lines(bags: Path) -> None:
+    """Print which force is shown where nothing touches the UR3."""
+    if not bags.is_dir():
+        print(f"{bags}: no bags. Nothing touches the arm: at most {MOST_SHOWN:g} N shown, nine tenths covered")
+        return
+    for known, other in (BAGS, BAGS[::-1]):
+        calibration = calibrate([untouched(bags, known, learnt=True)], trust=True)
+        result = estimate(untouched(bags, other, learnt=False), calibration=calibration, trust=True)
+        [found], [own] = result.estimates.values(), result.observers.values()
+        counts = found.shown & (found.time[1:] < found.time[-1] - STOP)[:, None]
+        assert found.standard_deviation is not None
+        size, held = np.abs(found.components), np.abs(found.components) < 2.0 * found.standard_deviation
+        axes = "/".join(f"{np.sqrt(np.mean(size[counts[:, k], k] ** 2)):.1f}" for k in range(3))
+        cover = ", ".join(f"{np.mean(held[counts[:, k], k]):.1%}" for k in range(3))
+        most, seen = size[counts].max(), ", ".join(f"{share:.0%}" for share in own.seen["tool0"])
+        print(
+            f"nothing touches {other}, learnt from {known}: {axes} N rms where seen ({seen} of the time), at most "
+            f"{most:.1f} N{'' if most < MOST_SHOWN else ': not within'}, {cover} within two deviations, k {own.k:.2g}"
+        )
+
+
 def main() -> None:
-    """Print gains and payload of both logs, each found with the other."""
-    clone = Path(os.environ.get("AEROBAT_RECORDINGS", ""), "dynamic_calibration")
+    """Print gains and payload of both logs of the UR10E, each found with the other, and the same of the UR3."""
+    folder = Path(os.environ.get("AEROBAT_RECORDINGS", ""))
+    nothing_lines(folder / "ur3-force-estimation" / "experiment")
+    clone = folder / "dynamic_calibration"
     if not (clone / "dataset_ur10e").is_dir():
         print(
             f"{clone}: no logs. Each payload, found with gains of the other log: {LIGHTEST} to {HEAVIEST} kg, covered"

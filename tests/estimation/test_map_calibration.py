@@ -40,6 +40,7 @@ from aerobat_pin.estimation import (
     estimate,
     read_calibration,
 )
+from aerobat_pin.observers import SHOWN
 from aerobat_pin.records import (
     Block,
     Condition,
@@ -83,7 +84,7 @@ def calibrated(folder: Path, name: str, values: dict[str, Any], *parameters: str
 def test_a_free_swing_makes_the_force_of_another_recording_right(
     arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """By the two commands: 0.3 N rms where it was up to some newtons; friction, rotors and mass are found."""
+    """By the two commands: 0.15 N rms where it was up to some newtons; friction, rotors and mass are found."""
     folder, force = arms
     monkeypatch.chdir(folder)
     learn = ["calibrate", "free.csv", "--map", "map.toml", "--identify", "mass", "--out", "arm.nc"]
@@ -105,18 +106,21 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
     words = ["estimate", "pushed.csv", "--map", "map.toml", "--calibration", "arm.nc", "--out", "out"]
     assert call(monkeypatch, *words) == 0
     assert "calibration: learnt from free.csv; error bar" in capsys.readouterr().out
-    with_it = read_netcdf(folder / "out" / "estimate.nc", "estimate")[""]["force_W"].values[0, :, 0]
+    stored = read_netcdf(folder / "out" / "estimate.nc", "estimate")[""]
+    with_it, seen = (stored[key].values[0, :, 0] for key in ("force_W", "seen"))
     values = arm_map()
     del values["joints"]["friction"]
     plain = estimate(open_record(Path("pushed.csv"), parse_map(values, "of the test"), folder))
     truth = np.column_stack(
         [np.interp(plain.estimates["force_level"].time[:-1] - 0.009, np.arange(len(force)) / RATE, x) for x in force.T]
     )
+    shown = seen[200:] > SHOWN
     wrong, right = (
-        np.sqrt(np.mean((found - truth)[200:] ** 2, axis=0))
+        np.sqrt(np.mean((found - truth)[200:] ** 2, axis=0, where=shown))
         for found in (plain.estimates["force_level"].force[:, 0], with_it)
     )
-    assert np.all(right < 0.3)
+    assert np.all(shown.mean(axis=0) > 0.95)
+    assert np.all(right < 0.15)
     assert np.all(wrong > 5.0 * right)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +13,11 @@ import pytest
 import tomli_w
 import xarray as xr
 from support.commands import call
-from support.strange_arm import URDF, arm_map, nothing, pushed, write_log
+from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_log
 
-from aerobat_pin.estimation import Calibration, Result, calibrate, estimate
-from aerobat_pin.records import open_record, parse_map
+from aerobat_pin.estimation import Calibration, Result, calibrate, check_record, estimate
+from aerobat_pin.observers import OBSERVERS
+from aerobat_pin.records import open_record, parse_map, suggested_map
 
 pytestmark = pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
 SEEDS = (1, 2, 3, 4, 5, 6)
@@ -116,3 +119,49 @@ def test_without_points_each_joint_has_its_residual(folder: Path) -> None:
         sum(event.end is None or event.end - event.onset > 0.5 for event in found("free").observers["momentum"].events)
         == 0
     )
+
+
+def test_rest_says_nothing_of_the_errors_in_motion(folder: Path) -> None:
+    """Free seconds at rest give no row an error, as friction hides it there; free seconds of motion give all."""
+
+    def noise(seconds: float) -> dict[str, float]:
+        chosen = arm_map(["tool0"]) | {"use": {"free": [0.0, seconds]}}
+        found = estimate(open_record(folder / "free.csv", parse_map(chosen, "of the test"), folder))
+        return dict(found.forces.values.row_noise)
+
+    assert noise(3.0) == {}
+    assert list(noise(25.0)) == JOINTS
+
+
+def test_each_observer_is_as_right_as_it_says(folder: Path) -> None:
+    """Of all six, 88 % of the errors are within two deviations, and 7 N rms is left where it is shown."""
+    record = opened(folder / "push.csv", ["tool0"])
+    calibration = calibrate([opened(folder / "free.csv", ["tool0"], friction=True)])
+    found = estimate(record, list(OBSERVERS), calibration=calibration).estimates
+    columns = pd.read_csv(folder / "push.csv")[["fx", "fy", "fz"]].to_numpy()
+    for name, whole in found.items():
+        error = whole.components - 0.5 * (columns[1:] + columns[:-1])
+        for k in range(3):
+            inside = whole.shown[:, k]
+            assert np.sqrt(np.mean(error[inside, k] ** 2)) < 7.0, name
+            assert np.mean(np.abs(error[inside, k]) < 2.0 * whole.standard_deviation[inside, k]) > 0.88, name
+        assert np.abs(whole.components).max() < 1.2 * whole.expected_force.max(), name
+
+
+def test_a_self_check_says_whether_pose_or_map_hides_a_force(folder: Path) -> None:
+    """An arm that begins straight up hides one for a while; a map that believes two joints hides one for ever."""
+    chosen = arm_map(["tool0"])
+    hidden = [str(one) for one in check_record(opened(folder / "push.csv", ["tool0"])) if not one.ok]
+    assert any(re.search(r"right at \d+% of the times: else the pose hides it", line) for line in hidden)
+    chosen["robot"]["rows"] = {"ignore": JOINTS[1:5]}
+    deaf = check_record(open_record(folder / "push.csv", parse_map(chosen, "of the test"), folder))
+    assert any(str(one).endswith("at no time: the map believes no row that shows it") for one in deaf)
+
+
+def test_a_suggestion_names_joints_that_need_a_robot_and_currents(folder: Path) -> None:
+    """Numbered columns of joints are named where no robot is given; efforts that are called i are currents."""
+    table = pd.read_csv(folder / "free.csv").rename(columns={f"tau{k}": f"i{k}" for k in range(6)})
+    table.to_csv(folder / "currents.csv", index=False)
+    said = suggested_map(folder / "currents.csv", None)
+    assert "# 6 joints? They need a robot, --urdf FILE: velocity v0, v1, v2, v3, v4, v5; effort i0" in said
+    assert tomllib.loads(suggested_map(folder / "currents.csv", URDF))["joints"]["effort"]["unit"] == "A"

@@ -16,7 +16,7 @@ from support.rails import Rails
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight import simulate
-from aerobat_pin.observers import Application, KalmanObserver, SmootherObserver, tie_joints
+from aerobat_pin.observers import Application, Expected, KalmanObserver, SmootherObserver, tie_joints
 from aerobat_pin.robot.aerobat import FORCE_POINTS, load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
 
@@ -277,3 +277,41 @@ def test_settings_that_make_no_sense_are_refused() -> None:
     smoother.reset(q[0], v[0])
     with pytest.raises(ObserverError, match="use run, or the observer kalman"):
         smoother.update(1e-3, q[1], v[1], tau[0])
+
+
+def lasting(model: pin.Model, doubt: float = 1.0) -> Expected:
+    """Return what is expected of two forces, and of rows that differ."""
+    size = float(pin.computeTotalMass(model))
+    errors = size * np.linspace(0.5, 1.5, model.nv)
+    return Expected(np.full(3, 5.0 * size), errors, 0.7 * errors, np.full(model.nv, 0.3), doubt)
+
+
+@pytest.mark.parametrize("kind", [KalmanObserver, SmootherObserver])
+def test_a_lasting_error_of_a_row_is_a_known_force_of_an_unknown_factor(kind: type[KalmanObserver]) -> None:
+    """Forces of one deviation on each row, of factors 0 +- 1 in doubt: the same filter, with a walk and k = 1."""
+    model, frames = MODELS["arm"]
+    time, q, v, tau, known = record(model)
+    rows = lasting(model).row_deviation(0.5 * (v[1:] + v[:-1]))
+    factors = {f"row {k}": np.where(np.arange(model.nv) == k, rows, 0.0) for k in range(model.nv)}
+    settings: dict[str, Any] = {"sensor_noise": SENSORS, "force_walk": 40.0, "error_time": 0.2}
+    found = kind(model, frames[:1], expected=lasting(model), **settings).run(time, q, v, tau, known)
+    doubted = kind(model, frames[:1], known_error=dict.fromkeys(factors, 1.0), **settings)
+    other = doubted.run(time, q, v, tau - rows, {**known, **factors})
+    assert_equal(found.components, other.components, 1e-8)
+    assert_equal(found.standard_deviation, other.standard_deviation, 1e-8)
+
+
+def test_where_errors_last_as_long_as_forces_the_filter_is_the_posterior() -> None:
+    """At rest with exact sensors: all samples say the same as one, as if it were known without noise."""
+    model, frames = MODELS["arm"]
+    q, rest, push = record(model)[1][0], np.zeros(model.nv), np.linspace(1.0, 2.0, model.nv)
+    count, expected = 400, lasting(model, 2.0)
+    gravity = pin.rnea(model, model.createData(), q, rest, rest)
+    record_ = (0.01 * np.arange(count + 1), np.tile(q, (count + 1, 1)), np.zeros((count + 1, model.nv)))
+    observer = KalmanObserver(model, frames[:1], sensor_noise=(1e-6,) * 3, misfit=1e-6, expected=expected)
+    found = observer.run(*record_, np.tile(gravity - push, (count, 1)))
+    J = point_jacobian(model, frames[:1], q)
+    P = np.linalg.inv(J @ np.diag(0.5 / expected.row_deviation(rest) ** 2) @ J.T + np.diag(expected.force**-2.0))
+    mean = P @ J @ (0.5 / expected.row_deviation(rest) ** 2 * push)
+    assert_equal(found.components[-1], mean, 1e-2)
+    assert_equal(found.standard_deviation[-1], np.sqrt(np.diag(P)), 1e-2)

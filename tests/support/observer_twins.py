@@ -64,7 +64,8 @@ def project(J: Vector, W: Vector, generalized: Vector) -> Vector:
 class PosteriorTwin:
     """The components given rows and what was expected, by Kalman's gain over the rows in place of normal equations.
 
-    With G = S^2 J (J^T S^2 J + k)^-1 over whitened rows:  P = S^2 - G J^T S^2,  f = (1 + P S^-2) G y.
+    With G = S^2 J (J^T S^2 J + k)^-1 over whitened rows:  P = S^2 - G J^T S^2,
+    f = (1 + N - N^3) G y with N = P S^-2.
     """
 
     def __init__(self, expected: Expected, gain: float) -> None:
@@ -84,7 +85,8 @@ class PosteriorTwin:
         def given(k: float) -> tuple[Vector, Vector]:
             gain = S2 @ A.T @ np.linalg.inv(A @ S2 @ A.T + k * np.eye(len(A)))
             P = S2 - gain @ A @ S2
-            return (np.eye(len(S2)) + P @ np.linalg.inv(S2)) @ gain @ white @ y, np.diag(P)
+            N = P @ np.linalg.inv(S2)
+            return (np.eye(len(S2)) + N - N @ N @ N) @ gain @ white @ y, np.diag(P)
 
         force, variance = given(1.0)
         spare = len(A) - np.sum(1.0 - (variance / prior.force**2) ** 2)

@@ -122,26 +122,35 @@ def free_runs(record: Record, forces: KnownForces, within: tuple[float, float] =
 
 
 def row_noise(runs: Sequence[FreeRun], *, learnt: bool) -> dict[str, float]:
-    """Return row -> root second moment of what is left [N, N m], in data that no fit used; empty if there is none.
+    """Return row -> root second moment of what is left where it moves [N, N m], in data that no fit used.
 
-    It is taken behind the low-pass of the observers, as errors that this takes out do not reach their forces.
+    It is taken behind the low-pass of the observers, as errors that this takes out do not reach their forces. A joint
+    at rest says nothing of its errors when it slides: an instant counts by how far it does. A few errors may all be
+    small: the second moment is raised by its deviation. A row that hardly moves has none.
 
     Args:
         runs: the runs, with all that is known of them.
         learnt: whether more than the map's fits was learnt from them, from all but the part that is held out.
     """
-    left = []
+    names = row_names(runs[0].record.robot.model) if runs else {}
+    count, square, different = np.zeros((3, len(names)))
     for run in runs:
-        kept = ~used_by_fits(run.record, run.forces.values, run.inputs.time[:-1])
+        robot, time, v = run.record.robot, run.inputs.time, run.inputs.v
+        kept = ~used_by_fits(run.record, run.forces.values, time[:-1])
         if learnt:
             kept[run.fitted] = False
-        kept &= settled(run.record, run.inputs.time[:-1])
-        share = -np.expm1(-float(run.record.map.observer.gain) * typical_step(run.inputs.time))
-        left.append(low_passed(run.residual, share)[kept])
-    if sum(map(len, left)) < FEWEST_LEFT:
-        return {}
-    sizes = np.sqrt(np.mean(np.concatenate(left) ** 2, axis=0))
-    return dict(zip(row_names(runs[0].record.robot.model), sizes.tolist(), strict=True))
+        kept &= settled(run.record, time[:-1])
+        if not kept.any():
+            continue
+        share = -np.expm1(-float(run.record.map.observer.gain) * typical_step(time))
+        sliding = np.tanh(0.5 * (v[1:] + v[:-1])[kept] / run.forces.values.stiction(robot)[1])
+        sliding[:, : FREE_NV if robot.free else 0] = 1.0
+        left = sliding * low_passed(run.residual, share)[kept]
+        power = np.abs(np.fft.fft(left, axis=0)) ** 2  # as many different errors as frequencies have a part in it
+        different += np.sum(power, axis=0) ** 2 / np.maximum(np.sum(power**2, axis=0), 1e-300)
+        count, square = count + np.sum(sliding**2, axis=0), square + np.sum(left**2, axis=0)
+    raised = square / np.maximum(count, 1e-300) * (1.0 + np.sqrt(2.0 / np.maximum(different, 1.0)))
+    return {name: float(np.sqrt(raised[k])) for k, name in enumerate(names) if count[k] >= FEWEST_LEFT}
 
 
 def noise_where_known(forces: KnownForces) -> dict[str, float]:

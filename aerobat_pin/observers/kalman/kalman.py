@@ -14,6 +14,7 @@ from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_state, shown
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
+from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.kalman import kernels
 from aerobat_pin.observers.kalman.kalman_state import KalmanState, new_steps
 from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, LEAST_INFORMATION, ROOT_MEAN
@@ -68,12 +69,14 @@ class KalmanObserver(Observer):
         prior: standard deviation [N] of the forces at the start; when omitted, a third of the robot's weight.
         known_error: name of a known force -> standard deviation of the error of its factor: 0.2 for "right to 20 %".
         mass_error: the same for the mass; the inertias change in proportion.
-        error_time: correlation time of these factors [s].
+        error_time: correlation time of these factors, and of what is `expected` [s].
         misfit: size of fast errors of the same forces [sqrt(s)]. Every row gets white noise of `misfit` times the
             running root mean square of the row's possible error, which is `known_error` and `mass_error` times the
             forces to which they apply.
         frequency: flapping frequency [Hz]. If given, each force is a0 + a1 cos + b1 sin at this frequency, and all
             three coefficients are random walks.
+        expected: how large forces and lasting errors of the rows are. An error of a row that lasts is then not taken
+            for noise, and a force that the pose does not show stays within its size; a given `force_walk` stays a walk.
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
@@ -110,6 +113,7 @@ class KalmanObserver(Observer):
         error_time: float = 1.0,
         misfit: float = 0.01,
         frequency: float | None = None,
+        expected: Expected | None = None,
     ) -> None:
         """Prepare the filter; `reset` starts it."""
         super().__init__(model, applications, gain, rows)
@@ -131,10 +135,11 @@ class KalmanObserver(Observer):
         errors = [_positive(f"known_error of {name}", size) for name, size in (known_error or {}).items()]
         if mass_error != 0.0:
             errors.append(_positive("mass_error", mass_error))
-        hidden = self._hidden()
-        coefficients = blocks * len(scale) + len(self._errors) + int(mass_error != 0.0)
+        hidden, lasting = self._hidden(), 0 if expected is None else nv
+        uncertain = len(self._errors) + lasting
+        coefficients = blocks * len(scale) + uncertain + int(mass_error != 0.0)
         self._step_sizes = {"nv": nv, "c": len(scale), "blocks": blocks, "nz": coefficients}
-        sizes = {"ne": len(self._errors), "nh": len(hidden), "mass_in_doubt": mass_error != 0.0}
+        sizes = {"ne": uncertain, "nr": lasting, "nh": len(hidden), "mass_in_doubt": mass_error != 0.0}
         sizes |= {"power_known": rows == "base+power", **self._step_sizes, **self._sizes._asdict()}
         self._memory = new_state(KalmanState, **sizes)
         self._kalman = fields_of(self._memory, KalmanState)
@@ -148,7 +153,8 @@ class KalmanObserver(Observer):
             filter_.pulsation[:] = 2.0 * np.pi * _positive("frequency", frequency)
         filter_.scale[:] = scale
         self._walks = blocks * len(scale)
-        filter_.variance[self._walks :] = np.square(errors)
+        factors = [*range(len(self._errors)), *range(len(self._errors) + lasting, len(errors) + lasting)]
+        filter_.variance[self._walks :][factors] = np.square(errors)
         filter_.rate[self._walks :] = 1.0 / _positive("error_time", error_time)
         filter_.misfit[:] = _positive("misfit", misfit)
         self._by_gain, weight = isinstance(force_walk, str), moving_weight(model)
@@ -166,6 +172,10 @@ class KalmanObserver(Observer):
                     f"force_walk = {force_walk}: one finite positive number or {len(scale)} were expected"
                 )
             filter_.walk[:] = np.diag(np.square(walk * scale if walk.shape == () else walk))
+        if expected is not None:
+            expected.refuse_unusable(len(scale), nv)
+            self.expected = expected
+            self._expect(expected)
         self._width = nv + 2 * len(scale) + nv + 1 + nv
         self._update = kernels.update_filter
 
@@ -178,9 +188,18 @@ class KalmanObserver(Observer):
             ObserverError: for the same reasons as in `Observer.update`, or a force named in `known_error` is missing.
             ShapeError: for the same reasons as in `Observer.update`.
         """
-        for row, name in zip(self._kalman.filter.errors, self._errors, strict=True):
+        for row, name in zip(self._kalman.filter.errors, self._errors, strict=False):  # row errors follow
             row[:] = checked(self._of(known, name), self._nv, name)
         return super().update(time, q, v, tau, known)
+
+    def _expect(self, expected: Expected) -> None:
+        filter_, first = self._kalman.filter, self._walks + len(self._errors)
+        lasting = slice(first, first + self._nv)
+        filter_.rows[:] = expected.row_error**2, expected.stiction**2 / 3.0, expected.stiction_rate
+        filter_.variance[lasting] = expected.doubt
+        if self._settings["force_walk"] is None:
+            filter_.rate[: self._walks], filter_.walk[:] = filter_.rate[first], 0.0
+            filter_.variance[: self._walks] = self._prior[:] = np.tile(expected.force**2, self._walks // self._count)
 
     @property
     def doubted_forces(self) -> tuple[str, ...]:

@@ -33,8 +33,8 @@ class Step(NamedTuple):
 class Filter(NamedTuple):
     """Data that a Kalman filter keeps between calls.
 
-    There are ne known forces with an uncertain factor, and nh rows of `hidden`, nv or none; the other sizes are those
-    of `Step`.
+    There are ne known forces with an uncertain factor and lasting errors of rows, nr (nv or none) of the latter, and nh
+    rows of `hidden`, nv or none; the other sizes are those of `Step`.
     """
 
     mass_in_doubt: int  # whether the last coefficient is an error of the mass
@@ -62,7 +62,10 @@ class Filter(NamedTuple):
     scale: Annotated[Array, "c"]  # as `Applications.scale`
     information: Annotated[Array, "c, 2 * c"]  # scratch
     hidden: Annotated[Array, "nh, nh"]  # projector onto generalised forces that do not change the rows in use, or empty
-    errors: Annotated[Array, "ne, nv"]  # known forces with an uncertain factor, in the current interval
+    errors: Annotated[
+        Array, "ne, nv"
+    ]  # known forces with an uncertain factor, then row errors, in the current interval
+    rows: Annotated[Array, "3, nr"]  # of row errors: variance in motion, what stiction adds, rate at which that fades
     doubt: Annotated[Array, "nv"]  # running mean square of the possible errors of known forces and mass, for each row
     x: Annotated[Array, "nv + nz"]  # estimate of the state
     P: Annotated[Array, "nv + nz, nv + nz"]  # covariance of the estimate

@@ -28,6 +28,7 @@ from aerobat_pin.numerics import (
     add_row_product,
     copy_values,
     factorise,
+    inlined,
     fields_of,
     kernel,
     mirror,
@@ -212,6 +213,15 @@ def report(step: Step, dt: float, out: Array) -> None:
             out[i] += step.shear[a, i] / dt * force
 
 
+@inlined
+def write_row_errors(before: Array, after: Array, filter_: Filter) -> None:
+    """Write the standard deviation of each row's lasting error in an interval, see `Expected`."""
+    first = filter_.errors.shape[0] - filter_.rows.shape[1]
+    for k in range(filter_.rows.shape[1]):
+        sliding = np.tanh(0.5 * (before[2, k] + after[2, k]) / filter_.rows[2, k])
+        filter_.errors[first + k, k] = np.sqrt(filter_.rows[0, k] + filter_.rows[1, k] * (1.0 - sliding * sliding))
+
+
 @kernel
 def filter_interval(
     before: Array, after: Array, u: Array, dt: float, observer: ObserverState, filter_: Filter, step: Step, out: Array
@@ -224,6 +234,7 @@ def filter_interval(
     n, rest = x.shape[0], out[u.shape[0] + 2 * c :]
     if not mean_residual(before, after, u, dt, observer, filter_.phi):
         return False
+    write_row_errors(before, after, filter_)
     for a in range(filter_.errors.shape[0]):  # what uncertain factors explain is no misfit
         factor = x[nv + step.z.shape[0] + a]
         for i in range(nv):

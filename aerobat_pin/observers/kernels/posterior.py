@@ -25,10 +25,11 @@ def estimate_posterior(
 
         e ~ N(0, k R),   f ~ N(0, S^2)           see `Expected`
         P = (J R^-1 J^T / k + S^-2)^-1           their covariance, given y
-        f = (1 + P S^-2) P J R^-1 y / k
+        f = (1 + N - N^3) P J R^-1 y / k,   N = P S^-2
 
     P J R^-1 y / k is their mean given y. It is too small by the share P S^-2 of the force, a tenth where nine tenths
-    are seen, though R and S are guesses at times; the first factor leaves the square of this share, a hundredth.
+    are seen, though R and S are guesses at times; the first factor leaves the square of this share, and adds
+    nothing where nothing is seen.
 
     k is the square of the whitened rows that no force explains, for each row to spare, behind the low-pass of the
     observer, as noise that this takes out does no harm. A few rows at one instant say little about their errors, which
@@ -109,6 +110,12 @@ def solve_for_components(observer: ObserverState, k: float, force: Array, doubt:
     solve_factored(A, column)
     for i in range(c):
         force[i] += column[i]
+    for _ in range(2):
+        for i in range(c):
+            column[i] *= information[i]
+        solve_factored(A, column)
+    for i in range(c):
+        force[i] -= column[i]
     for j in range(c):  # P_jj = |L^-1 e_j|^2 with the Cholesky factor L that is left in A
         size = 0.0
         for i in range(j, c):
