@@ -3,8 +3,8 @@
 | cause | parameters |
 |---|---|
 | `crank_zero` | by how much the crank's angle is recorded too small [rad] |
-| `air_density` | relative change of the air's density |
-| `compliance` | flexibility c of both elbows, angle behind the linkage's per torque; c d, by a damper's lag d |
+| `air_density` | relative change of the air's density, and of the learnt error with it: most of it is the air's |
+| `compliance` | flexibility c of both elbows, angle behind the linkage's per torque; c T, T the lag of a damper |
 | `payload` | mass at the body, and mass times place in body axes; a steady force on the body looks the same |
 
 Where the joints of a log are those that the linkage makes of the crank's angle, they share its zero, and do not show a
@@ -20,17 +20,17 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import typical_step
+from aerobat_pin.observers import low_passed, typical_step
 from aerobat_pin.records import Block, Suspect
 from aerobat_pin.robot import Aerobat
 
 JOINT_RATES = slice(6, 10)
 ELBOWS = np.array([0.0, 1.0, 0.0, 1.0])
-SMOOTHED = 0.016  # [s]: width of the window over which a torque is smoothed before it bends a link
+LEAST_LAG = 0.004  # [s]: of a link behind its torque; a shorter one makes no difference to forces
 FOLLOWING = np.radians(0.3)  # rms angle by which joints that follow from the crank's angle may differ from it
 SUSPECTS = {
     "crank_zero": (Suspect("angle", 2e-3, 180.0 / np.pi, "deg"),),
-    "air_density": (Suspect("change", 0.02, 100.0, "%"),),
+    "air_density": (Suspect("change", 0.02, 100.0, "%", of_error=True),),
     "compliance": (Suspect("elbows", 0.2, 1.0, "rad/(N m)"), Suspect("their lag times that", 2e-3, 1.0, "rad s/(N m)")),
     "payload": (
         Suspect("mass", 1e-3, 1e3, "g", inertial=True),
@@ -72,15 +72,19 @@ def follows(block: Block, robot: Aerobat) -> bool:
 
 
 def flexed(block: Block, robot: Aerobat, values: Array) -> Block:
-    """Return a block whose elbows bend by c tau - cd tau' (2,), tau their torque smoothed over some milliseconds."""
-    time, torque = block.time, block.tau[:, JOINT_RATES]
-    window = np.hanning(2 * max(1, round(0.5 * SMOOTHED / typical_step(time))) + 1)
-    padded = np.pad(torque, ((len(window) // 2, len(window) // 2), (0, 0)), "edge")
-    smooth = np.stack([np.convolve(one, window / window.sum(), "valid") for one in padded.T], axis=1)
-    at_samples = np.concatenate([smooth[:1], 0.5 * (smooth[1:] + smooth[:-1]), smooth[-1:]])
-    bend = values[0] * at_samples - values[1] * np.gradient(at_samples, time, axis=0)
+    """Return a block whose elbows bend by b, T b' + b = c tau: a spring and a damper carry their torque.
+
+    `values` are c and c T. Where T is not above `LEAST_LAG` L, as about c = 0, b has the same first two terms in slow
+    torques, behind a lag of L.
+    """
+    c, lagging = values
+    lag = max(lagging / c, LEAST_LAG) if c > 0.0 else LEAST_LAG
+    direct, torque = c - lagging / lag, block.tau[:, JOINT_RATES]
+    now = np.concatenate([torque[:1], 0.5 * (torque[1:] + torque[:-1]), torque[-1:]])
+    late = low_passed(torque - torque[0], -np.expm1(-typical_step(block.time) / lag)) + torque[0]
+    bend = direct * now + (c - direct) * np.concatenate([torque[:1], late])
     bend = -bend * ELBOWS if follows(block, robot) else np.zeros_like(bend)
     q, v = block.q.copy(), block.v.copy()
     q[:, list(robot.idx_q)] += bend
-    v[:, list(robot.idx_v)] += np.gradient(bend, time, axis=0)
+    v[:, list(robot.idx_v)] += np.gradient(bend, block.time, axis=0)
     return replace(block, q=q, v=v)

@@ -28,11 +28,8 @@ def calibrate_command(
     morphology: BelievedMorphology = None,
     settings: Settings = None,
     harmonics: Annotated[
-        int | None,
-        typer.Option(
-            min=-1, max=40, help="Harmonics of the crank to learn; 0: the mean alone, -1: nothing. Default: 6."
-        ),
-    ] = None,
+        int, typer.Option(min=-1, max=40, help="Harmonics of the crank to learn; 0: the mean alone, -1: nothing.")
+    ] = 8,
     identify: Annotated[
         list[str] | None,
         typer.Option(
@@ -67,8 +64,7 @@ def calibrate_command(
     with progress_bar() as show:
         report = None if show is None else lambda share: show("identifying", share)
         given = opened(flights, map_file, morphology, settings or [], free=True)
-        order = 6 if harmonics is None else harmonics
-        found = calibrate(given, harmonics=order, parameters=names, trust=trust, progress=report)
+        found = calibrate(given, harmonics=harmonics, parameters=names, trust=trust, progress=report)
     for line in found.notes:
         typer.echo(line)
     for line in found.warnings:

@@ -60,14 +60,15 @@ def estimate(
     names = [one for one in observers if isinstance(one, str)]
     inputs = inputs_between(record, forces)
     expected = expected_of(record, inputs, forces.values, points_of(record.map))
-    made, notes = observers_of(record, names, expected) if names or not observers else ([], ())
-    made += [one for one in observers if isinstance(one, Observer)]
-    if len({one.name for one in made}) < len(made):
-        raise ObserverError(f"estimate: observers = {[one.name for one in made]}: different ones were expected")
     times, model = record.times(*record.parts[0]), None
     if calibration is not None and not record.robot.smooths(record.channels):
         model = check_model(calibration, forces, inputs)
         inputs = model.inputs
+    known = model is not None and model.check is not None
+    made, notes = observers_of(record, names, expected, errors_known=known) if names or not observers else ([], ())
+    made += [one for one in observers if isinstance(one, Observer)]
+    if len({one.name for one in made}) < len(made):
+        raise ObserverError(f"estimate: observers = {[one.name for one in made]}: different ones were expected")
     watch = None if calibration is None else CalibrationWatch(calibration, None if model is None else model.check)
     smoothed = record.robot.motion_from(times, record.channels, made, progress)
     if smoothed is not None:

@@ -21,11 +21,22 @@ from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE as T
 from aerobat_pin.estimation.tilt import tilt_of, with_tilt
 from aerobat_pin.estimation.trust import local_noise
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import OBSERVERS, AllBut, Application, Estimate, Expected, Observer, Rows
+from aerobat_pin.observers import (
+    OBSERVERS,
+    AllBut,
+    Application,
+    Estimate,
+    Expected,
+    KalmanObserver,
+    Observer,
+    Rows,
+    moving_weight,
+)
 from aerobat_pin.records import Map, PlainRobot, Record, Spool
 
 BLOCK = 30_000  # intervals that are estimated at once
 LEAD = 15.0  # time constants 1/K by which a block begins before its first result: what is left of its start is e^-15
+LEAST_EXPECTED = 5.0e-4  # of the robot's weight, per spare row: no belief, and no step of a record, is more exact
 
 
 class ErrorOfBelief(Protocol):
@@ -45,7 +56,7 @@ class Watch(Protocol):
 
 
 def observers_of(
-    record: Record, names: Sequence[str] = (), expected: Expected | None = None
+    record: Record, names: Sequence[str] = (), expected: Expected | None = None, *, errors_known: bool = False
 ) -> tuple[list[Observer], tuple[str, ...]]:
     """Return observers of a record, and which rows they do not believe and why, in words.
 
@@ -53,13 +64,14 @@ def observers_of(
         record: the record.
         names: of the observers; those that the map names when empty.
         expected: what is expected of forces and rows; None for forces of any size.
+        errors_known: whether a calibration states the errors of the belief, so that filters need not assume any.
 
     Raises:
         MapError: there is no observer of a name.
         ObserverError: an observer cannot be built for this robot.
     """
     rows, notes = rows_of(record.map, record.robot, record.joints, record.channels)
-    return built_observers(record.map, record.robot, rows, names, expected), notes
+    return built_observers(record.map, record.robot, rows, names, expected, errors_known=errors_known), notes
 
 
 def points_of(chosen: Map) -> list[str | Application]:
@@ -68,9 +80,15 @@ def points_of(chosen: Map) -> list[str | Application]:
 
 
 def built_observers(
-    chosen: Map, robot: PlainRobot, rows: Rows, names: Sequence[str] = (), expected: Expected | None = None
+    chosen: Map,
+    robot: PlainRobot,
+    rows: Rows,
+    names: Sequence[str] = (),
+    expected: Expected | None = None,
+    *,
+    errors_known: bool = False,
 ) -> list[Observer]:
-    """Return observers of a map's points, those that it names when `names` is empty; errors as `observers_of`."""
+    """Return observers of a map's points, those that it names when `names` is empty; the rest as in `observers_of`."""
     points = points_of(chosen)
     names = (tuple(names) or chosen.observer.names) if points else ("momentum",)  # all others need a point
     if wrong := [name for name in names if name not in OBSERVERS] or [""] * (not names):
@@ -81,6 +99,8 @@ def built_observers(
         if expected is not None:
             settings = {**settings, "expected": expected}
         made.append(OBSERVERS[name](robot.model, points, section.gain, rows, **settings))
+        if errors_known and isinstance(made[-1], KalmanObserver):
+            made[-1].trust_model(LEAST_EXPECTED * moving_weight(robot.model))
     return made
 
 

@@ -36,6 +36,7 @@ class Suspect(NamedTuple):
         factor: of the unit in which it is told.
         unit: this unit.
         inertial: whether it changes nothing but the model's inertias.
+        of_error: whether it is a relative change, which the learnt error shares.
     """
 
     label: str
@@ -43,6 +44,7 @@ class Suspect(NamedTuple):
     factor: float
     unit: str
     inertial: bool = False
+    of_error: bool = False
 
 
 class Extras(NamedTuple):

@@ -140,7 +140,7 @@ What to do about it with a robot of your own is on the page [calibration](calibr
 and let `aerobat calibrate` learn what the belief gets wrong.
 
 All flights are `paper`, seed 1 where nothing else is said: 92 g, 4.75 Hz, 3 m/s, 1 kHz, K = 2000 1/s, joint torques
-measured. *Calibrated* means six harmonics of the crank, learnt with the same belief from 4 s of free flight. The flights in
+measured. *Calibrated* means eight harmonics of the crank, learnt with the same belief from 4 s of free flight. The flights in
 which nothing pushes start with another pitch and another crank angle than the one that was learnt. Noise is that of sensors
 one can buy: 5 mm/s, 3 mrad/s, 20 mrad/s (joints), 0.5 mN m. R2 is that of Fx / Fy / Fz against the noise-free force, worse
 wing. *Made up* is the rms of the force that is estimated while nothing pushes, for the worse wing. *Contacts* is a flight
@@ -185,7 +185,7 @@ root second, a third of the weight. The stated deviations are true with both wal
 ## Flights that differ
 
 Made up [mN] by `force_level` where nothing pushes, with quasi-steady air believed, on flights that were not learnt. Every flight
-has 2 s; the harmonics are linear in the state, as far as the flights show it.
+has 2 s; the harmonics follow the state to second order, as far as the flights show it.
 
 {several}
 
@@ -232,8 +232,8 @@ The belief is the plain guarded robot, with the lifting line; K = 2000 1/s, exac
 
 {elsewhere_table}
 
-Six harmonics leave 7 mN of Fy because this plant's error has more of them: the seventh to ninth are 4 to 6 mN each, where the outer wings reverse. Ten leave 2 mN (`aerobat calibrate --harmonics 10`); six are the default,
-as more do not help with noisy sensors. With another such simulator, with other wings, six harmonics left 1/3/1 mN.
+Ten harmonics (`aerobat calibrate --harmonics 10`) leave less of Fy because this plant's error has so many of them: the seventh
+to ninth are 4 to 6 mN each, where the outer wings reverse. Eight are the default, as more do not help with noisy sensors.
 
 What is left of a force depends on where it pushes the robot. The paper's force pushes this robot sideways at 0.5 m/s,
 because its thrusters do not control that speed; if they do, the estimate is better. The swinging force moves it at 0.1 m/s

@@ -15,7 +15,7 @@ from support.calibrated import FreeFlight, free_flight, learnt
 from support.mismatch import NOISY, flown
 
 from aerobat_pin.aerobat import FlightLog, flight_record
-from aerobat_pin.aerobat.suspects import carrying
+from aerobat_pin.aerobat.suspects import carrying, flexed
 from aerobat_pin.estimation import CalibrationWatch, Contact, Result, estimate
 from aerobat_pin.records import PlainRobot
 
@@ -58,8 +58,11 @@ def slipped(log: FlightLog, free: FreeFlight, degrees: float) -> FlightLog:
 
 
 def test_an_unchanged_flight_is_said_to_be_unchanged_with_true_deviations() -> None:
-    """Ratio below 1.3, no cause, no contact; squared errors .2 to 2.5 of the stated ones, exact and noisy."""
-    for name, noise, bounds in (("force_level", (), (0.2, 2.5)), ("smoother", NOISY, (0.2, 1.5))):
+    """Ratio below 1.3, no cause, no contact; squared errors .05 to 2.5 of the stated ones.
+
+    Exact sensors: the flight is in the state that was learnt, where no error is stated below a twentieth of what was.
+    """
+    for name, noise, bounds in (("force_level", (), (0.05, 2.5)), ("smoother", NOISY, (0.2, 1.5))):
         result = seen(flown("no force", 7, (*OTHER_START, *noise))[0], free_flight(QUASI_STEADY, noise), name=name)
         assert result.model is not None
         assert (result.model.verdict, result.model.cause) == ("unchanged", None)
@@ -93,17 +96,29 @@ def test_a_slipped_encoder_is_named_and_corrected() -> None:
 
 
 def test_thinner_air_is_named_and_corrected() -> None:
-    """10 % less: 7 % are named, as the learnt error does not follow the density; the errors fall by half."""
+    """10 % less, which the learnt error follows: named within 2 %, and 8 mN are left."""
     free = free_flight(QUASI_STEADY)
     log = flown("no force", 7, (*OTHER_START, "air.density=1.1025"))[0]
-    found, better = (seen(log, free, correct=correct) for correct in (False, True))
-    assert found.model is not None
-    assert found.model.cause is not None
-    assert found.model.ratio is not None
-    assert found.model.ratio > 1.3
-    assert found.model.cause.name == "air_density"
-    assert -11.0 < found.model.cause.estimate[0] < -6.0
-    assert np.max(errors(better)) < 0.5 * np.max(errors(found))
+    better = seen(log, free, correct=True)
+    assert better.model is not None
+    assert better.model.cause is not None
+    assert better.model.cause.name == "air_density"
+    assert better.model.cause.estimate[0] == pytest.approx(-10.0, abs=2.0)
+    assert np.all(errors(better) < 8.0)
+
+
+def test_a_joint_bends_as_its_spring_and_damper_say() -> None:
+    """T b' + b = c tau against its closed form under tau = sin w t, within 2 %; without a lag it is c tau."""
+    robot = free_flight(QUASI_STEADY).plugged()
+    log, w, c, T = free_flight(QUASI_STEADY).log, 60.0, 5.0, 0.01
+    block = flight_record(log, robot).block(0, 1000)
+    middle = 0.5 * (block.time[1:] + block.time[:-1])
+    block = replace(block, tau=np.tile(1e-3 * np.sin(w * middle)[:, None], (1, block.tau.shape[1])))
+    for values, lag in (((c, c * T), T), ((c, 0.0), 0.0)):
+        bent = flexed(block, robot.aerobat, np.array(values)).q - block.q
+        true = -1e-3 * c * np.imag(np.exp(1j * w * block.time) / (1.0 + 1j * w * lag))
+        apart = bent[100:-1, list(robot.aerobat.idx_q)][:, [1, 3]] - true[100:-1, None]
+        assert np.max(np.abs(apart)) < 0.02 * np.max(np.abs(true))
 
 
 @pytest.mark.parametrize("mass", [2.76e-3, 9.2e-3])

@@ -7,7 +7,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.changed_flights import CHANGES, CONTACTS, HIGH, LOW, PUSH, Verdict, corrected, estimated, learnt, somewhere
+from support.changed_flights import (
+    AT,
+    CHANGES,
+    CONTACTS,
+    HIGH,
+    LIVELY,
+    LOW,
+    MANOEUVRE,
+    PUSH,
+    Verdict,
+    corrected,
+    estimated,
+    learnt,
+    somewhere,
+)
 
 from aerobat_pin.estimation import Calibration
 
@@ -18,11 +32,30 @@ def seen(name: str, calibration: Calibration) -> Verdict:
 
 
 def test_a_robot_that_has_not_changed_is_not_called_changed() -> None:
-    """At a speed, frequency and pitch between those of the calibration; all its pushes are found."""
-    found = seen("none", learnt(LOW, HIGH))
+    """At a speed, frequency and pitch between those of the calibration; all its pushes are found, deviations true."""
+    found = estimated((*PUSH, *somewhere(1001)), learnt(LOW, HIGH))
+    for name in ("kalman", "smoother"):
+        assert np.all((np.array(found.nees[name]) > 0.2) & (np.array(found.nees[name]) < 2.5))
     assert found.verdict == "unchanged"
     assert found.cause is None
     assert found.contacts[0] == CONTACTS
+
+
+def test_a_manoeuvre_is_right_after_a_steady_and_a_lively_flight_and_its_deviations_are_true() -> None:
+    """To other sides than the lively one: 10 mN at most; squared errors .2 to 1.5 of those that filters state."""
+    found = estimated(("unknown_force=[]", *MANOEUVRE), learnt(AT, LIVELY))
+    assert found.verdict == "unchanged"
+    assert np.all(np.array(found.error["force_level"]) < 10e-3)
+    for name in ("kalman", "smoother"):
+        assert np.all((np.array(found.nees[name]) > 0.2) & (np.array(found.nees[name]) < 1.5))
+
+
+def test_a_gust_is_noticed_where_it_is() -> None:
+    """0.6 m/s from the side and below, for 0.8 of 2 s: too short for the ratio of the whole flight."""
+    found = seen("gust", learnt(LOW, HIGH))
+    assert found.ratio is not None
+    assert found.ratio < 1.3
+    assert (found.verdict, found.cause) == ("changed", None)
 
 
 def test_a_slipped_encoder_is_noticed_named_and_corrected() -> None:
@@ -36,6 +69,10 @@ def test_a_slipped_encoder_is_noticed_named_and_corrected() -> None:
     assert better.contacts[0] == CONTACTS
 
 
-def test_an_elbow_that_bends_is_noticed() -> None:
-    """Its name is not asked for here: how often it is the right one stands in docs/learnt_error.md."""
-    assert seen("elbow 5 rad/(N m)", learnt(LOW, HIGH)).verdict == "changed"
+def test_an_elbow_that_bends_is_noticed_and_named() -> None:
+    """Its size is found within a factor of three, and half of the error goes."""
+    found, better = (seen("elbow 5 rad/(N m)", one) for one in (learnt(LOW, HIGH), corrected(learnt(LOW, HIGH))))
+    assert found.verdict == "changed"
+    assert found.cause is not None
+    assert found.cause["name"] == "compliance"
+    assert np.max(better.error["force_level"]) < 0.5 * np.max(found.error["force_level"])

@@ -16,6 +16,7 @@ import numpy as np
 from aerobat_pin.aerobat import AerobatRobot, FlightLog, flight_record, free_record, true_force
 from aerobat_pin.estimation import Calibration, Result, calibrate, estimate
 from aerobat_pin.flight import simulate
+from aerobat_pin.observers import low_passed
 from aerobat_pin.records import Record
 from aerobat_pin.robot import FORCE_POINTS, believed_robot
 from aerobat_pin.scenario import Scenario, load_scenario
@@ -30,6 +31,7 @@ AWAY = ("flight.velocity=[4.0,0,0]", "crank.frequency=4.75")
 LOW = ("flight.velocity=[2.7,0,0]", "crank.frequency=4.5", "flight.pitch_deg=6")
 HIGH = ("flight.velocity=[3.4,0,0]", "crank.frequency=5.0", "flight.pitch_deg=4")
 OUTSIDE = ("flight.velocity=[3.6,0,0]", "crank.frequency=5.5")
+LIVELY = ("flight.velocity=[3.0,-0.5,-0.1]", "flight.angular_velocity=[-2.0,1.0,-2.0]", "flight.roll_deg=-5")
 MANOEUVRE = ("flight.velocity=[3.0,0.5,0.2]", "flight.angular_velocity=[2.0,1.0,1.5]", "flight.roll_deg=5")
 
 
@@ -153,13 +155,15 @@ def estimated(settings: tuple[str, ...], calibration: Calibration, observers: Se
 
 
 def judged(result: Result, log: FlightLog, scenario: Scenario) -> Verdict:
-    """Compare an estimate with the truth of its flight."""
+    """Compare an estimate with the force of its flight, and its noise; that of `force_level` behind its low-pass."""
     pushed = {force.frame for force in scenario.unknown_force}
     estimates = result.estimates
     count = len(estimates[OBSERVERS[0]].force)
     none = np.zeros((count, 3))
-    truth = np.stack([true_force(log, name)[1] if name in pushed else none for name in FORCE_POINTS], axis=1)
-    errors = {name: found.force - truth for name, found in estimates.items()}
+    truth = np.stack([true_force(log, name)[0] if name in pushed else none for name in FORCE_POINTS], axis=1)
+    given = result.record.map.observer.gain
+    seen = low_passed(truth.reshape(count, -1), -np.expm1(-given * result.record.dt)).reshape(truth.shape)
+    errors = {name: found.force - (seen if name == "force_level" else truth) for name, found in estimates.items()}
     nees = {}
     for name, found in estimates.items():
         if found.standard_deviation is not None:

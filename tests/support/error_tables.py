@@ -36,7 +36,7 @@ def contact_table() -> str:
         "|---" * (4 + len(PUSHED)) + "|",
     ]
     for sensors, noise in SENSORS.items():
-        for words in ("none", "six harmonics"):
+        for words in ("none", "eight harmonics"):
             rows = []
             for seed in SEEDS:
                 free = free_flight(QUASI_STEADY, noise, 100 + seed)
@@ -103,9 +103,9 @@ def other_plant() -> str:
     R2 is that of the left wing, which alone is pushed.
     """
     free = as_believed(elsewhere("nothing", 4.0)[0])
-    six, ten = (calibrate([free.record()], parameters=[], harmonics=count) for count in (6, 10))
+    eight, ten = (calibrate([free.record()], parameters=[], harmonics=count) for count in (8, 10))
     lines = [
-        "| flight | | `force_level` | six harmonics | ten harmonics | `smoother` | six harmonics |",
+        "| flight | | `force_level` | eight harmonics | ten harmonics | `smoother` | eight harmonics |",
         "|---" * 7 + "|",
     ]
     flights = (
@@ -116,7 +116,7 @@ def other_plant() -> str:
         ("the same, side speed held", "R2", ("signal", 2.0, 3.0, FREQUENCY, True)),
         ("a force that swings at 2 Hz, all axes", "R2", ("swinging", 1.0)),
     )
-    ways = {"force_level": (None, six, ten), "smoother": (None, six)}
+    ways = {"force_level": (None, eight, ten), "smoother": (None, eight)}
     for words, what, arguments in flights:
         flight = elsewhere(*arguments)  # type: ignore[arg-type]
         cells = []

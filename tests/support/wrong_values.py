@@ -191,6 +191,7 @@ def calls() -> dict[str, Call]:
         *((method, {}) for method in (bat.with_changes, bat.configuration, bat.velocity)),
         (good["noise"].deviations, {}),
         (observer.reset, {"time": 0.0}),
+        (kalman.trust_model, {"misfit": 0.1}),
         *((_streamed(one, q, v), sample) for one in (observer, kalman)),
         *((one.run, record) for one in (observer, kalman, smoother)),
         (estimate.component, {}),

@@ -22,7 +22,7 @@ from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction
 from aerobat_pin.records import Parameter, netcdf_bytes, read_netcdf
 
 FAMILY = "aerobat calibration"
-KIND = f"{FAMILY} 3"  # with the number of the form
+KIND = f"{FAMILY} 4"  # with the number of the form
 LARGEST_LEARNT = 1.0e9  # of any number in a file
 EXTRA_PART = "extra_"  # prefix of what only the robot itself reads
 MOST_POWERS = 3  # of a thrust's polynomial
@@ -107,7 +107,7 @@ def read_calibration(path: Path) -> Calibration:
         raise CalibrationError(str(error)) from error
     kind = str(data.attrs.get("kind", ""))
     if kind != KIND and kind.startswith(FAMILY):
-        raise CalibrationError(f"{name}: an older file, which does not say what was left over: calibrate again")
+        raise CalibrationError(f"{name}: an older file: calibrate again")
     if kind != KIND:
         raise CalibrationError(f"{name}: a file that `aerobat calibrate` wrote was expected")
     try:
@@ -197,8 +197,8 @@ class _Parts:
 
     def _series(self) -> LearntError:
         states, count = self._texts("state"), int(self._data.sizes["v_axis"])
-        terms = (int(self._data.sizes["term"]) // (1 + len(states)) - 1) | 1  # mean, and as many sines as cosines
-        weights = (1 + len(states)) * terms
+        terms = (int(self._data.sizes["term"]) // (1 + 2 * len(states)) - 1) | 1  # mean, and as many sines as cosines
+        weights = (1 + 2 * len(states)) * terms
         size, remainder = self._numbers("error_size", count, 2).T
         centre, scale = self._numbers("state_scale", len(states), 2).T
         if not np.all(scale > 0.0):

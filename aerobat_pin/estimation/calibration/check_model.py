@@ -17,9 +17,10 @@ from aerobat_pin.estimation.run_observers import blocks_of
 from aerobat_pin.estimation.use import ModelCheck
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer
+from aerobat_pin.records import Record
 
 InputsAt = Callable[[int, int], KnownInputs]
-MOST_STEPS = 2  # of a search for the size of a cause
+MOST_STEPS = 4  # of a search for the size of a cause
 MOST_JUDGED = 60_000  # intervals of a part of a record from whose beginning the belief is judged
 
 
@@ -61,51 +62,47 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
     def factors(one: KnownInputs) -> Array | None:
         return error_factors(calibration, record, one)
 
-    if series is not None and len(record.parts) == 1 and record.robot.remembers:
-        whole = inputs(*record.parts[0])
-        part = part_to_check(calibration, record, whole)
-        named = None if part is None or part.check.ratio is None else named_cause(part, series, forces)
-        if part is None or part.check.ratio is None:
-            return CheckedModel(None if part is None else part.check, inputs, factors)
-        if named is None:
-            own = part.factors
-            return CheckedModel(part.check, inputs, lambda _: own, part.growth)
+    if series is None or len(record.parts) > 1 or not record.robot.remembers:
+        return CheckedModel(_check_of_blocks(calibration, record, inputs), inputs, factors)
+    whole = inputs(*record.parts[0])
+    part = part_to_check(calibration, record, whole)
+    if part is None or part.check.ratio is None:
+        return CheckedModel(None if part is None else part.check, inputs, factors)
+    own, named = part.factors, named_cause(part, series, forces)
+    if named is None:
+        return CheckedModel(part.check, inputs, lambda _: own, part.growth)
 
-        left_over = part.factors
+    def with_cause(one: Named) -> CheckedPart:
+        return slice_of_part(record, cause_corrected(whole, one, forces), np.concatenate([own, one.factors], axis=2))
 
-        def with_cause(one: Named) -> CheckedPart:
-            spread = np.concatenate([left_over, one.factors], axis=2)
-            return slice_of_part(record, cause_corrected(whole, one, forces), spread)
+    better = with_cause(named)
+    for _ in range(MOST_STEPS):
+        if better.check.verdict != "changed" or not cause_moves(forces, named.cause.name, named.values):
+            break
+        nearer = named_cause(better, series, forces, named)
+        trial = None if nearer is None else with_cause(nearer)
+        if nearer is None or trial is None or trial.check.size >= better.check.size:
+            break
+        named, better = nearer, trial
+    left = better.check.size / max(part.check.size, 1e-12) if calibration.correct else 1.0  # of the cause's effect
+    spread = np.concatenate([better.factors, left * named.force[:, :, None]], axis=2)
+    if not calibration.correct:
+        return CheckedModel(replace(part.check, cause=named.cause), inputs, lambda _: spread, better.growth)
+    check, changed, begin = replace(better.check, cause=named.cause, corrected=True), better.inputs, record.parts[0][0]
+    return CheckedModel(
+        check, lambda first, last: changed.between(first - begin, last - begin), lambda _: spread, better.growth
+    )
 
-        better = with_cause(named)
-        for _ in range(MOST_STEPS):
-            if better.check.verdict != "changed" or not cause_moves(forces, named.cause.name, named.values):
-                break
-            nearer = named_cause(better, series, forces, named)
-            trial = None if nearer is None else with_cause(nearer)
-            if nearer is None or trial is None or trial.check.size >= better.check.size:
-                break
-            named, better = nearer, trial
-        left = better.check.size / max(part.check.size, 1e-12) if calibration.correct else 1.0
-        spread = np.concatenate(
-            [better.factors, left * named.force[:, :, None]], axis=2
-        )  # what is left of the cause's effect
-        if not calibration.correct:
-            return CheckedModel(replace(part.check, cause=named.cause), inputs, lambda _: spread, better.growth)
-        check, changed = replace(better.check, cause=named.cause, corrected=True), better.inputs
-        begin = record.parts[0][0]
 
-        def between(first: int, last: int) -> KnownInputs:
-            return changed.between(first - begin, last - begin)
-
-        return CheckedModel(check, between, lambda _: spread, better.growth)
+def _check_of_blocks(calibration: Calibration, record: Record, inputs: InputsAt) -> ModelCheck | None:
+    """Return the verdict on a record by blocks, over all of which the ratio is one."""
     checks = []
     for first, last in record.parts:
         for begin, end in blocks_of(first, min(last, first + MOST_JUDGED)):
             part = part_to_check(calibration, record, inputs(begin, end))
             if part is None or part.check.ratio is None:
-                return CheckedModel(None if part is None else part.check, inputs, factors)
+                return None if part is None else part.check
             checks.append((part.check.size, part.check.expected, end - begin))
     sizes, expected, counts = np.array(checks).T
     size, usual = (float(np.sqrt(np.average(values**2, weights=counts))) for values in (sizes, expected))
-    return CheckedModel(ModelCheck(size / max(usual, 1e-12), size, usual), inputs, factors)
+    return ModelCheck(size / max(usual, 1e-12), size, usual)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,13 +11,12 @@ from aerobat_pin.estimation.calibration.calibration import Calibration
 from aerobat_pin.estimation.calibration.free_run import AT_ONCE
 from aerobat_pin.estimation.calibration.row_geometry import RowGeometry
 from aerobat_pin.estimation.inputs import KnownInputs
-from aerobat_pin.estimation.run_observers import points_of
+from aerobat_pin.estimation.run_observers import LEAST_EXPECTED, points_of
 from aerobat_pin.estimation.use import ModelCheck
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, ForceLevelObserver, row_names, slow_part, typical_step
 from aerobat_pin.records import Record
 
-LEAST_EXPECTED = 5.0e-4  # of the robot's weight, per spare row: no belief, and no step of a record, is more exact
 NEAR_TIME = 0.1  # [s] over which errors near an instant are averaged
 
 
@@ -46,15 +46,21 @@ class CheckedPart:
     geometry: RowGeometry
     factors: Array
 
+    @cached_property
+    def near(self) -> Array:
+        """How many times as large as predicted (m,) what no force explains is, over `NEAR_TIME` about each interval."""
+        told, time = self.found.redundancy, self.inputs.time
+        seen = np.sum(slow_part(time, self.found.unexplained) ** 2, axis=1) - told.redundant * told.sensors**2
+        least = told.redundant * (LEAST_EXPECTED * self.found.weight) ** 2
+        predicted = np.interp(np.arange(len(seen)), self.geometry.at, np.maximum(self._predicted, least))
+        window = np.ones(min(max(1, round(NEAR_TIME / typical_step(time))), len(seen)))
+        shares = np.convolve(seen, window, "same") / np.convolve(predicted, window, "same")
+        return np.sqrt(np.maximum(shares, 0.0))
+
     @property
     def growth(self) -> Array:
         """How many times as large as predicted (m,) the errors are: over all of the stretch, or near each instant."""
-        told, time = self.found.redundancy, self.inputs.time
-        seen = np.sum(slow_part(time, self.found.unexplained) ** 2, axis=1) - told.redundant * told.sensors**2
-        count = max(1, round(NEAR_TIME / typical_step(time)))
-        window = np.ones(min(count, len(seen))) / count
-        near = np.convolve(seen, window, "same") / (told.redundant * self.check.expected**2)
-        return np.maximum(self.check.factor, np.sqrt(np.maximum(near, 0.0)))
+        return np.maximum(self.check.factor, self.near)
 
     @property
     def check(self) -> ModelCheck:
@@ -62,9 +68,15 @@ class CheckedPart:
         told = self.found.redundancy
         if told.redundant < 1:
             return ModelCheck(None, 0.0, 0.0)
-        predicted = np.mean(self.geometry.unexplained_square(self.factors)) / told.redundant
-        expected = max(float(np.sqrt(predicted)), LEAST_EXPECTED * self.found.weight)
-        return ModelCheck(told.belief / expected, told.belief, expected)
+        expected = float(np.sqrt(np.mean(self._predicted) / told.redundant))
+        expected = max(expected, LEAST_EXPECTED * self.found.weight)
+        most = int(np.argmax(self.near))
+        peak, when = float(self.near[most]), float(self.inputs.time[most])
+        return ModelCheck(told.belief / expected, told.belief, expected, peak, when)
+
+    @cached_property
+    def _predicted(self) -> Array:
+        return self.geometry.unexplained_square(self.factors)
 
 
 def part_to_check(calibration: Calibration, record: Record, inputs: KnownInputs) -> CheckedPart | None:

@@ -15,12 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerobat_pin.estimation.calibration.learnt_error import (
+    CURVED,
     LINEAR,
     LearntError,
-    daily_variance,
     falling,
-    rho_squared,
+    flight_share,
     series,
+    shares,
     weight_regressors,
 )
 from aerobat_pin.numerics import Array
@@ -71,8 +72,8 @@ def fit_learnt_error(
     targets = [one.reduced(residual) for one, residual in zip(conditions, residuals, strict=True)]
     size = _error_sizes(conditions, targets, order)
     flights = [_flight_terms(*one, order, centre, scale) for one in zip(conditions, targets, steps, strict=True)]
-    count, width = (1 + len(centre)) * (2 * order + 1), 2 * order + 1
-    prior = np.concatenate([_prior(order, len(centre)), *(_of_flight(one.distance, order) for one in flights)])
+    count, width = (1 + 2 * len(centre)) * (2 * order + 1), 2 * order + 1
+    prior = np.concatenate([_prior(order, len(centre)), *(one.distance * shares(order) for one in flights)])
     terms = np.zeros((sum(len(one.slope) for one in flights), count + width * len(flights)))
     at = 0
     for j, one in enumerate(flights):
@@ -123,19 +124,14 @@ def _flight_terms(condition: Condition, target: Array, step: float, order: int, 
     terms = np.concatenate(
         [dst(part, 1, axis=0, norm="ortho")[fitted] for part in np.array_split(regressors, 8, axis=1)], axis=1
     )
-    distance = float(np.mean(daily_variance(rho_squared(condition, centre, scale))))
+    distance = float(np.mean(flight_share(condition, centre, scale)))
     return _Flight(slope[fitted], terms, turned[fitted], noise, distance, float(np.mean(fitted)))
 
 
 def _prior(order: int, states: int) -> Array:
     """Return the variances (p,) of the weights for an error of size 1."""
-    fall = falling(order)
-    return np.concatenate([fall**-2.0, np.tile(LINEAR**2 / (max(order, 1) * fall), states)])
-
-
-def _of_flight(daily: float, order: int) -> Array:
-    """Return the variances of what belongs to one flight, for an error of size 1."""
-    return np.asarray(daily / (max(order, 1) * falling(order)))
+    own = shares(order)
+    return np.concatenate([falling(order) ** -2.0, np.tile(LINEAR**2 * own, states), np.tile(CURVED**2 * own, states)])
 
 
 def _error_sizes(conditions: Sequence[Condition], targets: Sequence[Array], order: int) -> Array:

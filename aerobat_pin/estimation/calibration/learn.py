@@ -45,7 +45,7 @@ from aerobat_pin.numerics import guarded, shown
 from aerobat_pin.observers import JointFriction, fit_friction, typical_step
 from aerobat_pin.records import Condition, Extras, Record
 
-HARMONICS, MOST_HARMONICS = 6, 40
+HARMONICS, MOST_HARMONICS = 8, 40
 FEWEST_TURNS = 3.0  # that a series over the phase can be learnt from
 MASS_NAME = "mass"  # what can be identified of a robot that knows no parameters
 
@@ -288,7 +288,7 @@ def _learnt_error(runs: Sequence[FreeRun], tested: bool, order: int) -> LearntEr
 def _learnt_words(series: LearntError, cycle: str, before: Sequence[FreeRun], after: Sequence[FreeRun]) -> str:
     states = ", ".join(series.states)
     sizes = f"{_sizes(before)} becomes {_sizes(after)}"
-    return f"{series.order} harmonics of {cycle}, each linear in {states}: {sizes}"
+    return f"{series.order} harmonics of {cycle}, each of second order in {states}: {sizes}"
 
 
 def _without(runs: Sequence[FreeRun], series: LearntError) -> list[FreeRun]:

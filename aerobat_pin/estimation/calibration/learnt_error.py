@@ -1,22 +1,22 @@
 """The error of a belief over phase and state, with how sure it is: a Gaussian process of few weights.
 
-    e_i = f.w_i0 + sum_s ((z_s - zc_s) / z0_s) f.w_is + f.d_i + n_i,      f(phase) = [1, cos k phase, sin k phase]
+    e_i = f.w_i + sum_s (x_s f.a_is + x_s^2 f.b_is) + f.d_i + n_i,      f(phase) = [1, cos k phase, sin k phase]
 
-e_i is row i of the generalised force, z the state at the instant. w_i0 and w_is belong to the belief and are learnt
-from free flights; d_i belongs to one flight and is never known of another; n_i is what does not repeat itself. Before
-any flight was seen the weights are independent, with mean zero and variances
+e_i is row i of the generalised force, x_s = (z_s - zc_s) / z0_s the state at the instant. w, a and b belong to the
+belief and are learnt from free flights; d belongs to one flight and is never known of another; n is what does not
+repeat itself. Before any flight was seen the weights are independent, with mean zero and variances
 
-    w_0: (A / (1 + k^2/9))^2      w_s: (c A)^2 / (n (1 + k^2/9))      d: (kappa^2 + q^2 rho^4) A^2 / (n (1 + k^2/9))
+    w: (A / (1 + k^2/9))^2     a: (c A)^2 h_k     b: (q A)^2 h_k     h_k = 1 / (1 + k^2/9) over its sum over all k
+    d: (kappa^2 + q^2 sum_(s != t) x_s^2 x_t^2) A^2 h_k,     x the mean state over a cycle
 
-with A the rms size of the error in like rows, n the number of harmonics, and rho^2 = sum ((z - zc) / z0)^2 of the mean
-state over a cycle: the error is nearly linear in the state, and what is not grows with the square of the distance. So a
-prediction far from what was flown is not refused: it has a large deviation.
+with A the rms size of the error in like rows: the error is nearly linear in the state, and what is not grows with the
+square of the distance. So a prediction far from what was flown is not refused: it has a large deviation.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,10 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records import Condition
 
 BEND = 9.0  # square of the harmonic from which errors are expected to fall
-LINEAR = 2.0  # c: an error may change this often its own size where a state changes by its unit
-DAILY = 0.02  # kappa: share of the error that differs from flight to flight at the same state
+LINEAR = 1.6  # c: an error may change this often its own size where a state changes by its unit
+DAILY = 0.016  # kappa: share of the error that differs from flight to flight at the same state
 NEARLY_KNOWN = 2.0  # times the deviation where an error is known best: up to this thresholds stay as they are
-CURVED = 1.0  # q: share of it that is not linear in the state, where rho is 1
+CURVED = 0.8  # q: share of it that goes with the square of a state, where this is 1
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class LearntError:
         centre: (s,) state in the middle of what was flown.
         scale: (s,) units z0 of the states.
         size: (nv,) rms size A of the error in rows like this one [N, N m].
-        mean: (p, nv) weights, p = (1 + s)(2 order + 1); first those of the phase alone.
+        mean: (p, nv) weights, p = (1 + 2 s)(2 order + 1); first those of the phase alone.
         covariance: (nv, p, p) of the weights of each row.
         remainder: (nv,) root mean square of n_i below the highest harmonic [N, N m].
     """
@@ -59,14 +59,18 @@ class LearntError:
         """Return the expected error (m, nv) [N, N m], interval means."""
         return condition.spread(self.regressors(condition) @ self.mean)
 
+    def times(self, factor: float) -> LearntError:
+        """Return an error that is larger by a factor, as that of the air is in denser air."""
+        return replace(self, mean=factor * self.mean)
+
     def regressors(self, condition: Condition) -> Array:
         """Return what the weights are multiplied with (m, p)."""
         return weight_regressors(condition, self.order, self.centre, self.scale)
 
     def flight_variance(self, condition: Condition) -> Array:
         """Return the variance (m, nv) of f.d, of a flight that was not learnt from."""
-        size = daily_variance(rho_squared(condition, self.centre, self.scale))
-        return np.asarray(np.outer(size * self._share, self.size**2))
+        share = flight_share(condition, self.centre, self.scale)
+        return np.asarray(np.outer(share, self.size**2))
 
     def deviation(self, condition: Condition) -> Array:
         """Return the standard deviation (m, nv) of the reduced error about `force` [N, N m]."""
@@ -88,14 +92,9 @@ class LearntError:
     def widened(self, condition: Condition) -> Array:
         """Return the factor (m,) by which thresholds grow: 1 where the error is known nearly as well as anywhere."""
         rows = self.learnt_rows
-        least = DAILY**2 * self._share * self.size**2 + self.remainder**2
+        least = DAILY**2 * self.size**2 + self.remainder**2
         times = np.sqrt(np.mean(self.deviation(condition)[:, rows] ** 2 / least[rows], axis=1))
         return np.asarray(np.maximum(times / NEARLY_KNOWN, 1.0))
-
-    @property
-    def _share(self) -> float:
-        """Mean square of f.d over the variance of what belongs to one flight."""
-        return float(np.sum(1.0 / falling(self.order)[: self.order + 1])) / max(self.order, 1)
 
 
 def alone(values: Array, row: int) -> Array:
@@ -105,20 +104,22 @@ def alone(values: Array, row: int) -> Array:
     return found
 
 
-def rho_squared(condition: Condition, centre: Array, scale: Array) -> Array:
-    """Return the squared distance (m,) of the mean state over a cycle from the centre, in units of the states."""
-    return np.asarray(np.sum(((condition.means - centre) / scale) ** 2, axis=1))
-
-
-def daily_variance(rho2: Array) -> Array:
-    """Return the variance of what belongs to one flight, as a share of the squared error."""
-    return np.asarray(DAILY**2 + CURVED**2 * rho2**2)
+def flight_share(condition: Condition, centre: Array, scale: Array) -> Array:
+    """Return the variance (m,) of what belongs to one flight, as a share of the squared error."""
+    squares = ((condition.means - centre) / scale) ** 2
+    return np.asarray(DAILY**2 + CURVED**2 * (np.sum(squares, axis=1) ** 2 - np.sum(squares**2, axis=1)))
 
 
 def falling(order: int) -> Array:
     """Return 1 + k^2/9 (2 order + 1,) of the mean, the cosines and the sines."""
     k = np.arange(order + 1)
     return 1.0 + np.concatenate([k, k[1:]]) ** 2 / BEND
+
+
+def shares(order: int) -> Array:
+    """Return the variances (2 order + 1,) of mean, cosines and sines that together have a mean square of 1."""
+    size = 1.0 / falling(order)
+    return np.asarray(size / np.sum(size[: order + 1]))
 
 
 def series(phase: Array, order: int) -> Array:
@@ -128,7 +129,7 @@ def series(phase: Array, order: int) -> Array:
 
 
 def weight_regressors(condition: Condition, order: int, centre: Array, scale: Array) -> Array:
-    """Return f, and f times each state about the centre in its unit (m, (1 + s)(2 order + 1))."""
-    terms, z = series(condition.phase, order), (condition.values - centre) / scale
-    factors = np.concatenate([np.ones((len(z), 1)), z], axis=1)
-    return np.asarray((factors[:, :, None] * terms[:, None]).reshape(len(z), -1))
+    """Return f, and f times each state about the centre in its unit and its square (m, (1 + 2 s)(2 order + 1))."""
+    terms, x = series(condition.phase, order), (condition.values - centre) / scale
+    factors = np.concatenate([np.ones((len(x), 1)), x, x**2], axis=1)
+    return np.asarray((factors[:, :, None] * terms[:, None]).reshape(len(x), -1))

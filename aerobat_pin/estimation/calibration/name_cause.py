@@ -17,17 +17,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.calibration.checked_part import LEAST_EXPECTED, CheckedPart
+from aerobat_pin.estimation.calibration.checked_part import CheckedPart
 from aerobat_pin.estimation.calibration.free_run import AT_ONCE
 from aerobat_pin.estimation.calibration.learnt_error import (
     LearntError,
     alone,
-    daily_variance,
-    falling,
-    rho_squared,
+    flight_share,
+    shares,
 )
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of_block
 from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.run_observers import LEAST_EXPECTED
 from aerobat_pin.estimation.use import Cause
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MomentumObserver, slow_part
@@ -120,8 +120,10 @@ def _changed_run(
     robot, block = record.robot.suspected(name, values, record.block(*record.parts[0]))
     if inertial or not np.any(values):
         return robot.model, inputs
-    record = replace(record, robot=robot)
-    return robot.model, inputs_of_block(record, block, replace(forces, record=record), inputs.rows)
+    forces = replace(forces, record=replace(record, robot=robot))
+    if forces.series is not None and forces.record.robot.suspects()[name][0].of_error:
+        forces = replace(forces, series=forces.series.times(1.0 + float(values[0])))
+    return robot.model, inputs_of_block(forces.record, block, forces, inputs.rows)
 
 
 def _cause_slope(
@@ -147,8 +149,7 @@ def _covariance(part: CheckedPart, series: LearntError, H: Array) -> Array:
     at = np.maximum(np.searchsorted(geometry.at, np.arange(count), "right") - 1, 0)
     onto = geometry.rows[at] @ (geometry.rest[at] @ back)
     terms, width = series.regressors(condition), 2 * series.order + 1
-    daily = float(np.mean(daily_variance(rho_squared(condition, series.centre, series.scale))))
-    of_flight = daily / (max(series.order, 1) * falling(series.order))
+    of_flight = shares(series.order) * np.mean(flight_share(condition, series.centre, series.scale))
     found = np.zeros((p, p))
     for i in series.learnt_rows:
         row = condition.spread(alone(np.ones((count, onto.shape[1])), i))

@@ -179,6 +179,11 @@ class KalmanObserver(Observer):
         self._width = nv + 2 * len(scale) + nv + 1 + nv
         self._update = kernels.update_filter
 
+    @guarded()
+    def trust_model(self, misfit: float) -> None:
+        """Assume smaller errors of the model, which somebody else states: at least `misfit` [N] a row, over 10 ms."""
+        self._kalman.filter.doubtful[1] = _positive("misfit", misfit)
+
     def update(
         self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
     ) -> Sample:

@@ -28,8 +28,8 @@ from aerobat_pin.numerics import (
     add_row_product,
     copy_values,
     factorise,
-    inlined,
     fields_of,
+    inlined,
     kernel,
     mirror,
 )
