@@ -31,7 +31,7 @@ PROGRAMS = {
     ),
     "frames": (
         "pictures of a replay, by an installed Chromium",
-        f"{FLIGHT} --no-report\naerobat play made --frames pictures",
+        f"{FLIGHT} --no-report\naerobat play made --frames pictures --rate 1",
     ),
     "gym": (
         "a step of `AerobatEnv`",
