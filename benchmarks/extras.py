@@ -31,7 +31,7 @@ PROGRAMS = {
     ),
     "frames": (
         "pictures of a replay, by an installed Chromium",
-        f"{FLIGHT} --no-report\naerobat play made --frames pictures",
+        f"{FLIGHT} --no-report\naerobat play made --frames pictures --rate 1",
     ),
     "gym": (
         "a step of `AerobatEnv`",
@@ -82,7 +82,7 @@ assert heard
         "a UR5 and a Go2 by name",
         """
 from aerobat_pin import load_robot
-assert (load_robot("ur5").nv, load_robot("go2").nv) == (6, 18)
+assert (load_robot("ur5").model.nv, load_robot("go2").model.nv) == (6, 18)
 """,
     ),
     "mujoco": (

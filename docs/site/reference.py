@@ -30,7 +30,7 @@ def names_page(root: Path) -> str:
         door, thing = given[-1], getattr(importlib.import_module(given[-1]), name)
         said = _escaped(remark(root, door, name) if is_value(name, thing) else summary(thing))
         places = ", ".join(f"``{one}``" for one in given)
-        lines.append(f"* :py:obj:`{name} <{door}.{name}>` from {places}{': ' if said else ''}{said}")
+        lines.append(f"* :py:obj:`{name} <{door}.{name}>` {places}{': ' if said else ''}{said}")
     return "\n".join(lines) + "\n"
 
 

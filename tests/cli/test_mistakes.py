@@ -216,12 +216,13 @@ def test_out_is_called_so_everywhere_and_makes_folders(
 
 
 def test_every_command_that_writes_has_the_same_out_and_force() -> None:
-    """Both spellings of `--out`; `--force` with the same words."""
+    """Both spellings of `--out`; `--force` with the same words, or names that are free, as `live` finds them."""
     for name, command in get_command(app).commands.items():
         options = {option: one for one in command.params for option in one.opts}
-        assert ("--force" in options) == ("--out" in options), name
+        assert ("--force" in options) == ("--out" in options) or name == "live", name
         if "--out" in options:
             assert options["--out"] is options["-o"], name
+        if "--force" in options:
             assert options["--force"].help == "Replace earlier results.", name
 
 

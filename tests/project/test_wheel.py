@@ -232,13 +232,9 @@ def test_the_replay_carries_the_licences_of_its_viewer() -> None:
 
 
 def test_every_requirement_has_a_lower_bound_that_is_tried() -> None:
-    """By `make test-lowest`; extras bring what the tests bring, and no older version of it."""
+    """By `make test-lowest`, which installs exactly these."""
     bounds = lowest((ROOT / "pyproject.toml").read_text("utf-8"))
     assert [bound for bound in bounds if not re.fullmatch(r"[\w-]+==[\d.]+", bound)] == []
-    extras = PROJECT["optional-dependencies"]
-    tests = {re.split(r"[>\[]", wanted)[0]: wanted for wanted in [*PROJECT["dependencies"], *extras["test"]]}
-    for wanted in (one for name, extra in extras.items() if name not in ("test", "ros2") for one in extra):
-        assert tests.get(re.split(r"[>\[]", wanted)[0], wanted) == wanted, wanted
 
 
 def test_the_citation_is_of_this_version_and_names_the_paper() -> None:
