@@ -12,9 +12,9 @@ velocity (world axes), the swing with the crank (`Nominal.swing`); of the body r
 its believed rate times time. Of all but velocity and rate, the mean of the last samples is carried on, with the time
 constant `ANCHOR`. While the gyro shows nothing good, the attitude corrects the body rate, and the position a velocity
 that is missing, by observers whose poles are `RATE_POLES` and `SPEED_POLES`. A gyro that jumps by more than noise waits
-until the attitude has said which is right, it or what was expected, at odds of `SURE`. A channel that jumps is believed
-again where it comes back within `REACH` of all that, or after `JUMP_BELIEVED`: then the world has changed, and not a
-sample. A punctual good sample is passed on as it is, to the bit.
+until the attitude has said which is right, it or what was expected, at odds of `SURE_OF_RATE`. A channel that jumps is
+believed again where it comes back within `REACH` of all that, or after `JUMP_BELIEVED`: then the world has changed, and
+not a sample. A punctual good sample is passed on as it is, to the bit.
 """
 
 from __future__ import annotations
@@ -32,10 +32,9 @@ from aerobat_pin.control.sensed_channels import (
     CHANNELS,
     CRANK,
     DOUBTED,
-    FASTEST,
     GYRO_CHANNEL,
     JOINT_CHANNEL,
-    LEAST_NOISE,
+    LEAST_ATTITUDE_NOISE,
     MOST_DEVIATIONS,
     POSITION,
     RATE_POLES,
@@ -44,6 +43,7 @@ from aerobat_pin.control.sensed_channels import (
     SLACK,
     SPEED_POLES,
     SURE_OF_SAMPLE,
+    UNKNOWN_SPIN,
     VELOCITY,
     Senses,
     add_channel,
@@ -115,9 +115,9 @@ class SensedMotion:
         fields.trust[0] = part = 1.0 - np.exp(-periods[GYRO_CHANNEL] / DOUBTED)
         spread = first / periods[ATTITUDE] * np.sqrt(part / 2.0) * max(attitude.noise)
         fields.trust[1] = SLACK + SURE_OF_SAMPLE * spread if punctual else np.inf
-        jump = MOST_DEVIATIONS * np.sqrt(2.0) * max(gyro.noise) + FASTEST * periods[GYRO_CHANNEL]
+        jump = MOST_DEVIATIONS * np.sqrt(2.0) * max(gyro.noise) + UNKNOWN_SPIN * periods[GYRO_CHANNEL]
         fields.trust[2] = jump if punctual else np.inf
-        fields.trust[3] = max(max(attitude.noise), LEAST_NOISE) ** 2
+        fields.trust[3] = max(max(attitude.noise), LEAST_ATTITUDE_NOISE) ** 2
         self.q, self.v, self.error, self.faults = fields.q, fields.v, fields.error, fields.faults
         self.beyond = fields.beyond
 

@@ -8,7 +8,7 @@ from aerobat_pin.control.sensed_channels import (
     ATTITUDE,
     GYRO_CHANNEL,
     JUMP_BELIEVED,
-    SURE,
+    SURE_OF_RATE,
     VELOCITY,
     Senses,
     product,
@@ -74,10 +74,10 @@ def weigh_gyro(s: Senses, twice: float) -> bool:
         s.evidence[()] += turned * (missed - s.apart[2, i] - 0.5 * turned) / s.trust[3]
         s.apart[1, i] += s.tick[()] * s.apart[0, i]
         s.apart[2, i] -= s.correct[0, 0] * missed
-    if s.evidence[()] > SURE:
+    if s.evidence[()] > SURE_OF_RATE:
         for i in range(3):
             s.offset[10 + i] += s.apart[0, i]
             s.estimate[10 + i] += s.apart[0, i]
         s.age[GYRO_CHANNEL] = s.waits[0] = 0
         s.waits[1] = int(JUMP_BELIEVED / s.tick[()])
-    return s.evidence[()] > -SURE
+    return bool(s.evidence[()] > -SURE_OF_RATE)

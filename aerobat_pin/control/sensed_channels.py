@@ -15,9 +15,9 @@ JUMP_BELIEVED = 0.1  # [s]
 ANCHOR = 0.02  # [s]
 RATE_POLES, SPEED_POLES = 50.0, 80.0  # [rad/s]
 DOUBTED, SLACK, SURE_OF_SAMPLE = 0.01, 0.05, 5.0  # [s], [rad/s], deviations: gyro and attitude agree in the mean
-SURE = 6.0  # natural logarithm of the odds at which a gyro that jumped, or what was expected, is taken for wrong
-FASTEST = 20.0  # [rad/s2]: what the body rate may gain beside what is known, before the gyro waits for the attitude
-LEAST_NOISE = 1e-3  # [rad] of the attitude
+SURE_OF_RATE = 6.0  # logarithm of the odds at which a gyro that jumped, or what was expected, is taken for wrong
+UNKNOWN_SPIN = 20.0  # [rad/s2]: what the body rate may gain beside what is known, before the gyro waits
+LEAST_ATTITUDE_NOISE = 1e-3  # [rad] of the attitude
 MOST_DEVIATIONS = 8.0  # standard deviations of a sensor's noise that a sample may be off
 # Beside the noise, a sample may be off by the first from where it must be; by the second per second between samples
 # (a blow of 25 mN s on a wing turns the body by 200 rad/s2 more than is known); by the third per second without any.
