@@ -230,7 +230,7 @@ def environment(board: Board, processes: int) -> None:
         terminated, truncated = env.step(env.neutral)[2:4]
         if terminated or truncated:
             env.reset()
-    board.show("environment: control steps a second, one core", 2000 / (time.thread_time() - begun), 2000.0, least=True)
+    board.show("environment: control steps a second, one core", 2000 / (time.thread_time() - begun), 3000.0, least=True)
     from gymnasium.vector import AsyncVectorEnv, AutoresetMode
 
     many = AsyncVectorEnv([AerobatEnv] * processes, autoreset_mode=AutoresetMode.NEXT_STEP)

@@ -10,9 +10,11 @@ The carrier of the position is the integral of the velocity; of the attitude, th
 velocity (world axes), the swing with the crank (`Nominal.swing`); of the body rate, the swing and the integral of J^-1
 (thrusters' moment - nominal one + disturbance); of the joints, the closed linkage at the crank's angle; of the crank,
 its believed rate times time. Of all but velocity and rate, the mean of the last samples is carried on, with the time
-constant `ANCHOR`. While the gyro shows nothing good, the attitude corrects the body rate, by an observer whose poles
-are `RATE_POLES`. A channel that jumps is believed again where it comes back within `REACH` of all that, or after
-`JUMP_BELIEVED`: then the world has changed, and not a sample. A punctual good sample is passed on as it is, to the bit.
+constant `ANCHOR`. While the gyro shows nothing good, the attitude corrects the body rate, and the position a velocity
+that is missing, by observers whose poles are `RATE_POLES` and `SPEED_POLES`. A gyro that jumps by more than noise waits
+until the attitude has said which is right, it or what was expected, at odds of `SURE_OF_RATE`. A channel that jumps is
+believed again where it comes back within `REACH` of all that, or after `JUMP_BELIEVED`: then the world has changed, and
+not a sample. A punctual good sample is passed on as it is, to the bit.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ import numpy as np
 
 from aerobat_pin.control.law import add_waves
 from aerobat_pin.control.nominal import Nominal
+from aerobat_pin.control.sensed_across import follow_attitude, follow_position
 from aerobat_pin.control.sensed_channels import (
     ANCHOR,
     ATTITUDE,
@@ -31,13 +34,16 @@ from aerobat_pin.control.sensed_channels import (
     DOUBTED,
     GYRO_CHANNEL,
     JOINT_CHANNEL,
+    LEAST_ATTITUDE_NOISE,
     MOST_DEVIATIONS,
     POSITION,
     RATE_POLES,
     RATES,
     REACH,
     SLACK,
+    SPEED_POLES,
     SURE_OF_SAMPLE,
+    UNKNOWN_SPIN,
     VELOCITY,
     Senses,
     add_channel,
@@ -99,19 +105,25 @@ class SensedMotion:
             row[:] = MOST_DEVIATIONS * noise + off + per_period * period, since * dt
             anchored = name not in ("velocity", "gyro")
             fields.share[CHANNELS.index(name)] = 1.0 - np.exp(-period / ANCHOR) if anchored else 1.0
-        first = min(2.0 * RATE_POLES * periods[ATTITUDE], 0.8)
-        fields.correct[:] = first, first**2 / 4.0 / periods[ATTITUDE]
+        for k, (poles, period) in enumerate(((RATE_POLES, periods[ATTITUDE]), (SPEED_POLES, periods[POSITION]))):
+            first = min(2.0 * poles * period, 0.8)
+            fields.correct[k] = first, first**2 / 4.0 / period
+        first = fields.correct[0, 0]
         attitude, gyro = fitted[ATTITUDE], fitted[GYRO_CHANNEL]
         punctual = attitude.delay == gyro.delay == 0.0 and periods[ATTITUDE] == periods[GYRO_CHANNEL]
         fields.trust[0] = part = 1.0 - np.exp(-periods[GYRO_CHANNEL] / DOUBTED)
         spread = first / periods[ATTITUDE] * np.sqrt(part / 2.0) * max(attitude.noise)
         fields.trust[1] = SLACK + SURE_OF_SAMPLE * spread if punctual else np.inf
+        jump = MOST_DEVIATIONS * np.sqrt(2.0) * max(gyro.noise) + UNKNOWN_SPIN * periods[GYRO_CHANNEL]
+        fields.trust[2] = jump if punctual else np.inf
+        fields.trust[3] = max(max(attitude.noise), LEAST_ATTITUDE_NOISE) ** 2
         self.q, self.v, self.error, self.faults = fields.q, fields.v, fields.error, fields.faults
         self.beyond = fields.beyond
 
     def restart(self) -> None:
         """Begin a flight: the first good sample of each channel is believed, wherever it is."""
-        self._fields.ticks[:] = self._fields.faults[:] = self._fields.age[:] = 0
+        fields = self._fields
+        fields.ticks[:] = fields.faults[:] = fields.age[:] = fields.waits[:] = 0
 
     def take(self, q: Array, v: Array, crank_angle: float, thrust: Array, push: Array) -> float:
         """Take a sample and return the crank angle [rad].
@@ -178,6 +190,8 @@ def sense(memory: Array, q: Array, v: Array, crank_angle: float, thrust: Array, 
         follow_attitude(s)
     velocity(s, at)
     add_channel(s, POSITION, at)
+    if s.age[POSITION] == 0:
+        follow_position(s)
     add_channel(s, JOINT_CHANNEL, at)
     add_channel(s, RATES, at)
 
@@ -225,6 +239,7 @@ def carry(s: Senses, at: Array) -> None:
         rotate_vector(estimate[3:7], estimate[7:10], s.a)
         for i in range(3):
             at[i] = before[i] + dt * s.a[i]
+            s.place[i] += dt * s.a[i]
         x, y, z = estimate[10], estimate[11], estimate[12]
         half = 0.5 * dt * sqrt(x * x + y * y + z * z)
         scale = 0.5 * dt * (sin(half) / half if half > 1e-9 else 1.0)
@@ -236,40 +251,6 @@ def carry(s: Senses, at: Array) -> None:
     for i in range(3):
         estimate[i] = offset[i] + at[i]
     product(offset[3:7], at[3:7], 1.0, estimate[3:7])
-
-
-@inner
-def follow_attitude(s: Senses) -> None:
-    """Let `followed` follow the attitude, and correct the body rate by what it misses while the gyro is not good."""
-    if s.ticks[0] == 0:
-        s.followed[:] = s.estimate[3:7]
-        s.doubt[:] = 0.0
-    x, y, z = -s.followed[0], -s.followed[1], -s.followed[2]
-    s.a[0], s.a[1], s.a[2], s.a[3] = x, y, z, s.followed[3]
-    product(s.a, s.estimate[3:7], 1.0, s.b)
-    twice, wrong = 2.0 if s.b[3] >= 0.0 else -2.0, False
-    for i in range(3):
-        s.a[i] = 0.5 * s.correct[0] * twice * s.b[i]
-        if s.age[GYRO_CHANNEL] > 0:
-            s.offset[10 + i] += s.correct[1] * twice * s.b[i]
-            s.estimate[10 + i] += s.correct[1] * twice * s.b[i]
-            s.doubt[i] = 0.0
-        else:
-            # by how much the gyro shows too little
-            said = s.correct[0] / (s.period[ATTITUDE] * s.tick[()]) * twice * s.b[i]
-            s.doubt[i] += s.trust[0] * (said - s.doubt[i])
-            wrong = wrong or abs(s.doubt[i]) > s.trust[1]
-    if wrong:
-        s.faults[GYRO_CHANNEL, 2] += 1
-        s.age[GYRO_CHANNEL] = s.period[GYRO_CHANNEL]
-        for i in range(3):
-            s.offset[10 + i] += s.doubt[i]
-            s.estimate[10 + i] += s.doubt[i]
-            s.a[i] = s.doubt[i] = 0.0
-        s.followed[:] = s.estimate[3:7]
-    s.a[3] = sqrt(max(0.0, 1.0 - s.a[0] * s.a[0] - s.a[1] * s.a[1] - s.a[2] * s.a[2]))
-    product(s.followed, s.a, 1.0, s.b)
-    s.followed[:] = s.b
 
 
 @inner

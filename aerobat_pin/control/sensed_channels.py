@@ -13,12 +13,11 @@ EDGES = (0, 3, 7, 10, 13, 17, 21, 22)  # where each channel begins in a row of a
 POSITION, ATTITUDE, VELOCITY, GYRO_CHANNEL, JOINT_CHANNEL, RATES, CRANK = range(7)
 JUMP_BELIEVED = 0.1  # [s]
 ANCHOR = 0.02  # [s]
-RATE_POLES = 50.0  # [rad/s]
-DOUBTED, SLACK, SURE_OF_SAMPLE = (
-    0.01,
-    0.05,
-    5.0,
-)  # [s], [rad/s], deviations: how gyro and attitude must agree in the mean
+RATE_POLES, SPEED_POLES = 50.0, 80.0  # [rad/s]
+DOUBTED, SLACK, SURE_OF_SAMPLE = 0.01, 0.05, 5.0  # [s], [rad/s], deviations: gyro and attitude agree in the mean
+SURE_OF_RATE = 6.0  # logarithm of the odds at which a gyro that jumped, or what was expected, is taken for wrong
+UNKNOWN_SPIN = 20.0  # [rad/s2]: what the body rate may gain beside what is known, before the gyro waits
+LEAST_ATTITUDE_NOISE = 1e-3  # [rad] of the attitude
 MOST_DEVIATIONS = 8.0  # standard deviations of a sensor's noise that a sample may be off
 # Beside the noise, a sample may be off by the first from where it must be; by the second per second between samples
 # (a blow of 25 mN s on a wing turns the body by 200 rad/s2 more than is known); by the third per second without any.
@@ -39,14 +38,19 @@ class Senses(NamedTuple):
     Constants: `joints` (2, 4) places of the joints in q and v, `series` of the linkage, `start`, `course` (3,) position
     and velocity of the course, `level` (4,) its attitude, `swing` as in `Nominal`, `rate` () of the crank, `wrench`
     (6,), `steering` (2,), `inertia` (3,) as in `Nominal`, `tick` () [s], `first` () the crank's angle at the start
-    [rad], `share` (7,) by which an offset follows a sample, `correct` (2,) what an attitude missed by 1 rad adds to the
-    followed one [rad] and to the rate [rad/s], `trust` (2,) share by which the doubt follows, and its limit [rad/s],
-    `delay`, `period`, `still` (7,) in ticks: how late a sample is, how long one lasts, and after how long one that has
-    not changed is taken for a new one; `reach` (7, 2) tolerance, and what is added to it in a tick.
+    [rad], `share` (7,) by which an offset follows a sample, `correct` (2, 2) what an attitude missed by 1 rad adds to
+    `followed` [rad] and to the rate [rad/s], and a position missed by 1 m to `place` [m] and to the velocity [m/s],
+    `trust` (4,) share by which the doubt follows, its limit [rad/s], the jump at which a gyro waits [rad/s], and the
+    attitude's variance [rad2], `delay`, `period`, `still` (7,) in ticks: how late a sample is, how long one lasts, and
+    after how long one that has not changed is taken for a new one; `reach` (7, 2) tolerance, and what is added to it in
+    a tick.
 
     State: `ticks` (1,), `age` (7,) ticks since the last good sample, `faults` (7, 3), `raw` (22,) samples, `offset`
-    (22,) of estimates from carriers, `followed` (4,) attitude that follows the measured one, `turned` (3,) rate that
-    moments made, `carriers` (delays + 1, 22), the newest at row `ticks` modulo their number.
+    (22,) of estimates from carriers, `followed` (4,) attitude and `place` (3,) position that follow the measured ones,
+    `turned` (3,) rate that moments made, `waits` (2,) whether the gyro waits, and for how many ticks it is believed
+    after it has won, `evidence` () logarithm of its odds, `apart` (3, 3) rate by which it is off [rad/s], the angle
+    that makes since, and what `followed` has taken of it [rad], `carriers` (delays + 1, 22), the newest at row `ticks`
+    modulo their number.
 
     Results: `beyond` (7,) ticks by which the last good sample is older than its period; `estimate` (22,), and the same
     as `q`, `v` and in `estimate[21]` the crank angle; `error` (6,) position off the course [m], world axes, and
@@ -70,8 +74,8 @@ class Senses(NamedTuple):
     still: Annotated[Integers, "7"]
     reach: Annotated[Array, "7, 2"]
     share: Annotated[Array, "7"]
-    correct: Annotated[Array, "2"]
-    trust: Annotated[Array, "2"]
+    correct: Annotated[Array, "2, 2"]
+    trust: Annotated[Array, "4"]
     ticks: Annotated[Integers, "1"]
     age: Annotated[Integers, "7"]
     faults: Annotated[Integers, "7, 3"]
@@ -80,6 +84,10 @@ class Senses(NamedTuple):
     followed: Annotated[Array, "4"]
     turned: Annotated[Array, "3"]
     doubt: Annotated[Array, "3"]
+    place: Annotated[Array, "3"]
+    waits: Annotated[Integers, "2"]
+    evidence: Annotated[Array, ""]
+    apart: Annotated[Array, "3, 3"]
     carriers: Annotated[Array, "rows, 22"]
     beyond: Annotated[Integers, "7"]
     estimate: Annotated[Array, "22"]
@@ -128,6 +136,24 @@ def believed(s: Senses, c: int, off: float) -> bool:
         return False
     s.age[c] = 0
     s.whole[c] = 1 if jumps or s.ticks[0] == 0 else 0
+    return True
+
+
+@inner
+def waits(s: Senses, off: float) -> bool:
+    """Return whether a gyro that is off by so much has to wait until the attitude says that it is right."""
+    if s.waits[1] > 0:
+        s.waits[1] -= 1
+        return False
+    if off <= s.trust[2] or s.ticks[0] == 0 or s.age[GYRO_CHANNEL] * s.tick[()] >= JUMP_BELIEVED:
+        s.waits[0] = 0
+        return False
+    if s.waits[0] == 0:
+        s.waits[0], s.evidence[()] = 1, 0.0
+        s.apart[:] = 0.0
+    for i in range(3):
+        s.apart[0, i] = s.candidate[10 + i] - s.estimate[10 + i]
+    s.faults[GYRO_CHANNEL, 2] += 1
     return True
 
 
@@ -183,7 +209,7 @@ def add_channel(s: Senses, c: int, at: Array) -> None:
     for i in range(EDGES[c], EDGES[c + 1]):
         s.candidate[i] = s.now[i] if s.delay[c] == 0 else s.now[i] + (at[i] - late[i])
         off = max(off, abs(s.candidate[i] - s.estimate[i]))
-    if believed(s, c, off):
+    if not (c == GYRO_CHANNEL and waits(s, off)) and believed(s, c, off):
         part = share(s, c)
         for i in range(EDGES[c], EDGES[c + 1]):
             s.estimate[i] = s.candidate[i]

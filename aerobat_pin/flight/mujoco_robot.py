@@ -18,7 +18,7 @@ import pinocchio as pin
 from aerobat_description.write_mjcf import mjcf_text
 from aerobat_pin.errors import ExtraError
 from aerobat_pin.flight.plant.simulated_elsewhere import SimulatedMotion
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import JOINTS, Aerobat, closed_model, closed_state
 
 MUJOCO_STEP = 1.25e-4  # [s]: longest step of MuJoCo's Runge-Kutta method
@@ -40,6 +40,7 @@ class MujocoRobot:
         ExtraError: MuJoCo is not installed.
     """
 
+    @guarded()
     def __init__(self, robot: Aerobat) -> None:
         """Read the exported model."""
         try:

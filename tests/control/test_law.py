@@ -30,7 +30,8 @@ def test_the_law_is_its_readable_twin(settings: tuple[str, ...], monkeypatch: py
     """Sixty samples on both sides of all limits: wrench, commands and what is left, with their memory of the past."""
     rng = np.random.default_rng(3)
     monkeypatch.setattr("aerobat_pin.control.sensed.REACH", dict.fromkeys(CHANNELS, (np.inf, 0.0, 0.0)))
-    monkeypatch.setattr("aerobat_pin.control.sensed.SLACK", np.inf)  # no attitude at random belies its gyro
+    for name in ("SLACK", "UNKNOWN_SPIN"):  # no attitude at random belies its gyro
+        monkeypatch.setattr(f"aerobat_pin.control.sensed.{name}", np.inf)
     pilot = Controller(load_scenario("paper_left_closed_loop", settings))
     twin, robot, allocation = Law(pilot), believed_robot(pilot.scenario), Allocation(pilot.thrusters)
     pilot.begin(0.0, robot.q0, np.zeros(robot.model.nv), 0.4)
