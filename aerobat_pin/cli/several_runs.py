@@ -6,7 +6,6 @@ import io
 import json
 import os
 import re
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stdout
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aerobat_pin.cli.console import LINE_EVERY, progress_bar
+from aerobat_pin.cli.console import progress_bar
 from aerobat_pin.cli.options import Force, NameOrFile, out_option
 from aerobat_pin.errors import raising
 
@@ -127,7 +126,7 @@ def sweep_command(
     typer.echo(f"{planned.file.name}: {planned.file.size_text} = {len(planned.scenarios)} runs of {planned.base.name}")
     processes = len(os.sched_getaffinity(0)) if jobs is None else jobs
     with progress_bar() as bar:
-        progress = _SweepProgress(bar if sys.stderr is not None and sys.stderr.isatty() else None)
+        progress = _SweepProgress(bar)
         try:
             with raising():
                 grid = run_sweep(planned, target, jobs=processes, cluster=cluster, force=force, progress=progress)
@@ -152,13 +151,14 @@ def sweep_command(
 
 
 class _SweepProgress:
-    """Show how many runs are finished: in a progress bar, or without a terminal in a line every ten seconds."""
+    """Show how many runs are finished, and for how long the rest will take."""
 
-    def __init__(self, bar: Callable[[str, float], None] | None) -> None:
+    def __init__(self, bar: Callable[[str, float], None]) -> None:
         self.text = "nothing is finished"
         self._bar = bar
         self._resumed_at: int | None = None
-        self._start = self._last_line = time.monotonic()
+        self._start = time.monotonic()
+        bar("starting the first runs", 0.0)
 
     def __call__(self, finished: int, count: int, failed: int) -> None:
         """Update the numbers of runs: finished, in total, and failed."""
@@ -168,11 +168,9 @@ class _SweepProgress:
             self._resumed_at = finished
             if finished:
                 typer.echo(f"going on: {self.text}")
-        if self._bar is not None:
-            self._bar(self.text, finished / count)
-        elif finished == self._resumed_at + 1:  # the first run also starts processes and loads kernels
+            return
+        if finished == self._resumed_at + 1:  # the first run also starts processes and loads kernels
             self._start = now
-        elif now - self._last_line > LINE_EVERY and self._resumed_at < finished < count:
-            self._last_line = now
-            left = (now - self._start) / (finished - self._resumed_at - 1) * (count - finished)
-            typer.echo(f"{self.text}, {left:.0f} s left", err=True)
+        flown = finished - self._resumed_at - 1
+        left = f", {(now - self._start) / flown * (count - finished):.0f} s left" if flown else ""
+        self._bar(f"{self.text}{left}", finished / count)

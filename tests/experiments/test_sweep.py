@@ -19,6 +19,7 @@ from aerobat_pin.experiments import effects_text, load_sweep, run_sweep, shipped
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.sweep.outcomes import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
+from aerobat_pin.visualization import draw_sweep
 
 SHORT = """
 name = "short"
@@ -347,6 +348,13 @@ def test_what_each_quantity_does_is_a_table() -> None:
     assert header.split() == ["median", "error,", "least", "..", "largest", "momentum", "[mN]"]
     assert [line.split()[:3] for line in lines][3:] == [["wind", "=", "calm"], ["wind", "=", "strong"]]
     assert lines[2].split()[3:] == ["70.7,", "70.7", "..", "70.7"]
+    figure = draw_sweep([gain, wind], "made")
+    figure.draw_without_rendering()
+    by_gain, by_wind = figure.axes[:2]
+    assert [text.get_text() for text in by_gain.get_xticklabels()] == ["1", "10", "100"]
+    assert [text.get_text() for text in by_wind.get_xticklabels()] == ["calm", "strong"]
+    assert not any("$" in text.get_text() for text in by_gain.get_yticklabels())
+    np.testing.assert_array_equal(by_gain.lines[0].get_ydata(), gain.errors["momentum [mN]"][:, 0])
 
 
 def test_draws_are_told_by_thirds_of_what_was_drawn(tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def _effects_along(grid: xr.Dataset, name: str) -> Iterator[Effect]:
     if name != DRAW:
         labels = grid[name].values
         numbers = np.asarray(labels, float) if labels.dtype.kind in "if" else None
-        texts = tuple(str(one) if numbers is None else f"{one:.6g}" for one in labels)
+        texts = tuple(str(one) if numbers is None else f"{one:.4g}" for one in labels)
         yield Effect(name, texts, numbers, {what: _spread(list(values)) for what, values in rows.items()})
         return
     for key in (str(key) for key, one in grid.coords.items() if one.dims == (DRAW,) and key != DRAW):

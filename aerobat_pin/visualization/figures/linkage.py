@@ -187,7 +187,8 @@ def linkage_animation(linkage: KineticSculpture, turn: float) -> str:
     pins["tip"] = pins["J6"] + 1e3 * linkage.lengths.L7a * np.column_stack([np.cos(heading), -np.sin(heading)])
     everything = np.concatenate(list(pins.values()))
     low, high = everything.min(axis=0) - SVG_MARGIN, everything.max(axis=0) + SVG_MARGIN
-    lines = [(style.MUTED, ("J6", "tip")), *((style.BAR_COLOURS[bar], names) for bar, names in BAR_PINS.items())]
+    colours = style.BAR_COLOURS | {"L7": style.MUTED}  # which is seen by day and by night
+    lines = [(style.MUTED, ("J6", "tip")), *((colours[bar], names) for bar, names in BAR_PINS.items())]
     return fill_template(
         "linkage.svg",
         turn=turn,

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from aerobat_pin.experiments import Effect
 from aerobat_pin.numerics import Array
@@ -37,6 +38,12 @@ def draw_sweep(effects: Sequence[Effect], title: str) -> Figure:
                 panel.set_xticks(at, effect.labels)
             elif _far([effect.values]):
                 panel.set_xscale("log")
+                panel.set_xticks(at, effect.labels)
+                panel.xaxis.set_minor_locator(NullLocator())
+            if panel.get_yscale() == "log":
+                panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+                panel.yaxis.set_minor_locator(NullLocator())
+                panel.yaxis.set_major_formatter("{x:g}")
         for panel in panels[len(effects) :]:
             panel.set_visible(False)
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
