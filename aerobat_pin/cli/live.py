@@ -42,7 +42,10 @@ def live_command(
         write_results(source.result, target, force=False)
         return str(target)
 
-    serve_live(source, lambda address: typer.echo(f"live at {address} (Ctrl-C stops)"), save, port)
+    try:
+        serve_live(source, lambda address: typer.echo(f"live at {address} (Ctrl-C stops)"), save, port)
+    finally:
+        source.close()
     typer.echo("stopped")
 
 

@@ -98,6 +98,9 @@ class LiveSource:
     def changed(self, *, tuned: bool) -> None:
         """Take over what was set; `tuned` says whether that is another observer or gain."""
 
+    def close(self) -> None:
+        """Leave what was entered: a network."""
+
     def result(self, show: Progress) -> Experiment | Result:
         """Return the last `KEPT` seconds, estimated as a whole."""
         raise NotImplementedError
