@@ -23,7 +23,9 @@ def live_command(
     ] = None,
     points: Annotated[str | None, typer.Option(help="Frames of a robot that can be pushed: A,B.")] = None,
     settings: Settings = None,
-    out: Annotated[Path, typer.Option(help="Folder for what is saved; further ones get a number.")] = Path("runs/live"),
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="Folder for what is saved; further ones get a number.")
+    ] = Path("runs/live"),
     port: Annotated[int, typer.Option(min=0, max=65535, help="Serve at this port; 0 takes a free one.")] = 0,
 ) -> None:
     """Watch a robot in the browser and push it: true and estimated forces, while it flies, stands or is heard."""
@@ -40,7 +42,10 @@ def live_command(
         write_results(source.result, target, force=False)
         return str(target)
 
-    serve_live(source, lambda address: typer.echo(f"live at {address} (Ctrl-C stops)"), save, port)
+    try:
+        serve_live(source, lambda address: typer.echo(f"live at {address} (Ctrl-C stops)"), save, port)
+    finally:
+        source.close()
     typer.echo("stopped")
 
 

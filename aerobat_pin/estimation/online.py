@@ -20,8 +20,8 @@ import numpy as np
 from aerobat_pin.errors import AerobatError, MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
-from aerobat_pin.estimation.contacts import walks_on
-from aerobat_pin.estimation.expected import expected_from, row_scale
+from aerobat_pin.estimation.contacts import END_SHARE, walks_on
+from aerobat_pin.estimation.expected import expected_from, lifted_errors, row_scale
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.moving_axes import change_of_axes
 from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth
@@ -42,6 +42,7 @@ from aerobat_pin.records import (
     stamp,
 )
 
+LEGS_EVERY, LEGS_KEPT = 50, 200  # estimates of a robot that walks: one in so many shows the errors of legs in the air
 LEADING = ("joints.position", "base.position")
 
 
@@ -105,6 +106,10 @@ class OnlineEstimator:
         self._learns = expected is None and sizes is not None
         self._tilt = 0.0 if chosen.robot.wrenches else tilt_of(chosen)
         self._sizes, self._observers = sizes, list[Observer]()
+        self._shows_legs = self.walks and not chosen.robot.wrenches and bool(chosen.robot.points)
+        count, nv = 3 * len(chosen.robot.points), self.robot.model.nv
+        self._legs = np.zeros((LEGS_KEPT, count)), np.zeros((LEGS_KEPT, count, nv))  # forces, and their Jacobians
+        self._leg_samples = 0
         self._build()
         ring_kernels.put(self._memory, 0, np.nan, self._readers[0][2])  # compiles
         build_interval(self._memory, self._leading)
@@ -268,6 +273,11 @@ class OnlineEstimator:
                 now[ring_kernels.LAST] = np.nan
             else:
                 self._estimates += 1
+                first, legs = samples[0], self._learns and self._shows_legs
+                if first is not None and legs and self._estimates % LEGS_EVERY == 0:
+                    at = self._leg_samples % LEGS_KEPT
+                    self._legs[0][at], self._legs[1][at] = first.components, self._observers[0].applications.jacobian(q)
+                    self._leg_samples += 1
             settled, epoch = bool(end - now[ring_kernels.BEGAN] >= self._wait), self._epoch or 0.0
             for observer, sample in zip(self._observers, samples, strict=True):
                 if sample is None:
@@ -293,6 +303,11 @@ class OnlineEstimator:
         count = int(self._rings.now[ring_kernels.COUNT])
         if count & (count - 1) == 0:
             expected = self._expected(np.sqrt(self._rings.squares / count))
+            if expected is not None and self._leg_samples:
+                force, jacobians = (part[: self._leg_samples] for part in self._legs)
+                rows = np.einsum("mc,mcv->mv", force, jacobians)
+                lifted = lifted_errors(rows, jacobians, END_SHARE * self.robot.weight)
+                expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
             for observer in self._observers:
                 if expected is not None and observer.expected is not None:
                     self._sizes = expected

@@ -104,7 +104,7 @@ def test_a_live_page_hears_topics(chosen: Path, monkeypatch: pytest.MonkeyPatch)
     with subprocess.Popen([sys.executable, str(program), "aerobat", str(out), "500", str(SAMPLES), "100"]) as talk:
         while talk.poll() is None:
             rows += live.advance(0.04, 0.02)
-    live.node.close()
+    live.close()
     assert len(said) == 3
     wanted = np.array([list(one.components.values()) for one in expected]).reshape(-1, len(FEET), 3)
     np.testing.assert_array_equal([row.estimate for row in rows], wanted)

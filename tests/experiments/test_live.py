@@ -12,7 +12,7 @@ from support.walking_log import FEET, table, table_map, urdf, walk
 
 from aerobat_pin.errors import ObserverError, ScenarioError
 from aerobat_pin.estimation import estimate
-from aerobat_pin.experiments import LiveFlight, LiveRecording, LiveRobot, LiveRow
+from aerobat_pin.experiments import LIVE_OBSERVERS, LiveFlight, LiveRecording, LiveRobot, LiveRow
 from aerobat_pin.records import open_record, parse_map
 from aerobat_pin.scenario import load_scenario
 
@@ -69,6 +69,19 @@ def test_what_was_flown_is_a_run(hovering: LiveFlight) -> None:
     batch = made.estimates["momentum"].components[-200:-1].reshape(-1, 2, 3)
     live = np.array([row.estimate for row in rows[-199:]])
     np.testing.assert_allclose(batch, live, rtol=0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("observer", LIVE_OBSERVERS)
+def test_every_observer_lives(hovering: LiveFlight, observer: str) -> None:
+    """On a flight and on a stream: 10 % of a force that stays, without noise."""
+    standing = LiveRobot("ur5")
+    for live in (hovering, standing):
+        live.change({"noise": 0.0, "observer": observer, "gain": 100.0})
+        force = np.zeros((len(live.points), 3))
+        force[0, 2] = 0.3 * live.limit
+        live.change({"force": force.tolist()})
+        off = errors(live.advance(1.0, LONG)[-200:]).mean(axis=0)
+        assert np.abs(off[0]).max() < 0.1 * force[0, 2]
 
 
 def test_a_robot_that_is_lost_begins_again() -> None:

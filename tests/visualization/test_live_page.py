@@ -7,7 +7,7 @@ import signal
 import socket
 import time
 import urllib.parse
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,13 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+import tomli_w
 from support.browser import PATIENCE, needs_browser, opened, started
-from support.commands import of_session, served
+from support.commands import call, of_session, served
+from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import ExtraError
-from aerobat_pin.experiments import LiveRobot
+from aerobat_pin.experiments import LiveFlight, LiveRecording, LiveRobot, LiveSource
 from aerobat_pin.visualization import serve_live
 from aerobat_pin.visualization.live.live_parts import live_parts
 
@@ -140,6 +142,34 @@ def test_shapes_are_drawn_as_closed_surfaces() -> None:
         corners = points[faces]
         found = np.sum(np.linalg.det(corners)) / 6.0
         assert 0.8 * volume < found < 1.001 * volume  # a capsule ends in points
+
+
+def test_what_lives_is_what_the_words_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A scenario, a robot by its name or file, or a recording; each thing that is saved has a folder of its own."""
+    served_sources: list[LiveSource] = []
+
+    def serve(source: LiveSource, announce: object, save: Callable[[], str], port: int) -> None:
+        served_sources.append(source)
+        if isinstance(source, LiveRobot):
+            source.advance(0.2, 100.0)
+            assert Path(save()).name == ("live" if len(served_sources) == 1 else "live-2")
+
+    monkeypatch.setattr("aerobat_pin.visualization.serve_live", serve)
+    monkeypatch.setattr("aerobat_pin.visualization.write_figures_and_pages", lambda *_: None)
+    robot, log, chosen = tmp_path / "quadruped.urdf", tmp_path / "log.csv", tmp_path / "map.toml"
+    robot.write_text(urdf())
+    table(walk(0.1)).to_csv(log, index=False)
+    chosen.write_text(tomli_w.dumps(table_map(robot) | {"log": {"time": {"column": "t"}}, "check": {}}))
+    out = ("--out", str(tmp_path / "live"))
+    assert call(monkeypatch, "live", "double_pendulum", *out) == 0
+    assert call(monkeypatch, "live", str(robot), "--points", "FL_FOOT, trunk", *out) == 2  # the trunk is held
+    assert call(monkeypatch, "live", str(robot), "--points", "FL_FOOT", *out) == 0
+    assert call(monkeypatch, "live", str(log), "--map", str(chosen), *out) == 0
+    assert call(monkeypatch, "live", "--set", "air.strips=4", *out) == 0
+    assert call(monkeypatch, "live", "paper", *out) == 2
+    kinds = [type(one) for one in served_sources]
+    assert kinds == [LiveRobot, LiveRobot, LiveRecording, LiveFlight]
+    assert served_sources[1].points == ("FL_FOOT",)
 
 
 def test_without_tornado_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -127,6 +127,10 @@ class LiveTopics(LiveStream):
             self.time, self.q = samples[-1].end, self.stream.configuration
         return self.rows(samples, self.unknown)
 
+    def close(self) -> None:
+        """Leave the network."""
+        self.node.close()
+
     def result(self, show: Progress) -> Result:
         """Refuse: a bag records topics."""
         raise LogError("topics are not kept here: `ros2 bag record`, then `aerobat estimate BAG --map MAP`")

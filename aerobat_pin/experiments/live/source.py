@@ -19,7 +19,7 @@ from aerobat_pin.observers import OBSERVERS, SmootherObserver
 LIVE_OBSERVERS = tuple(name for name, kind in OBSERVERS.items() if not issubclass(kind, SmootherObserver))
 PUSH_SHARE = 0.1  # of the weight: the largest force that a slider sets
 KEPT = 20.0  # [s] that can be saved
-LARGEST_LIVE_GAIN, LARGEST_WIND, LARGEST_NOISE = 2000.0, 5.0, 10.0  # [1/s, m/s, -]
+LARGEST_LIVE_GAIN, LARGEST_WIND, LOUDEST = 2000.0, 5.0, 10.0  # [1/s, m/s, -]
 
 
 class LiveRow(NamedTuple):
@@ -84,7 +84,7 @@ class LiveSource:
             elif name == "wind" and name in self.knobs:
                 self.wind = _within(given, -LARGEST_WIND, LARGEST_WIND).reshape(3)
             elif name == "noise" and name in self.knobs:
-                self.noise = float(_within(given, 0.0, LARGEST_NOISE))
+                self.noise = float(_within(given, 0.0, LOUDEST))
         observer, gain = str(values.get("observer", self.observer)), float(values.get("gain", self.gain))
         if observer not in LIVE_OBSERVERS or not 0.0 < gain <= LARGEST_LIVE_GAIN:
             raise ObserverError(
@@ -97,6 +97,9 @@ class LiveSource:
 
     def changed(self, *, tuned: bool) -> None:
         """Take over what was set; `tuned` says whether that is another observer or gain."""
+
+    def close(self) -> None:
+        """Leave what was entered: a network."""
 
     def result(self, show: Progress) -> Experiment | Result:
         """Return the last `KEPT` seconds, estimated as a whole."""

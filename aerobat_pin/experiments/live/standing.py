@@ -54,7 +54,8 @@ class LiveRobot(LiveStream):
 
     @guarded()
     def __init__(self, name: str, points: tuple[str, ...] = ()) -> None:
-        table: dict[str, Any] = {"urdf" if name.endswith(".urdf") else "name": name, "root": "fixed"}
+        given = {"urdf": str(Path(name).absolute())} if name.endswith(".urdf") else {"name": name}
+        table: dict[str, Any] = {**given, "root": "fixed"}
         points = points or _last_frames(robot_of_map(RobotTable(**table, points=()), Path()).model)
         robot = robot_of_map(RobotTable(**table, points=points), Path())
         self._columns = [f"{what}.{joint}" for what in ("q", "v", "tau") for joint in robot.joints]
