@@ -158,7 +158,7 @@ def test_every_command_of_the_readme_works_as_it_is_typed(
 
 def test_the_readme_shows_the_way_without_make() -> None:
     """A virtual environment first: Debian's own Python takes no packages."""
-    [block] = [text for text in re.findall(r"```sh\n(.*?)```", README, re.DOTALL) if "pip install --no-compile ." in text]
+    [block] = [text for text in re.findall(r"```sh\n(.*?)```", README, re.DOTALL) if "pip install" in text]
     assert [line.split("#")[0].strip() for line in block.splitlines()] == [
         "python3 -m venv .venv",
         ". .venv/bin/activate",
