@@ -27,8 +27,6 @@ CHECKS = {
     "04-your-wing": 'flight["aerodynamic_lift_over_weight"] > 0.1',
     "05-a-sweep": "r2.loc[0.0, 1000.0] > r2.loc[0.01, 1000.0]",
     "06-closing-the-loop": 'sideways["gust_closed_loop"] < timid < sideways["without"] < 0.1 and not roll.stable',
-    "07-your-simulator": "0.0 < apart[-1] < 5e-3",
-    "08-a-law-that-learns": "returns[-1] > 3.0 * returns[0] and returns[-1] > 300.0",
 }
 
 
@@ -146,8 +144,8 @@ def test_every_command_of_the_readme_works_as_it_is_typed(
             from aerobat_pin.experiments import load_sweep
 
             assert len(load_sweep(rest[0]).scenarios) > 1
-        elif name in ("node", "live"):  # run until Ctrl-C; test_ros_node.py and test_live_page.py talk to them
-            assert not rest or rest[0] == "--map"
+        elif name == "node":  # runs until Ctrl-C; tests/estimation/test_ros_node.py talks to one
+            assert rest[0] == "--map"
         elif name == "trim":  # takes a minute from so far; tests/cli/test_cli.py finds one
             rest = [word for word in rest if word != "trimmed.toml" and word != "--out"]
         else:
@@ -160,9 +158,7 @@ def test_every_command_of_the_readme_works_as_it_is_typed(
 
 def test_the_readme_shows_the_way_without_make() -> None:
     """A virtual environment first: Debian's own Python takes no packages."""
-    [block] = [
-        text for text in re.findall(r"```sh\n(.*?)```", README, re.DOTALL) if "pip install --no-compile ." in text
-    ]
+    [block] = [text for text in re.findall(r"```sh\n(.*?)```", README, re.DOTALL) if "pip install" in text]
     assert [line.split("#")[0].strip() for line in block.splitlines()] == [
         "python3 -m venv .venv",
         ". .venv/bin/activate",
