@@ -110,6 +110,8 @@ MUTANTS = (
            "(1.0 + 1j * self._crank_rate * believed.lag)", "tests/control/test_law.py"),
     Mutant("swing not in the reference", "control/law.py", "    add_waves(law.swing, crank_angle, reference)\n", "",
            "tests/control/test_law.py"),
+    Mutant("a start that rises counts as a push", "estimation/verdict.py", "> estimate.risen - 1e-9",
+           "> -1.0", "tests/estimation/test_verdict.py"),
 )  # fmt: skip
 
 
