@@ -39,8 +39,10 @@ class LiveSource:
         points: frames at which forces are sought.
         limit: of a force that may be set [N]; 0 where none can be.
         knobs: which of `noise` (a factor) and `wind` (3,) [m/s] may be set.
-        time, q: of now: time [s] and configuration (nq,).
-        observer, gain: what estimates, and its K [1/s].
+        time: of now [s].
+        q: configuration (nq,) of now.
+        observer: name of what estimates.
+        gain: its K [1/s].
         said: a line about what has just happened; empty for nothing.
         ended: whether nothing more comes.
         urdf: file that may have the robot's shapes; None for none.

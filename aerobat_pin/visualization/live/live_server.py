@@ -29,7 +29,7 @@ from aerobat_pin.visualization.replay.serve import LOCALHOST
 from aerobat_pin.visualization.template import fill_template
 
 PERIOD = 0.04  # [s] between messages
-SHARE = 0.6  # of a period that the robot may take
+SHARE = 0.6  # of a period that the robot may take, at most
 ROW_PERIOD = 0.02  # [s] between points of a curve
 PICTURE_FOLLOWS = 0.1  # share by which the picture follows a robot that flies, from message to message
 LARGEST_WISH = 10_000  # bytes of a message from a page
@@ -126,10 +126,12 @@ class _Life:
 
     async def live(self) -> None:
         """Go on, message by message."""
-        due = monotonic()
+        due, begun, budget = monotonic(), monotonic(), SHARE * PERIOD
         while True:
             due = max(due + PERIOD, monotonic() + 0.1 * PERIOD)
             await asyncio.sleep(due - monotonic())
+            late, begun = monotonic() - begun - 1.05 * PERIOD, monotonic()
+            budget = min(max(budget - 0.2 * late, 0.1 * PERIOD), SHARE * PERIOD)  # so that messages leave in time
             if self._wanted:
                 self._wanted = False
                 self.tell("saving ...")
@@ -141,7 +143,7 @@ class _Life:
             if self.paused:
                 continue
             before = self.source.time
-            rows = self.source.advance(PERIOD, SHARE * PERIOD)
+            rows = self.source.advance(PERIOD, budget)
             if self.source.said:
                 self.tell(self.source.said)
                 self.source.said, self.paused = "", self.source.ended
