@@ -22,16 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import (
-    Array,
-    add_product,
-    add_row_product,
-    copy_values,
-    factorise,
-    kernel,
-    merged,
-    mirror,
-)
+from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, kernel, merged, mirror
 from aerobat_pin.observers.kalman.learning import (
     DIFFERENCES,
     MEMORY_TIME,
