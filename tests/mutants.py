@@ -50,6 +50,8 @@ MUTANTS = (
     Mutant("power row not normalised", "observers/rows.py",
            "joints / max(float(np.linalg.norm(joints)), 1e-12) / MOMENT_ARM", "joints / MOMENT_ARM",
            "tests/observers/test_applications.py"),
+    Mutant("errors of rows at rest as in motion", "observers/kalman/kernels.py", "(1.0 - sliding * sliding))",
+           "(1.0 - sliding))", "tests/observers/test_kalman.py"),
     Mutant("rows not weighted", "observers/rows.py", "self.weight[:3] = 1.0", "self.weight[:] = 1.0",
            "tests/observers"),
     Mutant("C^T v left out", RESIDUAL, "dot(C[:, i], v) - g[i, 0]", "-g[i, 0]", OBSERVERS),

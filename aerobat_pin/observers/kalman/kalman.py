@@ -199,9 +199,8 @@ class KalmanObserver(Observer):
 
     def _expect(self, expected: Expected) -> None:
         filter_, first = self._kalman.filter, self._walks + len(self._errors)
-        lasting = slice(first, first + self._nv)
         filter_.rows[:] = expected.row_error**2, expected.stiction**2 / 3.0, expected.stiction_rate
-        filter_.variance[lasting] = expected.doubt
+        filter_.variance[first : first + self._nv] = expected.doubt
         if self._settings["force_walk"] is None:
             filter_.rate[: self._walks], filter_.walk[:] = filter_.rate[first], 0.0
             filter_.variance[: self._walks] = self._prior[:] = np.tile(expected.force**2, self._walks // self._count)
