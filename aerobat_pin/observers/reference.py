@@ -83,14 +83,14 @@ def sample_robot(
     """
     M, Ct, g, J, oMi = data.M, data.C.T, data.g, data.J, placements(data.oMi)
     p, b, wanted = np.empty_like(v), np.empty_like(v), len(applications.components) > 0
-    world, places = np.empty((len(v), *J.shape)), np.empty((len(v), *oMi.shape))
+    world, places = np.empty((len(v), 6, model.nv)), np.empty((len(v), *oMi.shape))
     for q_i, v_i, p_i, b_i, J_i, place in zip(q, v, p, b, world, places, strict=True):
         compute(model, data, q_i, v_i)
         M.dot(v_i, p_i)  # p = M v
         Ct.dot(v_i, b_i)  # b = C^T v - g
         b_i -= g
         if wanted:
-            J_i[:], place[:] = J, oMi
+            J_i[:], place[:] = J.reshape(J_i.shape), oMi  # Pinocchio gives J of one joint as (6,)
     return Samples(p, b, v, applications.jacobians(world, places))
 
 

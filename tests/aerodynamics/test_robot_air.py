@@ -287,7 +287,7 @@ def test_a_gust_lifts_the_robot_and_dies_down() -> None:
 def test_wind_and_gust_survive_writing_and_reading(tmp_path) -> None:  # type: ignore[no-untyped-def]
     """A resolved scenario with a gust and a limit reads back; a gust that lasts no time is refused."""
     scenario = load_scenario("paper", ["air.gust.amplitude=[1.0, 0.0, 0.0]", "air.lift_limit=1.4"])
-    file = tmp_path / "gust.toml"
+    file = tmp_path / "paper.toml"
     file.write_text(scenario_toml(scenario), encoding="utf-8")
     assert load_scenario(file) == scenario
     with pytest.raises(ScenarioError, match=r"air\.gust\.duration = 0"):

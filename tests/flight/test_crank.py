@@ -243,7 +243,7 @@ def test_a_drive_survives_writing_and_reading(drive: str, tmp_path: Any) -> None
     text = scenario_toml(chosen)
     for table in ("spin_up", "motor"):
         assert (f"[crank.{table}]" in text) == (table == drive)
-    file = tmp_path / "again.toml"
+    file = tmp_path / "paper.toml"  # a copy takes the name of its file
     file.write_text(text, encoding="utf-8")
     assert load_scenario(file) == chosen
     if drive == "motor":

@@ -8,7 +8,8 @@ import sys
 ALONE = """
 import sys
 
-ALLOWED = {"aerobat_pin", "pinocchio", "coal", "numpy", "numba", "llvmlite", "lazy_loader"} | sys.stdlib_module_names
+OURS = {"aerobat_pin", "aerobat_description"}
+ALLOWED = OURS | {"pinocchio", "coal", "numpy", "numba", "llvmlite", "lazy_loader"} | sys.stdlib_module_names
 LOADED = {name.partition(".")[0] for name in sys.modules}  # by the interpreter's own start
 
 

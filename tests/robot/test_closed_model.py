@@ -148,7 +148,7 @@ def test_the_front_door_gives_it_with_limits_and_a_pose() -> None:
 
 def test_what_is_no_closed_robot_is_refused() -> None:
     """A morphology that is not there, and a model without bars."""
-    with pytest.raises(MorphologyFileError, match="shipped are aerobat"):
+    with pytest.raises(MorphologyFileError, match="did you mean 'aerobat'"):
         closed_model("aerobot")
     robot = load_aerobat()
     with pytest.raises(FrameNotFoundError, match="left_crank"):

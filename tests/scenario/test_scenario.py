@@ -57,8 +57,8 @@ def test_a_part_that_is_taken_off_in_python_is_off_in_the_written_scenario(tmp_p
     values = load_scenario("paper").model_dump(exclude_none=True)
     values["robot"]["changes"] = {"tail": None, "wing": {"force_point": None}}
     scenario = parse_scenario(values, "without a tail")
-    (tmp_path / "again.toml").write_text(scenario_toml(scenario), encoding="utf-8")
-    assert load_scenario(tmp_path / "again.toml") == scenario
+    (tmp_path / "paper.toml").write_text(scenario_toml(scenario), encoding="utf-8")
+    assert load_scenario(tmp_path / "paper.toml") == scenario
     assert load_morphology("aerobat", scenario.robot.changes).tail is None
 
 

@@ -340,7 +340,8 @@ def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
 SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 
-RESULTS = """LiveSource LiveRow Flown Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
+RESULTS = """AirConstants LiveSource LiveRow Flown
+Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
 Applications Bias Crossing Estimate Event Identifiability LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotState StateSpace StripLoads Trim Wake Tree
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer

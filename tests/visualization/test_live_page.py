@@ -7,7 +7,7 @@ import signal
 import socket
 import time
 import urllib.parse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import tomli_w
-from support.browser import PATIENCE, needs_browser, opened, started
+from support.browser import PATIENCE, needs_browser, opened
 from support.commands import call, of_session, served
 from support.walking_log import table, table_map, urdf, walk
 
@@ -26,13 +26,6 @@ from aerobat_pin.visualization import serve_live
 from aerobat_pin.visualization.live.live_parts import live_parts
 
 SETTLED = 0.05  # share of a force by which its estimate may be off
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    """Return a browser."""
-    with started() as running:
-        yield running
 
 
 def until(page: Any, condition: str) -> None:

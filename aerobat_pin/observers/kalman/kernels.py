@@ -29,7 +29,6 @@ from aerobat_pin.numerics import (
     copy_values,
     factorise,
     fields_of,
-    inlined,
     kernel,
     mirror,
 )
@@ -46,6 +45,7 @@ from aerobat_pin.observers.kalman.learning import (
     learn_noise,
     misfit_variance,
     set_walk_by_gain,
+    write_row_errors,
 )
 from aerobat_pin.observers.kalman.noisy_sample import repeat_interval, write_noisy_sample
 from aerobat_pin.observers.kernels.observer_state import ObserverState
@@ -211,15 +211,6 @@ def report(step: Step, dt: float, out: Array) -> None:
             out[nv + c + a] = np.inf
         for i in range(nv):
             out[i] += step.shear[a, i] / dt * force
-
-
-@inlined
-def write_row_errors(before: Array, after: Array, filter_: Filter) -> None:
-    """Write the standard deviation of each row's lasting error in an interval, see `Expected`."""
-    first = filter_.errors.shape[0] - filter_.rows.shape[1]
-    for k in range(filter_.rows.shape[1]):
-        sliding = np.tanh(0.5 * (before[2, k] + after[2, k]) / filter_.rows[2, k])
-        filter_.errors[first + k, k] = np.sqrt(filter_.rows[0, k] + filter_.rows[1, k] * (1.0 - sliding * sliding))
 
 
 @kernel

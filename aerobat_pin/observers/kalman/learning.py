@@ -208,3 +208,12 @@ def add_unknown_torques(before: Array, after: Array, misfit: float, filter_: Fil
             along = 0.25 * size * (before[2, i] + after[2, i]) / speed
             for j in range(BASE_ROWS, nv):
                 P[i, j] -= along * (before[2, j] + after[2, j])
+
+
+@inlined
+def write_row_errors(before: Array, after: Array, filter_: Filter) -> None:
+    """Write the standard deviation of each row's lasting error in an interval, see `Expected`."""
+    first = filter_.errors.shape[0] - filter_.rows.shape[1]
+    for k in range(filter_.rows.shape[1]):
+        sliding = np.tanh(0.5 * (before[2, k] + after[2, k]) / filter_.rows[2, k])
+        filter_.errors[first + k, k] = np.sqrt(filter_.rows[0, k] + filter_.rows[1, k] * (1.0 - sliding * sliding))
