@@ -27,6 +27,8 @@ CHECKS = {
     "04-your-wing": 'flight["aerodynamic_lift_over_weight"] > 0.1',
     "05-a-sweep": "r2.loc[0.0, 1000.0] > r2.loc[0.01, 1000.0]",
     "06-closing-the-loop": 'sideways["gust_closed_loop"] < timid < sideways["without"] < 0.1 and not roll.stable',
+    "07-your-simulator": "0.0 < apart[-1] < 5e-3",
+    "08-a-law-that-learns": "returns[-1] > 3.0 * returns[0] and returns[-1] > 300.0",
 }
 
 
