@@ -61,7 +61,7 @@ def test_meshes_of_the_robots_own_folders_are_drawn(folder: Path) -> None:
     ("mesh", "message"),
     [
         ("../bar.stl", r"names \.\./bar\.stl: a file in the folder of the robot"),
-        ("{above}/bar.stl", "link .bar.: <mesh filename=.*/bar.stl.>: a file in the folder of the robot"),
+        ("{above}/bar.stl", "link .bar.: <mesh filename=.*>: a file in the folder of the robot"),
         ("file://{above}/bar.stl", "a file in the folder of the robot"),
         ("package://../bar.stl", "a file in the folder of the robot"),
         ("package://arm/../bar.stl", "a file in the folder of the robot"),
