@@ -108,7 +108,7 @@ $(BIN)/python:
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	@$(BIN)/python $(RIGHT_PYTHON) $(VENV) || { echo "then remove the old one: make clean" >&2; exit 1; }
-	@echo "installing about 70 packages into $(VENV): 994 MB on disk, some minutes; pip says nothing meanwhile"
+	@echo "installing about 70 packages into $(VENV): 994 MiB on disk, some minutes; pip says nothing meanwhile"
 	$(BIN)/python $(PIP) --editable .
 	touch $@
 

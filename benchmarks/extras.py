@@ -98,7 +98,7 @@ assert mujoco.MjModel.from_xml_path(MJCF_PATH).nu == 1
 
 
 def size_of(folder: Path) -> int:
-    """Return how much disk a folder takes [MB], as `du -sm` says."""
+    """Return how much disk a folder takes [MiB], as `du -sm` says."""
     return int(subprocess.run(["du", "-sm", folder], capture_output=True, text=True, check=True).stdout.split()[0])
 
 
@@ -125,7 +125,7 @@ def tried(extra: str) -> str:
             )
             if done.returncode != 0:
                 raise SystemExit(f"extra {extra}: {line}: {done.stderr or done.stdout}")
-    return f"| {extra if extra == 'none' else f'`{extra}`'} | {size} MB | {spent:.0f} s | {words} |"
+    return f"| {extra if extra == 'none' else f'`{extra}`'} | {size} MiB | {spent:.0f} s | {words} |"
 
 
 def main() -> None:

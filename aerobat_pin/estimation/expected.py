@@ -12,7 +12,7 @@ from aerobat_pin.estimation.contacts import END_SHARE, walks_on
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
 from aerobat_pin.estimation.known_forces import FittedValues
-from aerobat_pin.estimation.run_observers import TIME_CONSTANTS_TO_SETTLE
+from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
     SHARE_OF_WEIGHT,

@@ -25,7 +25,8 @@ from aerobat_pin.estimation.expected import expected_from, lifted_errors, row_sc
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.moving_axes import change_of_axes
 from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth
-from aerobat_pin.estimation.run_observers import TIME_CONSTANTS_TO_SETTLE, built_observers, points_of, rows_of
+from aerobat_pin.estimation.run_observers import built_observers, points_of, rows_of
+from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.estimation.stream_kernels import build_interval
 from aerobat_pin.estimation.stream_state import new_rings
 from aerobat_pin.estimation.tilt import tilt_of, with_tilt

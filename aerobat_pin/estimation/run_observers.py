@@ -16,8 +16,7 @@ from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.moving_axes import with_zeroed_velocity
 from aerobat_pin.estimation.row_residuals import rows_as_components
-from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
-from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE as TIME_CONSTANTS_TO_SETTLE
+from aerobat_pin.estimation.stored_estimate import ROWS_READ, TIME_CONSTANTS_TO_SETTLE, StoredEstimate
 from aerobat_pin.estimation.tilt import tilt_of, with_tilt
 from aerobat_pin.estimation.trust import local_noise
 from aerobat_pin.numerics import Array

@@ -16,7 +16,8 @@ import pinocchio as pin
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
-from aerobat_pin.estimation.run_observers import TIME_CONSTANTS_TO_SETTLE, observers_of, rows_of
+from aerobat_pin.estimation.run_observers import observers_of, rows_of
+from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array, frame_jacobian, guarded
 from aerobat_pin.observers import Observer, moving_weight
 from aerobat_pin.records import Record
