@@ -6,8 +6,8 @@ HEART := tests/description/test_description.py tests/description/test_portabilit
 	tests/robot/test_identities.py tests/observers/test_observers.py tests/experiments/test_paper_experiment.py \
 	tests/cli/test_cli.py
 # Each writes the pages and figures that its first line names.
-SCRIPTS := pictures lifting_line/lifting_line section_law screenshots studies results crank frames tool_pictures \
-	observer_study structural_error method animation real_recordings strange_arms
+SCRIPTS := pictures lifting_line/lifting_line section_law screenshots studies results crank frames \
+	observer_study structural_error method real_recordings strange_arms
 BIN := $(VENV)/bin
 # Without --no-compile, Python's copies of modules that nobody imports take 130 MB.
 PIP := -m pip install --quiet --no-compile --disable-pip-version-check
@@ -68,18 +68,17 @@ reliability: $(VENV)/.installed-test
 evidence: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/broken_runs.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/mismatch.py
-	PYTHONPATH=tests $(BIN)/python benchmarks/calibrated.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/learnt_error.py
-	PYTHONPATH=tests $(BIN)/python benchmarks/legs.py --write docs/legs.md
+	PYTHONPATH=tests $(BIN)/python benchmarks/legs.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/stream_faults.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/ros_node.py
 	$(BIN)/python benchmarks/extras.py
 	$(MAKE) --no-print-directory test-lowest
-	PYTHONPATH=tests $(BIN)/python benchmarks/live.py --write docs/live.md
+	PYTHONPATH=tests $(BIN)/python benchmarks/live.py
 
 # The robot's files in other people's tools, each in an environment of its own in .venv-tools/: some gigabytes at first.
 tools: $(VENV)/.installed-test
-	$(BIN)/python benchmarks/other_tools.py $(ARGS)
+	PYTHONPATH=tests $(BIN)/python benchmarks/other_tools.py $(ARGS)
 
 docs: $(VENV)/.installed-test
 	@for script in $(SCRIPTS); do \
@@ -89,7 +88,7 @@ docs: $(VENV)/.installed-test
 
 # The figures of the paper, the numbers and figures of README, and how long each script took; needs a Chromium.
 reproduce: $(VENV)/.installed-test
-	@for script in pictures method results animation; do \
+	@for script in pictures method results screenshots; do \
 		begin=$$(date +%s); \
 		PYTHONPATH=tests $(BIN)/python docs/scripts/$$script.py || exit 1; \
 		echo "docs/scripts/$$script.py: $$(($$(date +%s) - begin)) s"; \

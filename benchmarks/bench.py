@@ -6,8 +6,7 @@ the lowest and the highest round beside it. Nothing fails here: benchmarks infor
 
     python benchmarks/bench.py                       all of it, about a minute
     python benchmarks/bench.py --quick               a glance
-    python benchmarks/bench.py --save before.json    keep the figures
-    python benchmarks/bench.py --compare before.json measure again and print what changed
+    python benchmarks/bench.py --save FILE.json      keep the figures
     python benchmarks/bench.py --against REV         measure another commit (or checkout) too, in turn, five times each
 """
 
@@ -319,33 +318,16 @@ def table_lines(figures: list[Figure]) -> Iterator[str]:
         yield f"{one.name:<58} {one.value:9.2f} {one.unit:<2} {between:>18}  {goal}".rstrip()
 
 
-def change_lines(figures: list[Figure], before: dict[str, Any]) -> Iterator[str]:
-    """Compare with saved figures; what is on one side only is said to be so."""
-    old = {one["name"]: one for one in before["figures"]}
-    yield f"{'':<58} {'before':>9} {'now':>9}    {'change':>8}"
-    for one in figures:
-        earlier = old.pop(one.name, None)
-        if earlier is None:
-            yield f"{one.name:<58} {'-':>9} {one.value:9.2f} {one.unit}"
-            continue
-        change = 100.0 * (one.value / earlier["value"] - 1.0)
-        yield f"{one.name:<58} {earlier['value']:9.2f} {one.value:9.2f} {one.unit:<2} {change:+7.1f} %"
-    for name, earlier in old.items():
-        yield f"{name:<58} {earlier['value']:9.2f} {'-':>9} {earlier['unit']}"
-
-
 def main() -> None:
     """Measure, print, and save or compare as asked."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="fewer rounds, and each process only once")
     parser.add_argument("--save", type=Path, metavar="FILE.json", help="write the figures to a file")
-    parser.add_argument("--compare", type=Path, metavar="FILE.json", help="print the change since saved figures")
     parser.add_argument("--against", metavar="REV", help="compare with another commit or checkout, run by run")
     chosen = parser.parse_args()
     if chosen.against:
         print("\n".join(against(chosen.against, ["--quick"] if chosen.quick else [])))
         return
-    before = json.loads(chosen.compare.read_text(encoding="utf-8")) if chosen.compare else None
     rounds, runs = (3, 1) if chosen.quick else (15, 5)
     conditions = machine()
     print(", ".join(f"{name} {value}" for name, value in conditions.items()), flush=True)
@@ -359,12 +341,6 @@ def main() -> None:
         *process_figures(runs),
     ]
     print("\n".join(table_lines(figures)))
-    if before is not None:
-        print(f"\ncompared with {chosen.compare}")
-        for name, value in conditions.items():
-            if before["machine"].get(name) != value:
-                print(f"  {name} was {before['machine'].get(name)}, is {value}")
-        print("\n".join(change_lines(figures, before)))
     if chosen.save:
         saved = {"machine": conditions, "figures": [asdict(one) for one in figures]}
         chosen.save.write_text(json.dumps(saved, indent=2) + "\n", encoding="utf-8")

@@ -1,16 +1,11 @@
-"""Forces on the feet of a trotting Go2 without motion capture: `docs/legs.md`. Some minutes.
-
-PYTHONPATH=tests python benchmarks/legs.py [--duration 42] [--write docs/legs.md]
-"""
+"""Forces on the feet of a trotting Go2 without motion capture: the tables of docs/legs.md. Some minutes."""
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
-from datetime import UTC, datetime
 from itertools import repeat
 from multiprocessing import get_context
 from pathlib import Path
@@ -19,6 +14,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pinocchio as pin
+from support.pages import Values, measured, run
+from support.pages import table as laid_out
 from trot import FAST_TROT, PUSHED, TROT, WALK, Gait, Noise, Walked, feet_of, walked
 
 from aerobat_pin import estimate, load_robot, open_record
@@ -28,6 +25,7 @@ from aerobat_pin.records import parse_map
 
 GAINS = (100.0, 200.0, 500.0, 1000.0)
 BASES = {"measured": "motion capture", "imu": "IMU", "joints": "joint rows alone"}
+DURATION = 42.0  # [s] of the trot; the other gaits have three tenths of it
 SETTLED = 1.0  # [s] after the start, in which the robot stands
 LONGEST_LATE = 0.06  # [s] between a touchdown and the one that is found for it
 TRUE_CONTACT = 0.02  # of the weight: a foot that carries more touches the ground; before that it scrapes
@@ -168,148 +166,86 @@ def contact_figures(walk: Walked, force: Array, weight: float) -> dict[str, floa
 def cut(walk: Walked, time: Array) -> Walked:
     """Return a walk at the intervals of an estimate, by its times (m + 1,) [s]."""
     first = int(np.argmin(np.abs(walk.time - time[0])))
-    rows = slice(first, first + len(time) - 1)
-    parts = {name: getattr(walk, name)[rows] for name in ("force", "touching", "push")}
-    return replace(walk, time=time, **parts)
+    return replace(walk, time=time, force=walk.force[first : first + len(time) - 1])
 
 
-def force_rows(walk: Walked, table: pd.DataFrame, found: dict[tuple[str, float], Estimated]) -> Iterator[str]:
-    """Yield the rows of the table of R2."""
-    for (base, gain), (time, force, _) in found.items():
-        yield force_row(f"{BASES[base]}, K {gain:g}", cut(walk, time), force)
-    for gain in (500.0, 100.0):
-        yield force_row(f"quasi-static, low-pass {gain:g} 1/s", walk, quasi_static(table, walk, gain))
+def force_rows(walk: Walked, table: pd.DataFrame, found: dict[tuple[str, float], Estimated]) -> Iterator[list[str]]:
+    """Yield the rows of the table of R2: of each foot's Fz and of horizontal forces, and the rms error."""
+    forces = [
+        (f"{BASES[base]}, K {gain:g}", cut(walk, time), force) for (base, gain), (time, force, _) in found.items()
+    ]
+    forces += [
+        (f"quasi-static, low-pass {gain:g} 1/s", walk, quasi_static(table, walk, gain)) for gain in (500.0, 100.0)
+    ]
+    for words, true, force in forces:
+        inside = true.time[:-1] > SETTLED
+        r2 = r_squared(true.force[inside], force[inside])
+        rms = np.sqrt(np.mean((force[inside] - true.force[inside]) ** 2, axis=(0, 1)))
+        yield [
+            words,
+            *(f"{value:.4f}" for value in r2[:, 2]),
+            *(f"{r2[:, k].mean():.2f}" for k in (0, 1)),
+            f"{rms[2]:.2f}",
+        ]
 
 
-def force_row(words: str, walk: Walked, force: Array) -> str:
-    """Return a row: R2 of each foot's Fz and of horizontal forces, rms error."""
-    inside = walk.time[:-1] > SETTLED
-    r2 = r_squared(walk.force[inside], force[inside])
-    rms = np.sqrt(np.mean((force[inside] - walk.force[inside]) ** 2, axis=(0, 1)))
-    feet = " | ".join(f"{value:.4f}" for value in r2[:, 2])
-    return f"| {words} | {feet} | {r2[:, 0].mean():.2f} | {r2[:, 1].mean():.2f} | {rms[2]:.2f} |"
-
-
-def contact_row(words: str, walk: Walked, force: Array, weight: float) -> str:
+def contact_row(words: str, walk: Walked, force: Array, weight: float) -> list[str]:
     """Return a row of contact figures."""
+    forms = {"events": ".0f", "touchdown": "+.0f", "within": ".0f", "lift": "+.0f", "false": ".0f", "lost": ".0f"}
     found = contact_figures(walk, force, weight)
-    return (
-        f"| {words} | {found['events']:.0f} | {found['touchdown']:+.0f} | {found['within']:.0f} | "
-        f"{found['lift']:+.0f} | {found['false']:.0f} | {found['lost']:.0f} | {found['agree']:.3f} |"
-    )
+    return [words, *(format(found[name], form) for name, form in (forms | {"agree": ".3f"}).items())]
 
 
-def deviation_row(words: str, walk: Walked, force: Array, deviation: Array, weight: float) -> str:
+def deviation_row(words: str, walk: Walked, force: Array, deviation: Array, weight: float) -> list[str]:
     """Return a row: share within two deviations, and how right the probability of contact is."""
     inside = walk.time[:-1] > SETTLED
     within = np.mean(np.abs(force - walk.force)[inside] < 2.0 * deviation[inside], axis=(0, 1))
     likely = contact_probability(force[inside, :, 2], deviation[inside, :, 2], weight)
     true = walk.force[inside, :, 2] > TRUE_CONTACT * weight
-    brier, sure = np.mean((likely - true) ** 2), likely > 0.95
-    shares = " | ".join(f"{share:.0%}" for share in within)
-    return f"| {words} | {shares} | {brier:.3f} | {np.mean(true[sure]):.3f} |"
+    brier = np.mean((likely - true) ** 2)
+    return [words, *(f"{share:.0%}" for share in within), f"{brier:.3f}", f"{np.mean(true[likely > 0.95]):.3f}"]
 
 
-def page(duration: float) -> str:
-    """Return the page."""
-    noise = Noise()
-    robot = load_robot("go2")
-    gaits, cases = (TROT, FAST_TROT, WALK, PUSHED), [("measured", 500.0), ("joints", 500.0)]
-    cases += [("imu", gain) for gain in GAINS]
-    with ProcessPoolExecutor(4, mp_context=get_context("spawn")) as pool:
-        walks = list(pool.map(walked, gaits, [duration, *[0.3 * duration] * 3]))
-        walk, table = walks[0], sensed(walks[0], noise)
-        found = dict(zip(cases, pool.map(estimated, repeat(table), *zip(*cases, strict=True)), strict=True))
-        others = list(pool.map(gait_row, gaits[1:], walks[1:]))
-    lines = [PROSE.format(date=f"{datetime.now(UTC):%Y-%m-%d}", duration=duration, mass=robot.mass)]
-    lines += [FORCE_HEADER, *force_rows(walk, table, found), "", CONTACT_PROSE, CONTACT_HEADER]
-    deviations = []
-    for base, words in BASES.items():
-        time, force, deviation = found[base, 500.0]
-        lines.append(contact_row(words, cut(walk, time), force, robot.weight))
-        deviations.append(deviation_row(words, cut(walk, time), force, deviation, robot.weight))
-    lines.append(contact_row("quasi-static", walk, quasi_static(table, walk, 500.0), robot.weight))
-    lines += ["", DEVIATION_PROSE, DEVIATION_HEADER, *deviations, "", GAIT_PROSE, GAIT_HEADER, *others]
-    return "\n".join(lines) + "\n"
-
-
-def gait_row(gait: Gait, walk: Walked) -> str:
+def gait_row(gait: Gait, walk: Walked) -> list[str]:
     """Return the row of another gait, by the IMU."""
-    noise = Noise()
-    time, force, _ = estimated(sensed(walk, noise), "imu", 500.0)
-    walk, robot = cut(walk, time), load_robot("go2")
+    time, force, _ = estimated(sensed(walk, Noise()), "imu", 500.0)
+    walk, weight = cut(walk, time), load_robot("go2").weight
     inside = walk.time[:-1] > SETTLED
     r2 = r_squared(walk.force[inside], force[inside])[:, 2]
-    found = contact_figures(walk, force, robot.weight)
-    return (
-        f"| {gait.name} | {', '.join(f'{speed:g}' for speed in gait.speeds)} | {r2.min():.3f} to {r2.max():.3f} | "
-        f"{found['touchdown']:+.0f} | {found['false']:.0f} | {found['lost']:.0f} of {found['events']:.0f} |"
+    _, events, touchdown, _, _, false, lost, _ = contact_row("", walk, force, weight)
+    speeds = ", ".join(f"{speed:g}" for speed in gait.speeds)
+    return [gait.name, speeds, f"{r2.min():.3f} to {r2.max():.3f}", touchdown, false, f"{lost} of {events}"]
+
+
+def find() -> Values:
+    """Return the tables of the page."""
+    weight, gaits, cases = (
+        load_robot("go2").weight,
+        (TROT, FAST_TROT, WALK, PUSHED),
+        [("measured", 500.0), ("joints", 500.0)],
     )
-
-
-PROSE = """# Legs without motion capture
-
-A Go2 ({mass:.1f} kg, `robot.name = "go2"`) trots in MuJoCo for {duration:g} s at 0.3, 0.55 and 0.8 m/s. Its
-table of sensors goes through `aerobat estimate` by a map: joint angles, rates and torques, gyro,
-accelerometer and attitude at 500 Hz. Noise: torques 0.1 N m, factors off by 3 %, Coulomb friction of 0.15 N m
-that nobody knows; gyro 3 mrad/s and a bias of 2; accelerometer 0.06 m/s2 and a bias of 0.05; attitude tilted
-by 0.3 deg about two axes; motion capture 0.1 mm and 0.3 mm/s. Written {date} by `PYTHONPATH=tests python
-benchmarks/legs.py --write docs/legs.md`.
-
-The map's only difference:
-
-```toml
-[base]
-from = "imu"            # or "joints": the joints' rows alone; "measured": position and velocity, as by motion capture
-topic = "/imu"          # sensor_msgs/Imu: attitude, gyro, accelerometer
-imu = {{ place = [0.0, 0.0, 0.0], turn = [0.0, 0.0, 0.0], tilt = 0.3 }}
-```
-
-## Forces on the feet
-
-R2 of each foot's vertical force, mean R2 of the horizontal ones, rms error of the vertical ones. The rival
-takes the robot for one that stands still: F = (J^T)^-1 (g - tau) of each leg, with the same low-pass. For
-light legs it is nearly right upward, and not ahead.
-"""
-FORCE_HEADER = """| base | FL | FR | RL | RR | Fx | Fy | rms Fz [N] |
-|---|---|---|---|---|---|---|---|"""
-CONTACT_PROSE = """## Contacts
-
-A contact begins above 8 % of the weight and ends below 4 %. Touchdowns, the median and 90 % of the sizes of
-their delays [ms], lift-offs likewise, contacts that are none, contacts that are missed, and the share of the
-time in which it is right. A foot touches in truth where it carries 2 % of the weight. K 500.
-"""
-CONTACT_HEADER = """| base | contacts | touchdown [ms] | 90 % within [ms] | lift-off [ms] | false | lost | agree |
-|---|---|---|---|---|---|---|---|"""
-DEVIATION_PROSE = """## Deviations
-
-The share of all errors within two stated deviations, and how right the probability of contact is: the Brier
-score, and how often a foot stands whose probability is above 0.95. Rows are expected to err by a tenth of their
-efforts, and by what they show while their foot is in the air: friction and noise. For Fy a tenth is too much.
-"""
-DEVIATION_HEADER = """| base | Fx | Fy | Fz | Brier | right above 0.95 |
-|---|---|---|---|---|---|"""
-GAIT_PROSE = """## Other gaits, and a push
-
-By the IMU, K 500. In the last row 25 N push the trunk to the left for 0.3 s in every 3 s, and the trunk is
-not among the points.
-"""
-GAIT_HEADER = """| gait | speeds [m/s] | R2 of Fz | touchdown [ms] | false | lost |
-|---|---|---|---|---|---|"""
-
-
-def main() -> None:
-    """Write or print the page."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--duration", type=float, default=42.0, help="of the trot [s]")
-    parser.add_argument("--write", type=Path, help="the page")
-    chosen = parser.parse_args()
-    text = page(chosen.duration)
-    if chosen.write:
-        chosen.write.write_text(text, encoding="utf-8")
-    else:
-        print(text)
+    cases += [("imu", gain) for gain in GAINS]
+    with ProcessPoolExecutor(4, mp_context=get_context("spawn")) as pool:
+        walks = list(pool.map(walked, gaits, [DURATION, *[0.3 * DURATION] * 3]))
+        walk, table = walks[0], sensed(walks[0], Noise())
+        found = dict(zip(cases, pool.map(estimated, repeat(table), *zip(*cases, strict=True)), strict=True))
+        others = list(pool.map(gait_row, gaits[1:], walks[1:]))
+    contacts, deviations = [], []
+    for base, words in BASES.items():
+        time, force, deviation = found[base, 500.0]
+        contacts.append(contact_row(words, cut(walk, time), force, weight))
+        deviations.append(deviation_row(words, cut(walk, time), force, deviation, weight))
+    contacts.append(contact_row("quasi-static", walk, quasi_static(table, walk, 500.0), weight))
+    onsets = "base | contacts | touchdown [ms] | 90 % within [ms] | lift-off [ms] | false | lost | agree"
+    values = {
+        "measured": measured(),
+        "forces": laid_out("base | FL | FR | RL | RR | Fx | Fy | rms Fz [N]", force_rows(walk, table, found)),
+        "contacts": laid_out(onsets, contacts),
+        "deviations": laid_out("base | Fx | Fy | Fz | Brier | right above 0.95", deviations),
+        "gaits": laid_out("gait | speeds [m/s] | R2 of Fz | touchdown [ms] | false | lost", others),
+    }
+    return {"docs/legs.md": values}
 
 
 if __name__ == "__main__":
-    main()
+    run(find)

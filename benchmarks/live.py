@@ -1,24 +1,21 @@
-"""`aerobat live` in a software-rendered Chromium: messages, pictures, time to the estimate, processor time.
-
-PYTHONPATH=tests python benchmarks/live.py [--seconds 10] [--write docs/live.md]
-"""
+"""`aerobat live` in a software-rendered Chromium: the table of docs/live.md."""
 
 from __future__ import annotations
 
-import argparse
-import datetime
-import os
-import re
 import time
-from pathlib import Path
 from typing import Any
 
+from measure import processor_time
 from support.browser import opened, started
 from support.commands import served
+from support.pages import fill, measured, table
 
 ROBOTS = {"Aerobat, hovering": (), "UR5": ("ur5",), "Solo12": ("solo12",)}
-TICKS = os.sysconf("SC_CLK_TCK")
-ANSWERS = 20
+HEAD = (
+    "robot | messages a second | pictures a second | of real time | set to shown, median [ms] | a picture [ms] | "
+    "share of a processor"
+)
+ANSWERS, SECONDS = 20, 10.0
 ANSWER = """async (force) => {
   const begun = performance.now();
   push([0, 0, force]);
@@ -27,20 +24,14 @@ ANSWER = """async (force) => {
 }"""
 
 
-def processor_time(process: int) -> float:
-    """Return the processor time of a process so far [s]."""
-    parts = Path(f"/proc/{process}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-    return (int(parts[11]) + int(parts[12])) / TICKS
-
-
-def measured(browser: Any, words: tuple[str, ...], seconds: float) -> list[float]:
+def shown(browser: Any, words: tuple[str, ...]) -> list[float]:
     """Return messages and pictures a second, pace, answer [ms], drawing [ms], share of a processor of the program."""
     with served("live", *words) as (server, address), opened(browser, address, "http://127.0.0.1", "ws:") as page:
         counts = "[performance.now() / 1000, live.messages, live.pictures, now ? now.time : 0]"
         while page.evaluate("live.pictures") < 20:
             time.sleep(0.1)
         worked, begin = processor_time(server.pid), page.evaluate(counts)
-        time.sleep(seconds)
+        time.sleep(SECONDS)
         end, worked = page.evaluate(counts), processor_time(server.pid) - worked
         took, *parts = (after - before for before, after in zip(begin, end, strict=True))
         answers = [page.evaluate(ANSWER, page.evaluate("told.limit") * (0.1 + 0.02 * k)) for k in range(ANSWERS)]
@@ -53,28 +44,14 @@ def measured(browser: Any, words: tuple[str, ...], seconds: float) -> list[float
 
 
 def main() -> None:
-    """Measure, print, and write the table into a page."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--write", type=Path)
-    given = parser.parse_args()
-    lines = [
-        "| robot | messages a second | pictures a second | of real time | set to shown, median [ms] | a picture [ms] "
-        "| share of a processor |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    """Measure, and write the table."""
+    rows = []
     with started() as browser:
         for name, words in ROBOTS.items():
-            messages, pictures, pace, answer, drawn, worked = measured(browser, words, given.seconds)
-            cells = f"{messages:.1f} | {pictures:.1f} | {pace:.2f} | {answer:.0f} | {drawn:.1f} | {worked:.2f}"
-            lines.append(f"| {name} | {cells} |")
-            print(lines[-1], flush=True)
-    load = os.getloadavg()[0]
-    lines += ["", f"{given.seconds:.0f} s each; {datetime.date.today()}, {os.cpu_count()} cores, load {load:.1f}."]
-    if given.write is not None:
-        page = given.write.read_text(encoding="utf-8")
-        table = "\n".join(lines)
-        given.write.write_text(re.sub(r"(?s)\| robot \|.*?load [\d.]+\.", table, page), encoding="utf-8")
+            values = shown(browser, words)
+            rows.append([name, *map(format, values, (".1f", ".1f", ".2f", ".0f", ".1f", ".2f"))])
+            print(rows[-1], flush=True)
+    fill("docs/live.md", {"robots": table(HEAD, rows), "measured": f"{SECONDS:.0f} s each; {measured()}"})
 
 
 if __name__ == "__main__":

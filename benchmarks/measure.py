@@ -1,11 +1,13 @@
-"""Timing several callables against each other, and one line of the table of results."""
+"""Timing several callables against each other, one line of the table of results, and the time of another process."""
 
 from __future__ import annotations
 
 import gc
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,3 +60,9 @@ def interleaved(rounds: int, **parts: Part) -> Times:
 def figure(name: str, values: NDArray[np.float64], unit: str, target: float | None = None) -> Figure:
     """Summarise the rounds (n,) of one quantity."""
     return Figure(name, float(np.median(values)), float(values.min()), float(values.max()), unit, target)
+
+
+def processor_time(process: int) -> float:
+    """Return the processor time of a process so far [s], by its number."""
+    parts = Path(f"/proc/{process}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(parts[11]) + int(parts[12])) / os.sysconf("SC_CLK_TCK")

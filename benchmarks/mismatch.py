@@ -1,4 +1,4 @@
-"""Write docs/mismatch.md: what every wrong belief costs `kalman` and `smoother` beside `force_level`, over five seeds.
+"""Write the tables of docs/mismatch.md: the cost of wrong beliefs to `kalman` and `smoother`, beside `force_level`.
 
     PYTHONPATH=tests python benchmarks/mismatch.py
 
@@ -10,15 +10,14 @@ ten minutes.
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from support.mismatch import FLIGHTS, MISMATCHES, NOISY, estimated, flown, made_up, scores, seen
+from support.pages import fill, measured
+from support.pages import table as laid_out
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "mismatch.md"
 SEEDS = (1, 2, 3, 4, 5)
 SENSORS = {"exact": (), "noisy": NOISY}
 FILTERS = ("kalman", "smoother")
@@ -85,56 +84,29 @@ def table(sensors: tuple[str, ...], failed: list[str]) -> str:
                 seen_so_far.take(row, flight, seed, sensors)
             print(f"{'noisy' if sensors else 'exact'} sensors, {flight}, {row}", flush=True)
         flown.cache_clear()
-    lines = [HEAD, "|---" * HEAD.count(" | ") + "|---|"]
+    lines = []
     for row, shown in rows.items():
         bad = list(shown.failures(row))
         failed += [f"{row}, {'noisy' if sensors else 'exact'} sensors: {what}" for what in bad]
-        lines.append(f"| {' | '.join([row, *shown.cells()])}{' **missed**' if bad else ''} |")
-    return "\n".join(lines)
+        *cells, last = shown.cells()
+        lines.append([row, *cells, f"{last} **missed**" if bad else last])
+    return laid_out(HEAD, lines)
 
 
 def main() -> int:
-    """Write the page; return the exit code."""
+    """Write the tables; return the exit code."""
     failed: list[str] = []
     tables = {words: table(sensors, failed) for words, sensors in SENSORS.items()}
     missed = "\n".join(f"* {what}" for what in failed) or "Every row is as it should be."
-    PAGE.write_text(TEXT.format(date=time.strftime("%Y-%m-%d"), missed=missed, **tables), encoding="utf-8")
+    fill("docs/mismatch.md", {"date": measured(), "missed": missed, **tables})
     print(missed)
     return 1 if failed else 0
 
 
 HEAD = (
-    "| belief wrong by | `kalman`, signal | `smoother`, signal | `kalman`, contacts | `smoother`, contacts | "
-    "made up [mN]: `force_level` / `kalman` / `smoother` | error of the belief [mN a row] | called inconsistent |"
+    "belief wrong by | `kalman`, signal | `smoother`, signal | `kalman`, contacts | `smoother`, contacts | "
+    "made up [mN]: `force_level` / `kalman` / `smoother` | error of the belief [mN a row] | called inconsistent"
 )
-TEXT = """# Every wrong belief, over five seeds
-
-Written on {date} by `make evidence` (`benchmarks/mismatch.py`), which ends with an error if a row is not as it should
-be. What it is about is on the page [structural_error.md](structural_error.md); flights and beliefs are those of that
-page, without calibration, with seeds 1 to 5. All observers are as they come, `force_level` with K = 2000 1/s.
-
-The first four columns are R2 minus that of `force_level` on the same flight: the worst over axes, wings and seeds, with
-the signal of `paper` and with contacts (an impulse, a push and a step on the left wing). They should not be below -0.1:
-a filter must not make more of a wrong belief than plain least squares does. What is made up is the largest rms over
-axes, wings and seeds where nothing pushes. The error of the belief is what no force explains, less what sensors
-explain, from the smallest to the largest of the fifteen flights; the last column says on how many of them the
-[verdict](observers.md#is-the-model-right) was "inconsistent". It must be so wherever the error is 8 mN a row or more,
-and never with an exact belief.
-
-## Exact sensors
-
-{exact}
-
-## Noisy sensors
-
-{noisy}
-
-With noisy sensors `force_level` makes 0.4 N of noise at this gain, so the filters are far better on every axis here.
-
-## What is missed
-
-{missed}
-"""
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -4,14 +4,13 @@
     python benchmarks/other_tools.py --only mujoco
 
 Each tool of the robot runs its block of aerobat_description/README.md as it stands, then, where there is one, its check
-in benchmarks/tools/, which compares it with Pinocchio. Those for MCAP files, of docs/recordings.md, have checks alone,
-which compare what is read with what was written. Environments are kept in `.venv-tools/`.
+in benchmarks/tools/, which compares it with Pinocchio. The one for MCAP files, of docs/recordings.md, has a check
+alone, which compares what is read with what was written. Environments are kept in `.venv-tools/`.
 """
 
 from __future__ import annotations
 
 import argparse
-import datetime
 import json
 import os
 import re
@@ -23,10 +22,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
-ROOT = Path(__file__).resolve().parents[1]
+from support.pages import ROOT, fill, measured, table
+
 CHECKS = ROOT / "benchmarks" / "tools"
 PLACES = ROOT / ".venv-tools"
-BEGIN, END = "<!-- tools: written by benchmarks/other_tools.py -->", "<!-- end of tools -->"
 
 
 class Tool(NamedTuple):
@@ -46,18 +45,13 @@ TOOLS = (
     Tool("MuJoCo", "", "check_mujoco.py", "URDF: add the free joint yourself; MJCF: has one, and the linkage"),
     Tool("yourdfpy", "", "", "its import takes two seconds"),
     Tool("robot_descriptions", "", "", "put the module where its loaders look"),
-    Tool("MJX", "mujoco-mjx", "check_mjx.py", "the first call compiles for half a minute; set double precision"),
+    Tool("MJX", "mujoco-mjx", "", "the first call compiles for half a minute; set double precision"),
     Tool("Drake", "drake", "check_drake.py", "`AddPackageXml`; MJCF: drops sites, motor and the tie of the two cranks"),
     Tool("PyBullet", "pybullet numpy robot_descriptions", "check_pybullet.py", "without the flag it makes inertias up"),
     Tool("viser", "viser yourdfpy", "check_viser.py", "visuals named like their links would not move: ours are not"),
     Tool("rerun", "rerun-sdk", "", "finds packages through `ROS_PACKAGE_PATH`; shows the zero pose"),
     Tool("urchin", "urchin", "", "knows relative mesh paths only: write the URDF for it"),
-    Tool(
-        "adam-robotics",
-        "adam-robotics numpy",
-        "check_adam.py",
-        "frames without an inertia's origin crash it: ours have",
-    ),
+    Tool("adam-robotics", "adam-robotics numpy", "", "frames without an inertia's origin crash it: ours have"),
     Tool(
         "three.js",
         "npm three urdf-loader jsdom",
@@ -78,13 +72,6 @@ MCAP_TOOLS = (
         "check_foxglove.mjs",
         "these are the libraries that its window reads by",
     ),
-    Tool(
-        "rerun",
-        "rerun-sdk",
-        "check_rerun_mcap.py",
-        "draws no arrows from `/scene` or `/arrows`: plain values",
-    ),
-    Tool("mcap", "mcap mcap-ros2-support", "check_mcap.py", "needs `mcap-ros2-support` to decode messages"),
 )
 
 
@@ -144,7 +131,7 @@ def prepared(tool: Tool) -> tuple[Path, str]:
     return python, run(python, "-c", asked, cwd=ROOT).strip()
 
 
-def tried(tool: Tool, page: Path, reference: Path) -> tuple[bool, str]:
+def tried(tool: Tool, page: Path, reference: Path) -> tuple[bool, list[str]]:
     """Run a tool's block, if the page has any, and its check; return whether they succeed, and its row of the table."""
     version, found, code = "?", "its block runs", blocks(page)
     with tempfile.TemporaryDirectory() as name:
@@ -163,17 +150,7 @@ def tried(tool: Tool, page: Path, reference: Path) -> tuple[bool, str]:
         except (RuntimeError, OSError) as error:
             good, found = False, f"**fails**: {error}"
     title = f"[{tool.title}](#{slug(tool.title)})" if code else tool.title
-    return good, f"| {title} | {version} | {found} | {tool.trap} |"
-
-
-def write_table(page: Path, rows: list[str]) -> None:
-    """Write the table into a page."""
-    now = datetime.datetime.now(tz=datetime.UTC).date()
-    title = f"Tried on {now}, Python {sys.version_info[0]}.{sys.version_info[1]}, by `make tools`:"
-    table = ["| tool | version | what was found | trap |", "|---|---|---|---|", *rows]
-    text = page.read_text()
-    start, end = text.index(BEGIN) + len(BEGIN), text.index(END)
-    page.write_text("\n".join([text[:start], title, "", *table, text[end:]]))
+    return good, [title, version, found, tool.trap]
 
 
 def main() -> None:
@@ -195,7 +172,9 @@ def main() -> None:
                 bad += [] if good else [tool.title]
                 print(row, flush=True)
         if chosen == suite.tools:
-            write_table(suite.page, rows)
+            when = f"Tried on {measured()}, Python {sys.version_info[0]}.{sys.version_info[1]}, by `make tools`:"
+            laid_out = table("tool | version | what was found | trap", rows)
+            fill(str(suite.page.relative_to(ROOT)), {"tools": f"{when}\n\n{laid_out}"})
     if bad:
         sys.exit(f"failed: {', '.join(bad)}")
 

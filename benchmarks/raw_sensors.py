@@ -1,14 +1,10 @@
-"""Measure what the joint smoother and the causal filter find from raw samples, and write docs/raw_sensors.md.
-
-PYTHONPATH=tests python benchmarks/raw_sensors.py [--seeds 1 2 3 4 5] [--only NAME ...] [--write docs/raw_sensors.md]
+"""What the joint smoother and the causal filter find from raw samples: the tables of docs/raw_sensors.md.
 
 Each row is the worse wing and the worst of the seeds, against the true force without its noise. A quarter of an hour.
-With `--only`, the other rows of a page that is written stay as they are.
 """
 
 from __future__ import annotations
 
-import argparse
 import resource
 import subprocess
 import sys
@@ -20,8 +16,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pinocchio as pin
-from raw_page import COST, HEAD, MOUNT, OWN, TEXT
+from raw_figures import GIVEN, POINTS
 from support.own_model import own_model_errors
+from support.pages import Values, run, table
 
 from aerobat_pin import load_scenario, simulate
 from aerobat_pin.aerobat import FlightLog, flight_channels, read_log, write_csv
@@ -33,7 +30,7 @@ from aerobat_pin.estimation import r_squared
 from aerobat_pin.robot import believed_robot
 from aerobat_pin.scenario import RawSection, Scenario
 
-FRAMES = ("left_force_point", "right_force_point")
+SEEDS, DRAWS = (1, 2, 3, 4, 5), 10
 GUARD = ("robot.morphology=aerobat_guard", "crank.frequency=4.75")  # observer_benchmark on the heavy robot
 GUARD_HOLD = (
     "hold.attitude_stiffness=[0.291,0.108,0.351]",
@@ -42,10 +39,6 @@ GUARD_HOLD = (
     "hold.lift=0.711",
     "hold.height_stiffness=2.30",
     "hold.height_damping=0.737",
-)
-
-GIVEN = RawSection(
-    walk=(0.005, 0.05, 0.01), bend=(3.0, 25.0, 25.0), white=(1e-3, 8e-3, 7e-3), alike=(5.0, 0.2, 5.0), crank_jerk=1.0
 )
 
 
@@ -125,7 +118,7 @@ def true_forces(log: FlightLog) -> np.ndarray:
     """Return the true forces without noise (m, 2, 3)."""
     assert log.truth is not None
     points = [str(point) for point in log.truth["point"].values]
-    return log.truth["force_noise_free_W"].values[:, [points.index(frame) for frame in FRAMES]]
+    return log.truth["force_noise_free_W"].values[:, [points.index(frame) for frame in POINTS]]
 
 
 def figures(force: np.ndarray, covariance: np.ndarray, truth: np.ndarray, *, total: bool) -> list[float]:
@@ -150,7 +143,7 @@ def measured(case: Case, seed: int, *, causal: bool) -> tuple[list[list[float]],
     samples_of = through_a_table(log) if case.table else log
     record = raw_record(samples_of.time, flight_channels(samples_of, robot), robot, case.torque, case.raw)  # type: ignore[arg-type]
     start = time.process_time()
-    smoother = JointSmoother(robot, scenario.believed_air, FRAMES, case.raw)
+    smoother = JointSmoother(robot, scenario.believed_air, POINTS, case.raw)
     found = smoother.run(record)
     took, truth, total = time.process_time() - start, true_forces(log), case.torque == "none"
     rows, sample_time = [figures(found.force, found.force_covariance, truth, total=total)], 0.0
@@ -165,55 +158,53 @@ def measured(case: Case, seed: int, *, causal: bool) -> tuple[list[list[float]],
     return rows, found, took, sample_time
 
 
-def smoother_rows(cases: list[Case], seeds: list[int]) -> Iterator[str]:
+def smoother_rows() -> Iterator[list[str]]:
     """Yield a row for each case, and a row for each factor or offset that was found."""
-    for case in cases:
-        made = [measured(case, seed, causal=case.name in CAUSAL) for seed in seeds]
+    for case in CASES:
+        made = [measured(case, seed, causal=case.name in CAUSAL) for seed in SEEDS]
         for i, label in enumerate(("", ", causal filter")[: len(made[0][0])]):
-            table = np.array([rows[i] for rows, _, _, _ in made])
-            r2 = "/".join("-" if np.isnan(v) else f"{v:.4f}" for v in table[:, :3].min(0))
-            rms = "/".join(f"{v:.1f}" for v in table[:, 3:6].max(0))
-            nees = f"{table[:, 6].min():.2f} to {table[:, 6].max():.2f}"
+            values = np.array([rows[i] for rows, _, _, _ in made])
+            r2 = "/".join("-" if np.isnan(v) else f"{v:.4f}" for v in values[:, :3].min(0))
+            rms = "/".join(f"{v:.1f}" for v in values[:, 3:6].max(0))
+            nees = f"{values[:, 6].min():.2f} to {values[:, 6].max():.2f}"
             cost = f"{min(m[2] for m in made):.1f} s" if i == 0 else f"{1e3 * min(m[3] for m in made):.1f} ms a sample"
-            yield f"| {case.name}{label} | {r2} | {rms} | {nees} | {table[:, 7].max():.2f} | {cost} |"
+            yield [f"{case.name}{label}", r2, rms, nees, f"{values[:, 7].max():.2f}", cost]
         found = [one for _, one, _, _ in made]
         for name in found[0].factors:
-            values = [one.factors[name][0] for one in found]
-            yield f"| ... factor of the {name} | {min(values):.4f} to {max(values):.4f} | | | | |"
+            factors = [one.factors[name][0] for one in found]
+            yield [f"... factor of the {name}", f"{min(factors):.4f} to {max(factors):.4f}", "", "", "", ""]
         sure = [offset for one in found for offset in one.offsets if offset.sure]
         for sensor in dict.fromkeys(offset.sensor for offset in sure):
-            values = [1e3 * offset.seconds for offset in sure if offset.sensor == sensor]
+            lags = [1e3 * offset.seconds for offset in sure if offset.sensor == sensor]
             least = min(offset.gain for offset in sure if offset.sensor == sensor)
-            late = f"{min(values):.2f} to {max(values):.2f} ms late in {len(values)} of {len(found)} flights"
-            yield f"| ... reported: {sensor} | {late}, gain {least:.0f} or more | | | | |"
+            late = f"{min(lags):.2f} to {max(lags):.2f} ms late in {len(lags)} of {len(found)} flights"
+            yield [f"... reported: {sensor}", f"{late}, gain {least:.0f} or more", "", "", "", ""]
 
 
-def own_model_rows(draws: int) -> Iterator[str]:
+def own_model_rows() -> Iterator[list[str]]:
     """Yield the mean normalised error squared, and the coverage of 95 %, on truths of the smoother's own model."""
     settings = RawSection(iterations=3, offset_error=0.0)
-    for name in OWN_FLIGHTS if draws else ():
+    for name in OWN_FLIGHTS:
         scenario = scenario_of(Case(name, name), 1)
         log, robot = simulate(scenario), believed_robot(scenario)
         record = part_of(raw_record(log.time, flight_channels(log, robot), robot, "measured", settings), 0, 1000)
-        smoother = JointSmoother(robot, scenario.believed_air, FRAMES, settings)
+        smoother = JointSmoother(robot, scenario.believed_air, POINTS, settings)
         guess = first_guess(record)
         prior = first_prior(smoother.layout, guess, smoother.weight, settings)
         solved = smoother.solve(record, guess, prior, None, {})
         drawn = [
-            own_model_errors(solved.linear, prior, solved.tuning, np.random.default_rng(seed)) for seed in range(draws)
+            own_model_errors(solved.linear, prior, solved.tuning, np.random.default_rng(seed)) for seed in range(DRAWS)
         ]
         for kind in ("smoother", "filter"):
             nees = np.mean([one[f"{kind}_nees"] for one in drawn])
             covered = np.mean([np.abs(one[f"{kind}_z"]) < 1.96 for one in drawn])
-            yield f"| {name}, {kind} | {nees:.3f} | {100 * covered:.1f} % |"
+            yield [f"{name}, {kind}", f"{nees:.3f}", f"{100 * covered:.1f} %"]
 
 
-def mount_rows(seeds: list[int]) -> Iterator[str]:
+def mount_rows() -> Iterator[list[str]]:
     """Yield rows for an accelerometer that is exact, off, and off but calibrated."""
-    frames, settings, off = FRAMES, RawSection(), {"place": [0.0, 0.0, 0.0], "turn_deg": [0.0, 0.0, 0.0]}
+    frames, settings, off = POINTS, RawSection(), {"place": [0.0, 0.0, 0.0], "turn_deg": [0.0, 0.0, 0.0]}
     place = ("sensors.accelerometer.place=[0.005,0,0]", "sensors.accelerometer.turn_deg=[0.5,0.5,0.5]")
-    if not seeds:
-        return
     found: dict[str, list[list[float]]] = {"exact": [], "off": [], "off, calibrated": []}
     misses = []
     for seed in range(1, FREE_FLIGHTS + 1):
@@ -231,7 +222,7 @@ def mount_rows(seeds: list[int]) -> Iterator[str]:
         turn = np.degrees(pin.log3(true.turn.T @ mount.turn))
         spread = np.sqrt(np.diag(mount.covariance))
         misses.append([*(1e3 * (mount.place - true.place)), *(1e3 * spread[:3]), *turn, *np.degrees(spread[3:])])
-        if seed not in seeds:
+        if seed not in SEEDS:
             continue
         smoother = JointSmoother(robot, air, frames, settings)
         for label, record in zip(found, (exact, wrong, mounted(wrong, mount)), strict=True):
@@ -241,18 +232,7 @@ def mount_rows(seeds: list[int]) -> Iterator[str]:
     cells = ["/".join(f"{value:.3f}" for value in typical[3 * i : 3 * i + 3]) for i in range(4)]
     for label, rows in found.items():
         r2 = "/".join(f"{value:.4f}" for value in np.min(rows, axis=0)[:3])
-        yield f"| {label} | {r2} | {' | '.join(cells if label == 'off, calibrated' else [''] * 4)} |"
-
-
-def kept_rows(page: Path | None) -> dict[str, list[str]]:
-    """Return the rows of a page by their first cell; those that begin with dots belong to the row before them."""
-    kept: dict[str, list[str]] = {}
-    name = ""
-    for line in page.read_text(encoding="utf-8").splitlines() if page is not None and page.is_file() else []:
-        if line.startswith("| "):
-            name = name if line.startswith("| ...") else line[2:].split(" | ")[0].split(" (")[0]
-            kept.setdefault(name, []).append(line)
-    return kept
+        yield [label, r2, *(cells if label == "off, calibrated" else [""] * 4)]
 
 
 def memory_beyond(seconds: int) -> float:
@@ -269,52 +249,27 @@ def measure_memory(seconds: int) -> float:
     log, robot, settings = simulate(scenario), believed_robot(scenario), GIVEN.model_copy(update={"offset_error": 0.0})
     record = raw_record(log.time, flight_channels(log, robot), robot, "measured", settings)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    JointSmoother(robot, scenario.believed_air, FRAMES, settings).run(record)
+    JointSmoother(robot, scenario.believed_air, POINTS, settings).run(record)
     return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0
 
 
-def given_walks(seed: int) -> float:
-    """Return the seconds of CPU that 2 s of the paper's flight take with given walks, without looking for offsets."""
-    case = Case("given", raw=GIVEN)
-    return min(measured(case, seed, causal=False)[2] for _ in range(3))
-
-
-def main() -> None:
-    """Measure and print the page, or write it."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3, 4, 5])
-    parser.add_argument("--draws", type=int, default=10)
-    parser.add_argument("--only", nargs="+", default=[*(case.name for case in CASES), "own model", "mount"])
-    parser.add_argument("--write", type=Path)
-    parser.add_argument("--memory", type=int, help="print the memory [MB] that so many seconds of flight need")
-    chosen = parser.parse_args()
-    if chosen.memory is not None:
-        print(measure_memory(chosen.memory))
-        return
-    kept, lines = kept_rows(chosen.write), [f"{TEXT}\n{HEAD}"]
-
-    def add(rows: Iterator[str], names: list[str]) -> None:
-        """Add measured rows, or the kept ones of these names."""
-        for row in rows:
-            print(row, flush=True)
-            lines.append(row)
-        lines.extend(row for name in names for row in kept.get(name, []))
-
-    for case in CASES:
-        measure = case.name in chosen.only
-        names = [case.name, f"{case.name}, causal filter"]
-        add(smoother_rows([case] if measure else [], chosen.seeds), [] if measure else names)
-    lines.append(OWN)
-    own = [f"{name}, {kind}" for name in OWN_FLIGHTS for kind in ("smoother", "filter")]
-    add(own_model_rows(chosen.draws if "own model" in chosen.only else 0), [] if "own model" in chosen.only else own)
-    lines.append(MOUNT.format(flights=FREE_FLIGHTS))
-    labels = ["exact", "off", "off, calibrated"]
-    add(mount_rows(chosen.seeds if "mount" in chosen.only else []), [] if "mount" in chosen.only else labels)
-    lines.append("\n" + COST.format(given=given_walks(1), short=memory_beyond(10), long=memory_beyond(60)))
-    print(lines[-1])
-    if chosen.write is not None:
-        chosen.write.write_text("\n".join(lines) + "\n", encoding="utf-8")
+def find() -> Values:
+    """Return tables and costs; the least of three times that 2 s with given walks, no offsets sought, take."""
+    given = min(measured(Case("given", raw=GIVEN), 1, causal=False)[2] for _ in range(3))
+    errors = "error of place x/y/z [mm] | deviation | error of turn roll/pitch/yaw [deg] | deviation"
+    values = {
+        "flights": table("flight | R2 of Fx/Fy/Fz | rms error [mN] | NEES | deviation/error | cost", smoother_rows()),
+        "own": table("flight | NEES | inside 1.96 deviations", own_model_rows()),
+        "mount": table(f"paper, all | R2 of Fx/Fy/Fz | {errors}", mount_rows()),
+        "given": f"{given:.1f}",
+        "short": f"{memory_beyond(10):.0f}",
+        "long": f"{memory_beyond(60):.0f}",
+    }
+    return {"docs/raw_sensors.md": values}
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:2] == ["--memory"]:
+        print(measure_memory(int(sys.argv[2])))
+    else:
+        run(find)

@@ -81,8 +81,6 @@ class Walked:
         tau: (m + 1, 12) torque of the motors at the links [N m].
         felt: (m + 1, 3) mean specific force since the sample before [m/s2], body axes.
         force: (m, 4, 3) mean force on each foot [N], world axes.
-        touching: (m, 4) share of the interval in which a foot touches the ground.
-        push: (m, 3) mean force on the trunk [N].
     """
 
     time: Array
@@ -91,8 +89,6 @@ class Walked:
     tau: Array
     felt: Array
     force: Array
-    touching: Array
-    push: Array
 
 
 def mjcf(model: pin.Model, feet: tuple[str, ...]) -> str:
@@ -234,7 +230,7 @@ def walked(gait: Gait = TROT, duration: float = 20.0, name: str = "go2", noise: 
     state.qpos[:] = [*start[:3], start[6], *start[3:6], *start[7:]]
     state.qpos[2] += FOOT_RADIUS - _lowest(model, feet, start)
     controller, steps = Trotter(model, feet, gait, duration), round(duration / STEP)
-    rows: dict[str, list[Array]] = {key: [] for key in ("time", "q", "v", "tau", "felt", "force", "touching", "push")}
+    rows: dict[str, list[Array]] = {key: [] for key in ("time", "q", "v", "tau", "felt", "force")}
     sums = _Sums()
     command, tau = np.zeros(12), np.zeros(12)
     trunk = mujoco.mj_name2id(simulated, mujoco.mjtObj.mjOBJ_BODY, model.names[1])
@@ -252,12 +248,11 @@ def walked(gait: Gait = TROT, duration: float = 20.0, name: str = "go2", noise: 
                     rows[key].append(value)
         before = tau.copy()
         tau += STEP / MOTOR_LAG * (command - tau)
-        push = np.array([0.0, gait.push if 2.0 <= state.time % 3.0 < 2.3 else 0.0, 0.0])
-        state.xfrc_applied[trunk, :3] = push
+        state.xfrc_applied[trunk, 1] = gait.push if 2.0 <= state.time % 3.0 < 2.3 else 0.0
         drag = noise.torque[1] * np.tanh(v[6:] / 0.02)
         state.ctrl[:] = 0.5 * (before + tau) - drag
         mujoco.mj_step(simulated, state)
-        sums.add(simulated, state, floor, geoms, push)
+        sums.add(simulated, state, floor, geoms)
     rows["felt"].insert(0, rows["felt"][0])
     return Walked(**{key: np.array(values) for key, values in rows.items()})
 
@@ -268,9 +263,9 @@ class _Sums:
     def __init__(self) -> None:
         self._parts: list[tuple[Array, ...]] = []
 
-    def add(self, model: mujoco.MjModel, state: mujoco.MjData, floor: int, geoms: dict[int, int], push: Array) -> None:
+    def add(self, model: mujoco.MjModel, state: mujoco.MjData, floor: int, geoms: dict[int, int]) -> None:
         """Add a step."""
-        force, touching, wrench = np.zeros((4, 3)), np.zeros(4), np.zeros(6)
+        force, wrench = np.zeros((4, 3)), np.zeros(6)
         for k in range(state.ncon):
             contact = state.contact[k]
             foot = geoms.get(int(contact.geom2), geoms.get(int(contact.geom1), -1))
@@ -279,14 +274,13 @@ class _Sums:
             mujoco.mj_contactForce(model, state, k, wrench)
             sign = 1.0 if contact.geom1 == floor else -1.0
             force[foot] += sign * contact.frame.reshape(3, 3).T @ wrench[:3]
-            touching[foot] = 1.0
-        self._parts.append((state.sensordata[:3].copy(), force, touching, push))
+        self._parts.append((state.sensordata[:3].copy(), force))
 
     def means(self) -> dict[str, Array]:
         """Return the means, and begin again."""
         found = [np.mean(np.array(part), axis=0) for part in zip(*self._parts, strict=True)]
         self._parts = []
-        return dict(zip(("felt", "force", "touching", "push"), found, strict=True))
+        return dict(zip(("felt", "force"), found, strict=True))
 
 
 def _pin_state(state: mujoco.MjData) -> tuple[Array, Array]:

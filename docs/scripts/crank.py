@@ -1,15 +1,14 @@
-"""Write docs/crank.md and its figure: a blow on a wing whose crank a motor turns; `--check` compares the page."""
+"""Write the tables of docs/crank.md and its figure: a blow on a wing whose crank a motor turns."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
 
-import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
 from matplotlib.figure import Figure
-from support.pages import ROOT, Part, run
+from support.pages import ROOT, Values, run, save, table
 
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.flight import simulate
@@ -17,7 +16,6 @@ from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 from aerobat_pin.visualization import style
 
-PAGE, FIGURE = "docs/crank.md", ROOT / "docs" / "figures" / "crank_blow.png"
 IMPULSE, ONSET, LASTING = 5.0e-3, 0.66, 0.010  # [N s, s, s]
 SHOWN = (0.45, 0.95)  # [s]
 MOTOR = ("crank.drive=motor", "crank.motor.start_frequency=4.75", "crank.motor.friction=1e-4")
@@ -70,49 +68,24 @@ def books() -> tuple[dict[str, np.ndarray], np.ndarray]:
     return work, energy[1:] - energy[0]
 
 
-def blow_table() -> str:
-    """Return the crank's speed before and after blows against the stroke and along it."""
+def blow_rows() -> Iterator[list[str]]:
+    """Yield the crank's speed before and after blows against the stroke and along it."""
     before, after = round(ONSET * 1e3), round((ONSET + LASTING) * 1e3)
     calm = frequency(0.0)
-    lines = [
-        "| blow on the left wing | before [Hz] | after 10 ms [Hz] | without it [Hz] | change [Hz] |",
-        "|---|---|---|---|---|",
-    ]
     for name, impulse in (("5 mN s upward, against the stroke", IMPULSE), ("5 mN s downward, along it", -IMPULSE)):
-        found = frequency(impulse)
-        cells = [found[before], found[after], calm[after]]
-        lines.append(f"| {name} | {' | '.join(f'{x:.2f}' for x in cells)} | {found[after] - calm[after]:+.2f} |")
-    return "\n".join(lines)
+        rate = frequency(impulse)
+        cells = [f"{x:.2f}" for x in (rate[before], rate[after], calm[after])]
+        yield [name, *cells, f"{rate[after] - calm[after]:+.2f}"]
 
 
-def books_table() -> str:
-    """Return the work over the flight, the gain of energy, and what is missing."""
-    work, gained = books()
-    lines = ["| | work in 1 s [mJ] |", "|---|---|"]
-    lines += [f"| {name} | {1e3 * done[-1]:.2f} |" for name, done in work.items()]
-    lines.append(f"| gain of kinetic and potential energy, rotor included | {1e3 * gained[-1]:.2f} |")
-    return "\n".join(lines)
-
-
-def gap() -> float:
-    """Return the largest gap in the books, as a share of the motor's work."""
-    work, gained = books()
-    return float(np.max(np.abs(sum(work.values()) - gained)) / work["motor"][-1])
-
-
-def stiff_table() -> str:
-    """Return how far the flight is from that of a steady crank, for rotors ever heavier."""
+def stiff_rows() -> Iterator[list[str]]:
+    """Yield how far the flight is from that of a steady crank, for rotors ever heavier."""
     steady = flown(IMPULSE).measured
-    lines = [
-        "| rotor inertia [kg m2] | position [m] | joint angles [rad] | joint torque [mN m] |",
-        "|---|---|---|---|",
-    ]
     for inertia in ("5e-5", "1", "100", "1e6"):
         found = flown(IMPULSE, *MOTOR, f"crank.motor.rotor_inertia={inertia}").measured
         apart = np.max(np.abs(found["q"].values - steady["q"].values), axis=0)
         torque = 1e3 * np.max(np.abs(found["motor_torque"].values - steady["motor_torque"].values))
-        lines.append(f"| {inertia} | {np.max(apart[:3]):.1e} | {np.max(apart[7:]):.1e} | {torque:.1e} |")
-    return "\n".join(lines)
+        yield [inertia, f"{np.max(apart[:3]):.1e}", f"{np.max(apart[7:]):.1e}", f"{torque:.1e}"]
 
 
 def figure() -> Figure:
@@ -153,69 +126,28 @@ def figure() -> Figure:
     return drawn
 
 
-def page() -> str:
-    """Return the page."""
-    return f"""# A crank that feels
-
-A prescribed crank (`crank.drive` `constant`, `spin_up`, or a function of time) turns as it is told, however hard the wings
-are hit. With `crank.drive = "motor"` the crank angle is one more degree of freedom. Air, gravity, the motion of the body and
-the unknown force act back on it through the linkage, against a motor with a rate controller, a limit and a lag of its torque,
-the inertia of rotor and gear, and friction ([equations](../aerobat_pin/flight/crank.py)). The torques that shoulders and
-elbows transmit are logged as with a prescribed crank; the group `truth` of the log adds `crank_rate`, `crank_torque` (from
-the crank to the linkage), `drive_torque` (from the motor to the crank), `drive_power` and `friction_power`.
-
-    aerobat run impact --set crank.drive=motor --set crank.motor.start_frequency=4.75 --out runs/motor
-
-## A blow on one wing
-
-The flight of the scenario `impact` with a motor's crank (friction 1e-4 N m s/rad, other constants as `aerobat describe
-scenario` lists them). The only unknown force is a blow of 5 mN s within 10 ms, on the left wing's force point, while the
-wing goes down.
-
-{blow_table()}
-
-The crank slows down when the blow opposes the stroke and speeds up when it goes along. Inertia of the wings and air make the
-rate of this light rotor vary more than that within a turn: the blow shows against the same phase of other turns, not against
-the mean.
-
-![Crank rate, torques and energy around the blow](figures/crank_blow.png)
-
-*Crank rate, torques and work around the blow (shaded). Dashed: the same flight without it. Dots: the sum of all work, on the
-gain of energy.*
-
-## The books of energy
-
-{books_table()}
-
-At no time is the gap between the sum of the work and the gain of energy larger than {_power(gap())} of the motor's work.
-
-## The limit of a stiff motor
-
-A heavy rotor keeps its rate. The largest differences from the flight with a prescribed crank fall with its inertia:
-
-{stiff_table()}
-
-Tests hold the equations to Lagrange's, written out independently of Pinocchio, to 1e-10. A step with a motor takes about as
-long as one without (`make bench`). `trim` refuses a motor: a flap of such a flight does not repeat exactly.
-"""
+def quick() -> Values:
+    """Return the tables, and the largest gap in the books as a power of ten of the motor's work."""
+    work, gained = books()
+    lines = [(name, f"{1e3 * done[-1]:.2f}") for name, done in work.items()]
+    lines.append(("gain of kinetic and potential energy, rotor included", f"{1e3 * gained[-1]:.2f}"))
+    gap = np.max(np.abs(sum(work.values()) - gained)) / work["motor"][-1]
+    blow = "blow on the left wing | before [Hz] | after 10 ms [Hz] | without it [Hz] | change [Hz]"
+    stiff = "rotor inertia [kg m2] | position [m] | joint angles [rad] | joint torque [mN m]"
+    values = {
+        "blow": table(blow, blow_rows()),
+        "work": table("| work in 1 s [mJ]", lines),
+        "gap": f"1e{int(np.ceil(np.log10(gap)))}",
+        "stiff": table(stiff, stiff_rows()),
+    }
+    return {"docs/crank.md": values}
 
 
-def _power(value: float) -> str:
-    """Return the power of ten that a value does not exceed."""
-    return f"1e{int(np.ceil(np.log10(value)))}"
-
-
-def write() -> None:
-    """Draw the figure and write the page."""
-    with mpl.rc_context(style.RC):
-        figure().savefig(FIGURE, metadata={"Software": None})
-    (ROOT / PAGE).write_text(page(), encoding="utf-8")
-
-
-def parts() -> Iterator[Part]:
-    """Yield the page."""
-    yield Part(PAGE, "page", page())
+def find() -> Values:
+    """Draw the figure, and return the tables."""
+    save({"crank_blow": figure()}, ROOT / "docs" / "figures")
+    return quick()
 
 
 if __name__ == "__main__":
-    run(write, parts)
+    run(find, quick)

@@ -1,6 +1,6 @@
 """Long work shows itself, with a terminal and without; what the command line does not load, so that it starts quickly.
 
-`benchmarks/start_up.py` measures the seconds.
+`benchmarks/bench.py` measures the seconds.
 """
 
 from __future__ import annotations

@@ -110,7 +110,7 @@ def test_every_tool_that_is_promised_has_a_snippet() -> None:
 
 def test_the_table_of_tools_says_when_each_was_tried_and_what_was_found() -> None:
     """`make tools` wrote it: a date, and a row of every tool, none of which failed."""
-    table = PAGE[PAGE.index("<!-- tools") : PAGE.index("<!-- end of tools")]
+    table = PAGE[PAGE.index("<!-- tools") : PAGE.index("<!-- /tools")]
     assert re.search(r"Tried on 20\d\d-\d\d-\d\d, Python 3", table)
     found = {title: (version, result) for title, version, result, _ in rows(table, "tool | version")}
     titles = {re.match(r"\[(.*?)\]\(#[a-z_-]+\)", title)[1] for title in found}

@@ -47,7 +47,7 @@ print(found.count, *found.places, *found.told, sep="\\n")
 
 def python(*words: str) -> str:
     """Run Python on this checkout's packages and return what it prints."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "tests")))}
     return subprocess.run([sys.executable, *words], env=environment, capture_output=True, text=True, check=True).stdout
 
 

@@ -98,7 +98,7 @@ def test_the_second_script_of_the_readme_observes_sample_by_sample() -> None:
 
 
 def test_the_animated_picture_of_the_readme_moves_and_is_small() -> None:
-    """Made by docs/scripts/animation.py: under 3 MB, two flaps in at least forty pictures."""
+    """Made by docs/scripts/screenshots.py: under 3 MB, two flaps in at least forty pictures."""
     [path] = re.findall(r"\]\((\S+\.gif)\)", README)
     file = ROOT / path
     assert file.stat().st_size < 3_000_000

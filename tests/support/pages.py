@@ -1,54 +1,84 @@
-"""Pages of the documentation that a script writes: it rewrites them, or checks that they still say what it finds."""
+"""Pages of the documentation, and what scripts find for them, between `<!-- name -->` and `<!-- /name -->`."""
 
 from __future__ import annotations
 
 import argparse
-import re
+import datetime
+import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from aerobat_pin.visualization import style
 
 ROOT = Path(__file__).resolve().parents[2]
-HOLE = "\N{WHITE SQUARE}"  # stands in a part for what takes too long to find again
+Values = Mapping[str, Mapping[str, str]]  # page below the repository -> name of a mark -> what stands there
 
 
-class Part(NamedTuple):
-    """A part of a page: the page's path below the repository, what the part is called, and its text."""
-
-    page: str
-    name: str
-    text: str
+def table(head: str, rows: Iterable[Iterable[object]]) -> str:
+    """Return a table: `head` names the columns as `a | b`, a row has a cell for each of them."""
+    rule = "|---" * (head.count("|") + 1) + "|"
+    return "\n".join([f"| {head} |", rule, *(f"| {' | '.join(map(str, row))} |" for row in rows)])
 
 
-def holds(page: str, text: str) -> bool:
-    """Return whether a page holds a text to the letter; anything may stand where the text has a `HOLE`."""
-    return re.search(".*?".join(map(re.escape, text.split(HOLE))), page, re.DOTALL) is not None
+def measured() -> str:
+    """Return when, and on how busy a machine, something was measured."""
+    return f"{datetime.date.today()}, {os.cpu_count()} cores, load {os.getloadavg()[1]:.1f}"
 
 
-def run(write: Callable[[], None], parts: Callable[[], Iterable[Part]]) -> None:
-    """Rewrite pages, or with `--check [FOLDER]` compare them with what their script finds now.
-
-    Args:
-        write: rewrites the pages and their figures.
-        parts: yields the parts that are quick to find.
+def marked(text: str, name: str) -> tuple[str, str, str]:
+    """Return a page before, between and after the marks of a name.
 
     Raises:
-        SystemExit: with exit code 1, the parts that differ being named on stderr.
+        ValueError: a mark is missing.
     """
-    parser = argparse.ArgumentParser(description="Write pages of the documentation and their figures.")
-    parser.add_argument(
-        "--check",
-        type=Path,
-        nargs="?",
-        const=ROOT,
-        metavar="FOLDER",
-        help="write nothing, compare with the pages below this folder (default: the repository's)",
-    )
-    folder = parser.parse_args().check
-    if folder is None:
-        write()
-        return
-    different = [part for part in parts() if not holds((folder / part.page).read_text(encoding="utf-8"), part.text)]
-    if different:
-        sys.exit("\n".join(f"{part.page}: '{part.name}' is not what the script finds" for part in different))
+    head, begin, rest = text.partition(f"<!-- {name} -->")
+    value, end, tail = rest.partition(f"<!-- /{name} -->")
+    if not (begin and end):
+        raise ValueError(f"<!-- {name} --> and <!-- /{name} --> were expected")
+    return head + begin, value, end + tail
+
+
+def fill(page: str, values: Mapping[str, str]) -> None:
+    """Write values between the marks of a page; marks that stand on lines of their own stay there."""
+    path = ROOT / page
+    for name, value in values.items():
+        before, old, after = marked(path.read_text(encoding="utf-8"), name)
+        line = "\n" if old.startswith("\n") else ""
+        path.write_text(f"{before}{line}{value}{line}{after}", encoding="utf-8")
+
+
+def save(figures: Mapping[str, Figure], folder: Path) -> None:
+    """Save figures by their names, without a date."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, figure in figures.items():
+        figure.savefig(folder / f"{name}.png", metadata={"Software": None})
+
+
+def run(find: Callable[[], Values], quick: Callable[[], Values] = dict) -> None:
+    """Write what a script finds into its pages; with `--check [FOLDER]` compare the pages with what is quick to find.
+
+    Args:
+        find: draws the figures of the pages, and returns all values.
+        quick: returns those that are found in seconds.
+
+    Raises:
+        SystemExit: with exit code 1, the values that differ being named on stderr.
+    """
+    parser = argparse.ArgumentParser(description="Write what is found into pages of the documentation.")
+    folder = "write nothing, compare with the pages below this folder (default: the repository's)"
+    parser.add_argument("--check", type=Path, nargs="?", const=ROOT, metavar="FOLDER", help=folder)
+    other = parser.parse_args().check
+    with mpl.rc_context(style.RC):
+        found = (find if other is None else quick)()
+    for page, values in found.items():
+        if other is None:
+            fill(page, values)
+            continue
+        text = (other / page).read_text(encoding="utf-8")
+        different = [name for name, value in values.items() if marked(text, name)[1].strip("\n") != value]
+        if different:
+            sys.exit("\n".join(f"{page}: '{name}' is not what the script finds" for name in different))

@@ -45,8 +45,9 @@ class LatticeCase(NamedTuple):
     moment: tuple[complex, ...]
 
 
-# 8 x 12 uniform panels a side, NACA 0002, prescribed wake, 64 steps a cycle, as docs/scripts/lifting_line/
-# vortex_lattice.py runs them. The solver's loads lag by 1.18 of its time steps, which `lattice` takes away.
+# 8 x 12 uniform panels a side, NACA 0002, prescribed wake, 64 steps a cycle, third cycle. Motion A sin(wt); lift and
+# thrust in wind axes, moment nose up about the leading edge of the root at rest; the halves hinge at the root, 10
+# micrometres off the middle. The solver's loads lag by 1.18 of its time steps, which `lattice` takes away.
 LATTICE_LAG = 1.18 / 64  # [cycles]
 LATTICE_CASES = {
     "flap 30 deg": LatticeCase(
