@@ -15,7 +15,7 @@ from support.walking_log import FEET, Walk, table, table_map, urdf, walk
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import OnlineEstimator, OnlineSample, estimate
-from aerobat_pin.estimation.expected import expected_of
+from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.run_observers import inputs_between, points_of
 from aerobat_pin.estimation.stream_rings import LENGTH
