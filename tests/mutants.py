@@ -76,7 +76,7 @@ MUTANTS = (
            '("right_shoulder", "right_elbow", "left_shoulder", "left_elbow")', "tests/flight/test_csv_log.py"),
     Mutant("wings swapped in the air", "robot/wing.py", "np.where(y >= 0.0, panel, panel + 2)",
            "np.where(y <= 0.0, panel, panel + 2)", "tests/aerodynamics/test_robot_air.py"),
-    Mutant("wings swapped in the scores", "aerobat/truth.py", "at = points.index(frame)",
+    Mutant("wings swapped in the scores", "aerobat/flight_record.py", "at = points.index(frame)",
            "at = -1 - points.index(frame)", "tests/estimation/test_scores.py"),
     Mutant("body for world axes in the plant", KERNELS, "if axes != 2:", "if axes == 1:", TWINS),
     Mutant("added mass dropped", KERNELS, "    add_mass(mass, tree, found, links, H, h)\n", "", TWINS),

@@ -12,9 +12,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.air_from_scenario import robot_air
 from aerobat_pin.aerobat.believed_air_kernels import advance_air_stage
-from aerobat_pin.aerobat.motion import Motion
+from aerobat_pin.aerobat.motion import Motion, robot_air
 from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, RobotInAir
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, Integers

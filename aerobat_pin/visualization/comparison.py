@@ -18,7 +18,7 @@ from aerobat_pin.estimation import point_label
 from aerobat_pin.experiments import RESULTS, read_run
 from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.figures.limits import fit_errors, fit_to_drawn
+from aerobat_pin.visualization.figures.lines import fit_errors, fit_to_drawn
 from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_run
 from aerobat_pin.visualization.replay.page import SPEEDS
 from aerobat_pin.visualization.replay.recording import Recording

@@ -9,13 +9,13 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import Mount
+from aerobat_pin.aerobat.flight_record import SUM
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.filter import JointFilter
 from aerobat_pin.aerobat.raw.find_mount import mounted
 from aerobat_pin.aerobat.raw.prior import FORCE_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
 from aerobat_pin.aerobat.torque import ROWS_OF_TORQUE, Torque
-from aerobat_pin.aerobat.truth import SUM
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.numerics import Array

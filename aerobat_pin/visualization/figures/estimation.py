@@ -18,8 +18,7 @@ from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Reference, TrueEvent
 from aerobat_pin.robot import FORCE_POINTS
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.figures.limits import fit_errors, fit_to_drawn
-from aerobat_pin.visualization.figures.lines import estimate_lines
+from aerobat_pin.visualization.figures.lines import estimate_lines, fit_errors, fit_to_drawn
 
 SHORTEST_ENLARGED = 0.06  # [s]: shortest stretch of time shown in the last row
 ENLARGED_SHARE = 0.03  # of the record that it shows, if that is longer
