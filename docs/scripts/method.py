@@ -75,13 +75,8 @@ def five_bodies() -> Figure:
         arrow(axes, corner, corner + way, MUTED)
         axes.annotate(name, corner + 1.12 * way + [0, 2], color=MUTED, ha="center", va="bottom", fontsize=9)
     axes.text(corner[0] + 6, corner[1], "x: into the page, forward", color=MUTED, ha="left", va="center", fontsize=9)
-    axes.set(
-        aspect="equal",
-        xlim=(-215, 215),
-        ylim=(-68, 62),
-        xlabel="right of the body's centre of mass [mm]",
-        ylabel="above it [mm]",
-    )
+    axes.set(aspect="equal", xlim=(-215, 215), ylim=(-68, 62))
+    axes.set(xlabel="right of the body's centre of mass [mm]", ylabel="above it [mm]")
     return figure
 
 
@@ -107,19 +102,11 @@ def angles(axes: Axes, shoulder: np.ndarray, elbow: np.ndarray, theta_s: float, 
     ):
         axes.plot(*np.transpose([at, at + 40 * zero]), color=MUTED, lw=0.9, ls=":", zorder=3)
         start = np.degrees(np.arctan2(zero[1], zero[0]))
-        end = start - np.degrees(
-            turn
-        )  # equal positive angles lift the wing: clockwise on the left, as seen from behind
+        end = start - np.degrees(turn)  # positive angles lift the wing: clockwise on the left, seen from behind
         axes.add_patch(Arc(tuple(at), 56, 56, theta1=min(start, end), theta2=max(start, end), color=ORANGE, lw=1.5))
         middle = np.radians(0.5 * (start + end))
-        axes.text(
-            *(at + 37 * np.array([np.cos(middle), np.sin(middle)])),
-            name,
-            color=ORANGE,
-            fontsize=12,
-            ha="center",
-            va="center",
-        )
+        x, y = at + 37 * np.array([np.cos(middle), np.sin(middle)])
+        axes.text(x, y, name, color=ORANGE, fontsize=12, ha="center", va="center")
 
 
 def blocks() -> Figure:
@@ -130,18 +117,8 @@ def blocks() -> Figure:
     axes.axis("off")
 
     def box(x: float, y: float, width: float, text: str, colour: str = INK, height: float = 8.0) -> None:
-        axes.add_patch(
-            FancyBboxPatch(
-                (x - width / 2, y - height / 2),
-                width,
-                height,
-                boxstyle="round,pad=0,rounding_size=1",
-                fc="white",
-                ec=colour,
-                lw=1.4,
-                zorder=3,
-            )
-        )
+        corner, look = (x - width / 2, y - height / 2), {"fc": "white", "ec": colour, "lw": 1.4, "zorder": 3}
+        axes.add_patch(FancyBboxPatch(corner, width, height, boxstyle="round,pad=0,rounding_size=1", **look))
         axes.text(x, y, text, ha="center", va="center", fontsize=10, color=colour, zorder=4)
 
     def line(*points: tuple[float, float], colour: str = INK, head: bool = True) -> None:
@@ -157,11 +134,8 @@ def blocks() -> Figure:
     def plus(x: float, y: float) -> None:
         axes.add_patch(Ellipse((x, y), 4, 4, fc="white", ec=INK, lw=1.3, zorder=3))
 
-    axes.add_patch(
-        FancyBboxPatch(
-            (25, 3), 73, 27, boxstyle="round,pad=0,rounding_size=1.5", fc="#F6F8FA", ec=FAINT, lw=1, zorder=0
-        )
-    )
+    ground = {"fc": "#F6F8FA", "ec": FAINT, "lw": 1, "zorder": 0}
+    axes.add_patch(FancyBboxPatch((25, 3), 73, 27, boxstyle="round,pad=0,rounding_size=1.5", **ground))
     label(27, 28, "observer", MUTED, "left")
     box(50, 43, 40, r"Aerobat:  $M\dot v + C v + g = u + J^{\top} f$")
     line((22, 45), (30, 45))
