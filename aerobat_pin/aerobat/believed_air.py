@@ -51,10 +51,10 @@ def reconstructed_air(robot: Aerobat, air: AirSection, moved: Motion) -> dict[st
             "the log there"
         )
     aerodynamic, added = AirAlongMotion(robot, air).fly(moved)
-    made = {"aerodynamic": aerodynamic}
+    forces = {"aerodynamic": aerodynamic}
     if air.added_mass > 0.0:
-        made["added_mass"] = added
-    return made
+        forces["added_mass"] = added
+    return forces
 
 
 class AirAlongMotion:

@@ -171,12 +171,12 @@ def _check_clock(data: xr.Dataset, time: Any, name: str) -> None:
         if key in data.dims:
             if key not in data.coords:
                 raise LogError(f"{name}: no coordinate named {key}")
-            found, unit = data[key].values, data[key].attrs.get("units")
+            stamps, unit = data[key].values, data[key].attrs.get("units")
             if unit != "s":
                 raise LogError(f"{name}: coordinate {key} has units = {str(unit)[:40]!r}: 's' was expected")
-            if len(found) == len(expected) and not np.allclose(found, expected, rtol=0.0, atol=1e-9):
-                at = int(np.argmax(~(np.abs(found - expected) <= 1e-9)))
-                raise LogError(f"{name}: {key} {at} is {found[at]:g} s: {expected[at]:g} s was expected")
+            if len(stamps) == len(expected) and not np.allclose(stamps, expected, rtol=0.0, atol=1e-9):
+                at = int(np.argmax(~(np.abs(stamps - expected) <= 1e-9)))
+                raise LogError(f"{name}: {key} {at} is {stamps[at]:g} s: {expected[at]:g} s was expected")
 
 
 def _check_raw_clocks(measured: xr.Dataset, name: str) -> None:

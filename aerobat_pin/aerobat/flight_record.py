@@ -83,10 +83,10 @@ def true_events(log: FlightLog) -> list[TrueEvent]:
     names, frames, starts, ends = (
         log.truth[name].values for name in ("event", "event_point", "event_start", "event_end")
     )
-    found: dict[tuple[float, float, str], list[str]] = {}
+    frames_of: dict[tuple[float, float, str], list[str]] = {}
     for name, frame, start, end in zip(names, frames, starts, ends, strict=True):
-        found.setdefault((float(start), float(end), str(name)), []).append(str(frame))
-    return [TrueEvent(name, tuple(there), start, end) for (start, end, name), there in sorted(found.items())]
+        frames_of.setdefault((float(start), float(end), str(name)), []).append(str(frame))
+    return [TrueEvent(name, tuple(there), start, end) for (start, end, name), there in sorted(frames_of.items())]
 
 
 @guarded()
@@ -185,12 +185,12 @@ def flight_channels(log: FlightLog, robot: Aerobat, knots: Series | None = None)
     """Return key -> channel of a log, those at its own times on one clock, `knots`."""
     knots = series_of(Spool(), log.time) if knots is None else knots
     spool = knots.spool
-    own = {
+    extra = {
         key: LogChannel(key, (name,), knots, series_of(spool, values), means)
         for key, name, values, means in _channels(log, robot)
     }
     raw = {key: _raw_channel(spool, key, log.measured[name]) for name, key in RAW_KEYS.items() if name in log.measured}
-    return own | raw
+    return extra | raw
 
 
 def _raw_channel(spool: Spool, key: str, data: xr.DataArray) -> LogChannel:

@@ -47,9 +47,9 @@ def wind_of(air: AirSection) -> Wind:
     """Return a scenario's wind, with its gust, its turbulence and its waves."""
     gust, blown = air.gust, air.turbulence
     tones = [] if blown is None else [dryden(blown.deviation, blown.length, blown.airspeed, blown.seed)]
-    for one in air.wave:
-        rate, phase = 2.0 * np.pi * one.frequency, np.radians(one.phase_deg)
-        tones.append(Tones(np.array([one.amplitude]), np.full((1, 3), rate), np.full((1, 3), phase)))
+    for wave in air.wave:
+        rate, phase = 2.0 * np.pi * wave.frequency, np.radians(wave.phase_deg)
+        tones.append(Tones(np.array([wave.amplitude]), np.full((1, 3), rate), np.full((1, 3), phase)))
     given = None if gust is None else Gust(gust.amplitude, gust.start, gust.duration)
     return Wind(air.wind, given, tuple(tones))
 
@@ -91,8 +91,8 @@ def fault_of(channels: Mapping[str, LogChannel]) -> str | None:
         channels: key -> channel; with an encoder they are raw samples.
     """
     if f"{EXTRA}encoder" in channels:
-        few = [one for one in channels.values() if len(one.time) < FEWEST_RAW_SAMPLES]
-        told = [f"{len(one.time)} samples of {', '.join(one.names)}" for one in few]
+        few = [channel for channel in channels.values() if len(channel.time) < FEWEST_RAW_SAMPLES]
+        told = [f"{len(channel.time)} samples of {', '.join(channel.names)}" for channel in few]
         return f"{told[0]}: {FEWEST_RAW_SAMPLES} or more were expected" if told else None
     twist = [key for key in ("base.velocity", "base.rate") if key in channels]
     if len(twist) == 1:

@@ -80,10 +80,10 @@ def changed_belief(robot: Aerobat, air: AirSection, values: Mapping[str, float])
     if get("wing_offset", 0.0) != 0.0:
         changes["wing"] = {"offset_x": shape.wing.offset_x + values["wing_offset"]}
     if drag != 1.0:
-        own = shape.aerodynamics
+        coefficients = shape.aerodynamics
         changes["aerodynamics"] = {
-            "profile_drag": drag * own.profile_drag,
-            "body_drag_area": drag * own.body_drag_area,
+            "profile_drag": drag * coefficients.profile_drag,
+            "body_drag_area": drag * coefficients.body_drag_area,
         }
     changed = robot.with_changes(changes) if changes else robot
     changed = replace(changed, model=_other_masses(changed.model, robot.model, values))
@@ -98,13 +98,13 @@ def scaled_thrusters(known: Mapping[str, Array], change: float) -> dict[str, Arr
     return {name: factor * force if name == SCALED_FORCE else force for name, force in known.items()}
 
 
-def _other_masses(model: pin.Model, own: pin.Model, values: Mapping[str, float]) -> pin.Model:
+def _other_masses(model: pin.Model, original: pin.Model, values: Mapping[str, float]) -> pin.Model:
     """Return a copy of a model with the inertias of another of the same joints, changed by the parameters."""
     changed = model.copy()
     shift = np.array([values.get(f"com_{axis}", 0.0) for axis in "xyz"])
-    for i, name in enumerate(own.names.tolist()):
+    for i, name in enumerate(original.names.tolist()):
         factor = (1.0 + values.get("mass", 0.0)) * (1.0 + values.get("distal_mass", 0.0) * (name in DISTAL))
-        inertia = own.inertias[i]
+        inertia = original.inertias[i]
         lever = inertia.lever + shift * (i == 1)
         changed.inertias[i] = pin.Inertia(factor * inertia.mass, lever, factor * inertia.inertia)
     return changed
@@ -117,8 +117,8 @@ def aerobat_suspects(kind: str) -> Mapping[str, tuple[Suspect, ...]]:
 
 def carrying(model: pin.Model, load: Array) -> pin.Model:
     """Return a model whose body has a point mass more: mass [kg] and mass times place (4,) [kg m], body axes."""
-    loaded, own = model.copy(), model.inertias[1].toDynamicParameters()
-    loaded.inertias[1] = pin.Inertia.FromDynamicParameters(own + np.concatenate([load, np.zeros(6)]))
+    loaded, parameters = model.copy(), model.inertias[1].toDynamicParameters()
+    loaded.inertias[1] = pin.Inertia.FromDynamicParameters(parameters + np.concatenate([load, np.zeros(6)]))
     return loaded
 
 

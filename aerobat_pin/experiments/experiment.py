@@ -168,26 +168,26 @@ def _estimated(
 ) -> Experiment:
     """Run the observers of a scenario or belief on a log, and score their estimates."""
     names = belief.observers.names
-    found = estimate_flight(log, believed, belief, progress and _observer_stages(progress, names), calibration)
+    result = estimate_flight(log, believed, belief, progress and _observer_stages(progress, names), calibration)
     scores = replace(
-        found,
+        result,
         name=belief.name,
         title=f"{belief.name}: {note}; motor torque {belief.observers.torque}",
         references=truth_of(log, belief.observers.frames),
         events=tuple(true_events(log)),
         more={"log": belief.name, "torque": belief.observers.torque, "note": note},
     )
-    drawn = log_with_motion(log, *_motion(found))
+    drawn = log_with_motion(log, *_motion(result))
     return Experiment(belief, believed, log, scores, note, drawn, calibration)
 
 
-def _motion(found: Result) -> tuple[Array, Array, Array | None]:
+def _motion(result: Result) -> tuple[Array, Array, Array | None]:
     """Return configurations and velocities of a flight, and its crank angle where that was found with them."""
-    if found.smoothed is not None:
-        block = found.smoothed.block
+    if result.smoothed is not None:
+        block = result.smoothed.block
         return block.q, block.v, block.extra["crank"][0]
-    assert found.record is not None
-    block = found.record.block(*found.record.parts[0])
+    assert result.record is not None
+    block = result.record.block(*result.record.parts[0])
     return block.q, block.v, None
 
 
@@ -255,11 +255,11 @@ def _off(rms: Mapping[str, float]) -> str:
 def _effort(control: Mapping[str, Any]) -> str:
     """Return the commands at a limit, and the margins of the axis that has least, in words."""
     said = f"{100.0 * control['saturated_share']:.2g} % of the commands at a limit"
-    margins = {axis: one for axis, one in control["margins"].items() if one["stable"]}
+    margins = {axis: margin for axis, margin in control["margins"].items() if margin["stable"]}
     if len(margins) < len(control["margins"]):
         return f"{said}; unstable by its gains: {', '.join(control['margins'].keys() - margins.keys())}"
     largest = max(margins, key=lambda axis: margins[axis]["ms"])
-    delays = {axis: one["delay"] for axis, one in margins.items() if one["delay"] is not None}
+    delays = {axis: margin["delay"] for axis, margin in margins.items() if margin["delay"] is not None}
     least = min(delays, key=lambda axis: delays[axis], default="")
     delay = f", {1e3 * delays[least]:.0f} ms more delay ({least})" if delays else ""
     return f"{said}; least margins: Ms {margins[largest]['ms']:.2f} ({largest}){delay}"

@@ -228,7 +228,7 @@ def _together(result: Result) -> Iterator[dict[str, Estimate]]:
 
 def _datasets(result: Result) -> Iterator[xr.Dataset]:
     """Yield the content of `estimate.nc`: the forces, and beside them those of a sensor."""
-    first, sensors = 0, [one for one in result.references if one.kind == "sensor"]
+    first, sensors = 0, [reference for reference in result.references if reference.kind == "sensor"]
     for blocks in _together(result):
         data = estimate_dataset(blocks)
         rows = slice(first, first + data.sizes["interval"])

@@ -137,8 +137,8 @@ def _motor_alone(
     joints = _samples_of("torque", measured["joints.effort"], stated)
     angle = np.interp(joints.time, crank.time, np.unwrap(crank.values[:, 0]))
     closure = robot.linkage.solve(angle)
-    left = closure.crank_torque(joints.values[:, 0], joints.values[:, 1])
-    both = left + closure.crank_torque(joints.values[:, 2], joints.values[:, 3])
+    torque = closure.crank_torque(joints.values[:, 0], joints.values[:, 1])
+    both = torque + closure.crank_torque(joints.values[:, 2], joints.values[:, 3])
     slope = np.sqrt(2.0 * np.mean(closure.dtheta_s**2 + closure.dtheta_e**2))
     return RawChannel("torque", joints.time, both[:, None], joints.noise * float(slope), joints.place, joints.turn)
 

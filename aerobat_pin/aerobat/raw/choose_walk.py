@@ -86,8 +86,8 @@ def simpler_tuning(score: Callable[[Tuning], float], tuning: Tuning, free: Flags
             logs = tuning.to_logs()
             logs[axis], logs[3 + axis] = logs[3 + axis] + np.log(seconds), least[axis]
             tried = Tuning.from_logs(logs)
-            if (found := score(tried)) > best:
-                best, tuning = found, tried
+            if (likelihood := score(tried)) > best:
+                best, tuning = likelihood, tried
                 break
     return tuning
 
@@ -110,10 +110,10 @@ def jump_gains(smoothed: Smoothed, forces: slice, variance: float) -> Array:
 def more_jumps(smoothed: Smoothed, forces: slice, time: Array, jumps: Array, weight: float) -> Array:
     """Return the variances of jumps (m,) with those added that the samples still ask for; see `LinearRecord.jumps`."""
     variance = (JUMP * weight) ** 2
-    gains, found = jump_gains(smoothed, forces, variance), jumps.copy()
+    gains, added = jump_gains(smoothed, forces, variance), jumps.copy()
     gains[jumps > 0.0] = 0.0
     while np.max(gains) > LEAST_JUMP_GAIN:
         k = int(np.argmax(gains))
-        found[k] = variance
+        added[k] = variance
         gains[np.abs(time[:-1] - time[k]) < APART] = 0.0
-    return found
+    return added

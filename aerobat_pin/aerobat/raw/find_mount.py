@@ -61,11 +61,11 @@ def find_mount(
     settings = settings.model_copy(update={"offset_error": 0.0})
     for _ in range(ROUNDS):
         smoother = JointSmoother(robot, air, frames, settings, mount=True)
-        found = [smoother.run(mounted(record, mount)) for record in records]
+        estimates = [smoother.run(mounted(record, mount)) for record in records]
         information, pull = np.zeros((6, 6)), np.zeros(6)
-        for one in found:
-            assert one.mount is not None
-            error, covariance = one.mount
+        for estimate in estimates:
+            assert estimate.mount is not None
+            error, covariance = estimate.mount
             weight = np.linalg.inv(covariance)
             information, pull = information + weight, pull + weight @ error
         covariance = np.linalg.inv(information)
@@ -73,7 +73,7 @@ def find_mount(
         mount = Mount(mount.place + step[:3], mount.turn @ pin.exp3(step[3:]), covariance)
         if np.all(np.abs(step[:3]) < SETTLED_PLACE) and np.all(np.abs(step[3:]) < SETTLED_TURN):
             break
-        settings = settings.model_copy(update=found[0].tuning.stated())  # chosen once
+        settings = settings.model_copy(update=estimates[0].tuning.stated())  # chosen once
     return mount
 
 

@@ -107,7 +107,9 @@ class JointSmoother:
             solved = self.solve(here, motion, prior, tuning, shifts)
             if tuning is None and self.settings.offset_error > 0.0:
                 offsets = self._offsets(here, solved)
-                if self.settings.apply_offsets and (shifts := {one.sensor: one.seconds for one in offsets if one.sure}):
+                if self.settings.apply_offsets and (
+                    shifts := {offset.sensor: offset.seconds for offset in offsets if offset.sure}
+                ):
                     solved = self.solve(here, solved.motion, prior, None, shifts)
             tuning = solved.tuning
             parts.append(solved.kept(window))
@@ -218,14 +220,14 @@ class JointSmoother:
             force = self.layout.forces(solved.smoothed.states[:-1])
             return self.linear(record, solved.motion, solved.air, force, shifts, layout, solved.linear.jumps)
 
-        found = clock_offsets(linear(solved, {}), solved.prior, solved.tuning, error)
-        if not found:
-            return found
+        offsets = clock_offsets(linear(solved, {}), solved.prior, solved.tuning, error)
+        if not offsets:
+            return offsets
         for _ in range(CORRECTIONS):
-            shifts = {one.sensor: one.seconds for one in found}
+            shifts = {offset.sensor: offset.seconds for offset in offsets}
             solved = self.solve(record, solved.motion, solved.prior, solved.tuning, shifts)
-            found = corrected(found, linear(solved, shifts), solved.prior, solved.tuning, error)
-        return found
+            offsets = corrected(offsets, linear(solved, shifts), solved.prior, solved.tuning, error)
+        return offsets
 
 
 @dataclass(frozen=True)

@@ -94,13 +94,13 @@ def results_csv(sweep: Sweep, outcomes: Mapping[int, Any]) -> str:
         outcome = outcomes[number]
         row = {"run": number, **sweep.labels(index), "failed": outcome.get("failed", "")}
         row["warnings"] = "; ".join(outcome.get("warnings", []))
-        found = _observers(outcome)
-        for name, entry in found.items():
+        scores = _observers(outcome)
+        for name, entry in scores.items():
             for point, axes in entry.points.items():
                 row |= {
                     f"{name}.{point}.{axis}.{key}": getattr(axes[axis], key) for axis in FORCE_AXES for key in SCORES
                 }
-        row |= {f"{name}.{key}": getattr(entry, key) for name, entry in found.items() for key in JUDGED}
+        row |= {f"{name}.{key}": getattr(entry, key) for name, entry in scores.items() for key in JUDGED}
         for key, value in outcome.get("flight", {}).items():
             row |= {f"{key}.{i}": x for i, x in enumerate(value)} if isinstance(value, list) else {key: value}
         rows.append(row)
@@ -175,27 +175,27 @@ def _effects_along(grid: xr.Dataset, name: str) -> Iterator[Effect]:
     }
     if set(COURSE) <= set(grid.data_vars):
         errors["off course [mm]"] = 1e3 * np.sqrt(sum(grid[axis] ** 2 for axis in COURSE))
-    rows = {what: found.transpose(name, ...).values.reshape(grid.sizes[name], -1) for what, found in errors.items()}
+    rows = {what: sizes.transpose(name, ...).values.reshape(grid.sizes[name], -1) for what, sizes in errors.items()}
     if name != DRAW:
         labels = grid[name].values
         numbers = np.asarray(labels, float) if labels.dtype.kind in "if" else None
-        texts = tuple(str(one) if numbers is None else f"{one:.4g}" for one in labels)
+        texts = tuple(str(label) if numbers is None else f"{label:.4g}" for label in labels)
         yield Effect(name, texts, numbers, {what: _spread(list(values)) for what, values in rows.items()})
         return
-    for key in (str(key) for key, one in grid.coords.items() if one.dims == (DRAW,) and key != DRAW):
+    for key in (str(key) for key, axis in grid.coords.items() if axis.dims == (DRAW,) and key != DRAW):
         values = np.asarray(grid[key].values, float)
         thirds = [third for third in np.array_split(np.argsort(values), len(THIRDS)) if len(third)]
         middles = np.array([np.median(values[third]) for third in thirds])
         texts = tuple(f"{middle:.4g} ({third})" for middle, third in zip(middles, THIRDS, strict=False))
-        found = {what: _spread([values[third] for third in thirds]) for what, values in rows.items()}
-        yield Effect(key, texts, middles, found)
+        spreads = {what: _spread([values[third] for third in thirds]) for what, values in rows.items()}
+        yield Effect(key, texts, middles, spreads)
 
 
 def _spread(groups: list[Array]) -> Array:
     """Return median, least and largest (n, 3) of each group of errors, without those of runs that failed."""
     finite = [group[np.isfinite(group)] for group in map(np.ravel, groups)]
     nothing = np.full(3, np.nan)
-    return np.array([[np.median(one), one.min(), one.max()] if len(one) else nothing for one in finite])
+    return np.array([[np.median(errors), errors.min(), errors.max()] if len(errors) else nothing for errors in finite])
 
 
 @guarded()
@@ -205,8 +205,11 @@ def effects_text(effects: list[Effect]) -> str:
     cells = [("median error, least .. largest", *names)]
     for effect in effects:
         for k, label in enumerate(effect.labels):
-            found = (effect.errors[what][k] for what in names)
-            numbers = ("-" if np.isnan(one[0]) else f"{one[0]:.3g}, {one[1]:.3g} .. {one[2]:.3g}" for one in found)
+            spreads = (effect.errors[what][k] for what in names)
+            numbers = (
+                "-" if np.isnan(spread[0]) else f"{spread[0]:.3g}, {spread[1]:.3g} .. {spread[2]:.3g}"
+                for spread in spreads
+            )
             cells.append((f"{effect.name} = {label}", *numbers))
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in cells)

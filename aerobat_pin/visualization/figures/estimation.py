@@ -112,8 +112,10 @@ class _Panels:
 
     def reference(self, frame: str, label: str) -> tuple[Reference, int] | None:
         """Return the reference of a component and its column there; None without one."""
-        found = [one for one in self.result.references if one.frame == frame and label in one.labels]
-        return (found[0], found[0].labels.index(label)) if found else None
+        references = [
+            reference for reference in self.result.references if reference.frame == frame and label in reference.labels
+        ]
+        return (references[0], references[0].labels.index(label)) if references else None
 
     def draw_forces(self, axis: Axes, frame: str, label: str, span: tuple[float, float] = EVERYWHERE) -> None:
         """Draw the truth, and the estimates over it; one that is much rougher goes behind, where it hides no truth."""

@@ -34,9 +34,9 @@ def thinned(count: int, read: Callable[[int, int], Lines]) -> Lines:
     size = -(-count // (MOST_DRAWN // 2))
     times, values = [], []
     for first in range(0, count, size * max(1, READ // size)):
-        time, found = read(first, min(first + size * max(1, READ // size), count))
+        time, rows = read(first, min(first + size * max(1, READ // size), count))
         starts = np.arange(0, len(time), size)
-        low, high = np.minimum.reduceat(found, starts), np.maximum.reduceat(found, starts)
+        low, high = np.minimum.reduceat(rows, starts), np.maximum.reduceat(rows, starts)
         times.append(np.repeat(time[np.minimum(starts + size // 2, len(time) - 1)], 2))
         values.append(np.stack([low, high], axis=1).reshape(2 * len(starts), -1))
     return np.concatenate(times), np.concatenate(values)
@@ -75,7 +75,7 @@ def fit_to_drawn(axes: Sequence[Axes], begin: float = -np.inf) -> float:
     for axis in axes:
         places = [line.get_xydata() for line in axis.lines]
         places += [path.vertices for band in axis.collections for path in band.get_paths() if band.get_hatch() is None]
-        drawn = np.concatenate([np.empty((0, 2)), *(np.asarray(one, float) for one in places)])
+        drawn = np.concatenate([np.empty((0, 2)), *(np.asarray(points, float) for points in places)])
         drawn = drawn[np.all(np.isfinite(drawn), axis=1)]
         late = drawn[drawn[:, 0] >= begin]
         ends += [late if len(late) else drawn] if len(drawn) else []

@@ -76,7 +76,7 @@ class _Picture:
         points = [self._data.oMf[frame].translation for frame in self._frames]
         curves = [np.concatenate([[row.time], row.true.ravel(), row.estimate.ravel()]) for row in rows]
         whole = [[source.time, pace, len(rows)], self._target, source.force.ravel(), *parts, *points, *curves]
-        return np.concatenate([np.ravel(one) for one in whole]).astype("<f4").tobytes()
+        return np.concatenate([np.ravel(part) for part in whole]).astype("<f4").tobytes()
 
 
 class _Life:
@@ -254,7 +254,7 @@ def live_parts(visual_model: pin.GeometryModel) -> list[dict[str, Any]]:
             {
                 "points": np.round(points, 5).ravel().tolist(),
                 "faces": faces.ravel().tolist(),
-                "colour": [round(255.0 * one) for one in (red, green, blue)],
+                "colour": [round(255.0 * share) for share in (red, green, blue)],
                 "opacity": opacity,
             }
         )
@@ -267,7 +267,7 @@ def _outward_triangles(shape: Any) -> tuple[Array, Any]:
         points = np.asarray(shape.vertices(), float)
         if shape.num_tris <= SIMPLE:
             triangles = (shape.tri_indices(k) for k in range(shape.num_tris))
-            return points, np.array([[one[0], one[1], one[2]] for one in triangles])
+            return points, np.array([[triangle[0], triangle[1], triangle[2]] for triangle in triangles])
         return _hull(points[np.unique(np.argmax(_directions() @ points.T, axis=1))])
     if isinstance(shape, coal.Box):
         return _hull(np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T * shape.halfSide)

@@ -248,7 +248,7 @@ class Recording:
             for name, start in kind.start.items():
                 node, force = f"world/force/{kind.label}/{name}", kind.force[name]
                 scene.arrow(node, kind.colour, start, force, scale, self.size, inner=kind.inner)
-            text, choices = kind.label, [(one.label, one.choice) for one in self._choices]
+            text, choices = kind.label, [(option.label, option.choice) for option in self._choices]
             if kind in self._choices and len(choices) > 1:
                 if kind is not self._choices[0]:
                     scene.hide(f"world/force/{kind.label}")
