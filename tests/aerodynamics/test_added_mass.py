@@ -10,7 +10,7 @@ import pytest
 from support import twins
 from support.kernel_cases import instant
 
-from aerobat_pin.aerobat.flight_record import true_force
+from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.aerodynamics.planform import added_mass_factor
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight.plant.plant import Plant

@@ -10,8 +10,8 @@ import pytest
 import xarray as xr
 from scipy.signal import savgol_filter
 
-from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.flight_record import flight_motion, flight_record, known_inputs, true_force
+from aerobat_pin.aerobat.flight_log import FlightLog, true_force
+from aerobat_pin.aerobat.flight_record import flight_motion, flight_record, known_inputs
 from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation.scores import r_squared

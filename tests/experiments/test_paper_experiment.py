@@ -10,7 +10,7 @@ import xarray as xr
 from support.arm import arm
 from support.kernel_cases import record
 
-from aerobat_pin.aerobat.flight_record import true_force
+from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.estimation.scores import FORCE_AXES
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.experiments.write_results import estimate_dataset, estimate_table

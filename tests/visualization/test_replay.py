@@ -14,8 +14,7 @@ from support.browser import at, frames, needs_browser, node, opened, pixels, rea
 from support.shed_wake import wake_at
 
 from aerobat_description.write_urdf import MATERIALS
-from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.flight_record import true_force
+from aerobat_pin.aerobat.flight_log import FlightLog, true_force
 from aerobat_pin.aerobat.tables import read_log
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.experiments.write_results import estimate_dataset

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import Mount
-from aerobat_pin.aerobat.flight_record import SUM
+from aerobat_pin.aerobat.flight_log import SUM
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.filter import JointFilter
 from aerobat_pin.aerobat.raw.find_mount import mounted
