@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from aerobat_pin.errors import ObserverError
+from aerobat_pin.estimation.against_reference import sensor_references
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
 from aerobat_pin.estimation.calibration.check_model import check_model
 from aerobat_pin.estimation.calibration.free_run import noise_where_known
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
-from aerobat_pin.estimation.compared import sensor_references
-from aerobat_pin.estimation.expected import expected_of
+from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.findings import refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.known_forces import KnownForces

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.compared import Compared
+from aerobat_pin.estimation.against_reference import Compared
+from aerobat_pin.estimation.calibration_use import CalibrationUse, FoundEvent
 from aerobat_pin.estimation.row_residuals import row_contacts
 from aerobat_pin.estimation.scores import Score, point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, warnings_about
-from aerobat_pin.estimation.use import CalibrationUse, FoundEvent
 from aerobat_pin.observers import DOUBTFUL, Redundancy
 
 

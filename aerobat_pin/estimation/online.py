@@ -21,7 +21,7 @@ from aerobat_pin.errors import AerobatError, MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.contacts import END_SHARE, walks_on
-from aerobat_pin.estimation.expected import expected_from, lifted_errors, row_scale
+from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.moving_axes import change_of_axes
 from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth

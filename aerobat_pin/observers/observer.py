@@ -32,6 +32,7 @@ from aerobat_pin.numerics import (
     placements,
 )
 from aerobat_pin.observers.applications import Application, Applications
+from aerobat_pin.observers.equations import Equations, Observed, Samples, observe_record, sample_robot
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.identifiability import judge
@@ -39,7 +40,6 @@ from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
 from aerobat_pin.observers.pickled import model_bytes, rebuilt
-from aerobat_pin.observers.reference import Equations, Observed, Samples, observe_record, sample_robot
 from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight, serial_model
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, for_kernels, modes
 

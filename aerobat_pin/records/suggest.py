@@ -58,12 +58,15 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
     ]
     lines += _robot(columns, urdf, "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform")))
     lines += ["", "[log]"]
+    time, step = None, None
     if not columns.kinds and not str(log).endswith(NETCDF):
-        lines += _time(log, columns)
+        time = _time_column(log, columns)
+        step = None if time is None else time[2] * SECONDS[time[1]]
+        lines += _time(time)
     lines += ['world = "z_up"  # or "ned": does z point down?', ""]
     lines += (
         list(_suggest_base(columns, groups))
-        + list(suggest_joints(columns, urdf))
+        + list(suggest_joints(columns, urdf, step))
         + list(_suggest_check(columns, groups))
     )
     lines += ["[observer]", 'names = ["force_level"]', "gain = 200  # K [1/s]: 1/K is the lag; smaller is smoother", ""]
@@ -148,18 +151,24 @@ def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
     ]
 
 
-def _time(log: Path, columns: Columns) -> list[str]:
+def _time_column(log: Path, columns: Columns) -> tuple[str, str, float] | None:
+    """Return the column of a table that looks like a time, its unit, and its step in that unit; None if none does."""
     found = next((match for match in map(TIME.match, header_of(log, LogTable())[1]) if match), None)
     if found is None:
+        return None
+    series = columns.values.get(found[0], columns.clocks["table"].time)
+    step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
+    guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
+    return found[0], UNITS_IN_NAMES["time"].get((found["unit"] or "").lower(), guess), step
+
+
+def _time(time: tuple[str, str, float] | None) -> list[str]:
+    if time is None:
         return [
             "time = {rate = 1000}  # no column looks like a time: how many samples a second? Or {column "
             '= ..., unit = "s"}'
         ]
-    name = found[0]
-    series = columns.values.get(name, columns.clocks["table"].time)
-    step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
-    guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
-    unit = UNITS_IN_NAMES["time"].get((found["unit"] or "").lower(), guess)
+    name, unit, step = time
     return [f'time = {{column = "{name}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?']
 
 

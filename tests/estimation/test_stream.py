@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import copy
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import pinocchio as pin
 import pytest
 from support.stream_faults import Fault, faulty
 from support.walking_log import FEET, Walk, table, table_map, urdf, walk
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import OnlineEstimator, OnlineSample, estimate
-from aerobat_pin.estimation.expected import expected_of
+from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.run_observers import inputs_between, points_of
 from aerobat_pin.estimation.stream_rings import LENGTH
@@ -137,6 +139,28 @@ def test_by_the_stamps_of_its_joints_a_stream_is_the_record(folder: Path) -> Non
     assert max(found[-1].seen.values()) <= 1.0
     assert not found[0].settled
     assert found[-1].settled
+
+
+def test_a_leg_in_the_air_tells_a_stream_what_it_tells_a_record(folder: Path) -> None:
+    """A foot carries nothing, and its joints rub: a stream expects the errors of these rows that a record shows."""
+    walked, rub = walk(), np.array([0.4, 0.2, 0.1])  # [N m]
+    model = pin.buildModelFromXML(urdf(), pin.JointModelFreeFlyer())
+    data, foot = model.createData(), model.getFrameId(FEET[0])
+    tau = walked.tau.copy()
+    tau[:, :3] += rub * np.sign(np.sin(20.0 * walked.time))[:, None]
+    for k, q in enumerate(walked.q):
+        J = pin.computeFrameJacobian(model, data, q, foot, pin.LOCAL_WORLD_ALIGNED)[:3, 6:9]
+        tau[k, :3] += J.T @ walked.force[k, 0]
+    base = mapped(folder).base.model_dump(by_alias=True, exclude_none=True)
+    chosen = mapped(folder, None, base={key: base[key] for key in ("quaternion", "rate")} | {"from": "joints"})
+    stamped = messages(replace(walked, tau=tau))
+    stream = OnlineEstimator(chosen, folder)
+    streamed(stream, stamped)
+    _, whole = batch(folder, chosen, stamped)
+    assert stream._sizes is not None
+    assert whole is not None
+    np.testing.assert_allclose(stream._sizes.row_error[6:9], whole.row_error[6:9], rtol=0.05)
+    assert np.all(whole.row_error[6:9] > 0.9 * rub)
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_state, shown
 from aerobat_pin.observers.applications import Application
+from aerobat_pin.observers.equations import Observed, Samples
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.kalman import kernels
@@ -21,7 +22,6 @@ from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, LEAST_INFORMA
 from aerobat_pin.observers.kalman.noisy_sample import inertias_at, kinship_of
 from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.reference import Observed, Samples
 from aerobat_pin.observers.rows import BASE_ROWS, Rows, has_free_base, moving_weight
 
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [rad/s], joint rates [rad/s]
