@@ -6,7 +6,7 @@
 | XML | at most `DEEPEST_XML` levels and `MOST_ELEMENTS` elements | Pinocchio, which calls itself for each level |
 | compressed | at most `MOST_UNPACKED` bytes at a time, `MOST_TIMES_LARGER` than the file in all | rosbags |
 
-NetCDF: `records/netcdf.py`. TOML: `aerobat_description/toml_text.py`. Only the
+NetCDF: `records/checked_netcdf.py`. TOML: `aerobat_description/toml_text.py`. Only the
 standard library is imported.
 """
 

@@ -56,13 +56,13 @@ def checked_robot(path: Path, kind: str) -> Element:
         raise LogError(f"{name}: {bodies} bodies: at most {MOST_BODIES} were expected")
     if kind == "urdf" and _deeper_than(root, DEEPEST_XML):
         raise LogError(f"{name}: more than {DEEPEST_XML} links in a row, or a closed chain")
-    classes = {"main", *(element.get("class") for element in root.iter("default"))}
+    classes = {element.get("class") for element in root.iter("default")}
     for element, where in _with_places(root, ""):
         for key, text in element.attrib.items():
             if (rule := _broken_rule(element, key, text, kind)) is not None:
                 raise LogError(f'{name}: {where}<{element.tag} {key}="{text[:80]}">: {rule}')
             if kind == "mjcf" and key in ("class", "childclass") and text not in classes:
-                known = ", ".join(sorted(filter(None, classes)))
+                known = ", ".join(sorted(filter(None, classes))) or "none"
                 raise LogError(f'{name}: {where}<{element.tag} {key}="{text[:80]}">: no such class; there are {known}')
             if key in ("file", "filename"):
                 _check_inside(path, text, f'{name}: {where}<{element.tag} {key}="{text[:80]}">')

@@ -13,6 +13,7 @@ from .channels import EXTRA as EXTRA
 from .channels import G as G
 from .channels import Request as Request
 from .channels import base_requests as base_requests
+from .checked_netcdf import seal_netcdf as seal_netcdf
 from .columns import Columns as Columns
 from .encoders import encoder_words as encoder_words
 from .file_source import open_record as open_record
@@ -65,4 +66,3 @@ from .spool import spread_stretches as spread_stretches
 from .spool import typical_spacing as typical_spacing
 from .suggest import suggested_map as suggested_map
 from .write_netcdf import netcdf_bytes as netcdf_bytes
-from .write_netcdf import seal_netcdf as seal_netcdf

@@ -1,8 +1,8 @@
 """Read an HDF5 file of others once, in a process whose memory and time are limited.
 
 The HDF5 library reads lengths from a file as they are: one that is damaged, or made so, lets it read for ever or ends
-the process. So a file without a checksum of ours (`write_netcdf.py`) is first read here, from end to end; what it is
-made of is judged later, in `netcdf.py`. As a program: `python hdf5_trial.py FILE`.
+the process. So a file without a checksum of ours is first read here, from end to end; what it is
+made of is judged later, in `checked_netcdf.py`. As a program: `python hdf5_trial.py FILE`.
 """
 
 from __future__ import annotations

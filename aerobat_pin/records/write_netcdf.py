@@ -2,54 +2,21 @@
 
 Files are written with h5py alone. A NetCDF-4 file is an HDF5 file in which a dimension is a dataset with the attribute
 CLASS = DIMENSION_SCALE, and DIMENSION_LIST of each other dataset refers to its dimensions (NetCDF Users Guide, appendix
-C.3). The checksum stands behind the end that the HDF5 library knows: it does not see it, and cuts it off when it
-changes the file.
+C.3).
 """
 
 from __future__ import annotations
 
 import io
 import itertools
-import os
 from collections.abc import Hashable, Iterator, Mapping
-from pathlib import Path
-from typing import Any, BinaryIO
-from zlib import crc32
+from typing import Any
 
 import h5py
 import numpy as np
 import xarray as xr
 
-NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"  # begins NAME of a dimension without values
-SEAL, CRC_SIZE = b"CRC-32:\n", 4  # the file ends with this word and the checksum of all before it, in bytes
-BYTES_SUMMED = 1 << 20  # at once
-
-
-def seal_netcdf(path: Path) -> None:
-    """Put a seal to the end of a file. Raises OSError if it cannot be written."""
-    with path.open("r+b") as file:
-        file.write(_seal_of(file, path.stat().st_size))
-
-
-def seal_holds(path: str | Path) -> bool | None:
-    """Return whether a file ends with a seal that fits what is before it; None if it has no seal."""
-    size = os.path.getsize(path) - len(SEAL) - CRC_SIZE
-    if size < 0:
-        return None
-    with open(path, "rb") as file:
-        file.seek(size)
-        end = file.read()
-        file.seek(0)
-        return end == _seal_of(file, size) if end.startswith(SEAL) else None
-
-
-def _seal_of(file: BinaryIO, left: int) -> bytes:
-    """Read so many bytes, and return their seal."""
-    crc = 0
-    while left:
-        piece = file.read(min(left, BYTES_SUMMED))
-        crc, left = crc32(piece, crc), left - len(piece)
-    return SEAL + crc.to_bytes(CRC_SIZE, "big")
+from aerobat_pin.records.checked_netcdf import NO_VARIABLE, seal_of
 
 
 def netcdf_bytes(root: xr.Dataset, truth: xr.Dataset | None = None) -> bytes:
@@ -70,7 +37,7 @@ def netcdf_bytes(root: xr.Dataset, truth: xr.Dataset | None = None) -> bytes:
         if truth is not None:
             _write_group(file.create_group("truth", track_order=True), truth, scales, numbers)
     content.seek(0)
-    content.write(_seal_of(content, content.getbuffer().nbytes))
+    content.write(seal_of(content, content.getbuffer().nbytes))
     return content.getvalue()
 
 

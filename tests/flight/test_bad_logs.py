@@ -17,7 +17,7 @@ from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.tables import read_log, write_csv
 from aerobat_pin.errors import AerobatError, LogError
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.records import netcdf
+from aerobat_pin.records import checked_netcdf
 from aerobat_pin.robot.aerobat import JOINTS, believed_robot, load_aerobat
 from aerobat_pin.scenario import csv_rows
 from aerobat_pin.scenario.scenario import load_scenario
@@ -145,7 +145,7 @@ def test_sizes_are_checked_before_anything_is_read(
 ) -> None:
     """Of a NetCDF file all channels together; of a table the bytes, with an estimate of its rows."""
     log.save(tmp_path / "log.nc")
-    monkeypatch.setattr(netcdf, "LARGEST_FILE", 50e3)
+    monkeypatch.setattr(checked_netcdf, "LARGEST_FILE", 50e3)
     with pytest.raises(LogError, match=r"its values take .* GB: at most 2 GB are read"):
         FlightLog.load(tmp_path / "log.nc")
     write_csv(replace(log, truth=None), tmp_path / "log.csv")

@@ -2,79 +2,124 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 
 import numpy as np
 import tomli_w
 
-from support.bad_robots import ARM, SHAPE, stl
+from support.bad_robots import ARM, COLLADA, SHAPE, stl
 from support.bad_strangers import ARM_MJCF
+from support.bad_texts import FORMATS, SHORT
 
 Rng = np.random.Generator
 WITH_MAP, SUGGESTED = ["--map", "map.toml", "--out", "out"], ["--suggest"]
 PLAY = ["play", "--from-csv", "motion.csv", "--urdf", "arm.urdf", "--out", "out.html"]
+PLAY_RUN, SWEEP = ["play", "run", "--out", "out.html"], ["sweep", "s.toml", "--out", "out", "--jobs", "1"]
+CHECK = ["check", "flight.nc", "--calibration", "c.h5", "--out", "out.png"]
+FORCE = 'unknown_force=[{signal="recorded", frame="left_distal", file="force.csv"}]'
 SEAL = 12  # bytes of the checksum at the end of a NetCDF file, without which the HDF5 library reads what is damaged
-READERS = {  # file that is changed -> the words that read it, and the other files that they need
-    "log.csv": (["estimate", "log.csv", *SUGGESTED], ()),
-    "map.toml": (["estimate", "short.csv", *WITH_MAP], ("robot.urdf", "short.csv")),
-    "robot.urdf": (["estimate", "short.csv", *WITH_MAP], ("map.toml", "short.csv")),
-    "robot.mjcf": (["estimate", "short.csv", "--map", "mjcf.toml", "--out", "out"], ("mjcf.toml", "short.csv")),
-    "bag.mcap": (["estimate", "bag.mcap", *SUGGESTED], ()),
-    "bag.db3": (["estimate", "bag.db3", *SUGGESTED], ()),
-    "flight.h5": (["estimate", "flight.h5", *SUGGESTED], ()),
-    "flight.nc": (["estimate", "flight.nc", *SUGGESTED], ()),
-    "c.h5": (["estimate", "flight.nc", "--calibration", "c.h5", "--out", "out"], ("flight.nc",)),
-    "mesh.stl": (PLAY, ("arm.urdf", "motion.csv")),
-    "motion.csv": (PLAY, ("arm.urdf", "mesh.stl")),
-    "arm.urdf": (PLAY, ("mesh.stl", "motion.csv")),
-}
+READERS: tuple[tuple[str, list[str], tuple[str, ...]], ...] = (  # what is changed, the words that read it, other files
+    ("log.csv", ["estimate", "log.csv", *SUGGESTED], ()),
+    ("map.toml", ["estimate", "log.csv", *WITH_MAP], ("robot.urdf", "log.csv")),
+    ("robot.urdf", ["estimate", "log.csv", *WITH_MAP], ("map.toml", "log.csv")),
+    ("robot.mjcf", ["estimate", "short.csv", "--map", "mjcf.toml", "--out", "out"], ("mjcf.toml", "short.csv")),
+    ("bag.mcap", ["estimate", "bag.mcap", *SUGGESTED], ()),
+    ("bag.db3", ["estimate", "bag.db3", *SUGGESTED], ()),
+    ("old.bag", ["estimate", "old.bag", *SUGGESTED], ()),
+    ("flight.h5", ["estimate", "flight.h5", *SUGGESTED], ()),
+    ("flight.nc", ["estimate", "flight.nc", *SUGGESTED], ()),
+    ("c.h5", ["estimate", "flight.nc", "--calibration", "c.h5", "--out", "out"], ("flight.nc",)),
+    ("c.h5", CHECK, ("flight.nc",)),
+    ("mesh.stl", PLAY, ("arm.urdf", "motion.csv")),
+    ("mesh.dae", [word.replace("arm", "dae") for word in PLAY], ("dae.urdf", "motion.csv")),
+    ("motion.csv", PLAY, ("arm.urdf", "mesh.stl")),
+    ("arm.urdf", PLAY, ("mesh.stl", "motion.csv")),
+    ("paper.toml", ["run", "paper.toml", "--out", "out", *SHORT], ()),
+    ("force.csv", ["run", "paper", "--out", "out", *SHORT, "--set", FORCE], ()),
+    ("robot.toml", ["linkage", "robot.toml", "--out", "out.png"], ()),
+    ("s.toml", SWEEP, ("out",)),
+    ("out/finished.jsonl", SWEEP, ("s.toml", "out")),
+    ("run/scenario.toml", PLAY_RUN, ("run",)),
+    ("run/estimate.nc", PLAY_RUN, ("run",)),
+    ("run/flight.nc", ["convert", "run", "--out", "out.mcap"], ("run",)),
+    ("run/metrics.json", ["compare", "run", "free", "--out", "compared"], ("run", "free")),
+)
 
 
-def write_readable(good: Path, flight: Path, calibration: Path) -> None:
+def write_readable(good: Path, run: Path, swept: Path) -> None:
     """Write the good files beside those of `bad_recordings.write_good`.
 
     Args:
-        good: their folder.
-        flight: log of a flight, `.nc`.
-        calibration: what was learnt from it.
+        good: their folder, which also has the folder `free` of a flight, and what was learnt from it, `c.nc`.
+        run: folder of a good run.
+        swept: folder of a good sweep, with its file.
     """
+    flight = good / "free" / "flight.nc"
     shutil.copy(next((good / "bag").glob("*.mcap")), good / "bag.mcap")
-    _as_database(good / "bag.mcap", good / "database")
+    _as_databases(good / "bag.mcap", good / "database")
     shutil.copy(next((good / "database").glob("*.db3")), good / "bag.db3")
     (good / "flight.nc").write_bytes(flight.read_bytes())
     (good / "flight.h5").write_bytes(flight.read_bytes()[:-SEAL])
-    (good / "c.h5").write_bytes(calibration.read_bytes()[:-SEAL])
+    (good / "c.h5").write_bytes((good / "c.nc").read_bytes()[:-SEAL])
     (good / "robot.mjcf").write_text(ARM_MJCF)
     (good / "mjcf.toml").write_text(tomli_w.dumps({"robot": {"mjcf": "robot.mjcf", "points": ["bar"]}}))
     (good / "short.csv").write_text("t,x\n0,0\n1,0\n")
     (good / "mesh.stl").write_bytes(stl(0.0, 0.0, 0.0))
     (good / "arm.urdf").write_text(ARM.replace(SHAPE, '<mesh filename="mesh.stl"/>'))
+    (good / "dae.urdf").write_text(ARM.replace(SHAPE, '<mesh filename="mesh.dae"/>'))
+    (good / "mesh.dae").write_text(re.sub("<library_images>.*</library_images>", "", COLLADA))
     (good / "motion.csv").write_text("time,hinge\n0,0\n1,1\n")
+    (good / "force.csv").write_text("time,force\n0,0\n1,1\n")
+    for name, door in (("paper.toml", "run"), ("robot.toml", "linkage")):
+        (good / name).write_text(FORMATS[door][0])
+    shutil.copytree(run, good / "run")
+    shutil.copytree(swept, good, dirs_exist_ok=True)
 
 
-def _as_database(bag: Path, folder: Path) -> None:
-    """Write a bag again as an SQLite database."""
+def _as_databases(bag: Path, folder: Path) -> None:
+    """Write a bag again as an SQLite database, and its joint states as a bag of ROS 1."""
+    from rosbags.rosbag1 import Writer as OldWriter
     from rosbags.rosbag2 import Reader, StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    with Reader(bag) as reader, Writer(folder, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:
+    store, old = get_typestore(Stores.ROS2_HUMBLE), get_typestore(Stores.ROS1_NOETIC)
+    with (
+        Reader(bag) as reader,
+        Writer(folder, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer,
+        OldWriter(folder.with_name("old.bag")) as old_writer,
+    ):
         made = {
             one.id: writer.add_connection(one.topic, one.msgtype, typestore=store, serialization_format="cdr")
             for one in reader.connections
         }
+        names = {one.id: one.msgtype for one in reader.connections if one.topic == "/joint_states"}
+        kept = {key: old_writer.add_connection("/joint_states", name, typestore=old) for key, name in names.items()}
+        kind = old.types["std_msgs/msg/Header"]
         for connection, time, raw in reader.messages():
             writer.write(made[connection.id], time, raw)
+            if connection.id in kept:
+                message = store.deserialize_cdr(raw, connection.msgtype)
+                message.header = kind(seq=0, stamp=message.header.stamp, frame_id="")
+                old_writer.write(kept[connection.id], time, bytes(old.serialize_ros1(message, connection.msgtype)))
+
+
+def readable(name: str, others: tuple[str, ...], good: Path, place: Path) -> Path:
+    """Copy a good file, and those that are read with it, to a folder; return where it is."""
+    for other in (*others, name):
+        if (good / other).is_dir():
+            shutil.copytree(good / other, place / other)
+        else:
+            shutil.copy(good / other, place / other)
+    return place / name
 
 
 def changed_bytes(rng: Rng, good: Path, place: Path) -> tuple[str, list[str]]:
     """Write one changed file, and those that are read with it; return its name and the words that read it."""
-    name = str(rng.choice(list(READERS)))
-    words, others = READERS[name]
-    for other in others:
-        shutil.copy(good / other, place)
-    (place / name).write_bytes(changed(rng, (good / name).read_bytes()))
+    name, words, others = READERS[rng.integers(len(READERS))]
+    path = readable(name, others, good, place)
+    path.write_bytes(changed(rng, path.read_bytes()))
     return name, list(words)
 
 

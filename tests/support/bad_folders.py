@@ -52,6 +52,53 @@ def bad_run(rng: Rng, place: Path, run: Path) -> list[str]:
     return list(doors[rng.integers(2)])
 
 
+METRICS = (  # that are no scores of a run
+    *(
+        b"",
+        b"{}",
+        b"[]",
+        b"3",
+        b"{",
+        9000 * b"[",
+        b'{"observers": NaN}',
+        b'{"observers": 3}',
+        b"\xff\xfe",
+        6_000_000 * b" ",
+    ),
+    *(b'{"observers": {"momentum": 3}}', b'{"observers": {"momentum": {"left": {"Fx": 3}}}}'),
+    b'{"observers": {"momentum": {"left": {"Fx": {"r2": "good", "rmse": 1}}}}}',
+    b'{"observers": {"momentum": {"left": {"Fx": {"r2": 1, "rmse": 1e999}}}}}',
+    b'{"observers": {"a\\u001b": {"left": {"Fx": {"r2": 1, "rmse": 1}}}}}',
+    b'{"observers": {"momentum": {"left": {"Fx": {"r2": 1}}}}}',
+)
+
+
+def bad_comparison(rng: Rng, place: Path, run: Path) -> list[str]:
+    """Damage the scores or a figure of a run that is compared with a good one; arguments as of `bad_run`."""
+    for name in ("run", "good"):
+        shutil.copytree(run, place / name)
+    scores, figure = place / "run" / "metrics.json", place / "run" / "figures" / "states.png"
+    (place / "private.png").write_bytes(b"\x89PNG private")
+    figure.parent.mkdir(exist_ok=True)
+    choice = rng.integers(8)
+    if choice < 3:
+        scores.write_bytes(METRICS[rng.integers(len(METRICS))])
+    elif choice == 3:
+        scores.unlink()
+        (scores.mkdir, lambda: os.mkfifo(scores), lambda: scores.symlink_to("/dev/zero"))[rng.integers(3)]()
+    elif choice == 4:
+        figure.symlink_to(place / "private.png")
+    elif choice == 5:
+        os.mkfifo(figure)
+    elif choice == 6:
+        figure.write_bytes(rng.bytes(100))
+    else:
+        with figure.open("wb") as file:
+            file.truncate(int(10.0 ** rng.uniform(6.7, 12.0)))
+    runs = ["run", "good"]
+    return ["compare", *(runs if rng.integers(2) else runs[::-1]), "--out", "out"]
+
+
 def _line(change: Change) -> Callable[[bytes], bytes]:
     def forge(content: bytes) -> bytes:
         lines = content.splitlines()

@@ -41,8 +41,8 @@ from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.replay.serve import serve
 from support import bad_recordings
-from support.bad_bytes import changed_bytes, write_readable
-from support.bad_folders import SWEEP, bad_run, bad_sweep
+from support.bad_bytes import READERS, changed_bytes, readable, write_readable
+from support.bad_folders import SWEEP, bad_comparison, bad_run, bad_sweep
 from support.bad_logs import HARMLESS, bad_log
 from support.bad_maps import WITH_MAP, by_map, changes_nothing, drawn_map, says_more
 from support.bad_robots import FOREIGN, ROBOT
@@ -50,7 +50,7 @@ from support.bad_strangers import STRANGERS
 from support.bad_texts import SHORT, SIZES, TEXT, Kind
 from support.broken_runs import Bench, random_case
 from support.damaged_kernels import damaged_case
-from support.wrong_values import api_case
+from support.wrong_values import api_case, environment_case
 
 CLASSES = {  # number -> what is bad
     1: "logs whose labels or units are others",
@@ -83,6 +83,7 @@ OTHER_DOORS = {
 OWN_FOLDERS = {"bench", "run", "swept", "walk", "good.nc", "good.csv"}  # which are made when they are first needed
 LONGEST = 20.0  # [s]
 MORE_MEMORY = 300_000_000  # bytes beyond those of a process that has imported everything: some 200 MB
+DRAWN = 0.1  # share of the inputs that are taken whose figures and pages are drawn, which takes most of the time
 IN_A_PROCESS = 0.05  # share of the command lines that run in a process of their own
 
 
@@ -181,7 +182,9 @@ class Doors:
             if number in RUNS:
                 return self._broken(rng, number)
             if number == 9:
-                name, wrong = api_case(rng)
+                in_environment = rng.random() < 0.2
+                self._door = "environment" if in_environment else self._door
+                name, wrong = environment_case(rng) if in_environment else api_case(rng)
                 signs = {"is accepted": "silent acceptance", "raises": "traceback"}
                 kind = next((fault for sign, fault in signs.items() if sign in wrong), FAULTS[-1])
                 return Attempt(number, name, wrong and f"{kind}: {wrong}")
@@ -219,7 +222,12 @@ class Doors:
         assert self.called(["run", "paper", *free, "--out", "free"], good).code == 0
         learn = ["calibrate", "free", "--out", "c.nc", "--identify", "none"]
         assert self.called(learn, good).code == 0
-        write_readable(good, good / "free" / "flight.nc", good / "c.nc")
+        write_readable(good, self.run, self.swept)
+        for name, words, others in READERS:
+            with tempfile.TemporaryDirectory(dir=good) as place:
+                readable(name, others, good, Path(place))
+                code = self.bench.forks.warm(words, Path(place))
+                assert code == 0 or name == "robot.mjcf", (words, code)  # no table of that robot is there
         return good
 
     @cached_property
@@ -232,6 +240,7 @@ class Doors:
         return {
             "folder of a run": lambda rng, place: bad_run(rng, place, self.run),
             "folder of a sweep": lambda rng, place: bad_sweep(rng, place, self.swept),
+            "run to compare": lambda rng, place: bad_comparison(rng, place, self.run),
         }
 
     def called(self, words: list[str], place: Path) -> Said:
@@ -263,7 +272,9 @@ class Doors:
         if not limited and rng.random() >= IN_A_PROCESS:
             return self.called(words, place)
         start = time.monotonic()
-        limits: Any = {"more_memory": MORE_MEMORY, "patience": int(self.patience)} if limited else {}
+        limits: Any = {}
+        if limited:
+            limits = {"more_memory": MORE_MEMORY, "patience": int(self.patience), "pages": rng.random() < DRAWN}
         done = self.bench.forks.start(words, place, **limits).result()
         late = time.monotonic() - start > self.patience
         bad = done.returncode < 0 or "Traceback" in done.stderr

@@ -61,7 +61,12 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
         others = (b"", b"[robot", b"\xff" + text, text.decode().encode("utf-16"), 9000 * b"[", b"x = " + 5000 * b"9")
         others += (cut, text + b"\n[robot]\n", text + b"\n[unknown]\na = 1\n", b"#" * 2_000_000 + b"\n" + text)
         (place / "map.toml").write_bytes(others[rng.integers(len(others))])
-        return ["estimate", "log.csv", *WITH_MAP]
+        doors = (
+            ["estimate", "log.csv", *WITH_MAP],
+            ["node", "--map", "map.toml"],
+            ["live", "log.csv", "--map", "map.toml"],
+        )
+        return list(doors[rng.integers(3)])
 
     def robot(rng: Rng, place: Path) -> list[str]:
         """Give a robot that is none, or another one than the map's."""
@@ -136,8 +141,14 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
         others += (data[:at] + rng.bytes(64) + data[at + 64 :],)
         (place / "c.nc").write_bytes(others[rng.integers(len(others))])
         shutil.copy(free, place / "free.nc")
-        doors = ["run", "paper", *SHORT], ["estimate", "free.nc"]
-        return [*doors[rng.integers(2)], "--calibration", "c.nc", "--out", "out"]
+        copied(place, "bag.toml", "robot.urdf")
+        doors = (
+            ["run", "paper", *SHORT, "--out", "out"],
+            ["estimate", "free.nc", "--out", "out"],
+            ["check", "free.nc", "--out", "out.png"],
+            ["node", "--map", "bag.toml"],
+        )
+        return [*doors[rng.integers(len(doors))], "--calibration", "c.nc"]
 
     def calibrated(rng: Rng, place: Path) -> list[str]:
         """Calibrate by flights that are none, or ask for what there is not."""
@@ -149,7 +160,10 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
         wrong = (["cut.nc"], ["free.nc", "cut.nc"], ["table.csv"], ["folder"], ["none"], ["free.nc", "--identify", "²"])
         wrong += (["free.nc", "--harmonics", "41"], ["free.nc", "--set", "robot.x=1"])
         wrong += (["free.nc", "--morphology", "robot"], [300 * "n"], ["free.nc", "--set", "air.density=nan"])
-        return ["calibrate", *wrong[rng.integers(len(wrong))], "--out", "out.nc"]
+        chosen = wrong[rng.integers(len(wrong))]
+        if len(chosen) == 1 and rng.integers(2):
+            return ["check", *chosen, "--calibration", str(calibration), "--out", "out.png"]
+        return ["calibrate", *chosen, "--out", "out.nc"]
 
     return {
         "map": mapped,

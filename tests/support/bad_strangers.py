@@ -32,7 +32,7 @@ HINGE = (
 )
 INERTIAL = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
 ARM_MJCF = (
-    f'<mujoco model="arm"><worldbody><body name="base"><freejoint/>{INERTIAL}'
+    f'<mujoco model="arm"><default class="main"/><worldbody><body name="base"><freejoint/>{INERTIAL}'
     f'<body name="bar" pos="0 0 1" quat="1 0 0 0"><joint name="hinge" axis="0 1 0" ref="0"/>{INERTIAL}'
     '<geom class="main" size=".1" mass="0"/></body></body></worldbody></mujoco>'
 )

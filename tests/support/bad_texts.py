@@ -35,7 +35,7 @@ FORMATS = {  # door -> a good file, numbers in it, keys that it must have
     ),
 }
 FORMATS["urdf"] = FORMATS["mjcf"] = FORMATS["crank"] = FORMATS["linkage"]
-FORMATS["trim"] = FORMATS["run"]
+FORMATS["trim"] = FORMATS["live"] = FORMATS["run"]
 WRONG_VALUES = ('"text"', "true", "1979-05-27", "[[1]]", "{a = 1}", "nan", "inf", "-inf", "-1e400", "-7", '""', "[]")
 TEXT: dict[str, Kind] = {}
 SIZES: dict[str, Kind] = {}
@@ -186,7 +186,7 @@ def _setting(rng: Rng, place: Path) -> list[str]:
         f"{300 * 'k'}=1",
         f"robot.morphology={rng.choice([300 * 'm', '/', '.', 'none', '/dev/null', '../x.toml'])}",
         "observers.names=" + str(rng.choice(["[]", "[1]", '["x"]', '["momentum", "momentum"]', "x"])),
-        "observers.frames=" + str(rng.choice(["[]", '["x"]', '["left_distal", "left_distal"]', "3"])),
+        "observers.frames=" + str(rng.choice(['["x"]', '["left_distal", "left_distal"]', "3"])),
         "robot.changes." + str(rng.choice(["linkage.L1=0", "body.mass=-1", "wing.x=1", "name=", "linkage=3"])),
         "unknown_force.0=" + str(rng.choice(["3", "{}", "[]", '{frame="left_distal", signal="none"}'])),
         'unknown_force=[{signal="recorded", frame="left_distal", file="'
@@ -212,7 +212,9 @@ def _path(rng: Rng, place: Path) -> list[str]:
         ["convert", name, "--out", "out.mcap"],
         ["estimate", name, "--suggest"],
     )
-    reads += (["calibrate", name, "--out", "out.nc"], ["estimate", "x.csv", "--map", name])
+    reads += (["calibrate", name, "--out", "out.nc"], ["estimate", "x.csv", "--map", name], ["describe", "map", name])
+    reads += (["live", name], ["live", "x.csv", "--map", name], ["node", "--map", name])
+    reads += (["check", name, "--calibration", "x.nc"], ["check", "x.nc", "--calibration", name])
     reads += (["play", name], ["play", "--from-csv", name, "--urdf", name])
     good = ["run", "paper", *SHORT]
     writes = ([*good, "--out", long], ["linkage", "--out", long], ["linkage", "--out", f"{long}.png"])

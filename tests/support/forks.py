@@ -1,6 +1,7 @@
 """Programs that start at once: `aerobat` in processes that are forked from one that has imported everything already.
 
     with Forks() as forks:
+        forks.warm(["list"], cwd=folder)
         running = forks.start(["run", "paper"], cwd=folder)
         running.send(signal.SIGINT)
         done = running.result()
@@ -11,6 +12,7 @@ numbers and exit codes.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import resource
@@ -79,6 +81,7 @@ class Forks:
         ignored: Sequence[int] = (),
         more_memory: int | None = None,
         patience: int | None = None,
+        pages: bool = True,
     ) -> Running:
         """Start `aerobat` with these words.
 
@@ -89,10 +92,15 @@ class Forks:
             ignored: signals that it is started to ignore, as `nohup` does.
             more_memory: limit of the addresses that it takes beyond those of the process it is forked from [bytes].
             patience: after so many seconds it is ended by SIGALRM.
+            pages: draw the figures and pages of a result.
         """
         wanted = {"words": list(words), "cwd": str(cwd), "largest_file": largest_file, "ignored": list(ignored)}
-        wanted |= {"more_memory": more_memory, "patience": patience}
+        wanted |= {"more_memory": more_memory, "patience": patience, "pages": pages}
         return Running(self, self.ask(wanted), Path(self._said.name))
+
+    def warm(self, words: Sequence[str], cwd: Path) -> int:
+        """Run `aerobat` once in the process itself and return its exit code; later ones have what it loaded."""
+        return self.ask({"warm": list(words), "cwd": str(cwd)})
 
     def ask(self, wanted: Any) -> int:
         """Send a line to the process, and return its answer."""
@@ -114,8 +122,10 @@ def fork(
     ignored: list[int],
     more_memory: int | None,
     patience: int | None,
+    pages: bool,
 ) -> int:
     """Fork a process that is as a fresh one, and return its number; in that process, run `aerobat` and end."""
+    from aerobat_pin import visualization
     from aerobat_pin.cli import main
     from aerobat_pin.errors import end_on_signals
 
@@ -139,6 +149,8 @@ def fork(
             taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
             resource.setrlimit(resource.RLIMIT_AS, (taken + more_memory,) * 2)
         signal.alarm(patience or 0)
+        if not pages:
+            visualization.write_figures_and_pages = lambda *_: None
         os.chdir(cwd)
         sys.argv = ["aerobat", *words]
         main()
@@ -152,6 +164,24 @@ def fork(
         sys.stderr.flush()
         os._exit(1)
     os._exit(0)
+
+
+def warmed(words: list[str], cwd: str) -> int:
+    """Run `aerobat` in this process, in silence and without pages, and return its exit code."""
+    from aerobat_pin import visualization
+    from aerobat_pin.cli import app
+
+    sys.argv, draw = ["aerobat", *words], visualization.write_figures_and_pages
+    visualization.write_figures_and_pages = lambda *_: None
+    with contextlib.chdir(cwd), open(os.devnull, "w") as nowhere:
+        with contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
+            try:
+                app.main()
+            except SystemExit as end:
+                return end.code if isinstance(end.code, int) else 0
+            finally:
+                visualization.write_figures_and_pages = draw
+    return 0
 
 
 def serve(said: Path) -> None:
@@ -169,6 +199,8 @@ def serve(said: Path) -> None:
         if "wait" in wanted:
             _, status = os.waitpid(wanted["wait"], 0)
             answer = os.waitstatus_to_exitcode(status)
+        elif "warm" in wanted:
+            answer = warmed(wanted["warm"], wanted["cwd"])
         else:
             answer = fork(said, **wanted)
         print(answer, flush=True)

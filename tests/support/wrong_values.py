@@ -406,6 +406,37 @@ def api_case(rng: np.random.Generator) -> tuple[str, str]:
     return f"{name}({argument}={kind})", fault(name, argument, kind)
 
 
+@cache
+def environment() -> Any:
+    """Return a short environment to step wrongly."""
+    from aerobat_pin.control import AerobatEnv
+
+    return AerobatEnv("hover_closed_loop", ["simulation.duration=0.05"])
+
+
+def environment_case(rng: np.random.Generator) -> tuple[str, str]:
+    """Make, reset or step an environment of gymnasium with a wrong value; returns as `api_case`."""
+    keys = ("air.density", "robot", "simulation.duration", "control.observer", "none", "", "flight.roll_deg")
+    key, kind = str(rng.choice(keys)), str(rng.choice(list(WRONG)))
+    choice, value = int(rng.integers(4)), WRONG[kind]()
+    label = f"environment {('scenario', 'settings', 'draw', 'action')[choice]}: {key} {kind}"
+    text, made = 5000 * "9" if kind == "huge whole number" else str(value), environment()
+    calls: tuple[Callable[[], object], ...] = (
+        lambda: type(made)(value),
+        lambda: type(made)("hover_closed_loop", [f"{key}={text}"]),
+        lambda: made.reset(seed=1, options={"draw": {key: value}}),
+        lambda: made.step(value),
+    )
+    made.reset(seed=1)
+    try:
+        calls[choice]()
+    except AerobatError:
+        return label, ""
+    except Exception as error:
+        return label, f"{label} raises {type(error).__name__}: {error}"
+    return label, ""
+
+
 def exported(*rooms: str) -> dict[str, Any]:
     """Return what the doors of these rooms export, by name."""
     modules = [importlib.import_module(f"aerobat_pin.{room}") for room in rooms]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import signal
 import socket
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from io import BufferedIOBase
 from typing import Any
 
 from aerobat_pin.errors import OutputError, raising
@@ -35,24 +35,6 @@ class _Server(ThreadingHTTPServer):
         """Print nothing: a browser may leave in the middle of the page."""
 
 
-class _ToClient(BufferedIOBase):
-    """What is written goes to a client at once; one that has left ends its own thread, and not the program by SIGPIPE.
-
-    Args:
-        connection: to the client.
-    """
-
-    def __init__(self, connection: socket.socket) -> None:
-        self._connection = connection
-
-    def writable(self) -> bool:
-        return True
-
-    def write(self, data: Any) -> int:
-        self._connection.sendall(data, socket.MSG_NOSIGNAL)
-        return len(data)
-
-
 def serve(page: str, announce: Callable[[str], None], port: int = 0) -> None:
     """Serve a page until Ctrl-C; only browsers on this machine can open it, by the announced address.
 
@@ -71,7 +53,8 @@ def serve(page: str, announce: Callable[[str], None], port: int = 0) -> None:
     class Handler(BaseHTTPRequestHandler):
         def setup(self) -> None:
             super().setup()
-            self.wfile = _ToClient(self.connection)
+            # A client that has left ends this thread, and not the program, which SIGPIPE would.
+            signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGPIPE])
 
         def do_GET(self) -> None:
             asked = [value for name, value in self.headers.items() if name.strip().lower() == "host"]
