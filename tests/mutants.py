@@ -41,9 +41,9 @@ CALIBRATIONS = "tests/estimation/test_map_calibration.py"
 KERNELS, TWINS = "flight/plant/kernels.py", "tests/flight/test_plant_kernels.py::test_one_instant_of_the_plant"
 ELASTIC = "tests/flight/test_changed_plant.py::test_four_elastic_joints_fly_as_in_mujoco"
 MUTANTS = (
-    Mutant("gears behind the coupling of encoders", "records/encoders.py", "len(joints)) * factor",
+    Mutant("gears behind the coupling of encoders", "records/joint_channels.py", "len(joints)) * factor",
            "len(joints)) * np.array(factor)[:, None]", "tests/estimation/test_map_joints.py"),
-    Mutant("efforts of encoders as velocities", "records/encoders.py", "np.linalg.inv(A[np.ix_(own, own)]).T",
+    Mutant("efforts of encoders as velocities", "records/joint_channels.py", "np.linalg.inv(A[np.ix_(own, own)]).T",
            "np.linalg.inv(A[np.ix_(own, own)])", "tests/estimation/test_map_joints.py"),
     Mutant("moment lever dropped", "observers/applications.py", "MOMENT_ARM, 1.0)", "1.0, 1.0)",
            "tests/observers/test_applications.py"),

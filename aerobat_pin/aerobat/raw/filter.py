@@ -20,10 +20,9 @@ from numpy.typing import ArrayLike
 from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord
 from aerobat_pin.aerobat.raw.choose_walk import JUMP, LEAST_JUMP_GAIN
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
-from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR
+from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR, first_prior
 from aerobat_pin.aerobat.raw.linear import added_variances
 from aerobat_pin.aerobat.raw.nominal import NominalMotion, first_guess
-from aerobat_pin.aerobat.raw.prior import first_prior
 from aerobat_pin.aerobat.raw.recursion import advance, take_samples
 from aerobat_pin.aerobat.raw.rows import ROWS_BY_SENSOR, Sensed
 from aerobat_pin.aerobat.raw.smoother import JointSmoother

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import PLACE_AXES, Mount
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
-from aerobat_pin.aerobat.raw.prior import MOUNT_PRIOR
+from aerobat_pin.aerobat.raw.layout import MOUNT_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointSmoother
 from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.errors import CalibrationError

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aerobat_pin.aerobat.raw.layout import Prior
 from aerobat_pin.aerobat.raw.linear import LinearRecord
-from aerobat_pin.aerobat.raw.prior import Prior
 from aerobat_pin.aerobat.raw.tuning import Tuning
 
 LEAST_GAIN = 250.0  # of the log-likelihood: smaller gains are made up by errors of the model

@@ -13,7 +13,7 @@ from aerobat_pin.aerobat.flight_log import SUM
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.filter import JointFilter
 from aerobat_pin.aerobat.raw.find_mount import mounted
-from aerobat_pin.aerobat.raw.prior import FORCE_PRIOR
+from aerobat_pin.aerobat.raw.layout import FORCE_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
 from aerobat_pin.aerobat.torque import ROWS_OF_TORQUE, Torque
 from aerobat_pin.errors import ScenarioError
