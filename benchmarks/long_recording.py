@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import resource
 import subprocess
 import sys
@@ -23,7 +22,7 @@ quaternion = {columns = ["qx", "qy", "qz", "qw"]}
 velocity = {columns = ["vx", "vy", "vz"]}
 rate = {columns = ["wx", "wy", "wz"]}
 """
-LONGEST, LARGEST = 120.0, 0.6  # [s] of one core, whatever else the machine does; [GB]
+SECONDS, LONGEST, LARGEST = 3600.0, 120.0, 0.6  # [s] of one core, whatever else the machine does; [GB]
 
 
 def write_log(path: Path, seconds: float) -> None:
@@ -43,12 +42,9 @@ def write_log(path: Path, seconds: float) -> None:
 
 def main() -> None:
     """Write the log, estimate it in a process of its own, and print what it took."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--seconds", type=float, default=3600.0)
-    seconds = parser.parse_args().seconds
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        write_log(folder / "hour.csv", seconds)
+        write_log(folder / "hour.csv", SECONDS)
         (folder / "map.toml").write_text(MAP)
         words = [sys.executable, "-m", "aerobat_pin", "estimate", "hour.csv", "--map", "map.toml", "--out", "out"]
         start = time.perf_counter()
@@ -57,7 +53,7 @@ def main() -> None:
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     took, memory = used.ru_utime + used.ru_stime, used.ru_maxrss / 1e6
     print(
-        f"{seconds:g} s at 1 kHz: {took:.0f} s of one core ({passed:.0f} s passed), at most {memory:.3f} GB of memory"
+        f"{SECONDS:g} s at 1 kHz: {took:.0f} s of one core ({passed:.0f} s passed), at most {memory:.3f} GB of memory"
     )
     if took > LONGEST or memory > LARGEST:
         raise SystemExit(f"more than {LONGEST:g} s or {LARGEST:g} GB")

@@ -1,11 +1,10 @@
 """Random faults in a stream of samples: does anything raise, does memory grow? A million of them take some minutes.
 
-PYTHONPATH=tests python benchmarks/stream_faults.py [--faults 1000000]
+PYTHONPATH=tests python benchmarks/stream_faults.py
 """
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import tracemalloc
 from pathlib import Path
@@ -17,15 +16,13 @@ from support.walking_log import table, table_map, urdf, walk
 from aerobat_pin.estimation import OnlineEstimator
 from aerobat_pin.records import parse_map
 
+FAULTS = 1_000_000
 SHARE = 0.5  # of the samples that have a fault
 ROWS = 600  # samples that are played again and again, two milliseconds apart
 
 
 def main() -> None:
     """Play faults until there were enough, and print what became of the samples."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--faults", type=int, default=1_000_000)
-    wanted = parser.parse_args().faults
     rows = [(float(row["t"]), row) for row in table(walk()).head(ROWS).to_dict("records")]
     rng, faults, turn, samples = np.random.default_rng(1), 0, 0, 0
     with tempfile.TemporaryDirectory() as name:
@@ -34,7 +31,7 @@ def main() -> None:
         stream = OnlineEstimator(parse_map(values, "-"), folder)
     settled = 0
     tracemalloc.start()
-    while faults < wanted:
+    while faults < FAULTS:
         for time, row, kind in faulty([(t + 1.2 * turn, row) for t, row in rows], rng, SHARE):
             stream.push(time, row)  # type: ignore[arg-type]
             faults, samples = faults + (kind is not Fault.NONE), samples + 1

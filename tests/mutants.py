@@ -41,9 +41,9 @@ CALIBRATIONS = "tests/estimation/test_map_calibration.py"
 KERNELS, TWINS = "flight/plant/kernels.py", "tests/flight/test_plant_kernels.py::test_one_instant_of_the_plant"
 ELASTIC = "tests/flight/test_changed_plant.py::test_four_elastic_joints_fly_as_in_mujoco"
 MUTANTS = (
-    Mutant("gears behind the coupling of encoders", "records/encoders.py", "len(joints)) * factor",
+    Mutant("gears behind the coupling of encoders", "records/joint_channels.py", "len(joints)) * factor",
            "len(joints)) * np.array(factor)[:, None]", "tests/estimation/test_map_joints.py"),
-    Mutant("efforts of encoders as velocities", "records/encoders.py", "np.linalg.inv(A[np.ix_(own, own)]).T",
+    Mutant("efforts of encoders as velocities", "records/joint_channels.py", "np.linalg.inv(A[np.ix_(own, own)]).T",
            "np.linalg.inv(A[np.ix_(own, own)])", "tests/estimation/test_map_joints.py"),
     Mutant("moment lever dropped", "observers/applications.py", "MOMENT_ARM, 1.0)", "1.0, 1.0)",
            "tests/observers/test_applications.py"),
@@ -76,7 +76,7 @@ MUTANTS = (
            '("right_shoulder", "right_elbow", "left_shoulder", "left_elbow")', "tests/flight/test_csv_log.py"),
     Mutant("wings swapped in the air", "robot/wing.py", "np.where(y >= 0.0, panel, panel + 2)",
            "np.where(y <= 0.0, panel, panel + 2)", "tests/aerodynamics/test_robot_air.py"),
-    Mutant("wings swapped in the scores", "aerobat/truth.py", "at = points.index(frame)",
+    Mutant("wings swapped in the scores", "aerobat/flight_record.py", "at = points.index(frame)",
            "at = -1 - points.index(frame)", "tests/estimation/test_scores.py"),
     Mutant("body for world axes in the plant", KERNELS, "if axes != 2:", "if axes == 1:", TWINS),
     Mutant("added mass dropped", KERNELS, "    add_mass(mass, tree, found, links, H, h)\n", "", TWINS),

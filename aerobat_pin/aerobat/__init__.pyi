@@ -1,5 +1,3 @@
-from .air_from_scenario import robot_air as robot_air
-from .air_from_scenario import wind_of as wind_of
 from .air_stream import AirStream as AirStream
 from .channels import KNOWN as KNOWN
 from .channels import KNOWN_FORCE as KNOWN_FORCE
@@ -13,7 +11,11 @@ from .estimate import belief_about as belief_about
 from .estimate import check_names as check_names
 from .estimate import describe_belief as describe_belief
 from .estimate import estimate_flight as estimate_flight
+from .flight_log import SUM as SUM
 from .flight_log import FlightLog as FlightLog
+from .flight_log import true_events as true_events
+from .flight_log import true_force as true_force
+from .flight_log import truth_of as truth_of
 from .flight_record import flight_channels as flight_channels
 from .flight_record import flight_motion as flight_motion
 from .flight_record import flight_record as flight_record
@@ -21,11 +23,9 @@ from .flight_record import free_record as free_record
 from .flight_record import known_inputs as known_inputs
 from .kind_of_log import kind_of_log as kind_of_log
 from .kind_of_log import needs_map as needs_map
+from .motion import robot_air as robot_air
+from .motion import wind_of as wind_of
 from .robot import AerobatRobot as AerobatRobot
 from .tables import read_log as read_log
 from .tables import table_record as table_record
 from .tables import write_csv as write_csv
-from .truth import SUM as SUM
-from .truth import true_events as true_events
-from .truth import true_force as true_force
-from .truth import truth_of as truth_of

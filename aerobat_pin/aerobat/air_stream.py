@@ -10,10 +10,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.air_from_scenario import wind_of
 from aerobat_pin.aerobat.believed_air import WARM_UP_ANGLES, AirAlongMotion
 from aerobat_pin.aerobat.believed_air_kernels import Stream, air_at
-from aerobat_pin.aerobat.motion import Motion
+from aerobat_pin.aerobat.motion import Motion, wind_of
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, fields_of, guarded, new_state
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table

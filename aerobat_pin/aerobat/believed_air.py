@@ -12,9 +12,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.air_from_scenario import robot_air
 from aerobat_pin.aerobat.believed_air_kernels import advance_air_stage
-from aerobat_pin.aerobat.motion import Motion
+from aerobat_pin.aerobat.motion import Motion, robot_air
 from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, RobotInAir
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, Integers
@@ -52,10 +51,10 @@ def reconstructed_air(robot: Aerobat, air: AirSection, moved: Motion) -> dict[st
             "the log there"
         )
     aerodynamic, added = AirAlongMotion(robot, air).fly(moved)
-    made = {"aerodynamic": aerodynamic}
+    forces = {"aerodynamic": aerodynamic}
     if air.added_mass > 0.0:
-        made["added_mass"] = added
-    return made
+        forces["added_mass"] = added
+    return forces
 
 
 class AirAlongMotion:

@@ -132,9 +132,9 @@ def is_unit(text: str, unit: str) -> bool:
 
     `N·m` and `Nm` are `N m`. A list of units may be longer, as that of `q` is where `pose` is a part of `q`.
     """
-    found, expected = ([one.strip().replace("·", " ") for one in words.split(",")] for words in (text, unit))
-    alike = [a in (b, b.replace(" ", "")) for a, b in zip(found, expected, strict=False)]
-    return all(alike) and (len(found) == len(expected) or 1 < len(expected) < len(found))
+    units, expected = ([word.strip().replace("·", " ") for word in words.split(",")] for words in (text, unit))
+    alike = [a in (b, b.replace(" ", "")) for a, b in zip(units, expected, strict=False)]
+    return all(alike) and (len(units) == len(expected) or 1 < len(expected) < len(units))
 
 
 def checked_channels(data: xr.Dataset, table: Mapping[str, Channel], name: str, *, complete: bool) -> xr.Dataset:
@@ -160,7 +160,7 @@ def checked_channels(data: xr.Dataset, table: Mapping[str, Channel], name: str, 
     order = {
         dim: _columns_in_order(dim, data, name, complete=complete) for row, _ in variables.values() for dim in row.dims
     }
-    made, changed = {}, any(column is not None for column in order.values())
+    checked, changed = {}, any(column is not None for column in order.values())
     for key, (row, values) in variables.items():
         new = values if values.dims == row.dims else values.transpose(*row.dims)
         new = new.isel({dim: column for dim in row.dims if (column := order[dim]) is not None})
@@ -168,11 +168,11 @@ def checked_channels(data: xr.Dataset, table: Mapping[str, Channel], name: str, 
             attributes = {"units": row.unit, "long_name": row.meaning, **new.attrs}
             new = xr.Variable(new.dims, new.values.astype(float), attributes)
         _check_values(str(key), new, data, name)
-        made[key], changed = new, changed or new is not values
+        checked[key], changed = new, changed or new is not values
     if not changed:
         return data
     labels = {dim: list(LABELS[dim]) for dim, column in order.items() if column is not None}
-    return data.drop_vars([dim for dim in labels if dim in data.coords]).assign(made).assign_coords(labels)
+    return data.drop_vars([dim for dim in labels if dim in data.coords]).assign(checked).assign_coords(labels)
 
 
 def _row(key: str, table: Mapping[str, Channel], dims: tuple[Any, ...], name: str) -> Channel:
@@ -213,18 +213,18 @@ def _columns_in_order(dim: str, data: xr.Dataset, name: str, *, complete: bool) 
         if data.sizes[dim] != len(expected) or complete:
             raise LogError(f"{name}: {dim} has no labels for its {data.sizes[dim]} columns: {_list(expected)}")
         return list(range(len(expected)))
-    found = [str(label) for label in data.variables[dim].values.tolist()]
-    if found == list(expected):
+    labels = [str(label) for label in data.variables[dim].values.tolist()]
+    if labels == list(expected):
         return None
-    for label in found:
+    for label in labels:
         if label not in expected:
             raise LogError(f"{name}: {dim} has the unknown label '{label[:40]}': {_list(expected)}")
-        if found.count(label) > 1:
+        if labels.count(label) > 1:
             raise LogError(f"{name}: {dim} has the label '{label}' twice: {_list(expected)}")
-    missing = [label for label in expected if label not in found]
+    missing = [label for label in expected if label not in labels]
     if missing:
         raise LogError(f"{name}: {dim} has no label '{missing[0]}': {_list(expected)}")
-    return [found.index(label) for label in expected]
+    return [labels.index(label) for label in expected]
 
 
 def _list(labels: Iterable[str]) -> str:

@@ -17,6 +17,7 @@ provides. Both are labelled tables with units.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import InitVar, dataclass
 from pathlib import Path
 from typing import Any
@@ -33,14 +34,15 @@ from aerobat_pin.aerobat.channels import (
     checked_channels,
 )
 from aerobat_pin.errors import LogError, write_files
-from aerobat_pin.numerics import guarded
-from aerobat_pin.records import netcdf_bytes, read_netcdf
+from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.records import Reference, TrueEvent, netcdf_bytes, read_netcdf
 from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import AirSection
 
 NAMES = ("scenario", "morphology")
 TEXT_ATTRIBUTES = (*NAMES, "morphology_changes", "air")  # the last two contain JSON
 LONGEST_NAME = 255
+SUM = "sum"  # instead of a frame: the sum of the forces at all points
 
 
 @guarded()
@@ -171,12 +173,12 @@ def _check_clock(data: xr.Dataset, time: Any, name: str) -> None:
         if key in data.dims:
             if key not in data.coords:
                 raise LogError(f"{name}: no coordinate named {key}")
-            found, unit = data[key].values, data[key].attrs.get("units")
+            stamps, unit = data[key].values, data[key].attrs.get("units")
             if unit != "s":
                 raise LogError(f"{name}: coordinate {key} has units = {str(unit)[:40]!r}: 's' was expected")
-            if len(found) == len(expected) and not np.allclose(found, expected, rtol=0.0, atol=1e-9):
-                at = int(np.argmax(~(np.abs(found - expected) <= 1e-9)))
-                raise LogError(f"{name}: {key} {at} is {found[at]:g} s: {expected[at]:g} s was expected")
+            if len(stamps) == len(expected) and not np.allclose(stamps, expected, rtol=0.0, atol=1e-9):
+                at = int(np.argmax(~(np.abs(stamps - expected) <= 1e-9)))
+                raise LogError(f"{name}: {key} {at} is {stamps[at]:g} s: {expected[at]:g} s was expected")
 
 
 def _check_raw_clocks(measured: xr.Dataset, name: str) -> None:
@@ -228,3 +230,42 @@ def _check_attributes(attributes: dict[Any, Any], name: str) -> None:
     except ValueError as error:
         reason = " ".join(str(error).split("For further")[0].split())[:200]
         raise LogError(f"{name}: attribute air: {reason}") from None
+
+
+@guarded()
+def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
+    """Return the true unknown force at a frame and its noise-free part, (m, 3) each, in world axes [N].
+
+    Both are zero if no unknown force acts at the frame. The frame `sum` stands for all points together.
+    """
+    assert log.truth is not None
+    points = [str(name) for name in log.truth["point"].values]
+    if frame == SUM:
+        return log.truth["force_W"].values.sum(axis=1), log.truth["force_noise_free_W"].values.sum(axis=1)
+    if frame not in points:
+        zero = np.zeros((log.truth.sizes["interval"], 3))
+        return zero, zero
+    at = points.index(frame)
+    return log.truth["force_W"].values[:, at], log.truth["force_noise_free_W"].values[:, at]
+
+
+@guarded()
+def truth_of(log: FlightLog, frames: Sequence[str]) -> tuple[Reference, ...]:
+    """Return the true forces at frames as references of estimates; none if the log has no truth."""
+    if log.truth is None:
+        return ()
+    return tuple(Reference(frame, "truth", ("Fx", "Fy", "Fz"), *true_force(log, frame)) for frame in frames)
+
+
+@guarded()
+def true_events(log: FlightLog) -> list[TrueEvent]:
+    """Return the events of the true forces, sorted by time; an event at several frames is listed once."""
+    if log.truth is None or "event" not in log.truth.dims:
+        return []
+    names, frames, starts, ends = (
+        log.truth[name].values for name in ("event", "event_point", "event_start", "event_end")
+    )
+    frames_of: dict[tuple[float, float, str], list[str]] = {}
+    for name, frame, start, end in zip(names, frames, starts, ends, strict=True):
+        frames_of.setdefault((float(start), float(end), str(name)), []).append(str(frame))
+    return [TrueEvent(name, tuple(there), start, end) for (start, end, name), there in sorted(frames_of.items())]

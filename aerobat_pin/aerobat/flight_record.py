@@ -32,6 +32,7 @@ from aerobat_pin.scenario import AirSection, ObserverSection
 if TYPE_CHECKING:
     import xarray as xr
 
+
 EXTRA_CHANNELS = ("crank_angle", "crank_rate", "airspeed", "wind_W", "crank_torque")
 PLACE_SIZE = 7  # of the base in q
 LARGEST_TRUTH = 1.0e-3  # [N]: rms of a true force that counts as none
@@ -142,12 +143,12 @@ def flight_channels(log: FlightLog, robot: Aerobat, knots: Series | None = None)
     """Return key -> channel of a log, those at its own times on one clock, `knots`."""
     knots = series_of(Spool(), log.time) if knots is None else knots
     spool = knots.spool
-    own = {
+    extra = {
         key: LogChannel(key, (name,), knots, series_of(spool, values), means)
         for key, name, values, means in _channels(log, robot)
     }
     raw = {key: _raw_channel(spool, key, log.measured[name]) for name, key in RAW_KEYS.items() if name in log.measured}
-    return own | raw
+    return extra | raw
 
 
 def _raw_channel(spool: Spool, key: str, data: xr.DataArray) -> LogChannel:

@@ -76,14 +76,14 @@ def _check_columns(path: Path, names: list[str]) -> None:
     missing = min(([name for name in columns if name not in names] for columns in least), key=len)
     strangers = [name for name in names if name not in known]
     close = {name: difflib.get_close_matches(name, strangers, n=1) for name in missing}
-    if len(missing) > 2 * MOST_MISSING or sum(not found for found in close.values()) > MOST_MISSING:
+    if len(missing) > 2 * MOST_MISSING or sum(not alike for alike in close.values()) > MOST_MISSING:
         raise needs_map(path)
     if twice := [name for name in names if names.count(name) > 1]:
         raise LogError(f"log {path}: column '{twice[0]}' appears twice")
     if missing == ["crank_angle"] and not close["crank_angle"]:
         raise needs_map(path, f"neither crank_angle nor the joints {', '.join(JOINTS)} are there")
     if missing:
-        told = [f"{name} (is it '{found[0]}'?)" if found else name for name, found in close.items()]
+        told = [f"{name} (is it '{alike[0]}'?)" if alike else name for name, alike in close.items()]
         raise needs_map(path, f"no column named {', '.join(told)}")
     if strangers:
         raise LogError(f"log {path}: unknown column '{strangers[0][:60]}'; {did_you_mean(strangers[0][:60], known)}")

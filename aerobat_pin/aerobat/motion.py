@@ -18,15 +18,40 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerobat_pin.aerobat.air_from_scenario import wind_of
 from aerobat_pin.aerobat.channels import angle_fault
+from aerobat_pin.aerodynamics import Gust, RobotAir, Tones, Wind, dryden
 from aerobat_pin.errors import LogError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import EXTRA, Block, LogChannel
-from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, rotations
+from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, Wing, rotations
 from aerobat_pin.scenario import AirSection
 
 FEWEST_RAW_SAMPLES = 8  # of each channel
+
+
+@guarded()
+def robot_air(wing: Wing, air: AirSection) -> RobotAir:
+    """Return the aerodynamic model of a wing with a scenario's air settings. Raises the same errors as `RobotAir`."""
+    return RobotAir(
+        wing,
+        strips=air.strips,
+        air_density=air.density,
+        model=air.model,
+        lift_limit=air.lift_limit,
+        added_mass=air.added_mass,
+    )
+
+
+@guarded()
+def wind_of(air: AirSection) -> Wind:
+    """Return a scenario's wind, with its gust, its turbulence and its waves."""
+    gust, blown = air.gust, air.turbulence
+    tones = [] if blown is None else [dryden(blown.deviation, blown.length, blown.airspeed, blown.seed)]
+    for wave in air.wave:
+        rate, phase = 2.0 * np.pi * wave.frequency, np.radians(wave.phase_deg)
+        tones.append(Tones(np.array([wave.amplitude]), np.full((1, 3), rate), np.full((1, 3), phase)))
+    given = None if gust is None else Gust(gust.amplitude, gust.start, gust.duration)
+    return Wind(air.wind, given, tuple(tones))
 
 
 @dataclass(frozen=True)
@@ -66,8 +91,8 @@ def fault_of(channels: Mapping[str, LogChannel]) -> str | None:
         channels: key -> channel; with an encoder they are raw samples.
     """
     if f"{EXTRA}encoder" in channels:
-        few = [one for one in channels.values() if len(one.time) < FEWEST_RAW_SAMPLES]
-        told = [f"{len(one.time)} samples of {', '.join(one.names)}" for one in few]
+        few = [channel for channel in channels.values() if len(channel.time) < FEWEST_RAW_SAMPLES]
+        told = [f"{len(channel.time)} samples of {', '.join(channel.names)}" for channel in few]
         return f"{told[0]}: {FEWEST_RAW_SAMPLES} or more were expected" if told else None
     twist = [key for key in ("base.velocity", "base.rate") if key in channels]
     if len(twist) == 1:

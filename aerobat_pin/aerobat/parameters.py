@@ -25,7 +25,8 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import Parameter
+from aerobat_pin.observers import low_passed, typical_step
+from aerobat_pin.records import Block, Parameter, Suspect
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection
 
@@ -45,6 +46,19 @@ PARAMETERS = {
     "drag": Parameter("1", 0.5, usual=True),
     "added_mass": Parameter("1", 0.3, usual=True),
     "thruster_scale": Parameter("1", 0.1),
+}
+JOINT_RATES = slice(6, 10)
+ELBOWS = np.array([0.0, 1.0, 0.0, 1.0])
+LEAST_LAG = 0.004  # [s]: of a link behind its torque; a shorter one makes no difference to forces
+FOLLOWING = np.radians(0.3)  # rms angle by which joints that follow from the crank's angle may differ from it
+SUSPECTS = {
+    "crank_zero": (Suspect("angle", 2e-3, 180.0 / np.pi, "deg"),),
+    "air_density": (Suspect("change", 0.02, 100.0, "%", of_error=True),),
+    "compliance": (Suspect("elbows", 0.2, 1.0, "rad/(N m)"), Suspect("their lag times that", 2e-3, 1.0, "rad s/(N m)")),
+    "payload": (
+        Suspect("mass", 1e-3, 1e3, "g", inertial=True),
+        *(Suspect(f"mass times {axis}", 1e-5, 1e6, "g mm", inertial=True) for axis in "xyz"),
+    ),
 }
 
 
@@ -66,10 +80,10 @@ def changed_belief(robot: Aerobat, air: AirSection, values: Mapping[str, float])
     if get("wing_offset", 0.0) != 0.0:
         changes["wing"] = {"offset_x": shape.wing.offset_x + values["wing_offset"]}
     if drag != 1.0:
-        own = shape.aerodynamics
+        coefficients = shape.aerodynamics
         changes["aerodynamics"] = {
-            "profile_drag": drag * own.profile_drag,
-            "body_drag_area": drag * own.body_drag_area,
+            "profile_drag": drag * coefficients.profile_drag,
+            "body_drag_area": drag * coefficients.body_drag_area,
         }
     changed = robot.with_changes(changes) if changes else robot
     changed = replace(changed, model=_other_masses(changed.model, robot.model, values))
@@ -84,13 +98,64 @@ def scaled_thrusters(known: Mapping[str, Array], change: float) -> dict[str, Arr
     return {name: factor * force if name == SCALED_FORCE else force for name, force in known.items()}
 
 
-def _other_masses(model: pin.Model, own: pin.Model, values: Mapping[str, float]) -> pin.Model:
+def _other_masses(model: pin.Model, original: pin.Model, values: Mapping[str, float]) -> pin.Model:
     """Return a copy of a model with the inertias of another of the same joints, changed by the parameters."""
     changed = model.copy()
     shift = np.array([values.get(f"com_{axis}", 0.0) for axis in "xyz"])
-    for i, name in enumerate(own.names.tolist()):
+    for i, name in enumerate(original.names.tolist()):
         factor = (1.0 + values.get("mass", 0.0)) * (1.0 + values.get("distal_mass", 0.0) * (name in DISTAL))
-        inertia = own.inertias[i]
+        inertia = original.inertias[i]
         lever = inertia.lever + shift * (i == 1)
         changed.inertias[i] = pin.Inertia(factor * inertia.mass, lever, factor * inertia.inertia)
     return changed
+
+
+def aerobat_suspects(kind: str) -> Mapping[str, tuple[Suspect, ...]]:
+    """Return the causes that a flight can show, by the kind of known torque."""
+    return {name: group for name, group in SUSPECTS.items() if name != "compliance" or kind == "measured"}
+
+
+def carrying(model: pin.Model, load: Array) -> pin.Model:
+    """Return a model whose body has a point mass more: mass [kg] and mass times place (4,) [kg m], body axes."""
+    loaded, parameters = model.copy(), model.inertias[1].toDynamicParameters()
+    loaded.inertias[1] = pin.Inertia.FromDynamicParameters(parameters + np.concatenate([load, np.zeros(6)]))
+    return loaded
+
+
+def crank_turned(block: Block, robot: Aerobat, angle: float) -> Block:
+    """Return a block whose crank was an angle [rad] further, and with it the joints that it drives."""
+    crank = block.extra["crank"]
+    q, v = block.q.copy(), block.v.copy()
+    for sign, turn in ((-1.0, 0.0), (1.0, angle)) if follows(block, robot) else ():
+        closure = robot.linkage.solve(crank[0] + turn, crank[1])
+        angles = np.stack([closure.theta_s, closure.theta_e] * 2, axis=1)
+        rates = np.stack([closure.theta_s_dot, closure.theta_e_dot] * 2, axis=1)
+        q[:, list(robot.idx_q)] += sign * angles
+        v[:, list(robot.idx_v)] += sign * rates
+    return replace(block, q=q, v=v, extra={**block.extra, "crank": crank + np.array([[angle], [0.0], [0.0]])})
+
+
+def follows(block: Block, robot: Aerobat) -> bool:
+    """Return whether the joints are those that the closed linkage makes of the crank's angle, and not measured ones."""
+    closure = robot.linkage.solve(block.extra["crank"][0])
+    apart = block.q[:, list(robot.idx_q)] - np.stack([closure.theta_s, closure.theta_e] * 2, axis=1)
+    return bool(np.sqrt(np.mean(apart**2)) < FOLLOWING)
+
+
+def flexed(block: Block, robot: Aerobat, values: Array) -> Block:
+    """Return a block whose elbows bend by b, T b' + b = c tau: a spring and a damper carry their torque.
+
+    `values` are c and c T. Where T is not above `LEAST_LAG` L, as about c = 0, b has the same first two terms in slow
+    torques, behind a lag of L.
+    """
+    c, lagging = values
+    lag = max(lagging / c, LEAST_LAG) if c > 0.0 else LEAST_LAG
+    direct, torque = c - lagging / lag, block.tau[:, JOINT_RATES]
+    now = np.concatenate([torque[:1], 0.5 * (torque[1:] + torque[:-1]), torque[-1:]])
+    late = low_passed(torque - torque[0], -np.expm1(-typical_step(block.time) / lag)) + torque[0]
+    bend = direct * now + (c - direct) * np.concatenate([torque[:1], late])
+    bend = -bend * ELBOWS if follows(block, robot) else np.zeros_like(bend)
+    q, v = block.q.copy(), block.v.copy()
+    q[:, list(robot.idx_q)] += bend
+    v[:, list(robot.idx_v)] += np.gradient(bend, block.time, axis=0)
+    return replace(block, q=q, v=v)

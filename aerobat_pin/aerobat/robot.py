@@ -17,8 +17,15 @@ from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.believed_air import reconstructed_air
 from aerobat_pin.aerobat.crank_condition import CrankCondition, crank_condition
 from aerobat_pin.aerobat.motion import Motion, completed, fault_of
-from aerobat_pin.aerobat.parameters import PARAMETERS, changed_belief, scaled_thrusters
-from aerobat_pin.aerobat.suspects import aerobat_suspects, carrying, crank_turned, flexed
+from aerobat_pin.aerobat.parameters import (
+    PARAMETERS,
+    aerobat_suspects,
+    carrying,
+    changed_belief,
+    crank_turned,
+    flexed,
+    scaled_thrusters,
+)
 from aerobat_pin.aerobat.torque import (
     RECORDED,
     ROWS_OF_TORQUE,
@@ -150,7 +157,7 @@ class AerobatRobot(PlainRobot):
             return None
         if not all(raw):
             raise CalibrationError("calibrate: raw samples and logs of q and v: calibrate from one kind at a time")
-        from aerobat_pin.aerobat.raw.learn_mount import learn_mount  # compiles kernels that other records do not need
+        from aerobat_pin.aerobat.raw.find_mount import learn_mount  # compiles kernels that other records do not need
 
         return learn_mount(free, points, self.aerobat, self.air, self.kind, self.raw)
 

@@ -69,20 +69,20 @@ def read_log(path: Path) -> FlightLog:
     time = record.times(record.parts[0][0], record.parts[-1][1])
     coords: dict[str, Any] = {"time": channel(time, ("time",), "s", "sample time")}
     coords["interval"] = channel(time[:-1], ("interval",), "s", "start of the interval")
-    made = {}
+    channels = {}
 
     def add(name: str, values: Array, row: Channel) -> None:
         if len(row.dims) > 1:
             coords[row.dims[1]] = list(LABELS[row.dims[1]])
-        made[name] = filled(name, values if len(row.dims) > 1 else values[:, 0], {name: row})
+        channels[name] = filled(name, values if len(row.dims) > 1 else values[:, 0], {name: row})
 
     raw = record.robot.smooths(record.channels)
     for name, keys in ({name: (key,) for name, key in RAW_KEYS.items()} if raw else STATE_KEYS).items():
         if all(key in record.channels for key in keys):
-            row, own = MEASURED[name], record.channels[keys[0]]
+            row, column = MEASURED[name], record.channels[keys[0]]
             if raw:
-                coords[row.dims[0]] = channel(own.time[:], row.dims[:1], "s", "stamp of the sample")
-                values = own.values[:]
+                coords[row.dims[0]] = channel(column.time[:], row.dims[:1], "s", "stamp of the sample")
+                values = column.values[:]
             elif row.dims[0] == "interval":
                 values = record.means(keys[0], time)
             elif name == "pose":
@@ -92,7 +92,7 @@ def read_log(path: Path) -> FlightLog:
             add(name, values, row)
     if THRUST_KEY in record.channels:
         add(THRUSTERS, record.means(THRUST_KEY, time), THRUST_CHANNEL)
-    return FlightLog(xr.Dataset(made, coords=coords, attrs={"scenario": path.stem}), name=f"log {path}")
+    return FlightLog(xr.Dataset(channels, coords=coords, attrs={"scenario": path.stem}), name=f"log {path}")
 
 
 @guarded()

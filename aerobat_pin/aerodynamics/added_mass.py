@@ -42,7 +42,7 @@ class AddedMass(NamedTuple):
 
 def factored(G: Array) -> AddedMass:
     """Factor the links' added masses G (n, 3, 3)."""
-    found = AddedMass(np.zeros((len(G), 3)), *np.zeros((3, len(G))))
+    matrices = AddedMass(np.zeros((len(G), 3)), *np.zeros((3, len(G))))
     for link, g in enumerate(G):
         if g[0, 0] == 0.0:
             continue
@@ -50,9 +50,9 @@ def factored(G: Array) -> AddedMass:
         # A single strip has no added moment of inertia about x: the rounding error in its place is set to zero.
         turning[np.abs(turning) < 1e-12 * np.max(np.abs(g[1:, 1:]))] = 0.0
         skew = turning[0, 1] / turning[0, 0] if turning[0, 0] > 0.0 else 0.0
-        found.masses[link] = g[0, 0], turning[0, 0], turning[1, 1] - skew * turning[0, 1]
-        found.x[link], found.y[link], found.skew[link] = -g[0, 2] / g[0, 0], g[0, 1] / g[0, 0], skew
-    return found
+        matrices.masses[link] = g[0, 0], turning[0, 0], turning[1, 1] - skew * turning[0, 1]
+        matrices.x[link], matrices.y[link], matrices.skew[link] = -g[0, 2] / g[0, 0], g[0, 1] / g[0, 0], skew
+    return matrices
 
 
 @inner
@@ -85,7 +85,7 @@ def add_mass(added: AddedMass, tree: Tree, found: PinocchioResults, links: Links
         rows[0, 3], rows[0, 4], rows[0, 5] = qy * zz - qz * zy, qz * zx - qx * zz, qx * zy - qy * zx
         for i in range(3):
             rows[1, 3 + i], rows[2, 3 + i] = R[i, 0] + skew * R[i, 1], R[i, 1]
-        joint, parent, own, above = joint_of[link], parent_of[link], row_of[link], 0
+        joint, parent, row, above = joint_of[link], parent_of[link], row_of[link], 0
         size = 6
         if link > 0:
             turn = axes[link]
@@ -114,7 +114,7 @@ def add_mass(added: AddedMass, tree: Tree, found: PinocchioResults, links: Links
         rise, spin = mass[0] * (rise + y * spin - x * tilt), mass[1] * (spin + skew * tilt)
         tilt *= mass[2]
         for i in range(size):
-            column = i if i < 6 else (own if i == 6 else above)
+            column = i if i < 6 else (row if i == 6 else above)
             first, second, third = mass[0] * rows[0, i], 0.0, 0.0
             h[column] += rise * rows[0, i]
             if i > 2:
@@ -124,7 +124,7 @@ def add_mass(added: AddedMass, tree: Tree, found: PinocchioResults, links: Links
                 value = first * rows[0, j]
                 if i > 2 and j > 2:
                     value += second * rows[1, j] + third * rows[2, j]
-                other = column if i == j else (j if j < 6 else own)
+                other = column if i == j else (j if j < 6 else row)
                 H[column, other] += value
                 if i != j:
                     H[other, column] += value

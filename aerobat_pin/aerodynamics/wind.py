@@ -48,13 +48,13 @@ class Tones:
 
     def at(self, time: Array) -> Array:
         """Return drift (up to a constant), velocity and rate of change (n, 3, 3) at times (n,): by kind, by axis."""
-        found = np.empty((len(time), 3, 3))
+        values = np.empty((len(time), 3, 3))
         for rows in range(0, len(time), TIMES_AT_ONCE):
             turned = time[rows : rows + TIMES_AT_ONCE, None, None] * self.rate + self.phase
             for kind, factor in enumerate((-1.0 / self.rate, np.ones(1), self.rate)):
                 wave = np.sin(turned) if kind == 1 else np.cos(turned)
-                found[rows : rows + TIMES_AT_ONCE, kind] = np.einsum("ij,nij->nj", self.amplitude * factor, wave)
-        return found
+                values[rows : rows + TIMES_AT_ONCE, kind] = np.einsum("ij,nij->nj", self.amplitude * factor, wave)
+        return values
 
 
 @guarded(length="positive", airspeed="positive")
@@ -99,8 +99,8 @@ class Wind:
             rate = np.pi / self.gust.duration * np.sin(phase)
             shape = np.stack([0.5 * (1.0 - np.cos(phase)), rate], axis=1)
             field += shape[:, :, None] * np.array(self.gust.amplitude)
-        for one in self.tones:
-            field += one.at(time)[:, 1:]
+        for tones in self.tones:
+            field += tones.at(time)[:, 1:]
         return field
 
     @guarded(time=("n",))
@@ -114,6 +114,6 @@ class Wind:
                 moved += sign * np.outer(
                     0.5 * (since - np.sin(frequency * since) / frequency), np.array(self.gust.amplitude)
                 )
-        for one in self.tones:
-            moved += one.at(time)[:, 0] - one.at(np.zeros(1))[:, 0]
+        for tones in self.tones:
+            moved += tones.at(time)[:, 0] - tones.at(np.zeros(1))[:, 0]
         return moved

@@ -16,12 +16,10 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from aerobat_pin.cli.calibrate import calibrate_command
-from aerobat_pin.cli.check import check_command
+from aerobat_pin.cli.calibrate import calibrate_command, check_command
 from aerobat_pin.cli.console import doing, picture_files, print_version, write_results
 from aerobat_pin.cli.estimate import estimate_command
-from aerobat_pin.cli.live import live_command
-from aerobat_pin.cli.node import node_command
+from aerobat_pin.cli.live import live_command, node_command
 from aerobat_pin.cli.options import (
     CalibrationFile,
     Correct,

@@ -15,8 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.estimation.fitted_stretches import fits_to_sensor
-from aerobat_pin.estimation.gain_regression import Regression, link_errors, regression
+from aerobat_pin.estimation.gain_regression import Regression, fits_to_sensor, link_errors, regression
 from aerobat_pin.estimation.known_forces import Fit, FittedValues, KnownForces
 from aerobat_pin.estimation.run_observers import believed_rows
 from aerobat_pin.numerics import Array

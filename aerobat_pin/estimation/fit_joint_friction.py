@@ -16,8 +16,7 @@ import numpy as np
 
 from aerobat_pin.errors import MapError, ObserverError
 from aerobat_pin.estimation.fit_gains import Gains, fit_gains
-from aerobat_pin.estimation.fitted_stretches import explained, fitted_blocks, rms_or_nan
-from aerobat_pin.estimation.gain_regression import friction_columns
+from aerobat_pin.estimation.gain_regression import explained, fitted_blocks, friction_columns, rms_or_nan
 from aerobat_pin.estimation.inverse_dynamics import SMOOTHING, accelerations, required_torque
 from aerobat_pin.estimation.known_forces import Fit, KnownForces
 from aerobat_pin.estimation.run_observers import believed_rows

@@ -13,7 +13,7 @@ import numpy as np
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.fit_gains import fit_gains
 from aerobat_pin.estimation.fit_joint_friction import fit_joint_friction
-from aerobat_pin.estimation.fitted_stretches import MOST_FITTED, rms_or_nan
+from aerobat_pin.estimation.gain_regression import MOST_FITTED, rms_or_nan
 from aerobat_pin.estimation.inverse_dynamics import mean_in
 from aerobat_pin.estimation.known_forces import Fit, FittedValues, KnownForces, command_sum, unit_direction
 from aerobat_pin.numerics import Array

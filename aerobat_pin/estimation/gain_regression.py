@@ -6,18 +6,20 @@ rest counts little, as friction there is anything up to Coulomb's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
-from aerobat_pin.estimation.fitted_stretches import explained, fitted_blocks
-from aerobat_pin.estimation.inverse_dynamics import accelerations, halfway, required_torque
+from aerobat_pin.estimation.inverse_dynamics import accelerations, contact_torque, halfway, required_torque
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE
+from aerobat_pin.records import Block, Map, Record
 
+MOST_FITTED = 200_000  # samples of a fit; a longer record is thinned
 MOST_REGRESSED = 40_000  # samples of which the regressor is computed
 LASTS, FEWEST_BLOCKS = 2.5, 4  # [s] after which what is left over counts as new; shorter where there are fewer
 MASS_ERROR, CENTRE_ERROR = 0.1, 0.03  # expected of each link [-, m]
@@ -29,6 +31,51 @@ REST = 0.1  # [rad/s, m/s] up to which a joint counts as at rest
 NOTHING_LEFT = 1e-200  # square sum of a row that never moved
 NEWTON_ROUNDS = 12  # of Gauss and Newton, each with weights from the last
 EXACT = 1e-5  # of the rms of a row, below which no fit leaves anything; deviation of a mass that is known [-]
+
+
+def fitted_blocks(
+    record: Record, fit: tuple[float, float], most: int = MOST_FITTED
+) -> Iterator[tuple[Block, NDArray[np.bool_], NDArray[np.bool_]]]:
+    """Yield blocks of a record, which of their intervals (m,) are for a fit, and which are for its test.
+
+    A record of more than `most` intervals is thinned.
+
+    Args:
+        record: the record. A fit is tested outside of it where nothing touches the robot, or a sensor says what does.
+        fit: times after the start [s] between which there is a fit.
+        most: intervals of all blocks together.
+    """
+    tested = (-np.inf, np.inf) if fits_to_sensor(record.map) else record.map.use.free
+    whole = [(first, last, True, True) for first, last in record.parts]
+    if sum(last - first for first, last in record.parts) > most:
+        whole = [(first, last, True, False) for first, last in record.spread(most, *fit)]
+        whole += [(first, last, False, True) for first, last in record.spread(most, *(tested or ()))]
+    for first, last, fits_here, tests_here in whole:
+        block = record.block(first, last)
+        when = block.time[:-1] - record.start
+        inside = in_stretch(when, fit)
+        yield block, inside & fits_here, ~inside & in_stretch(when, tested) & tests_here
+
+
+def in_stretch(when: Array, stretch: tuple[float, float] | None) -> NDArray[np.bool_]:
+    """Return which times (m,) [s] are in a stretch; none if there is no stretch."""
+    return np.zeros(len(when), bool) if stretch is None else (when >= stretch[0]) & (when < stretch[1])
+
+
+def fits_to_sensor(chosen: Map) -> bool:
+    """Return whether friction is fitted while something pushes, which a force sensor shows."""
+    return chosen.joints.friction is not None and chosen.joints.friction.to is not None
+
+
+def explained(record: Record, forces: KnownForces, block: Block) -> Array:
+    """Return the generalised force (m, nv) of all known forces, and of a sensor that a fit knows."""
+    given = sum(forces.known(block).values(), np.zeros_like(block.tau))
+    return given + contact_torque(record, block) if fits_to_sensor(record.map) else given
+
+
+def rms_or_nan(values: Array) -> float:
+    """Return the root mean square of values (m,); NaN if there are none."""
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
 @dataclass(frozen=True)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
+
+import numpy as np
 
 from aerobat_pin.aerobat import (
     FlightLog,
@@ -16,7 +19,7 @@ from aerobat_pin.aerobat import (
 )
 from aerobat_pin.control import FAILED, Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.estimation import Calibration, Finding, Result
+from aerobat_pin.estimation import Calibration, Finding, Result, quantity
 from aerobat_pin.experiments.flight_summary import FlightSummary, flight_note, flight_summary, recorded_note
 from aerobat_pin.flight import Simulator, log_with_motion, simulate
 from aerobat_pin.numerics import Array, ShownInNotebooks, guarded
@@ -26,6 +29,7 @@ from aerobat_pin.scenario import Scenario, changed_keys, changes_text
 
 NOISE_ADVICE = "a smaller observers.gain follows the sensors' noise less"
 Progress = Callable[[str, float], None]  # called with the name of the stage and the share of the stage that is done
+PD_ALONE = {"integral": False, "feedforward": False}
 
 
 @dataclass(frozen=True, repr=False)
@@ -164,26 +168,26 @@ def _estimated(
 ) -> Experiment:
     """Run the observers of a scenario or belief on a log, and score their estimates."""
     names = belief.observers.names
-    found = estimate_flight(log, believed, belief, progress and _observer_stages(progress, names), calibration)
+    result = estimate_flight(log, believed, belief, progress and _observer_stages(progress, names), calibration)
     scores = replace(
-        found,
+        result,
         name=belief.name,
         title=f"{belief.name}: {note}; motor torque {belief.observers.torque}",
         references=truth_of(log, belief.observers.frames),
         events=tuple(true_events(log)),
         more={"log": belief.name, "torque": belief.observers.torque, "note": note},
     )
-    drawn = log_with_motion(log, *_motion(found))
+    drawn = log_with_motion(log, *_motion(result))
     return Experiment(belief, believed, log, scores, note, drawn, calibration)
 
 
-def _motion(found: Result) -> tuple[Array, Array, Array | None]:
+def _motion(result: Result) -> tuple[Array, Array, Array | None]:
     """Return configurations and velocities of a flight, and its crank angle where that was found with them."""
-    if found.smoothed is not None:
-        block = found.smoothed.block
+    if result.smoothed is not None:
+        block = result.smoothed.block
         return block.q, block.v, block.extra["crank"][0]
-    assert found.record is not None
-    block = found.record.block(*found.record.parts[0])
+    assert result.record is not None
+    block = result.record.block(*result.record.parts[0])
     return block.q, block.v, None
 
 
@@ -204,3 +208,58 @@ def _observer_stages(progress: Progress, names: Sequence[str]) -> Callable[[floa
         progress(f"estimating with {names[at]}", share * len(names) - at)
 
     return show
+
+
+@guarded()
+def beside_pd(made: Experiment, progress: Progress | None = None) -> Experiment:
+    """Return an experiment that says how far off course its robot was, and how far PD alone would have been.
+
+    The same flight is flown once more, in the same disturbance and with the same gains, without integral and observer;
+    `metrics.json` has its errors as `pd_rms` under `control`. A flight that no controller flew is returned as it is.
+
+    Args:
+        made: the experiment.
+        progress: called with the name of the stage and the share of the stage that is done.
+    """
+    section, flight, control = made.scenario.control, made.flight, made.control
+    if section is None or flight is None or flight.rms is None or control is None:
+        return made
+    lines, alone = [f"off its course by {_off(flight.rms)} rms"], None
+    if section.integral or section.feedforward:
+        scenario = made.scenario.model_copy(update={"control": section.model_copy(update=PD_ALONE)})
+        show = None if progress is None else lambda share: progress("flying with PD alone", share)
+        try:
+            with warnings.catch_warnings(action="ignore", category=UserWarning):  # the flight itself has said them
+                pilot = Controller(scenario, believed_robot(scenario))
+            log, ended = simulate(scenario, show, robot=made.robot, pilot=pilot), ""
+        except SimulationError as error:
+            if not isinstance(error.kept, FlightLog):
+                return made
+            log, ended = error.kept, f" until it is lost at {error.kept.time[-1]:.2f} s"
+        alone = course_rms(scenario, log)
+        lines.append(f"PD alone, in the same disturbance: {_off(alone)} rms{ended}")
+    control = {**control, "pd_rms": alone}
+    lines.append(_effort(control))
+    scores = replace(made.scores, notes=(*made.scores.notes, *lines), more={**made.scores.more, "control": control})
+    return replace(made, scores=scores, control=control)
+
+
+def _off(rms: Mapping[str, float]) -> str:
+    """Return errors about the course in words: the place's as one, and the attitude's."""
+    place, attitude = (
+        float(np.linalg.norm([rms[axis] for axis in axes])) for axes in ("xyz", ("roll", "pitch", "yaw"))
+    )
+    return f"{quantity(place, 'm')} and {np.degrees(attitude):.2g} deg"
+
+
+def _effort(control: Mapping[str, Any]) -> str:
+    """Return the commands at a limit, and the margins of the axis that has least, in words."""
+    said = f"{100.0 * control['saturated_share']:.2g} % of the commands at a limit"
+    margins = {axis: margin for axis, margin in control["margins"].items() if margin["stable"]}
+    if len(margins) < len(control["margins"]):
+        return f"{said}; unstable by its gains: {', '.join(control['margins'].keys() - margins.keys())}"
+    largest = max(margins, key=lambda axis: margins[axis]["ms"])
+    delays = {axis: margin["delay"] for axis, margin in margins.items() if margin["delay"] is not None}
+    least = min(delays, key=lambda axis: delays[axis], default="")
+    delay = f", {1e3 * delays[least]:.0f} ms more delay ({least})" if delays else ""
+    return f"{said}; least margins: Ms {margins[largest]['ms']:.2f} ({largest}){delay}"

@@ -28,23 +28,23 @@ def write_mcap(found: Result, path: Path) -> None:
     write_mcap_stretches(_mcap_stretches(found, largest), path)
 
 
-def _mcap_stretches(found: Result, largest: float) -> Iterator[McapStretch]:
+def _mcap_stretches(result: Result, largest: float) -> Iterator[McapStretch]:
     """Yield the stretches of an estimated recording, short enough for memory."""
-    record = found.record
+    record = result.record
     assert record is not None
     for part in record.parts:
         for first, last in blocks_of(*part):
             block = record.block(first, last)
             forces: dict[str, tuple[str, Array]] = {}
-            for name, estimate in found.stored.items():
+            for name, estimate in result.stored.items():
                 low = estimate.index(block.time[0])
                 own = estimate.between(low, low + last - first)
                 for frame, columns in _force_columns(own).items():
                     forces[f"/force/{name}/{frame}"] = (frame, own.components[:, columns])
-            low = next(iter(found.stored.values())).index(block.time[0])
-            for one in found.references:
-                forces[f"/truth/{one.frame}"] = (one.frame, one.values[low : low + last - first])
-            tau = found.forces.torque(block) if found.forces and "joints.effort" in record.channels else None
+            low = next(iter(result.stored.values())).index(block.time[0])
+            for reference in result.references:
+                forces[f"/truth/{reference.frame}"] = (reference.frame, reference.values[low : low + last - first])
+            tau = result.forces.torque(block) if result.forces and "joints.effort" in record.channels else None
             model = record.robot.model
             yield McapStretch(model, block.time, block.q, block.v, tau, forces, joint_rows(model), largest)
 
@@ -60,7 +60,7 @@ def _force_columns(estimate: Estimate) -> dict[str, list[int]]:
         ]
         for frame in estimate.frames
     }
-    return {frame: own for frame, own in columns.items() if len(own) in (3, 6)}
+    return {frame: values for frame, values in columns.items() if len(values) in (3, 6)}
 
 
 def _largest_force(forces: Array) -> float:

@@ -133,8 +133,8 @@ class _JointPart:
 
     def __get__(self, closure: Closure, _: type | None = None) -> Array:
         moving: Angle = getattr(closure, self.joint)
-        found = getattr(moving, self.part) if self.part in Angle._fields else getattr(closure, self.part)(moving)
-        return cast(Array, found)
+        value = getattr(moving, self.part) if self.part in Angle._fields else getattr(closure, self.part)(moving)
+        return cast(Array, value)
 
 
 @dataclass(frozen=True, repr=False)

@@ -106,15 +106,15 @@ def lock(entry: Any, *arguments: Any) -> None:
 
 def kernels_within(entry: Any) -> int:
     """Return how many kernels have to be compiled for one: itself, and those that it calls by their names."""
-    found, left = {entry}, [entry]
-    while left:
-        function = left.pop().py_func
+    kernels, waiting = {entry}, [entry]
+    while waiting:
+        function = waiting.pop().py_func
         for name in function.__code__.co_names:
-            one = function.__globals__.get(name)
-            if hasattr(one, "py_func") and one not in found and not one.signatures:
-                found.add(one)
-                left.append(one)
-    return len(found)
+            named = function.__globals__.get(name)
+            if hasattr(named, "py_func") and named not in kernels and not named.signatures:
+                kernels.add(named)
+                waiting.append(named)
+    return len(kernels)
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
@@ -141,9 +141,9 @@ class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
 
     def _say(self) -> None:
         if self._ours:
-            left = max(self._count - self._done, self._depth)  # one is compiled again for other types of arguments
-            share = 1.0 - left / max(self._count, left)
-            self._tell(f"{self._what}, {left} of {self._count} kernels left, once per installation", share)
+            remaining = max(self._count - self._done, self._depth)  # one is compiled again for other types of arguments
+            share = 1.0 - remaining / max(self._count, remaining)
+            self._tell(f"{self._what}, {remaining} of {self._count} kernels left, once per installation", share)
 
 
 @contextmanager

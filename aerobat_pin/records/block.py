@@ -1,4 +1,4 @@
-"""A stretch of a record at common times: what robots and observers are given, or a robot finds by itself."""
+"""Samples of one quantity on its own clock, and a stretch of a record at common times."""
 
 from __future__ import annotations
 
@@ -7,6 +7,39 @@ from dataclasses import dataclass, field
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
+from aerobat_pin.records.spool import Series
+
+
+@dataclass(frozen=True)
+class LogChannel:
+    """Samples of one channel, on disk if they are many.
+
+    Attributes:
+        key: key of the map, such as `base.rate`.
+        names: its columns in the log.
+        time: (n,) stamps [s], the delay that the map states taken off.
+        values: (n, k) samples in SI units.
+        means: whether they are means over the intervals that begin at the stamps, of a record at its own times.
+        deviation: standard deviation of a sample in SI units, as the log notes it; None if it does not.
+        place: (3,) of the sensor from the base's centre of mass, base axes [m]; None where that has no meaning.
+        turn: (3, 3) rotation matrix, sensor to base; None likewise.
+        holes: from, to [s], and what has no sample there, for holes that split the record.
+    """
+
+    key: str
+    names: tuple[str, ...]
+    time: Series
+    values: Series
+    means: bool = False
+    deviation: float | None = None
+    place: Array | None = None
+    turn: Array | None = None
+    holes: tuple[tuple[float, float, str], ...] = ()
+
+    def between(self, first: float, last: float, extra: int = 0) -> tuple[Array, Array]:
+        """Return stamps and samples from a time to another [s], and `extra` more on either side."""
+        rows = slice(max(0, self.time.index(first) - extra), self.time.index(last, "right") + extra)
+        return self.time[rows], self.values[rows]
 
 
 @dataclass(frozen=True)

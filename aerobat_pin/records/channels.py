@@ -10,7 +10,7 @@ import numpy as np
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.channel import LogChannel
+from aerobat_pin.records.block import LogChannel
 from aerobat_pin.records.columns import Columns, same_unit
 from aerobat_pin.records.map_tables import ChannelSection, KnownSection, Map
 from aerobat_pin.records.resample import holes

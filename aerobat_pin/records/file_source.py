@@ -11,7 +11,7 @@ import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.records.channel import LogChannel
+from aerobat_pin.records.block import LogChannel
 from aerobat_pin.records.channels import base_requests, channel_of, further_requests, named_columns
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import requests_of

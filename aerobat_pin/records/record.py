@@ -11,8 +11,7 @@ import numpy as np
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.axes import as_attitude, body_turn, imu_arm, sensor_turn, world_turn
-from aerobat_pin.records.block import Block
-from aerobat_pin.records.channel import LogChannel
+from aerobat_pin.records.block import Block, LogChannel
 from aerobat_pin.records.channels import EXTRA
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.map_tables import Map

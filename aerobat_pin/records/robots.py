@@ -18,8 +18,7 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.numerics import Array, ShownInNotebooks
 from aerobat_pin.observers import Observer, Rows
 from aerobat_pin.records.agreement import Agreement
-from aerobat_pin.records.block import Block, SmoothedMotion
-from aerobat_pin.records.channel import LogChannel
+from aerobat_pin.records.block import Block, LogChannel, SmoothedMotion
 from aerobat_pin.records.learnable import Condition, Extras, Parameter, Suspect
 from aerobat_pin.records.robot_tables import PayloadSection
 

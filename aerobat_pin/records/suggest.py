@@ -60,7 +60,7 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
     lines += ["", "[log]"]
     time, step = None, None
     if not columns.kinds and not str(log).endswith(NETCDF):
-        time = _time_column(log, columns)
+        time = _suggested_time(log, columns)
         step = None if time is None else time[2] * SECONDS[time[1]]
         lines += _time(time)
     lines += ['world = "z_up"  # or "ned": does z point down?', ""]
@@ -151,7 +151,7 @@ def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
     ]
 
 
-def _time_column(log: Path, columns: Columns) -> tuple[str, str, float] | None:
+def _suggested_time(log: Path, columns: Columns) -> tuple[str, str, float] | None:
     """Return the column of a table that looks like a time, its unit, and its step in that unit; None if none does."""
     found = next((match for match in map(TIME.match, header_of(log, LogTable())[1]) if match), None)
     if found is None:

@@ -2,6 +2,8 @@ from .aerobat import CRANK_START as CRANK_START
 from .aerobat import FORCE_POINTS as FORCE_POINTS
 from .aerobat import JOINTS as JOINTS
 from .aerobat import Aerobat as Aerobat
+from .aerobat import believed_robot as believed_robot
+from .aerobat import flown_robot as flown_robot
 from .aerobat import load_aerobat as load_aerobat
 from .aerobat import load_morphology as load_morphology
 from .closed_model import closed_model as closed_model
@@ -18,8 +20,6 @@ from .link_kernels import Tree as Tree
 from .link_kernels import chain as chain
 from .link_kernels import climb as climb
 from .link_kernels import tree_of as tree_of
-from .load import believed_robot as believed_robot
-from .load import flown_robot as flown_robot
 from .prescribed_joints import BASE_SIZE as BASE_SIZE
 from .prescribed_joints import joint_table as joint_table
 from .prescribed_joints import prescribed_joint_dynamics as prescribed_joint_dynamics

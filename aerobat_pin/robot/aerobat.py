@@ -9,20 +9,23 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_description import MORPHOLOGIES
+from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import FreeFlyer
 from aerobat_description.reading import MorphologyError
-from aerobat_description.write_urdf import srdf_text, urdf_text
+from aerobat_description.solids import Mesh
+from aerobat_description.write_urdf import MATERIALS, srdf_text, urdf_text
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.linkage import KineticSculpture
-from aerobat_pin.numerics import Array, ShownInNotebooks, guarded
-from aerobat_pin.robot.visual_model import visual_model
+from aerobat_pin.numerics import Array, ShownInNotebooks, frame_id, guarded
 from aerobat_pin.robot.wing import Wing
+from aerobat_pin.scenario import Scenario
 
 JOINTS = ("left_shoulder", "left_elbow", "right_shoulder", "right_elbow")
 FORCE_POINTS = ("left_force_point", "right_force_point")
@@ -183,3 +186,48 @@ def limit_free_flyer(model: pin.Model, limits: FreeFlyer) -> None:
     speed, effort = model.velocityLimit.copy(), model.effortLimit.copy()
     speed[:3], speed[3:6], effort[:6] = limits.velocity, limits.angular_velocity, 0.0
     model.velocityLimit, model.effortLimit = speed, effort
+
+
+@guarded()
+def flown_robot(scenario: Scenario) -> Aerobat:
+    """Load the robot that flies in a scenario, with the scenario's changes and gravity.
+
+    Raises the same errors as `load_aerobat`.
+    """
+    chosen = scenario.robot
+    return load_aerobat(chosen.morphology, chosen.changes, gravity=scenario.flight.gravity)
+
+
+@guarded()
+def believed_robot(scenario: Scenario) -> Aerobat:
+    """Load the robot that a scenario's observers assume. Raises the same errors as `load_aerobat`."""
+    chosen = scenario.believed_robot
+    return load_aerobat(chosen.morphology, chosen.changes, gravity=scenario.flight.gravity)
+
+
+def visual_model(model: pin.Model, morphology: Morphology) -> pin.GeometryModel:
+    """Return the visible parts of the robot, each attached to the joint that carries its link."""
+    visual = pin.GeometryModel()
+    for name, part in parts(morphology).items():
+        visual.addGeometryObject(geometry_object(model, name, part.link, part.mesh, part.material))
+    return visual
+
+
+def geometry_object(model: pin.Model, name: str, link: str, mesh: Mesh, material: str) -> pin.GeometryObject:
+    """Return a geometry object for a mesh whose points are in the frame of a link."""
+    frame = frame_id(model, link)
+    placement = model.frames[frame].placement
+    item = pin.GeometryObject(name, model.frames[frame].parentJoint, frame, placement, _bvh(mesh))
+    item.meshColor = np.array(MATERIALS[material])
+    return item
+
+
+def _bvh(mesh: Mesh) -> coal.BVHModelOBBRSS:
+    corners = [point for triangle in mesh for point in triangle]
+    unique = {point: i for i, point in enumerate(dict.fromkeys(corners))}
+    shape = coal.BVHModelOBBRSS()
+    shape.beginModel(len(mesh), len(unique))
+    shape.addVertices(np.array(list(unique)))
+    shape.addTriangles(np.array([[unique[point] for point in triangle] for triangle in mesh]))
+    shape.endModel()
+    return shape

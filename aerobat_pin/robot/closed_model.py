@@ -76,8 +76,8 @@ def closed_model(
     limit_free_flyer(model, shape.free_flyer)
     _limit_joints(model, shape)
     corrector = pin.BaumgarteCorrectorParameters(CLOSING_RATE**2, 2.0 * CLOSING_RATE)  # gap'' = -2 s gap' - s^2 gap
-    for one in constraints:
-        one.setBaumgarteCorrectorParameters(corrector)
+    for constraint in constraints:
+        constraint.setBaumgarteCorrectorParameters(corrector)
     model.referenceConfigurations["closed"] = closed_state(model, KineticSculpture(shape.linkage), -0.5 * np.pi)[0]
     return model, constraints
 

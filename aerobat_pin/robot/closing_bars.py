@@ -14,8 +14,7 @@ import pinocchio as pin
 
 from aerobat_description.bars import closing_bars
 from aerobat_pin.numerics import guarded
-from aerobat_pin.robot.aerobat import CRANK_START, Aerobat
-from aerobat_pin.robot.visual_model import geometry_object
+from aerobat_pin.robot.aerobat import CRANK_START, Aerobat, geometry_object
 
 BAR_ANGLES = {"L1": "t1", "L2": "t2", "L4": "t3", "L5": "t8", "L6": "t9"}  # bar, as numbered in the paper: its angle
 

@@ -54,8 +54,8 @@ def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
     joint_of, parent_of, row_of, axis = tree.joint, tree.parent, tree.row, tree.axis
     for link in range(joint_of.shape[0] - 1, 0, -1):
         joint, parent, row = joint_of[link], parent_of[link], row_of[link]
-        own = wrenches[link]
-        fx, fy, fz, mx, my, mz = own[0], own[1], own[2], own[3], own[4], own[5]
+        wrench = wrenches[link]
+        fx, fy, fz, mx, my, mz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
         force[row] = axis[link, 0] * mx + axis[link, 1] * my + axis[link, 2] * mz
         P = liMi[joint]
         gx = P[0] * fx + P[3] * fy + P[6] * fz

@@ -60,5 +60,5 @@ class AirSection(Section):
     @property
     def is_steady(self) -> bool:
         """Whether the velocity of the air never changes."""
-        speeds = [one.amplitude for one in (self.gust, *self.wave) if one is not None]
+        speeds = [section.amplitude for section in (self.gust, *self.wave) if section is not None]
         return not any(map(any, speeds if self.turbulence is None else [*speeds, self.turbulence.deviation]))

@@ -72,7 +72,7 @@ def _part_of(text: str, wanted: str, kind: str) -> str:
     blocks = text.split("\n\n")
     names = [re.findall(r"\[([\w.]+)\]", block.partition("  ")[0]) for block in blocks]
     plain = ".".join(part for part in wanted.split(".") if part != "*" and not part.isdigit())
-    found = [
+    parts = [
         block
         for block, tables in zip(blocks, names, strict=True)
         if any(f"{table}.".startswith(f"{plain}.") for table in tables)
@@ -82,18 +82,18 @@ def _part_of(text: str, wanted: str, kind: str) -> str:
     for block, tables in zip(blocks, names, strict=True):
         entries = {entry.split()[0]: entry for entry in re.split(r"\n(?=  \S)", block)[1:]}
         known |= {f"{name}.{entry}".lstrip(".") for name in tables or [""] for entry in entries}
-        if not found and key in entries and table in (tables or [""]):
-            found.append("\n".join([*([block.partition("  ")[0]] if tables else []), entries[key]]))
-    if not found:
+        if not parts and key in entries and table in (tables or [""]):
+            parts.append("\n".join([*([block.partition("  ")[0]] if tables else []), entries[key]]))
+    if not parts:
         hint = did_you_mean(plain, sorted(known))
         raise ScenarioError(f"describe {kind} {wanted[:60]}: there is no such table or key: {hint}")
-    return "\n\n".join(found)
+    return "\n\n".join(parts)
 
 
 def unit_and_meaning(description: str) -> tuple[str, str]:
     """Split a description into the unit in brackets (empty if there is none) and the remaining text."""
-    found = UNIT.search(description)
-    return (found[1], UNIT.sub("", description, count=1).strip()) if found else ("", description)
+    unit = UNIT.search(description)
+    return (unit[1], UNIT.sub("", description, count=1).strip()) if unit else ("", description)
 
 
 def kind_of(schema: dict[str, Any]) -> str:

@@ -201,7 +201,7 @@ class SensorsSection(Section):
     @property
     def sampled(self) -> dict[str, SampledSection]:
         """All sensors that are given: name -> sensor."""
-        return {name: found for name in type(self).model_fields if (found := getattr(self, name)) is not None}
+        return {name: sensor for name in type(self).model_fields if (sensor := getattr(self, name)) is not None}
 
 
 AXES_OF_SENSOR = {

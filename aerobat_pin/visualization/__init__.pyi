@@ -11,8 +11,8 @@ from .replay.any_robot import replay_table as replay_table
 from .replay.flight_replay import SLOW_MOTION as SLOW_MOTION
 from .replay.flight_replay import replay_flight as replay_flight
 from .replay.flight_replay import replay_run as replay_run
-from .replay.in_frame import in_frame as in_frame
 from .replay.open_robot import RobotView as RobotView
+from .replay.open_robot import in_frame as in_frame
 from .replay.open_robot import open_robot as open_robot
 from .replay.recording import Recording as Recording
 from .replay.recording import record as record

@@ -18,7 +18,7 @@ from aerobat_pin.estimation import point_label
 from aerobat_pin.experiments import RESULTS, read_run
 from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.figures.limits import fit_errors, fit_to_drawn
+from aerobat_pin.visualization.figures.lines import fit_errors, fit_to_drawn
 from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_run
 from aerobat_pin.visualization.replay.page import SPEEDS
 from aerobat_pin.visualization.replay.recording import Recording
@@ -59,19 +59,19 @@ class ComparedRun:
 
 def _figures(folder: Path) -> dict[str, bytes]:
     """Return the figures of a run: name -> content of the PNG file. Raises LogError for what is none."""
-    found = {}
+    figures = {}
     for path in (folder / name for name in RESULTS if name.endswith(".png")):
         try:
             if path.parent.is_symlink():
                 raise OSError(errno.ELOOP, f"{path.parent} is a link")
-            found[path.stem] = content_of(path, MOST_FIGURE)
-            if not found[path.stem].startswith(PNG):
+            figures[path.stem] = content_of(path, MOST_FIGURE)
+            if not figures[path.stem].startswith(PNG):
                 raise OSError(errno.EINVAL, "is no picture")
         except FileNotFoundError:
             continue
         except OSError as error:
             raise LogError(f"figure {path}: {error.strerror}; a PNG file of the run was expected") from error
-    return found
+    return figures
 
 
 def _names_along(run: ComparedRun, dimension: str) -> list[str]:
@@ -80,18 +80,18 @@ def _names_along(run: ComparedRun, dimension: str) -> list[str]:
 
 def _force_scores(path: Path) -> dict[tuple[str, str, str], tuple[float | None, float]]:
     """Read the scores of a run's forces. Raises LogError if the file has none."""
-    found = {}
+    scores = {}
     try:
         for name, points in plain_json(content_of(path, MOST_METRICS))["observers"].items():
             for point, axes in points.items():
                 for axis, score in axes.items() if isinstance(axes, dict) and "Fx" in axes else ():
                     r2, rmse = score["r2"], float(score["rmse"])
-                    found[name, point, axis] = None if r2 is None else float(r2), rmse
+                    scores[name, point, axis] = None if r2 is None else float(r2), rmse
                     if not ",".join([name, point, axis]).isprintable():
                         raise ValueError("a name that cannot be printed")
     except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise LogError(f"metrics {path}: the scores of a run were expected") from error
-    return found
+    return scores
 
 
 @dataclass(frozen=True, repr=False)
@@ -117,8 +117,8 @@ class Comparison:
         """Yield the rows of the table with the columns of `header`: the scores that both runs have."""
         for key in (key for key in self.first.scores if key in self.second.scores):
             pair = self.first.scores[key], self.second.scores[key]
-            r2 = ("no signal" if one[0] is None else f"{one[0]:.5f}" for one in pair)
-            yield *key, *r2, *(f"{1e3 * one[1]:.2f} mN" for one in pair)
+            r2 = ("no signal" if score[0] is None else f"{score[0]:.5f}" for score in pair)
+            yield *key, *r2, *(f"{1e3 * score[1]:.2f} mN" for score in pair)
 
     @property
     def missing(self) -> list[str]:
@@ -189,7 +189,7 @@ class Comparison:
         style.save_figure(self.draw(), folder / "forces")
         lines = [",".join(row) for row in (self.header, *self.rows())]
         (folder / "comparison.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-        one, other = self.first.figures, self.second.figures
+        first, second = self.first.figures, self.second.figures
         page = fill_template(
             "comparison.html",
             runs=(self.first, self.second),
@@ -198,7 +198,7 @@ class Comparison:
             rows=list(self.rows()),
             missing=self.missing,
             forces=folder / "forces.png",
-            figures={name: (one[name], other[name]) for name in one if name in other},
+            figures={name: (first[name], second[name]) for name in first if name in second},
         )
         (folder / "comparison.html").write_text(page, encoding="utf-8")
         labels = self.first.label, self.second.label
@@ -226,15 +226,15 @@ def side_by_side(first: Recording, second: Recording, labels: tuple[str, str], r
         rate: speed at which the page starts to play, in multiples of real time.
     """
     both = first, second
-    scale = max(one.newtons_per_centimetre for one in both)
-    for one, label in zip(both, labels, strict=True):
-        one.scale = scale
-        one.title = one.title if one.title.startswith(f"{label}:") else f"{label}: {one.title}"
-    longer = max(both, key=lambda one: one.duration)
+    scale = max(recording.newtons_per_centimetre for recording in both)
+    for recording, label in zip(both, labels, strict=True):
+        recording.scale = scale
+        recording.title = recording.title if recording.title.startswith(f"{label}:") else f"{label}: {recording.title}"
+    longer = max(both, key=lambda recording: recording.duration)
     return fill_template(
         "side_by_side.html",
         labels=labels,
-        pages=[one.html(rate) for one in both],
+        pages=[recording.html(rate) for recording in both],
         start=float(longer.time[0]),
         duration=longer.duration,
         step=longer.duration / (len(longer.time) - 1),

@@ -59,7 +59,7 @@ def draw_all(made: Experiment | Result) -> dict[str, Figure]:
             figures = {"estimation": draw_estimation(made)}
             if made.record is not None:
                 figures["motion"] = draw_motion(made.record)
-            if any(len(one.onset) for found in made.stances.values() for one in found):
+            if any(len(stance.onset) for stances in made.stances.values() for stance in stances):
                 figures["contacts"] = draw_contacts(made)
             return {**figures, **_unexplained(made)}
         robot, log = made.robot, made.drawn

@@ -41,8 +41,8 @@ def reference(name: str) -> dict:
         q[3:7] = turn / np.linalg.norm(turn)
         q[[one.idx_q for one in joints]] = angles
         M, bias = dynamics(model, q, v, order)
-        fixed, still = q.copy(), v.copy()
-        fixed[:7], still[:6] = pin.neutral(model)[:7], 0.0
+        fixed = q.copy()
+        fixed[:7] = pin.neutral(model)[:7]
         pin.framesForwardKinematics(model, data, fixed)
         states.append(
             {
@@ -52,7 +52,6 @@ def reference(name: str) -> dict:
                 "velocity": v[order].tolist(),
                 "M": M,
                 "bias": bias,
-                "bias_fixed_base": dynamics(model, fixed, still, order)[1][6:],
                 "places": {frame: data.oMf[model.getFrameId(frame)].homogeneous.tolist() for frame in FRAMES},
             }
         )

@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/method.md: the robot as five bodies, and the observer's blocks."""
+"""Draw the robot as five bodies, for docs/method.md; the observer's blocks beside it are drawn by hand."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Arc, Ellipse, FancyBboxPatch
+from matplotlib.patches import Arc, Ellipse
 
 from aerobat_pin.robot import load_aerobat
-from aerobat_pin.visualization.style import BLUE, FAINT, GREEN, INK, METADATA, MUTED, ORANGE, PURPLE, RC, VERMILLION
+from aerobat_pin.visualization.style import BLUE, GREEN, INK, METADATA, MUTED, ORANGE, PURPLE, RC, VERMILLION
 
 FIGURES = Path(__file__).resolve().parents[1] / "figures" / "method"
 CRANK = np.radians(262.0)  # in the downstroke, the wings nearly spread
@@ -75,13 +75,8 @@ def five_bodies() -> Figure:
         arrow(axes, corner, corner + way, MUTED)
         axes.annotate(name, corner + 1.12 * way + [0, 2], color=MUTED, ha="center", va="bottom", fontsize=9)
     axes.text(corner[0] + 6, corner[1], "x: into the page, forward", color=MUTED, ha="left", va="center", fontsize=9)
-    axes.set(
-        aspect="equal",
-        xlim=(-215, 215),
-        ylim=(-68, 62),
-        xlabel="right of the body's centre of mass [mm]",
-        ylabel="above it [mm]",
-    )
+    axes.set(aspect="equal", xlim=(-215, 215), ylim=(-68, 62))
+    axes.set(xlabel="right of the body's centre of mass [mm]", ylabel="above it [mm]")
     return figure
 
 
@@ -107,106 +102,18 @@ def angles(axes: Axes, shoulder: np.ndarray, elbow: np.ndarray, theta_s: float, 
     ):
         axes.plot(*np.transpose([at, at + 40 * zero]), color=MUTED, lw=0.9, ls=":", zorder=3)
         start = np.degrees(np.arctan2(zero[1], zero[0]))
-        end = start - np.degrees(
-            turn
-        )  # equal positive angles lift the wing: clockwise on the left, as seen from behind
+        end = start - np.degrees(turn)  # positive angles lift the wing: clockwise on the left, seen from behind
         axes.add_patch(Arc(tuple(at), 56, 56, theta1=min(start, end), theta2=max(start, end), color=ORANGE, lw=1.5))
         middle = np.radians(0.5 * (start + end))
-        axes.text(
-            *(at + 37 * np.array([np.cos(middle), np.sin(middle)])),
-            name,
-            color=ORANGE,
-            fontsize=12,
-            ha="center",
-            va="center",
-        )
-
-
-def blocks() -> Figure:
-    """Return the block diagram: the plant above, the observer below, the projection at its end."""
-    figure = Figure(figsize=(8.6, 3.8), layout="constrained")
-    axes = figure.subplots()
-    axes.set(xlim=(0, 114), ylim=(1, 48.5), aspect="equal")
-    axes.axis("off")
-
-    def box(x: float, y: float, width: float, text: str, colour: str = INK, height: float = 8.0) -> None:
-        axes.add_patch(
-            FancyBboxPatch(
-                (x - width / 2, y - height / 2),
-                width,
-                height,
-                boxstyle="round,pad=0,rounding_size=1",
-                fc="white",
-                ec=colour,
-                lw=1.4,
-                zorder=3,
-            )
-        )
-        axes.text(x, y, text, ha="center", va="center", fontsize=10, color=colour, zorder=4)
-
-    def line(*points: tuple[float, float], colour: str = INK, head: bool = True) -> None:
-        way = np.array(points, float)
-        axes.plot(*way.T, color=colour, lw=1.2, zorder=1, solid_joinstyle="miter")
-        if head:
-            back = way[-1] - 0.5 * (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
-            arrow(axes, back, way[-1], colour, 1.2)
-
-    def label(x: float, y: float, text: str, colour: str = INK, where: str = "center") -> None:
-        axes.text(x, y, text, ha=where, va="center", fontsize=10, color=colour)
-
-    def plus(x: float, y: float) -> None:
-        axes.add_patch(Ellipse((x, y), 4, 4, fc="white", ec=INK, lw=1.3, zorder=3))
-
-    axes.add_patch(
-        FancyBboxPatch(
-            (25, 3), 73, 27, boxstyle="round,pad=0,rounding_size=1.5", fc="#F6F8FA", ec=FAINT, lw=1, zorder=0
-        )
-    )
-    label(27, 28, "observer", MUTED, "left")
-    box(50, 43, 40, r"Aerobat:  $M\dot v + C v + g = u + J^{\top} f$")
-    line((22, 45), (30, 45))
-    label(21, 45, "unknown force  $f$", VERMILLION, "right")
-    line((2, 40.5), (30, 40.5))
-    label(21, 42, "known inputs  $u$", where="right")
-    line((70, 43), (78, 43), (78, 27))
-    label(79, 39, r"$q,\ v$", where="left")
-    axes.plot(78, 35, "o", ms=4, color=INK)
-    line((78, 35), (42, 35), (42, 27))
-    box(42, 23, 16, r"$C^{\top} v - g$")
-    box(78, 23, 16, "$p = M v$")
-    plus(42, 12)
-    plus(78, 12)
-    line((42, 19), (42, 14))
-    line((78, 19), (78, 14))
-    label(79, 16.5, "$p - p_0$", where="left")
-    axes.plot(12, 40.5, "o", ms=4, color=INK)
-    line((12, 40.5), (12, 12), (40, 12))
-    label(20, 13.6, "$u$")
-    for x, y in ((38.5, 13.4), (43.3, 15.3), (43.3, 8.6), (76.3, 15.3)):
-        label(x, y, "$+$")
-    label(74.5, 13.6, "$-$")
-    line((44, 12), (56, 12))
-    box(60, 12, 8, r"$\int\,dt$", height=7)
-    line((64, 12), (76, 12))
-    line((80, 12), (86, 12))
-    box(90, 12, 8, "$K$", height=7)
-    line((94, 12), (105, 12), (105, 17))
-    axes.plot(96, 12, "o", ms=4, color=INK)
-    line((96, 12), (96, 5.5), (42, 5.5), (42, 10))
-    label(69, 7, "$r$")
-    label(101.5, 13.6, "$r$")
-    box(105, 21, 9, r"$J^{\top +}$", VERMILLION)
-    line((105, 25), (105, 33), colour=VERMILLION)
-    label(105, 35.5, r"estimate  $\hat f$", VERMILLION)
-    return figure
+        x, y = at + 37 * np.array([np.cos(middle), np.sin(middle)])
+        axes.text(x, y, name, color=ORANGE, fontsize=12, ha="center", va="center")
 
 
 def main() -> None:
-    """Rewrite the pictures."""
+    """Rewrite the picture."""
     FIGURES.mkdir(parents=True, exist_ok=True)
     with mpl.rc_context({**RC, "axes.grid": False, "mathtext.fontset": "cm", "text.parse_math": True}):
-        for name, figure in (("five_bodies", five_bodies()), ("observer", blocks())):
-            figure.savefig(FIGURES / f"{name}.svg", metadata=METADATA["svg"])
+        five_bodies().savefig(FIGURES / "five_bodies.svg", metadata=METADATA["svg"])
 
 
 if __name__ == "__main__":

@@ -82,18 +82,23 @@ def loaded(
     return open_record(table(clone, f"{name}Load", folder), parse_map(values, "of the UR10E"), clone)
 
 
+def judged(error: np.ndarray, shown: np.ndarray, deviation: np.ndarray, seen: list[float], k: float) -> str:
+    """Return rms error where it is shown, how often that is, how often two deviations cover it, and k."""
+    rms = "/".join(f"{np.sqrt(np.mean(error[shown[:, k], k] ** 2)):.1f}" for k in range(3))
+    cover = ", ".join(f"{np.mean((error < 2.0 * deviation)[shown[:, k], k]):.1%}" for k in range(3))
+    times = ", ".join(f"{share:.0%}" for share in seen)
+    return f"{rms} N rms where seen ({times} of the time), {cover} within two deviations, k {k:.2g}"
+
+
 def force_lines(clone: Path, name: str, folder: Path, calibration: Calibration) -> None:
     """Print how well the load is found as a force at its centre, and what is said where it is sought at the tool."""
-    for point in (name, "tool0"):
+    for point, place in ((name, "its centre"), ("tool0", "tool0")):
         record = loaded(clone, name, folder, None, point, sought=False)
         result = estimate(record, calibration=calibration)
-        [found], [own] = result.estimates.values(), result.observers.values()
+        [found], [scores] = result.estimates.values(), result.observers.values()
         model, block = record.robot.model, record.block(*max(record.parts, key=lambda part: part[1] - part[0]))
-        data, frame, slope = (
-            model.createData(),
-            model.getFrameId(name),
-            savgol_filter(block.v, 21, 2, 1, record.dt, axis=0),
-        )
+        data, frame = model.createData(), model.getFrameId(name)
+        slope = savgol_filter(block.v, 21, 2, 1, record.dt, axis=0)
         force = np.empty((len(block.q), 3))
         for k, state in enumerate(zip(block.q, block.v, slope, strict=True)):
             pin.forwardKinematics(model, data, *state)
@@ -102,15 +107,9 @@ def force_lines(clone: Path, name: str, folder: Path, calibration: Calibration) 
         inside = (found.time[:-1] >= block.time[0]) & (found.time[1:] <= block.time[-1])
         middle = 0.5 * (found.time[1:] + found.time[:-1])
         truth = np.column_stack([np.interp(middle, block.time, axis) for axis in force.T])
-        assert found.standard_deviation is not None
         error, shown = np.abs(found.components - truth), found.shown & inside[:, None]
-        held = error < 2.0 * found.standard_deviation
-        axes = [f"{np.sqrt(np.mean(error[shown[:, k], k] ** 2)):.1f}" for k in range(3)]
-        cover = [f"{np.mean(held[shown[:, k], k]):.0%}" for k in range(3)]
-        print(
-            f"load of {name} as a force at {'its centre' if point == name else point}: {'/'.join(axes)} N rms where seen ({', '.join(f'{share:.0%}' for share in own.seen[point])} "
-            f"of the time), {', '.join(cover)} within two deviations, k {own.k:.2g}"
-        )
+        words = judged(error, shown, found.standard_deviation, scores.seen[point], scores.k)
+        print(f"load of {name} as a force at {place}: {words}")
 
 
 def untouched(bags: Path, name: str, *, learnt: bool) -> Record:
@@ -135,17 +134,11 @@ def nothing_lines(bags: Path) -> None:
     for known, other in (BAGS, BAGS[::-1]):
         calibration = calibrate([untouched(bags, known, learnt=True)], trust=True)
         result = estimate(untouched(bags, other, learnt=False), calibration=calibration, trust=True)
-        [found], [own] = result.estimates.values(), result.observers.values()
-        counts = found.shown & (found.time[1:] < found.time[-1] - STOP)[:, None]
-        assert found.standard_deviation is not None
-        size, held = np.abs(found.components), np.abs(found.components) < 2.0 * found.standard_deviation
-        axes = "/".join(f"{np.sqrt(np.mean(size[counts[:, k], k] ** 2)):.1f}" for k in range(3))
-        cover = ", ".join(f"{np.mean(held[counts[:, k], k]):.1%}" for k in range(3))
-        most, seen = size[counts].max(), ", ".join(f"{share:.0%}" for share in own.seen["tool0"])
-        print(
-            f"nothing touches {other}, learnt from {known}: {axes} N rms where seen ({seen} of the time), at most "
-            f"{most:.1f} N{'' if most < MOST_SHOWN else ': not within'}, {cover} within two deviations, k {own.k:.2g}"
-        )
+        [found], [scores] = result.estimates.values(), result.observers.values()
+        counts, size = found.shown & (found.time[1:] < found.time[-1] - STOP)[:, None], np.abs(found.components)
+        words, most = judged(size, counts, found.standard_deviation, scores.seen["tool0"], scores.k), size[counts].max()
+        too_much = "" if most < MOST_SHOWN else ", which is too much"
+        print(f"nothing touches {other}, learnt from {known}: at most {most:.1f} N{too_much}; {words}")
 
 
 def main() -> None:
@@ -154,9 +147,7 @@ def main() -> None:
     nothing_lines(folder / "ur3-force-estimation" / "experiment")
     clone = folder / "dynamic_calibration"
     if not (clone / "dataset_ur10e").is_dir():
-        print(
-            f"{clone}: no logs. Each payload, found with gains of the other log: {LIGHTEST} to {HEAVIEST} kg, covered"
-        )
+        print(f"{clone}: no logs. Each payload, found with the other log's gains: {LIGHTEST} to {HEAVIEST} kg, covered")
         return
     with tempfile.TemporaryDirectory() as place:
         for known, sought in (LOGS, LOGS[::-1]):

@@ -1,6 +1,6 @@
 """Write the tables of docs/structural_error.md: what wrong beliefs cost every observer, what a calibration gives back.
 
-Some three minutes; `make evidence` has the mismatch matrix over five seeds.
+Some three minutes.
 """
 
 from __future__ import annotations

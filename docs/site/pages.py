@@ -30,7 +30,6 @@ SECTIONS = {
         "docs/lifting_line.md",
         "docs/section_law.md",
         "docs/structural_error.md",
-        "docs/mismatch.md",
         "docs/learnt_error.md",
         "docs/legs.md",
         "docs/live.md",

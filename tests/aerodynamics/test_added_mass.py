@@ -10,12 +10,12 @@ import pytest
 from support import twins
 from support.kernel_cases import instant
 
-from aerobat_pin.aerobat.truth import true_force
+from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.aerodynamics.planform import added_mass_factor
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.robot.load import flown_robot
+from aerobat_pin.robot.aerobat import flown_robot
 from aerobat_pin.robot.wing import LINKS
 from aerobat_pin.scenario.scenario import load_scenario
 

@@ -118,7 +118,7 @@ def test_a_run_with_spoilt_estimates_is_not_played(
 def test_axes_in_another_order_are_played_alike(good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Labels decide in estimates too: components and dimensions in reverse."""
     from aerobat_pin.aerobat.flight_log import FlightLog
-    from aerobat_pin.experiments.result_tables import read_estimates
+    from aerobat_pin.experiments.write_results import read_estimates
 
     log, path = FlightLog.load(good / "flight.nc"), tmp_path / "estimate.nc"
     straight = read_estimates(good / "estimate.nc", log)

@@ -16,7 +16,7 @@ from aerobat_pin.control.margins import _margins, loop_margins, noise_slew, wron
 from aerobat_pin.errors import ControlWarning, ScenarioError
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot.load import believed_robot
+from aerobat_pin.robot.aerobat import believed_robot
 from aerobat_pin.scenario.scenario import load_scenario
 
 ROUND = [  # gains whose products one can do in one's head

@@ -10,17 +10,15 @@ import pytest
 import xarray as xr
 from scipy.signal import savgol_filter
 
-from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.flight_log import FlightLog, true_force
 from aerobat_pin.aerobat.flight_record import flight_motion, flight_record, known_inputs
 from aerobat_pin.aerobat.robot import AerobatRobot
-from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation.scores import r_squared
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.observers import ForceLevelObserver, MomentumObserver
-from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat
-from aerobat_pin.robot.load import flown_robot
+from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat, flown_robot
 from aerobat_pin.scenario.air_tables import AirSection
 from aerobat_pin.scenario.scenario import load_scenario
 

@@ -15,7 +15,7 @@ from support.calibrated import FreeFlight, free_flight, learnt
 from support.mismatch import NOISY, flown
 
 from aerobat_pin.aerobat import FlightLog, flight_record
-from aerobat_pin.aerobat.suspects import carrying, flexed
+from aerobat_pin.aerobat.parameters import carrying, flexed
 from aerobat_pin.estimation import CalibrationWatch, Contact, Result, estimate
 from aerobat_pin.records import PlainRobot
 

@@ -20,7 +20,7 @@ from aerobat_pin.experiments import write as write_results
 from aerobat_pin.experiments.experiment import Experiment, run_recorded
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot import Aerobat
-from aerobat_pin.robot.load import believed_robot, flown_robot
+from aerobat_pin.robot.aerobat import believed_robot, flown_robot
 from aerobat_pin.scenario import AirSection
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
 from aerobat_pin.visualization.result_pages import report_html

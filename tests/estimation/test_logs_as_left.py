@@ -16,9 +16,8 @@ from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, estimate
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.records import Record, open_record, parse_map, suggested_map
-from aerobat_pin.records.columns import GrowingTable
+from aerobat_pin.records.columns import GrowingTable, in_order
 from aerobat_pin.records.spool import Spool
-from aerobat_pin.records.stamps import in_order
 
 ROBOT = {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]}
 

@@ -21,8 +21,8 @@ from aerobat_pin import load_robot
 from aerobat_pin.errors import AerobatError, CalibrationError, LogError
 from aerobat_pin.estimation import OnlineEstimator, calibrate, check_record, estimate, record_findings
 from aerobat_pin.records import Record, open_record, parse_map, robot_of_map
-from aerobat_pin.records.encoders import effort_matrix, encoder_matrix
-from aerobat_pin.records.named_robots import FIXED, FREE
+from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
+from aerobat_pin.records.robot_files import FIXED, FREE
 from aerobat_pin.records.robot_tables import RobotTable
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recordings.md"

@@ -23,12 +23,12 @@ from aerobat_pin.aerobat import (
 )
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
 from aerobat_pin.aerobat.raw.air import AirForces
+from aerobat_pin.aerobat.raw.channels import part_of, stretches
+from aerobat_pin.aerobat.raw.layout import Prior, first_prior
 from aerobat_pin.aerobat.raw.linear import LinearRecord
 from aerobat_pin.aerobat.raw.nominal import NominalMotion, first_guess
-from aerobat_pin.aerobat.raw.prior import Prior, first_prior
 from aerobat_pin.aerobat.raw.results import notes_of
 from aerobat_pin.aerobat.raw.tuning import Tuning
-from aerobat_pin.aerobat.raw.windows import part_of, stretches
 from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
 from aerobat_pin.estimation import calibrate, calibration_bytes, r_squared, read_calibration
 from aerobat_pin.flight import simulate

@@ -10,10 +10,10 @@ import xarray as xr
 from support.arm import arm
 from support.kernel_cases import record
 
-from aerobat_pin.aerobat.truth import true_force
+from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.estimation.scores import FORCE_AXES
 from aerobat_pin.experiments import Experiment, run
-from aerobat_pin.experiments.result_tables import estimate_dataset, estimate_table
+from aerobat_pin.experiments.write_results import estimate_dataset, estimate_table
 from aerobat_pin.flight import Plant
 from aerobat_pin.observers import Application, ForceLevelObserver, KalmanObserver
 from aerobat_pin.scenario import load_scenario

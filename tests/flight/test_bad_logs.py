@@ -18,8 +18,7 @@ from aerobat_pin.aerobat.tables import read_log, write_csv
 from aerobat_pin.errors import AerobatError, LogError
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.records import checked_netcdf
-from aerobat_pin.robot.aerobat import JOINTS, load_aerobat
-from aerobat_pin.robot.load import believed_robot
+from aerobat_pin.robot.aerobat import JOINTS, believed_robot, load_aerobat
 from aerobat_pin.scenario import csv_rows
 from aerobat_pin.scenario.scenario import load_scenario
 

@@ -19,8 +19,7 @@ from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.tables import Flown
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.linkage.joint_series import SeriesSculpture
-from aerobat_pin.robot.aerobat import JOINTS
-from aerobat_pin.robot.load import believed_robot, flown_robot
+from aerobat_pin.robot.aerobat import JOINTS, believed_robot, flown_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 
 SHORT = ("simulation.duration=0.3", "air.warm_up_cycles=1")

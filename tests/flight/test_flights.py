@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aerobat_pin.aerobat.truth import true_force
+from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.errors import TrimError
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.flight.simulate import simulate

@@ -17,8 +17,7 @@ from aerobat_pin.flight import RateControlledMotor, SpinUp
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.linkage import joint_series, joints_at
-from aerobat_pin.robot.aerobat import load_aerobat
-from aerobat_pin.robot.load import flown_robot
+from aerobat_pin.robot.aerobat import flown_robot, load_aerobat
 from aerobat_pin.robot.prescribed_joints import joint_table
 from aerobat_pin.scenario.scenario import Scenario, load_scenario
 

@@ -17,7 +17,7 @@ from aerobat_pin.aerodynamics.wind import Wind
 from aerobat_pin.errors import LogError
 from aerobat_pin.flight.shown import Wake, wake_of
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.robot.load import flown_robot
+from aerobat_pin.robot.aerobat import flown_robot
 from aerobat_pin.scenario.air_tables import AirSection
 from aerobat_pin.scenario.scenario import load_scenario
 

@@ -26,7 +26,7 @@ DOCS = ROOT / "docs"
 PAGE = (DOCS / "observers.md").read_text()
 [QUADRUPED] = re.findall(r"^## A quadruped's log.*?(?=^## )", PAGE, re.DOTALL | re.MULTILINE)
 RECORDED = (DOCS / "recorded.md").read_text()
-WRITTEN = ("lifting_line/lifting_line.py", "crank.py", "frames.py", "observer_study.py", "results.py", "section_law.py")
+WRITTEN = ("lifting_line/lifting_line.py", "crank.py", "observer_study.py", "results.py", "section_law.py")
 
 
 def blocks(text: str) -> list[str]:

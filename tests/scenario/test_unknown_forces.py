@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from aerobat_pin.aerobat.truth import true_force
+from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.experiments import run, write
 from aerobat_pin.flight.point_forces import PointForce, interval_means

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from aerobat_pin.records.mcap_checksums import MAGIC, RECORD_HEAD, _mcap_records
+from aerobat_pin.records.bag_columns import MAGIC, RECORD_HEAD, _mcap_records
 
 DATA_END = 0x0F  # opcode
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from aerobat_pin.aerobat.raw.layout import Prior, prior_at
 from aerobat_pin.aerobat.raw.linear import LinearRecord
-from aerobat_pin.aerobat.raw.prior import Prior, prior_at
 from aerobat_pin.aerobat.raw.tuning import Tuning, white_variance
 from aerobat_pin.numerics import Array
 

@@ -13,7 +13,7 @@ import pytest
 from matplotlib.image import imread
 from support.browser import needs_browser, opened
 
-from aerobat_pin.aerobat.truth import true_force
+from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.figures.estimation import draw_estimation

@@ -14,11 +14,10 @@ from support.browser import at, frames, needs_browser, node, opened, pixels, rea
 from support.shed_wake import wake_at
 
 from aerobat_description.write_urdf import MATERIALS
-from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.flight_log import FlightLog, true_force
 from aerobat_pin.aerobat.tables import read_log
-from aerobat_pin.aerobat.truth import true_force
 from aerobat_pin.experiments.experiment import Experiment, run
-from aerobat_pin.experiments.result_tables import estimate_dataset
+from aerobat_pin.experiments.write_results import estimate_dataset
 from aerobat_pin.flight.shown import wake_of
 from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.robot.closing_bars import bar_placements

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.aerobat.air_from_scenario import wind_of
 from aerobat_pin.aerobat.believed_air import AirAlongMotion
-from aerobat_pin.aerobat.motion import Motion
+from aerobat_pin.aerobat.motion import Motion, wind_of
 from aerobat_pin.aerobat.raw.dynamics_kernels import half_step_motion
 from aerobat_pin.aerobat.raw.nominal import NominalMotion
 from aerobat_pin.linkage import joint_series

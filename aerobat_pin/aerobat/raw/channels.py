@@ -1,9 +1,9 @@
-"""The raw samples of a log, with what is believed about each sensor: noise, place and turn in the body."""
+"""Samples of each sensor on its own clock, and windows of a long record that are smoothed one after the other."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,8 @@ CHANNEL = {  # name -> key of the record
     "accelerometer": "check.specific_force",
     "crank": f"{EXTRA}encoder",
 }
+LONGEST_STRETCH = 5.0  # [s]: records that are longer are smoothed in parts
+LATE_PART, EARLY_PART = 0.6, 0.3  # [s] at the end of a part that are given up, and at its start for warming up
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,46 @@ def _motor_alone(
     joints = _samples_of("torque", measured["joints.effort"], stated)
     angle = np.interp(joints.time, crank.time, np.unwrap(crank.values[:, 0]))
     closure = robot.linkage.solve(angle)
-    left = closure.crank_torque(joints.values[:, 0], joints.values[:, 1])
-    both = left + closure.crank_torque(joints.values[:, 2], joints.values[:, 3])
+    torque = closure.crank_torque(joints.values[:, 0], joints.values[:, 1])
+    both = torque + closure.crank_torque(joints.values[:, 2], joints.values[:, 3])
     slope = np.sqrt(2.0 * np.mean(closure.dtheta_s**2 + closure.dtheta_e**2))
     return RawChannel("torque", joints.time, both[:, None], joints.noise * float(slope), joints.place, joints.turn)
+
+
+@dataclass(frozen=True)
+class RecordPart:
+    """Knots `start` to `stop` of a part; those from `first` to `last` are kept; the next window starts at `next`."""
+
+    start: int
+    stop: int
+    first: int
+    last: int
+    next: int | None
+
+
+def stretches(time: Array) -> Iterator[RecordPart]:
+    """Yield the windows of a record with knots at `time` (m + 1,)."""
+    start = first = 0
+    end = len(time) - 1
+    while True:
+        stop = int(np.searchsorted(time, time[start] + LONGEST_STRETCH))
+        if stop >= end or time[end] - time[stop] < LATE_PART:
+            yield RecordPart(start, end, first, end, None)
+            return
+        last = int(np.searchsorted(time, time[stop] - LATE_PART))
+        following = int(np.searchsorted(time, time[last] - EARLY_PART))
+        yield RecordPart(start, stop, first, last, following)
+        start, first = following, last
+
+
+def part_of(record: RawRecord, start: int, stop: int) -> RawRecord:
+    """Return the knots `start` to `stop` of a record; samples at the first knot stay out if it is not the record's."""
+    if start == 0 and stop == len(record.time) - 1:
+        return record
+    low = -np.inf if start == 0 else record.time[start] + 1e-9
+    high = np.inf if stop == len(record.time) - 1 else record.time[stop] + 1e-9
+    channels = {}
+    for name, channel in record.channels.items():
+        use = (channel.time > low) & (channel.time <= high)
+        channels[name] = replace(channel, time=channel.time[use], values=channel.values[use])
+    return replace(record, time=record.time[start : stop + 1], channels=channels, known=record.known[start:stop])

@@ -23,6 +23,9 @@ ALIKE_LIMITS = np.log([0.2, 5.0])
 JERK_LIMITS = np.log([1.0, 1e6])
 TURNS = (0.004, 0.005, 0.006, 0.007, 0.008, 0.011, 0.016)  # [s]: walks of so many times the bend, smallest first
 LONGEST_CLIMB = 1.5  # of a logarithm in one round
+JUMP = 0.5  # of the robot's weight: deviation of a jump
+LEAST_JUMP_GAIN = 10.0  # of the log-likelihood: one in 20,000 knots is taken to have a jump
+APART = 0.02  # [s] between two jumps that are found at once
 
 
 def likelier_tuning(
@@ -83,8 +86,8 @@ def simpler_tuning(score: Callable[[Tuning], float], tuning: Tuning, free: Flags
             logs = tuning.to_logs()
             logs[axis], logs[3 + axis] = logs[3 + axis] + np.log(seconds), least[axis]
             tried = Tuning.from_logs(logs)
-            if (found := score(tried)) > best:
-                best, tuning = found, tried
+            if (likelihood := score(tried)) > best:
+                best, tuning = likelihood, tried
                 break
     return tuning
 
@@ -92,3 +95,25 @@ def simpler_tuning(score: Callable[[Tuning], float], tuning: Tuning, free: Flags
 def _log_ratio(sums: Array) -> Array:
     """Return the logarithm of the first of two sums (2, c) over the second; 0 where there is neither."""
     return np.asarray(np.log((sums[0] + 1e-300) / (sums[1] + 1e-300)))
+
+
+def jump_gains(smoothed: Smoothed, forces: slice, variance: float) -> Array:
+    """Return what a jump in each interval (m,) would gain in log-likelihood."""
+    pull, information = smoothed.pulls[1:, forces], smoothed.inside[1:]
+    size = np.eye(pull.shape[1])
+    answer = np.linalg.solve(information + size / variance, pull[:, :, None])[:, :, 0]
+    return np.asarray(
+        0.5 * np.einsum("ki,ki->k", pull, answer) - 0.5 * np.linalg.slogdet(size + variance * information)[1]
+    )
+
+
+def more_jumps(smoothed: Smoothed, forces: slice, time: Array, jumps: Array, weight: float) -> Array:
+    """Return the variances of jumps (m,) with those added that the samples still ask for; see `LinearRecord.jumps`."""
+    variance = (JUMP * weight) ** 2
+    gains, added = jump_gains(smoothed, forces, variance), jumps.copy()
+    gains[jumps > 0.0] = 0.0
+    while np.max(gains) > LEAST_JUMP_GAIN:
+        k = int(np.argmax(gains))
+        added[k] = variance
+        gains[np.abs(time[:-1] - time[k]) < APART] = 0.0
+    return added

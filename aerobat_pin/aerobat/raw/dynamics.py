@@ -69,8 +69,8 @@ def linear_dynamics(
     middle = Middle(*(np.empty((m, *shape)) for shape in shapes))
     for k in range(m):
         here = pin.SE3(nominal.rotation[k], nominal.position[k])
-        there = pin.SE3(nominal.rotation[k + 1], nominal.position[k + 1])
-        step = here.actInv(there)
+        after = pin.SE3(nominal.rotation[k + 1], nominal.position[k + 1])
+        step = here.actInv(after)
         halfway = here * pin.exp6(0.5 * pin.log6(step))
         moved = pin.exp6(dt[k] * twist[k])
         middle.defect[k] = pin.log6(step.actInv(moved))
@@ -85,7 +85,7 @@ def linear_dynamics(
             middle.J[k, 3 * i : 3 * i + 3] = pin.getFrameJacobian(model, data, frame, world)[:3]
     up, moving = np.einsum("kji,j->ki", middle.rotation, model.gravity.linear), layout.moving
     rows, torque = (m, BASE_SIZE, n), (m, len(at_v), n)
-    made = LinearDynamics(
+    linear = LinearDynamics(
         transition=np.zeros((m, moving, n)),
         shift=np.empty((m, moving)),
         acceleration=np.empty(rows),
@@ -103,15 +103,15 @@ def linear_dynamics(
     middle.M[:] += air.added_mass
     linearise(
         layout.places, np.array(at_v, dtype=np.intp), layout.by_mode, dt, nominal.crank, joints, middle,
-        middle.ID - air.force - known, air.force, air.by_twist, force.reshape(m, -1), made,
+        middle.ID - air.force - known, air.force, air.by_twist, force.reshape(m, -1), linear,
     )  # fmt: skip
-    return made
+    return linear
 
 
 def cross_matrices(vectors: Array) -> Array:
     """Return the matrices (k, 3, 3) of the cross products with vectors (k, 3)."""
-    made = np.zeros((len(vectors), 3, 3))
+    matrices = np.zeros((len(vectors), 3, 3))
     x, y, z = vectors.T
-    made[:, 0, 1], made[:, 0, 2], made[:, 1, 2] = -z, y, -x
-    made[:, 1, 0], made[:, 2, 0], made[:, 2, 1] = z, -y, x
-    return made
+    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
+    matrices[:, 1, 0], matrices[:, 2, 0], matrices[:, 2, 1] = z, -y, x
+    return matrices

@@ -151,7 +151,7 @@ def linearise(
     air: Array,
     by_twist: Array,
     force: Array,
-    made: LinearDynamics,
+    linear: LinearDynamics,
 ) -> None:
     """Write the rows of `LinearDynamics` that follow from the equations of motion, and the transition.
 
@@ -167,15 +167,15 @@ def linearise(
         air: (m, nv) force of the air.
         by_twist: (m, nv, 6) its derivative by the twist.
         force: (m, b) forces of the last iteration, world axes.
-        made: written; `transition`, `pose` and `twist` are zero before.
+        linear: written; `transition`, `pose` and `twist` are zero before.
     """
     (m, nv, _), M, J, Dq, Dv, ad_half = here.M.shape, here.M, here.J, here.Dq, here.Dv, here.ad_half
-    A, push, n, b = made.acceleration, made.push, made.transition.shape[2], J.shape[1]
-    F, shift, moving = made.transition, made.shift, made.shift.shape[1]
+    A, push, n, b = linear.acceleration, linear.push, linear.transition.shape[2], J.shape[1]
+    F, shift, moving = linear.transition, linear.shift, linear.shift.shape[1]
     walk, white, mass_at, air_at, phi = at
     Z, Zq, Zv = np.zeros((nv, n)), np.zeros((nv, BODY_STATES)), np.zeros((nv, BODY_STATES))
     rows, body_force = np.zeros((BODY_STATES, BODY_STATES + 1 + n)), np.zeros(3)
-    found = rows[:, BODY_STATES:]
+    solution = rows[:, BODY_STATES:]
     for k in range(m):
         half, bend = 0.5 * dt[k], crank[k, 2]
         rate = crank[k, 1] + half * bend
@@ -232,29 +232,29 @@ def linearise(
         for i in range(BODY_STATES):
             for j in range(BODY_STATES):
                 rows[i, j] = M[k, i, j] + half * Zv[i, j]
-            found[i, 0] = -r[k, i]
+            solution[i, 0] = -r[k, i]
             for j in range(n):
-                found[i, 1 + j] = -Z[i, j]
+                solution[i, 1 + j] = -Z[i, j]
         eliminate(rows)
         for i in range(BODY_STATES):
-            push[k, i], made.kick[k, i] = found[i, 0], half * found[i, 0]
+            push[k, i], linear.kick[k, i] = solution[i, 0], half * solution[i, 0]
             for j in range(n):
-                A[k, i, j] = found[i, 1 + j]
-                made.twist[k, i, j] = half * found[i, 1 + j]
-            made.twist[k, i, BODY_STATES + i] += 1.0
-            made.pose[k, i, BODY_STATES + i] = half
+                A[k, i, j] = solution[i, 1 + j]
+                linear.twist[k, i, j] = half * solution[i, 1 + j]
+            linear.twist[k, i, BODY_STATES + i] += 1.0
+            linear.pose[k, i, BODY_STATES + i] = half
             for j in range(BODY_STATES):
-                made.pose[k, i, j] = ad_half[k, i, j]
+                linear.pose[k, i, j] = ad_half[k, i, j]
         for i in range(joints.shape[0]):
             row = joints[i]
-            made.torque_at[k, i] = r[k, row]
+            linear.torque_at[k, i] = r[k, row]
             for j in range(n):
-                made.torque[k, i, j] = Z[row, j]
+                linear.torque[k, i, j] = Z[row, j]
             for c in range(BODY_STATES):
                 through = M[k, row, c] + half * Zv[row, c]
-                made.torque_at[k, i] += through * push[k, c]
+                linear.torque_at[k, i] += through * push[k, c]
                 for j in range(n):
-                    made.torque[k, i, j] += through * A[k, c, j]
+                    linear.torque[k, i, j] += through * A[k, c, j]
         h = dt[k]  # from here on, the transition
         for i in range(BODY_STATES):
             shift[k, i] = here.defect[k, i] + 0.5 * h * h * push[k, i]

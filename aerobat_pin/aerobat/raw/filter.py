@@ -18,12 +18,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord
+from aerobat_pin.aerobat.raw.choose_walk import JUMP, LEAST_JUMP_GAIN
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
-from aerobat_pin.aerobat.raw.jumps import JUMP, LEAST_JUMP_GAIN
-from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR
+from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR, first_prior
 from aerobat_pin.aerobat.raw.linear import added_variances
 from aerobat_pin.aerobat.raw.nominal import NominalMotion, first_guess
-from aerobat_pin.aerobat.raw.prior import first_prior
 from aerobat_pin.aerobat.raw.recursion import advance, take_samples
 from aerobat_pin.aerobat.raw.rows import ROWS_BY_SENSOR, Sensed
 from aerobat_pin.aerobat.raw.smoother import JointSmoother
@@ -127,7 +126,7 @@ class JointFilter:
         if self._here is not None:
             return self._step(self._here, time, taken, force)
         self._waiting.append((time, taken, force))
-        if sum("position" in one for _, one, _ in self._waiting) >= FIRST_POSES and "position" in taken:
+        if sum("position" in samples_of for _, samples_of, _ in self._waiting) >= FIRST_POSES and "position" in taken:
             return self._start()
         return None
 
@@ -137,7 +136,7 @@ class JointFilter:
             name: np.searchsorted(channel.time, record.time + 1e-9, side="right")
             for name, channel in record.channels.items()
         }
-        found: list[JointSample | None] = []
+        estimates: list[JointSample | None] = []
         for k, time in enumerate(record.time.tolist()):
             known = record.known[max(k - 1, 0)]
             samples: dict[str, ArrayLike | tuple[float, ArrayLike]] = {}
@@ -145,8 +144,8 @@ class JointFilter:
                 at = int(places[name][k])
                 if at > (int(places[name][k - 1]) if k else 0):  # of several, the latest
                     samples[name] = float(channel.time[at - 1]), channel.values[at - 1]
-            found.append(self.update(time, samples, known))
-        return found, record.time
+            estimates.append(self.update(time, samples, known))
+        return estimates, record.time
 
     def _checked(
         self, name: str, sample: ArrayLike | tuple[float, ArrayLike], time: float, last: float | None
@@ -194,7 +193,7 @@ class JointFilter:
     def _record(self, times: list[float], each: list[dict[str, tuple[float, Array]]], known: Array) -> RawRecord:
         channels = {}
         for name, sensor in self.sensors.items():
-            taken = [one[name] for one in each if name in one]
+            taken = [samples[name] for samples in each if name in samples]
             if taken:
                 stamps, values = np.array([s for s, _ in taken]), np.array([v for _, v in taken])
                 channels[name] = replace(sensor, time=stamps, values=values)
@@ -227,15 +226,15 @@ class JointFilter:
             self._noise_of, self._noise = dt, added_variances(layout, self.tuning, np.array([dt]))[0]
         self._P[layout.white, layout.white] = np.diag(self._noise[layout.white])
         ratio, count = self._take(motion, d, taken, 0)
-        found, block = layout.forces(x[None]), self._block()
+        force_now, block = layout.forces(x[None]), self._block()
         self._rate = self._rate + d.push[0] + d.acceleration[0] @ x
         advance(x, self._P, d.transition[0], d.shift[0], self._noise, self._fresh, self._scratch)
         more, others = self._take(motion, d, taken, 1)
-        there = motion.part(1, 1)
-        self._remember(here, there)
-        self._here = there.moved(x[None, :MOTION])
+        after = motion.part(1, 1)
+        self._remember(here, after)
+        self._here = after.moved(x[None, :MOTION])
         x[:MOTION] = 0.0
-        return self._sample(self._here, found, block, (ratio + more, count + others))
+        return self._sample(self._here, force_now, block, (ratio + more, count + others))
 
     def _take(
         self, motion: NominalMotion, d: LinearDynamics, taken: dict[str, tuple[float, Array]], knot: int
@@ -274,14 +273,14 @@ class JointFilter:
         while states:
             tried = []
             for state in states:
-                there, spread = x.copy(), P.copy()
+                state_after, spread = x.copy(), P.copy()
                 spread[state, state] += variance
-                found = take_samples(there, spread, h, e, R, gains, innovations, 0, len(e))
-                tried.append((found, state, there, spread))
-            best, state, there, spread = max(tried, key=lambda one: one[0])
+                likelihood = take_samples(state_after, spread, h, e, R, gains, innovations, 0, len(e))
+                tried.append((likelihood, state, state_after, spread))
+            best, state, state_after, spread = max(tried, key=lambda attempt: attempt[0])
             if best < score + LEAST_JUMP_GAIN:
                 return
-            self._x[:], self._P[:], score = there, spread, best
+            self._x[:], self._P[:], score = state_after, spread, best
             P[state, state] += variance
             states.remove(state)
 

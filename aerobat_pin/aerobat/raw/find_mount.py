@@ -8,21 +8,26 @@ The smoother runs again about what it has found, until that stays.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.accelerometer_mount import Mount
-from aerobat_pin.aerobat.raw.channels import RawRecord
+from aerobat_pin.aerobat.accelerometer_mount import PLACE_AXES, Mount
+from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
+from aerobat_pin.aerobat.raw.layout import MOUNT_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointSmoother
+from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.errors import CalibrationError
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import Extras, LogChannel
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
 ROUNDS = 3  # of the smoother, each about the last result
 SETTLED_PLACE, SETTLED_TURN = 1.0e-4, 5.0e-4  # [m, rad]: smaller changes end the rounds
+LEARNT = 0.5  # of what is known beforehand: a larger deviation says that the flights do not show it
 
 
 def mounted(record: RawRecord, mount: Mount) -> RawRecord:
@@ -56,11 +61,11 @@ def find_mount(
     settings = settings.model_copy(update={"offset_error": 0.0})
     for _ in range(ROUNDS):
         smoother = JointSmoother(robot, air, frames, settings, mount=True)
-        found = [smoother.run(mounted(record, mount)) for record in records]
+        estimates = [smoother.run(mounted(record, mount)) for record in records]
         information, pull = np.zeros((6, 6)), np.zeros(6)
-        for one in found:
-            assert one.mount is not None
-            error, covariance = one.mount
+        for estimate in estimates:
+            assert estimate.mount is not None
+            error, covariance = estimate.mount
             weight = np.linalg.inv(covariance)
             information, pull = information + weight, pull + weight @ error
         covariance = np.linalg.inv(information)
@@ -68,5 +73,32 @@ def find_mount(
         mount = Mount(mount.place + step[:3], mount.turn @ pin.exp3(step[3:]), covariance)
         if np.all(np.abs(step[:3]) < SETTLED_PLACE) and np.all(np.abs(step[3:]) < SETTLED_TURN):
             break
-        settings = settings.model_copy(update=found[0].tuning.stated())  # chosen once
+        settings = settings.model_copy(update=estimates[0].tuning.stated())  # chosen once
     return mount
+
+
+def learn_mount(
+    free: Sequence[tuple[Array, Mapping[str, LogChannel]]],
+    points: Sequence[str],
+    robot: Aerobat,
+    air: AirSection,
+    torque: Torque,
+    settings: RawSection,
+) -> Extras:
+    """Learn place and turn of the accelerometer from raw samples without unknown forces.
+
+    Raises:
+        CalibrationError: a record has no accelerometer.
+        LogError: a record lacks another channel.
+    """
+    raw = [raw_record(time, channels, robot, torque, settings) for time, channels in free]
+    mount = find_mount(raw, robot, air, tuple(points), settings)
+    away = 1e3 * float(np.linalg.norm(mount.place - raw[0].channels["accelerometer"].place))
+    notes = [f"{mount}", f"the accelerometer is {away:.1f} mm from its stated place"]
+    deviation = np.sqrt(np.diag(mount.covariance))
+    hidden = [
+        name for name, spread, prior in zip(PLACE_AXES, deviation, MOUNT_PRIOR, strict=True) if spread > LEARNT * prior
+    ]
+    if hidden:
+        notes.append(f"not seen in these flights: {', '.join(hidden)}")
+    return Extras(mount.parts(), tuple(notes))

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
-from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, Layout
+from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, Layout, Prior
 from aerobat_pin.aerobat.raw.nominal import NominalMotion
-from aerobat_pin.aerobat.raw.prior import Prior
 from aerobat_pin.aerobat.raw.recursion import Filtered, SampleRows, Smoothed, filter_record, smooth_record
 from aerobat_pin.aerobat.raw.tuning import Tuning, white_variance
 from aerobat_pin.numerics import Array, Integers
@@ -64,11 +63,11 @@ class LinearRecord:
         x[white], P[white, :], P[:, white] = 0.0, 0.0, 0.0
         P[white, white] = np.diag(np.tile(first[0], self.layout.points))
         knots = m + 1 if keep else 0
-        made = Filtered(
+        filtered = Filtered(
             x, P, np.empty((k if keep else 1, n)), np.empty((k, 2)), np.empty((knots, n)), np.empty((knots, n, n))
         )
         d, fresh = self.dynamics, _ends(white)
-        return filter_record(d.transition, d.shift, self.noise(tuning), fresh, self.rows, made), made
+        return filter_record(d.transition, d.shift, self.noise(tuning), fresh, self.rows, filtered), filtered
 
     def score(self, tuning: Tuning, prior: Prior) -> float:
         """Return the log-likelihood of the samples."""
@@ -80,9 +79,9 @@ class LinearRecord:
         layout, (m, n) = self.layout, filtered.states.shape
         spread, wanted, b = m if blocks else 0, m if scores or blocks else 0, 3 * layout.points
         sizes = (m, n), (spread, b, b), (wanted, n), (wanted, n), (wanted, b, b)
-        made = Smoothed(filtered, *map(np.empty, sizes))
-        smooth_record(self.dynamics.transition, _ends(layout.white), _ends(layout.walk), self.rows, made)
-        return made
+        smoothed = Smoothed(filtered, *map(np.empty, sizes))
+        smooth_record(self.dynamics.transition, _ends(layout.white), _ends(layout.walk), self.rows, smoothed)
+        return smoothed
 
 
 def _ends(states: slice) -> Integers:

@@ -59,8 +59,8 @@ class NominalMotion:
         position = self.position[0] + self.rotation[0] @ step.translation
         angle, turning, speeding = self.crank[0]
         crank = np.array([angle + dt * turning + 0.5 * dt**2 * speeding, turning + dt * speeding, speeding])
-        there = NominalMotion(self.time + dt, rotation[None], position[None], twist[None], crank[None])
-        return NominalMotion.joined([self, there])
+        after = NominalMotion(self.time + dt, rotation[None], position[None], twist[None], crank[None])
+        return NominalMotion.joined([self, after])
 
     @classmethod
     def joined(cls, parts: Sequence[NominalMotion]) -> NominalMotion:
@@ -126,16 +126,16 @@ def _attitude(time: Array, seen_at: Array, seen: Array, gyro: RawChannel | None)
     turned[0] = np.eye(3)
     for k, step in enumerate(steps):
         turned[k + 1] = turned[k] @ pin.exp3(step)
-    there = _slerped(seen_at, time, turned)
-    offsets = np.array([a @ b.T for a, b in zip(seen, there, strict=True)])  # world axes
-    left = offsets[0]
-    logs = np.array([pin.log3(left.T @ offset) for offset in offsets])
+    attitude = _slerped(seen_at, time, turned)
+    offsets = np.array([a @ b.T for a, b in zip(seen, attitude, strict=True)])  # world axes
+    before = offsets[0]
+    logs = np.array([pin.log3(before.T @ offset) for offset in offsets])
     for k in range(1, len(logs)):  # without jumps by whole turns
         size = np.linalg.norm(logs[k])
         if size > 0.0 and np.linalg.norm(logs[k] - logs[k - 1]) > np.pi:
             logs[k] *= 1.0 - 2.0 * np.pi / size
     drift = _spline(seen_at, logs, DRIFT_KNOTS, degree=1)(time)
-    return np.array([left @ pin.exp3(turn) @ R for turn, R in zip(drift, turned, strict=True)])
+    return np.array([before @ pin.exp3(turn) @ R for turn, R in zip(drift, turned, strict=True)])
 
 
 def _slerped(time: Array, at: Array, rotation: Array) -> Array:

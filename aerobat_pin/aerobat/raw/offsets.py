@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aerobat_pin.aerobat.raw.layout import Prior
 from aerobat_pin.aerobat.raw.linear import LinearRecord
-from aerobat_pin.aerobat.raw.prior import Prior
 from aerobat_pin.aerobat.raw.tuning import Tuning
 
 LEAST_GAIN = 250.0  # of the log-likelihood: smaller gains are made up by errors of the model
@@ -78,7 +78,7 @@ def clock_offsets(linear: LinearRecord, prior: Prior, tuning: Tuning, error: flo
             more = chosen.copy()
             more[i] = True
             tried[i] = filtered(more)
-        i = max(tried, key=lambda one: tried[one][0])
+        i = max(tried, key=lambda name: tried[name][0])
         score, x, P = tried[i]
         if score - best < LEAST_GAIN:
             break
@@ -96,7 +96,9 @@ def corrected(
     offsets: tuple[ClockOffset, ...], linear: LinearRecord, prior: Prior, tuning: Tuning, error: float
 ) -> tuple[ClockOffset, ...]:
     """Return offsets with what is still missing after they were applied and the record was smoothed anew."""
-    names, places = [one.sensor for one in offsets], linear.layout.offset_at
+    names, places = [offset.sensor for offset in offsets], linear.layout.offset_at
     spreads = np.array([error if name in names else 0.0 for name in linear.layout.offsets])
-    _, found = linear.filter(tuning, prior.padded(spreads), keep=False)
-    return tuple(replace(one, seconds=one.seconds + float(found.x[places[one.sensor]])) for one in offsets)
+    _, filtered = linear.filter(tuning, prior.padded(spreads), keep=False)
+    return tuple(
+        replace(offset, seconds=offset.seconds + float(filtered.x[places[offset.sensor]])) for offset in offsets
+    )

@@ -162,7 +162,7 @@ def advance(x: Array, P: Array, F: Array, shift: Array, noise: Array, fresh: Int
 
 
 @kernel
-def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: SampleRows, made: Filtered) -> float:
+def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: SampleRows, filtered: Filtered) -> float:
     """Filter a record of m intervals; return the log-likelihood of all samples.
 
     Args:
@@ -171,9 +171,9 @@ def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: S
         noise: (m, n) variances that each interval adds.
         fresh: (2,) see `advance`.
         rows: the samples.
-        made: written.
+        filtered: written.
     """
-    x, P, gains, innovations, states, covariances = made
+    x, P, gains, innovations, states, covariances = filtered
     start, h, e, R, _ = rows
     m, score, W = F.shape[0], 0.0, np.empty((F.shape[1] + 1, x.shape[0]))
     keep, one = states.shape[0] > 0, gains.shape[0] == 1
@@ -194,7 +194,7 @@ def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: S
 
 
 @kernel
-def smooth_record(F: Array, fresh: Integers, block: Integers, rows: SampleRows, made: Smoothed) -> None:
+def smooth_record(F: Array, fresh: Integers, block: Integers, rows: SampleRows, smoothed: Smoothed) -> None:
     """Smooth a record that `filter_record` has filtered.
 
     Args:
@@ -202,9 +202,9 @@ def smooth_record(F: Array, fresh: Integers, block: Integers, rows: SampleRows, 
         fresh: (2,) states that are drawn anew.
         block: (2,) first and last (excluded) state of the block.
         rows: the samples.
-        made: written, but for what is filtered.
+        smoothed: written, but for what is filtered.
     """
-    (_, _, gains, innovations, filtered, covariances), states, blocks, pulls, informations, inside = made
+    (_, _, gains, innovations, filtered, covariances), states, blocks, pulls, informations, inside = smoothed
     start, h = rows.start, rows.h
     m, moving, n = F.shape[0], F.shape[1], states.shape[1]
     adjoint, old = np.zeros(n), np.zeros(n)

@@ -9,13 +9,13 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import Mount
+from aerobat_pin.aerobat.flight_log import SUM
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.filter import JointFilter
 from aerobat_pin.aerobat.raw.find_mount import mounted
-from aerobat_pin.aerobat.raw.prior import FORCE_PRIOR
+from aerobat_pin.aerobat.raw.layout import FORCE_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
 from aerobat_pin.aerobat.torque import ROWS_OF_TORQUE, Torque
-from aerobat_pin.aerobat.truth import SUM
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.numerics import Array
@@ -73,29 +73,29 @@ def smoothed_raw(
     if mount is not None:
         record = mounted(record, mount)
     smoother = JointSmoother(robot, air, frames, settings)
-    found = smoother.run(record, progress)
-    inputs = smoothed_inputs(record, robot, smoother, found)
+    smoothed = smoother.run(record, progress)
+    inputs = smoothed_inputs(record, robot, smoother, smoothed)
     checked = OBSERVERS["force_level"](robot.model, frames, gain, ROWS_OF_TORQUE[torque]).run(
         inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known
     )
     estimates = {}
     for name in names:
-        made = (found.force, found.force_covariance, found.innovation)
+        forces = (smoothed.force, smoothed.force_covariance, smoothed.innovation)
         if name == "kalman":
-            made = filtered_forces(record, smoother, found)
-        estimates[name] = as_estimate(name, checked, inputs, robot, record.torque, *made, found)
-    extra = {"crank": found.nominal.crank.T}
+            forces = filtered_forces(record, smoother, smoothed)
+        estimates[name] = as_estimate(name, checked, inputs, robot, record.torque, *forces, smoothed)
+    extra = {"crank": smoothed.nominal.crank.T}
     block = Block(inputs.time, inputs.q, inputs.v, inputs.tau, extra, frozenset(channels), inputs.source)
     return SmoothedMotion(block, inputs.known, estimates)
 
 
-def filtered_forces(record: RawRecord, smoother: JointSmoother, found: JointEstimate) -> tuple[Array, Array, Array]:
+def filtered_forces(record: RawRecord, smoother: JointSmoother, smoothed: JointEstimate) -> tuple[Array, Array, Array]:
     """Return forces (m, points, 3), covariances and innovations as in `JointEstimate`, of the causal filter.
 
     Until the filter starts, the forces are zero, as uncertain as before any sample.
     """
-    samples, _ = JointFilter(smoother, found.tuning, record.channels, record.torque).run(record)
-    m, points = found.force.shape[:2]
+    samples, _ = JointFilter(smoother, smoothed.tuning, record.channels, record.torque).run(record)
+    m, points = smoothed.force.shape[:2]
     spread = (FORCE_PRIOR * smoother.weight) ** 2
     force, covariance = np.zeros((m, points, 3)), np.tile(spread * np.eye(3 * points), (m, 1, 1))
     innovation = np.zeros((m, 2))
@@ -105,18 +105,18 @@ def filtered_forces(record: RawRecord, smoother: JointSmoother, found: JointEsti
     return force, covariance, innovation
 
 
-def smoothed_inputs(record: RawRecord, robot: Aerobat, smoother: JointSmoother, found: JointEstimate) -> KnownInputs:
+def smoothed_inputs(record: RawRecord, robot: Aerobat, smoother: JointSmoother, smoothed: JointEstimate) -> KnownInputs:
     """Return the smoothed motion, the torque over each interval and the air along it, as inputs of an observer."""
-    moved = smoother.air.motion(found.nominal)
+    moved = smoother.air.motion(smoothed.nominal)
     tau = np.zeros((len(record.time) - 1, robot.model.nv))
     if (torque := record.channels.get("torque")) is not None:
         middle = 0.5 * (record.time[1:] + record.time[:-1])
         values = np.column_stack([np.interp(middle, torque.time, column) for column in torque.values.T])
         if record.torque == "motor_only":
-            angle = 0.5 * (found.nominal.crank[1:, 0] + found.nominal.crank[:-1, 0])
+            angle = 0.5 * (smoothed.nominal.crank[1:, 0] + smoothed.nominal.crank[:-1, 0])
             values = np.column_stack(robot.linkage.solve(angle).joint_torques(0.5 * values[:, 0]) * 2)
         tau[:, list(robot.idx_v)] = values
-    known = {"aerodynamic": smoother.air.fly(found.nominal, np.zeros((len(tau), robot.model.nv, BASE_SIZE))).force}
+    known = {"aerodynamic": smoother.air.fly(smoothed.nominal, np.zeros((len(tau), robot.model.nv, BASE_SIZE))).force}
     known["other known forces"] = record.known
     source = dict.fromkeys(("q", "v"), "smoothed from raw samples") | {
         "aerodynamic": "reconstructed",
@@ -124,7 +124,7 @@ def smoothed_inputs(record: RawRecord, robot: Aerobat, smoother: JointSmoother, 
         "motor_torque": record.torque,
     }
     rows = ROWS_OF_TORQUE[record.torque]
-    return KnownInputs(record.time, moved.q, moved.v, tau, known, rows, source, crank=found.nominal.crank[:, 0])
+    return KnownInputs(record.time, moved.q, moved.v, tau, known, rows, source, crank=smoothed.nominal.crank[:, 0])
 
 
 def as_estimate(
@@ -136,7 +136,7 @@ def as_estimate(
     force: Array,
     covariance: Array,
     innovation: Array,
-    found: JointEstimate,
+    smoothed: JointEstimate,
 ) -> Estimate:
     """Return forces as an estimate; without any torque, their sum over the frames takes their place.
 
@@ -149,7 +149,7 @@ def as_estimate(
         force: as `JointEstimate.force`, like the next two.
         covariance: as `JointEstimate.force_covariance`.
         innovation: as `JointEstimate.innovation`.
-        found: what the joint smoother found.
+        smoothed: what the joint smoother found.
     """
     m, points = force.shape[:2]
     counted = innovation[:, 1] > 0.0
@@ -157,7 +157,7 @@ def as_estimate(
     centred = nis[counted] - 1.0
     white = float(np.sum(centred[1:] * centred[:-1]) / max(float(np.sum(centred[:-1] ** 2)), 1e-300))
     components, frames, units = force.reshape(m, -1), checked.frames, checked.units
-    identifiability, warnings = checked.identifiability, warnings_of(found)
+    identifiability, warnings = checked.identifiability, warnings_of(smoothed)
     if torque == "none" and points > 1:
         warnings.append(f"torque none: the split between {', '.join(frames)} is not determined; the sum is given")
         adding = np.tile(np.eye(3), points)
@@ -176,7 +176,7 @@ def as_estimate(
         identifiability=identifiability,
         standard_deviation=deviation,
         innovation=Innovation(nis, white),
-        notes=tuple(notes_of(found)),
+        notes=tuple(notes_of(smoothed)),
         warnings=tuple(warnings),
     )
 
@@ -185,34 +185,34 @@ def generalised(robot: Aerobat, frames: tuple[str, ...], inputs: KnownInputs, fo
     """Return J^T f (m, nv) of forces (m, points, 3) in world axes, with J at the start of each interval."""
     model, data = robot.model, robot.model.createData()
     ids = [model.getFrameId(frame) for frame in frames]
-    made = np.zeros((len(force), model.nv))
+    generalised_force = np.zeros((len(force), model.nv))
     world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     for k, forces in enumerate(force):
-        for frame, one in zip(ids, forces, strict=True):
-            made[k] += pin.computeFrameJacobian(model, data, inputs.q[k], frame, world)[:3].T @ one
-    return made
+        for frame, point_force in zip(ids, forces, strict=True):
+            generalised_force[k] += pin.computeFrameJacobian(model, data, inputs.q[k], frame, world)[:3].T @ point_force
+    return generalised_force
 
 
-def notes_of(found: JointEstimate) -> list[str]:
+def notes_of(smoothed: JointEstimate) -> list[str]:
     """Return what a reader of the estimate should know: tuning, jumps, factors."""
-    lines = [f"{'chosen by likelihood' if found.chosen else 'stated'}: {found.tuning}"]
-    if found.jumps:
-        lines.append(f"the forces jump at {', '.join(f'{time:.4g}' for time in found.jumps)} s")
-    lines += [f"factor of the {name} {value:.3f} +- {spread:.3f}" for name, (value, spread) in found.factors.items()]
+    lines = [f"{'chosen by likelihood' if smoothed.chosen else 'stated'}: {smoothed.tuning}"]
+    if smoothed.jumps:
+        lines.append(f"the forces jump at {', '.join(f'{time:.4g}' for time in smoothed.jumps)} s")
+    lines += [f"factor of the {name} {value:.3f} +- {spread:.3f}" for name, (value, spread) in smoothed.factors.items()]
     return lines
 
 
-def warnings_of(found: JointEstimate) -> list[str]:
+def warnings_of(smoothed: JointEstimate) -> list[str]:
     """Return what spoils the estimate: clock offsets, stated noise that the samples contradict, no convergence."""
     lines = []
-    if sure := [one for one in found.offsets if one.sure]:
+    if sure := [offset for offset in smoothed.offsets if offset.sure]:
         lines.append(f"late channel: {sure[0]}; not applied: observers.raw.apply_offsets")
-    for name, ratio in found.nis.items():
+    for name, ratio in smoothed.nis.items():
         if not NIS_LIMITS[0] < ratio < NIS_LIMITS[1]:
             lines.append(
                 f"noise of {name}: its samples are {np.sqrt(ratio):.2g} times as far from their prediction as stated; "
                 f"check observers.raw.noise.{name}"
             )
-    if not found.settled:
-        lines.append(f"after {found.iterations} linearisations the motion still changes: observers.raw.iterations")
+    if not smoothed.settled:
+        lines.append(f"after {smoothed.iterations} linearisations the motion still changes: observers.raw.iterations")
     return lines

@@ -80,7 +80,7 @@ def sample_rows(
     record: RawRecord, layout: Layout, nominal: NominalMotion, dynamics: LinearDynamics, shifts: dict[str, float]
 ) -> SampleRows:
     """Return all samples of a record as rows; `shifts`: sensor -> clock offset [s] that is applied."""
-    found = []
+    blocks = []
     for index, (name, channel) in enumerate(record.channels.items()):
         at = channel.time - shifts.get(name, 0.0)
         last = nominal.time[-1] + LATE * (nominal.time[-1] - nominal.time[-2])
@@ -93,8 +93,8 @@ def sample_rows(
             h[:, :, layout.offset_at[name]] = -rate
         count = e.shape[1]
         variance = np.full(e.size, channel.noise**2)
-        found.append((np.repeat(k, count), h.reshape(-1, layout.size), e.ravel(), variance, np.full(e.size, index)))
-    knot, h, e, R, sensor = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        blocks.append((np.repeat(k, count), h.reshape(-1, layout.size), e.ravel(), variance, np.full(e.size, index)))
+    knot, h, e, R, sensor = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
     order = np.argsort(knot, kind="stable")
     start = np.searchsorted(knot[order], np.arange(len(nominal.time) + 1))
     return SampleRows(start.astype(np.intp), np.ascontiguousarray(h[order]), e[order], R[order], sensor[order])
@@ -132,9 +132,9 @@ def _poses_at(sensed: Sensed) -> tuple[Array, Array, Array]:
     for i, (first, t) in enumerate(zip(sensed.knot.tolist(), sensed.at.tolist(), strict=True)):
         j = min(first, last)
         here = pin.SE3(nominal.rotation[j], nominal.position[j])
-        there = pin.SE3(nominal.rotation[j + 1], nominal.position[j + 1])
+        after = pin.SE3(nominal.rotation[j + 1], nominal.position[j + 1])
         share = (t - nominal.time[j]) / (nominal.time[j + 1] - nominal.time[j])
-        seen = here * pin.exp6(share * pin.log6(here.actInv(there)))
+        seen = here * pin.exp6(share * pin.log6(here.actInv(after)))
         rotation[i], position[i] = seen.rotation, seen.translation
         ad[i] = pin.exp6((t - nominal.time[first]) * nominal.twist[first]).toActionMatrixInverse()
     return rotation, position, ad

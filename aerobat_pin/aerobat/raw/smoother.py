@@ -13,20 +13,17 @@ from functools import partial
 import numpy as np
 
 from aerobat_pin.aerobat.raw.air import AirAboutNominal, AirForces
-from aerobat_pin.aerobat.raw.channels import RawRecord
-from aerobat_pin.aerobat.raw.choose_walk import likelier_tuning, simpler_tuning
+from aerobat_pin.aerobat.raw.channels import RawRecord, RecordPart, part_of, stretches
+from aerobat_pin.aerobat.raw.choose_walk import likelier_tuning, more_jumps, simpler_tuning
 from aerobat_pin.aerobat.raw.dynamics import linear_dynamics
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
-from aerobat_pin.aerobat.raw.jumps import more_jumps
-from aerobat_pin.aerobat.raw.layout import MOTION, TWIST_ERROR, Layout
+from aerobat_pin.aerobat.raw.layout import MOTION, TWIST_ERROR, Layout, Prior, first_prior, prior_at
 from aerobat_pin.aerobat.raw.linear import LinearRecord
 from aerobat_pin.aerobat.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.aerobat.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
-from aerobat_pin.aerobat.raw.prior import Prior, first_prior, prior_at
 from aerobat_pin.aerobat.raw.recursion import Smoothed
 from aerobat_pin.aerobat.raw.rows import sample_rows
 from aerobat_pin.aerobat.raw.tuning import Flags, Tuning, first_tuning, free_logs
-from aerobat_pin.aerobat.raw.windows import RecordPart, part_of, stretches
 from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat
@@ -109,7 +106,9 @@ class JointSmoother:
             solved = self.solve(here, motion, prior, tuning, shifts)
             if tuning is None and self.settings.offset_error > 0.0:
                 offsets = self._offsets(here, solved)
-                if self.settings.apply_offsets and (shifts := {one.sensor: one.seconds for one in offsets if one.sure}):
+                if self.settings.apply_offsets and (
+                    shifts := {offset.sensor: offset.seconds for offset in offsets if offset.sure}
+                ):
                     solved = self.solve(here, solved.motion, prior, None, shifts)
             tuning = solved.tuning
             parts.append(solved.kept(window))
@@ -220,14 +219,14 @@ class JointSmoother:
             force = self.layout.forces(solved.smoothed.states[:-1])
             return self.linear(record, solved.motion, solved.air, force, shifts, layout, solved.linear.jumps)
 
-        found = clock_offsets(linear(solved, {}), solved.prior, solved.tuning, error)
-        if not found:
-            return found
+        offsets = clock_offsets(linear(solved, {}), solved.prior, solved.tuning, error)
+        if not offsets:
+            return offsets
         for _ in range(CORRECTIONS):
-            shifts = {one.sensor: one.seconds for one in found}
+            shifts = {offset.sensor: offset.seconds for offset in offsets}
             solved = self.solve(record, solved.motion, solved.prior, solved.tuning, shifts)
-            found = corrected(found, linear(solved, shifts), solved.prior, solved.tuning, error)
-        return found
+            offsets = corrected(offsets, linear(solved, shifts), solved.prior, solved.tuning, error)
+        return offsets
 
 
 @dataclass(frozen=True)

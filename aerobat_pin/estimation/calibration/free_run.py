@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerobat_pin.estimation.calibration.map_fits import used_by_fits
-from aerobat_pin.estimation.fitted_stretches import MOST_FITTED, fits_to_sensor
+from aerobat_pin.estimation.gain_regression import MOST_FITTED, fits_to_sensor
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.inverse_dynamics import contact_torque
 from aerobat_pin.estimation.known_forces import KnownForces

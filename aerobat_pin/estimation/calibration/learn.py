@@ -38,7 +38,7 @@ from aerobat_pin.estimation.calibration.map_fits import (
 from aerobat_pin.estimation.checks import effort_findings, fit_findings, record_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import given_forces
-from aerobat_pin.estimation.fitted_stretches import fits_to_sensor
+from aerobat_pin.estimation.gain_regression import fits_to_sensor
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces, mean_motion
 from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.numerics import guarded, shown

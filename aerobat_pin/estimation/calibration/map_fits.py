@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
-from aerobat_pin.estimation.fitted_stretches import fits_to_sensor, in_stretch
-from aerobat_pin.estimation.gain_regression import CENTRE_ERROR, MASS_ERROR
+from aerobat_pin.estimation.gain_regression import CENTRE_ERROR, MASS_ERROR, fits_to_sensor, in_stretch
 from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS

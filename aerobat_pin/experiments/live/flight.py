@@ -102,8 +102,8 @@ class LiveFlight(LiveSource):
         if fitted and (tuned or self.noise != self._drawn):
             self._drawn = self.noise
             scaled = {
-                name: one.model_copy(update={"noise": (self.noise * np.array(one.noise)).tolist()})
-                for name, one in fitted.items()
+                name: parameter.model_copy(update={"noise": (self.noise * np.array(parameter.noise)).tolist()})
+                for name, parameter in fitted.items()
             }
             sensors = self.scenario.sensors.model_copy(update=scaled)
             time = np.arange(round(ERRORS_DRAWN / self.dt) + 1) * self.dt
@@ -113,14 +113,14 @@ class LiveFlight(LiveSource):
     def step(self) -> list[LiveRow]:
         """Fly one interval; the estimate is that of the interval before, whose end the sensors show now."""
         try:
-            found = self._step()
+            rows = self._step()
         except AerobatError:  # numbers beyond all limits
             return self._lost()
         if self._loop.done % self._count == 0:
             self._past = deepcopy(self._window(self._count))
         if self._loop.done % 100 == 0 and self._pilot.state.word == "LOST":
             return self._lost()
-        return found
+        return rows
 
     def _window(self, samples: int) -> tuple[Flown, LoopRecord, Array]:
         """Return the first samples of the window: the flight, what happened in the loop, what the sensors showed."""
@@ -131,7 +131,7 @@ class LiveFlight(LiveSource):
         loop, pilot = self._loop, self._pilot
         loop.step()
         (q, v, crank), at = pilot.last, (loop.done - 1) * self.dt
-        found = list[LiveRow]()
+        rows = list[LiveRow]()
         if self._true is None:
             self._air.reset(at, q, v, crank, loop.flight.crank_rate)
         else:
@@ -139,7 +139,7 @@ class LiveFlight(LiveSource):
             if self._started:
                 known = {"air": air, "added_mass": added, "thrusters": self._pushed}
                 sample = self._observer.update(at, q, v, self._motor, known)
-                found = [LiveRow(self._before + at, self._true, sample.components.reshape(-1, 3))]
+                rows = [LiveRow(self._before + at, self._true, sample.components.reshape(-1, 3))]
         if not self._started:
             self._observer.reset(q, v, at)
             self._started = True
@@ -147,7 +147,7 @@ class LiveFlight(LiveSource):
         self._true, self._motor = forces.force_W[0].copy(), forces.motor[0].copy()
         self._pushed = np.pad(pilot.modelled, (0, self.model.nv - BASE_SIZE))
         self.q, self.time = loop.q, self._before + loop.done * self.dt
-        return found
+        return rows
 
     @property
     def crank(self) -> float:
@@ -181,6 +181,6 @@ class LiveFlight(LiveSource):
         settings = self.scenario.simulation.model_copy(update={"duration": float(time[-1])})
         belief = self.scenario.model_copy(update={"observers": section, "simulation": settings})
         log = FlightLog(measured, truth)
-        made, summary = run_recorded(log, belief, show), flight_summary(log, self.robot.mass)
-        more = {**made.scores.more, "log": None, "flight": summary.to_json()}
-        return replace(made, robot=self.robot, scores=replace(made.scores, more=more), flight=summary)
+        experiment, summary = run_recorded(log, belief, show), flight_summary(log, self.robot.mass)
+        more = {**experiment.scores.more, "log": None, "flight": summary.to_json()}
+        return replace(experiment, robot=self.robot, scores=replace(experiment.scores, more=more), flight=summary)

@@ -44,12 +44,12 @@ class LiveStream(LiveSource):
 
     def rows(self, samples: list[OnlineSample], true: Array) -> list[LiveRow]:
         """Return estimates beside the true force (p, 3)."""
-        found = []
-        for one in samples:
-            values = one.components
+        rows = []
+        for sample in samples:
+            values = sample.components
             force = np.array([[values[f"{point}.{axis}"] for axis in ("Fx", "Fy", "Fz")] for point in self.points])
-            found.append(LiveRow(one.end, true, force))
-        return found
+            rows.append(LiveRow(sample.end, true, force))
+        return rows
 
 
 class LiveRecording(LiveStream):
@@ -119,8 +119,8 @@ class LiveTopics(LiveStream):
     def advance(self, seconds: float, budget: float) -> list[LiveRow]:
         """Hear what arrives within the budget [s]."""
         deadline = monotonic() + budget
-        while (left := deadline - monotonic()) > 0.0:
-            self.node.turn(left)
+        while (remaining := deadline - monotonic()) > 0.0:
+            self.node.turn(remaining)
         samples = self._heard.copy()
         self._heard.clear()
         if samples:

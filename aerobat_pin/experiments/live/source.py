@@ -64,10 +64,10 @@ class LiveSource:
 
     def advance(self, seconds: float, budget: float) -> list[LiveRow]:
         """Go on by some time [s], but work no longer than the budget [s]; return what was estimated."""
-        until, deadline, found = self.time + seconds - 1e-9, monotonic() + budget, list[LiveRow]()
+        until, deadline, rows = self.time + seconds - 1e-9, monotonic() + budget, list[LiveRow]()
         while self.time < until and monotonic() < deadline and not self.ended:
-            found += self.step()
-        return found
+            rows += self.step()
+        return rows
 
     def step(self) -> list[LiveRow]:
         """Go on by one interval; return its estimate, if there is one."""

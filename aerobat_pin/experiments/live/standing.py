@@ -87,8 +87,8 @@ class LiveRobot(LiveStream):
         model, data, q, v, dt = self.model, self._data, self.q, self._v, LIVE_STEP
         inertia, h = np.array(pin.crba(model, data, q)), np.array(pin.nonLinearEffects(model, data, q, v))
         inertia = np.triu(inertia) + np.triu(inertia, 1).T
-        held = pin.computeGeneralizedGravity(model, data, self.posture) + self.spring * (self.posture - q)
-        held -= (self._damping + dt * self.spring) * v
+        effort = pin.computeGeneralizedGravity(model, data, self.posture) + self.spring * (self.posture - q)
+        effort -= (self._damping + dt * self.spring) * v
         pushed = np.zeros(model.nv)
         pin.computeJointJacobians(model, data, q)
         for frame, force in zip(self._frames, self.force, strict=True):
@@ -96,8 +96,8 @@ class LiveRobot(LiveStream):
                 J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
                 pushed += J[:3].T @ force
         soft = self._damping * dt + self.spring * dt**2
-        a = cho_solve(cho_factor(inertia + np.diag(soft)), held + pushed - h)
-        tau, self._v = held - soft * a, v + dt * a
+        a = cho_solve(cho_factor(inertia + np.diag(soft)), effort + pushed - h)
+        tau, self._v = effort - soft * a, v + dt * a
         self.q, self.time = q + dt * self._v, self.time + dt
         noise = self.noise * np.repeat([*SAMPLE_NOISE[:2], SAMPLE_NOISE[2] * self.spring * GIVES], model.nv)
         values = np.concatenate([self.q, self._v, tau]) + noise * self._rng.standard_normal(3 * model.nv)

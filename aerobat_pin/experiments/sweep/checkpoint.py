@@ -108,9 +108,9 @@ class Checkpoint:
         if there.is_file() and not force:
             _refuse_other(there, manifest)
             return
-        left = any(os.path.lexists(self.folder / name) for name in (MANIFEST, BASE_SCENARIO, FINISHED))
-        if self.folder.is_dir() and any(self.folder.iterdir()) and not (force and left):
-            what = "no whole sweep; --force starts anew" if left else "no sweep; an empty or missing one was expected"
+        begun = any(os.path.lexists(self.folder / name) for name in (MANIFEST, BASE_SCENARIO, FINISHED))
+        if self.folder.is_dir() and any(self.folder.iterdir()) and not (force and begun):
+            what = "no whole sweep; --force starts anew" if begun else "no sweep; an empty or missing one was expected"
             raise OutputError(f"output folder {self.folder} is not empty and holds {what}")
         (work / BASE_SCENARIO).write_text(scenario_toml(sweep.base), encoding="utf-8")
         (work / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")

@@ -33,15 +33,15 @@ RESERVED_NAMES = frozenset(
 
 def flight_columns(metrics: Mapping[str, Any]) -> dict[str, Any]:
     """Return the numbers of a run's flight and of its control, without nested tables, as columns of the results."""
-    found = dict(metrics["flight"])
-    found |= {f"rms_{axis}": value for axis, value in found.pop("rms", {}).items()}
+    columns = dict(metrics["flight"])
+    columns |= {f"rms_{axis}": value for axis, value in columns.pop("rms", {}).items()}
     control = metrics.get("control")
     if control is not None:
         margins = control["margins"].values()
-        found |= {name: control[name] for name in ("slew_rms", "saturated_share")}
-        found["largest_ms"] = max(margin["ms"] for margin in margins)
-        found["delay_margin"] = min(margin["delay"] for margin in margins if margin["delay"] is not None)
-    return found
+        columns |= {name: control[name] for name in ("slew_rms", "saturated_share")}
+        columns["largest_ms"] = max(margin["ms"] for margin in margins)
+        columns["delay_margin"] = min(margin["delay"] for margin in margins if margin["delay"] is not None)
+    return columns
 
 
 def outcome_of(scenario: Scenario) -> str:
@@ -67,12 +67,12 @@ def outcome_of(scenario: Scenario) -> str:
 
 
 def _load_once(section: RobotSection, scenario: Scenario) -> Aerobat:
-    own = section.morphology not in MORPHOLOGIES and os.path.isfile(section.morphology)
-    stamp = Path(section.morphology).stat().st_mtime_ns if own else 0
-    found = _loaded(section.morphology, json.dumps(section.changes), scenario.flight.gravity, stamp)
-    if isinstance(found, AerobatError):
-        raise found
-    return found
+    from_file = section.morphology not in MORPHOLOGIES and os.path.isfile(section.morphology)
+    stamp = Path(section.morphology).stat().st_mtime_ns if from_file else 0
+    robot = _loaded(section.morphology, json.dumps(section.changes), scenario.flight.gravity, stamp)
+    if isinstance(robot, AerobatError):
+        raise robot
+    return robot
 
 
 @lru_cache(maxsize=16)

@@ -165,10 +165,10 @@ def _factor_dimension(name: str, factors: Factors) -> Dimension:
     return _distinct(f"factors.{name}.values", Dimension(name, values, settings))
 
 
-def _distinct(where: str, made: Dimension) -> Dimension:
-    if len(set(made.labels)) < len(made.labels):
-        raise SweepError(f"{where} = {list(made.labels)}: each value once was expected")
-    return made
+def _distinct(where: str, dimension: Dimension) -> Dimension:
+    if len(set(dimension.labels)) < len(dimension.labels):
+        raise SweepError(f"{where} = {list(dimension.labels)}: each value once was expected")
+    return dimension
 
 
 def _draw_dimension(draws: Draws) -> Dimension:

@@ -48,9 +48,9 @@ def on_this_machine(runs: Mapping[int, Scenario], jobs: int) -> Outcomes:
     from joblib import Parallel, delayed
     from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-    left = dict(runs)
-    while left:
-        before = len(left)
+    waiting = dict(runs)
+    while waiting:
+        before = len(waiting)
         try:
             pool = Parallel(
                 n_jobs=min(jobs, before),
@@ -59,15 +59,15 @@ def on_this_machine(runs: Mapping[int, Scenario], jobs: int) -> Outcomes:
                 initializer=_end_with,
                 initargs=(os.getpid(),),
             )
-            with _started(pool, [delayed(_numbered)(*item) for item in left.items()]) as outcomes:
+            with _started(pool, [delayed(_numbered)(*item) for item in waiting.items()]) as outcomes:
                 for number, outcome in outcomes:
-                    left.pop(number)
+                    waiting.pop(number)
                     yield number, outcome
         except TerminatedWorkerError as error:
-            if len(left) == before:
+            if len(waiting) == before:
                 raise WorkersLostError(
-                    f"the processes die at run {min(left)} or one soon after it (no memory left?); what is finished is "
-                    "kept: the same command with fewer --jobs goes on"
+                    f"the processes die at run {min(waiting)} or one soon after it (no memory left?); what is finished "
+                    "is kept: the same command with fewer --jobs goes on"
                 ) from error
 
 
@@ -110,10 +110,10 @@ def on_cluster(runs: Mapping[int, Scenario], address: str) -> Outcomes:
 
 
 def _check_versions(found: Mapping[str, object], address: str) -> None:
-    for worker, there in found.items():
-        if there != versions():
+    for worker, installed in found.items():
+        if installed != versions():
             raise WorkersLostError(
-                f"cluster {address}: worker {worker} has {there}; the versions here were expected: {versions()}"
+                f"cluster {address}: worker {worker} has {installed}; the versions here were expected: {versions()}"
             )
 
 
@@ -194,13 +194,13 @@ def run_sweep(
     count = len(sweep.scenarios)
     with Checkpoint(Path(folder), sweep, force=force) as checkpoint:
         failed = sum("failed" in outcome for outcome in checkpoint.finished.values())
-        left = {number: run for number, run in enumerate(sweep.scenarios) if number not in checkpoint.finished}
+        waiting = {number: run for number, run in enumerate(sweep.scenarios) if number not in checkpoint.finished}
         if progress is not None:
             progress(len(checkpoint.finished), count, failed)
-        if cluster is not None and left:
-            outcomes = on_cluster(left, cluster)
+        if cluster is not None and waiting:
+            outcomes = on_cluster(waiting, cluster)
         else:
-            outcomes = in_this_process(left) if min(jobs, len(left)) < 2 else on_this_machine(left, jobs)
+            outcomes = in_this_process(waiting) if min(jobs, len(waiting)) < 2 else on_this_machine(waiting, jobs)
         for number, outcome in outcomes:
             checkpoint.add(number, outcome)
             failed += "failed" in checkpoint.finished[number]

@@ -36,22 +36,22 @@ def draw_control(robot: Aerobat, scenario: Scenario, log: FlightLog) -> Figure:
         angle.plot(time, values, style.LINE_STYLES[i], color=style.AXIS_COLOURS[i], label=name)
     place.set_ylabel("off the course [mm]")
     angle.set_ylabel("attitude [deg]")
-    command, made = 1e3 * log.measured["thruster_command"].values, 1e3 * log.truth["thrust"].values
+    command, thrust = 1e3 * log.measured["thruster_command"].values, 1e3 * log.truth["thrust"].values
     axes = thrusts.subplots(2, 3, sharex=True)
-    for i, (axis, one) in enumerate(zip(axes.flat, robot.morphology.thrusters, strict=True)):
+    for i, (axis, thruster) in enumerate(zip(axes.flat, robot.morphology.thrusters, strict=True)):
         axis.plot(middle, command[:, i], color=style.FAINT, linewidth=0.6, label="commanded")
-        axis.plot(middle, made[:, i], color=style.BLUE, label="made")
-        axis.axhline(1e3 * one.thrust, color=style.INK, linestyle=":", linewidth=0.9, label="limit")
-        axis.set_title(one.name.replace("_", " "), fontsize=8)
-        axis.set_ylim(-0.05e3 * one.thrust, 1.1e3 * one.thrust)
+        axis.plot(middle, thrust[:, i], color=style.BLUE, label="made")
+        axis.axhline(1e3 * thruster.thrust, color=style.INK, linestyle=":", linewidth=0.9, label="limit")
+        axis.set_title(thruster.name.replace("_", " "), fontsize=8)
+        axis.set_ylim(-0.05e3 * thruster.thrust, 1.1e3 * thruster.thrust)
     for axis in axes[:, 0]:
         axis.set_ylabel("thrust [mN]")
     _legend(thrusts, axes[0, 0])
     panels = seen.subplots(1, 3)
-    true, found = log.truth["unknown"].values, log.truth["seen_disturbance"].values
+    true, seen_force = log.truth["unknown"].values, log.truth["seen_disturbance"].values
     for axis, (row, name) in zip(panels, SEEN, strict=True):
         axis.plot(middle, 1e3 * true[:, row], color=style.TRUTH, linewidth=0.7, label="unknown forces")
-        axis.plot(middle, 1e3 * found[:, row], color=style.ESTIMATES[0], label="seen by the controller")
+        axis.plot(middle, 1e3 * seen_force[:, row], color=style.ESTIMATES[0], label="seen by the controller")
         axis.set_title(name, fontsize=8)
         axis.set_xlabel("time [s]")
     _legend(seen, panels[0])
@@ -64,11 +64,11 @@ def draw_control(robot: Aerobat, scenario: Scenario, log: FlightLog) -> Figure:
 def thrust_forces(robot: Aerobat, log: FlightLog) -> dict[str, Array]:
     """Return the force (n, 3) of each thruster in world axes [N], by the name of its frame, as interval means."""
     assert log.truth is not None
-    q, made = (log.truth if "q" in log.truth else log.measured)["q"].values[:-1], log.truth["thrust"].values
+    q, thrust = (log.truth if "q" in log.truth else log.measured)["q"].values[:-1], log.truth["thrust"].values
     attitudes = [pin.Quaternion(row[3:7]).matrix() for row in q]
     return {
-        one.name: np.array([R @ np.array(one.direction) for R in attitudes]) * made[:, i : i + 1]
-        for i, one in enumerate(robot.morphology.thrusters)
+        thruster.name: np.array([R @ np.array(thruster.direction) for R in attitudes]) * thrust[:, i : i + 1]
+        for i, thruster in enumerate(robot.morphology.thrusters)
     }
 
 

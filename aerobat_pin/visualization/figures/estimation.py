@@ -18,8 +18,7 @@ from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Reference, TrueEvent
 from aerobat_pin.robot import FORCE_POINTS
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.figures.limits import fit_errors, fit_to_drawn
-from aerobat_pin.visualization.figures.lines import estimate_lines
+from aerobat_pin.visualization.figures.lines import estimate_lines, fit_errors, fit_to_drawn
 
 SHORTEST_ENLARGED = 0.06  # [s]: shortest stretch of time shown in the last row
 ENLARGED_SHARE = 0.03  # of the record that it shows, if that is longer
@@ -113,8 +112,10 @@ class _Panels:
 
     def reference(self, frame: str, label: str) -> tuple[Reference, int] | None:
         """Return the reference of a component and its column there; None without one."""
-        found = [one for one in self.result.references if one.frame == frame and label in one.labels]
-        return (found[0], found[0].labels.index(label)) if found else None
+        references = [
+            reference for reference in self.result.references if reference.frame == frame and label in reference.labels
+        ]
+        return (references[0], references[0].labels.index(label)) if references else None
 
     def draw_forces(self, axis: Axes, frame: str, label: str, span: tuple[float, float] = EVERYWHERE) -> None:
         """Draw the truth, and the estimates over it; one that is much rougher goes behind, where it hides no truth."""

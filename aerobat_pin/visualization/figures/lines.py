@@ -1,18 +1,22 @@
-"""Long series as lines of a figure: by the extremes of each stretch, so that no peak is lost."""
+"""Long series as lines of a figure, by the extremes of each stretch; limits that show small errors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from aerobat_pin.estimation import StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
+from aerobat_pin.visualization import style
 
 MOST_DRAWN = 4000  # of a line; a longer one is drawn by the extremes of each of its stretches
 READ = 50_000  # samples that are read at once
 Lines = tuple[Array, Array]
+MARGIN = 0.05  # above and below what is drawn, of its height
+HIDDEN = 0.2  # of the largest error: smaller ones would be flat lines on its scale
 
 
 def thinned(count: int, read: Callable[[int, int], Lines]) -> Lines:
@@ -30,9 +34,9 @@ def thinned(count: int, read: Callable[[int, int], Lines]) -> Lines:
     size = -(-count // (MOST_DRAWN // 2))
     times, values = [], []
     for first in range(0, count, size * max(1, READ // size)):
-        time, found = read(first, min(first + size * max(1, READ // size), count))
+        time, rows = read(first, min(first + size * max(1, READ // size), count))
         starts = np.arange(0, len(time), size)
-        low, high = np.minimum.reduceat(found, starts), np.maximum.reduceat(found, starts)
+        low, high = np.minimum.reduceat(rows, starts), np.maximum.reduceat(rows, starts)
         times.append(np.repeat(time[np.minimum(starts + size // 2, len(time) - 1)], 2))
         values.append(np.stack([low, high], axis=1).reshape(2 * len(starts), -1))
     return np.concatenate(times), np.concatenate(values)
@@ -56,3 +60,29 @@ def estimate_lines(
         return 0.5 * (part.time[1:] + part.time[:-1]), values_of(part, low + first)
 
     return thinned(high - low, read)
+
+
+def fit_errors(rows: Sequence[Sequence[Axes]], begin: float = -np.inf) -> None:
+    """Fit rows of panels of errors; all get one scale, unless it hides those of a row."""
+    sizes = [fit_to_drawn(axes, begin) for axes in rows]
+    if min(sizes) > HIDDEN * max(sizes):
+        style.share_limits(axis for axes in rows for axis in axes)
+
+
+def fit_to_drawn(axes: Sequence[Axes], begin: float = -np.inf) -> float:
+    """Give panels the limits that fit all that is drawn in them from a time [s] on; return the height of that."""
+    ends = []
+    for axis in axes:
+        places = [line.get_xydata() for line in axis.lines]
+        places += [path.vertices for band in axis.collections for path in band.get_paths() if band.get_hatch() is None]
+        drawn = np.concatenate([np.empty((0, 2)), *(np.asarray(points, float) for points in places)])
+        drawn = drawn[np.all(np.isfinite(drawn), axis=1)]
+        late = drawn[drawn[:, 0] >= begin]
+        ends += [late if len(late) else drawn] if len(drawn) else []
+    if not ends:
+        return 0.0
+    low, high = (float(extreme(np.concatenate(ends)[:, 1])) for extreme in (np.min, np.max))
+    margin = MARGIN * (high - low) or 1e-6
+    for axis in axes:
+        axis.set_ylim(low - margin, high + margin)
+    return high - low

@@ -48,11 +48,11 @@ def draw_contacts(result: Result) -> Figure:
     last = result.stored[name].end - result.start
     figure = Figure(figsize=(8.0, 0.4 * len(stances) + 1.4), layout="constrained")
     axis = figure.add_subplot()
-    for row, one in enumerate(stances):
-        ends = np.where(np.isnan(one.end), last + result.start, one.end)
-        spans = np.column_stack([one.onset - result.start, ends - one.onset])
+    for row, stance in enumerate(stances):
+        ends = np.where(np.isnan(stance.end), last + result.start, stance.end)
+        spans = np.column_stack([stance.onset - result.start, ends - stance.onset])
         axis.broken_barh([tuple(span) for span in spans], (row - 0.35, 0.7), color=style.ESTIMATES[0])
-    axis.set_yticks(range(len(stances)), [f"{one.point} ({one.share:.0%})" for one in stances])
+    axis.set_yticks(range(len(stances)), [f"{stance.point} ({stance.share:.0%})" for stance in stances])
     axis.invert_yaxis()
     axis.set(xlim=(max(0.0, last - CONTACTS_SHOWN), last), xlabel="time [s]")
     style.title_of(figure, f"Contacts by {name}: on above {ONSET_SHARE:.0%} of the weight, off below {END_SHARE:.0%}")

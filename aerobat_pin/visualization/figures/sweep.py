@@ -52,5 +52,5 @@ def draw_sweep(effects: Sequence[Effect], title: str) -> Figure:
 
 def _far(values: Iterable[Array]) -> bool:
     """Whether positive numbers differ so much that a logarithmic axis shows them better."""
-    all_of_them = np.concatenate([one[np.isfinite(one)].ravel() for one in values])
+    all_of_them = np.concatenate([part[np.isfinite(part)].ravel() for part in values])
     return len(all_of_them) > 1 and 0.0 < DECADE * float(all_of_them.min()) <= float(all_of_them.max())

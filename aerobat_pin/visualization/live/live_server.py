@@ -15,14 +15,16 @@ from contextlib import suppress
 from time import monotonic
 from typing import Any
 
+import coal
 import numpy as np
 import pinocchio as pin
+from scipy.spatial import ConvexHull
 
 from aerobat_pin.errors import AerobatError, ExtraError, OutputError, raising
 from aerobat_pin.experiments import LIVE_OBSERVERS, LiveFlight, LiveRow, LiveSource
+from aerobat_pin.numerics import Array
 from aerobat_pin.robot import place_bars, visual_model_with_bars
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.live.live_parts import live_parts
 from aerobat_pin.visualization.replay.result_replay import visible_parts
 from aerobat_pin.visualization.replay.scene import box_corners, round_number_above
 from aerobat_pin.visualization.replay.serve import LOCALHOST
@@ -34,6 +36,9 @@ ROW_PERIOD = 0.02  # [s] between points of a curve
 PICTURE_FOLLOWS = 0.1  # share by which the picture follows a robot that flies, from message to message
 LARGEST_WISH = 10_000  # bytes of a message from a page
 PAGE_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; frame-ancestors 'none'"
+SIMPLE = 1200  # triangles up to which a mesh is drawn as it is; of others the hull is drawn
+HULL_POINTS = 80  # of a hull, at most
+CIRCLE = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
 
 
 class _Picture:
@@ -71,7 +76,7 @@ class _Picture:
         points = [self._data.oMf[frame].translation for frame in self._frames]
         curves = [np.concatenate([[row.time], row.true.ravel(), row.estimate.ravel()]) for row in rows]
         whole = [[source.time, pace, len(rows)], self._target, source.force.ravel(), *parts, *points, *curves]
-        return np.concatenate([np.ravel(one) for one in whole]).astype("<f4").tobytes()
+        return np.concatenate([np.ravel(part) for part in whole]).astype("<f4").tobytes()
 
 
 class _Life:
@@ -237,3 +242,58 @@ def serve_live(
 
     with suppress(KeyboardInterrupt), raising():
         asyncio.run(run())
+
+
+def live_parts(visual_model: pin.GeometryModel) -> list[dict[str, Any]]:
+    """Return points [m], triangles and colour of each part in its own axes, as the page reads them."""
+    parts = []
+    for item in visual_model.geometryObjects:
+        points, faces = _outward_triangles(item.geometry)
+        red, green, blue, opacity = np.asarray(item.meshColor, float).tolist()
+        parts.append(
+            {
+                "points": np.round(points, 5).ravel().tolist(),
+                "faces": faces.ravel().tolist(),
+                "colour": [round(255.0 * share) for share in (red, green, blue)],
+                "opacity": opacity,
+            }
+        )
+    return parts
+
+
+def _outward_triangles(shape: Any) -> tuple[Array, Any]:
+    """Return points (n, 3) and triangles (m, 3), outward, of a shape; none of a plane."""
+    if hasattr(shape, "tri_indices"):
+        points = np.asarray(shape.vertices(), float)
+        if shape.num_tris <= SIMPLE:
+            triangles = (shape.tri_indices(k) for k in range(shape.num_tris))
+            return points, np.array([[triangle[0], triangle[1], triangle[2]] for triangle in triangles])
+        return _hull(points[np.unique(np.argmax(_directions() @ points.T, axis=1))])
+    if isinstance(shape, coal.Box):
+        return _hull(np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T * shape.halfSide)
+    if isinstance(shape, coal.Sphere | coal.Ellipsoid):
+        radii = shape.radii if isinstance(shape, coal.Ellipsoid) else np.full(3, shape.radius)
+        return _hull(_directions() * radii)
+    if isinstance(shape, coal.Cylinder | coal.Capsule | coal.Cone):
+        ring = shape.radius * np.column_stack([np.cos(CIRCLE), np.sin(CIRCLE), 0.0 * CIRCLE])
+        top = ring * (0.01 if isinstance(shape, coal.Cone) else 1.0)
+        up, cap = np.array([0.0, 0.0, shape.halfLength]), np.zeros((0, 3))
+        if isinstance(shape, coal.Capsule):
+            cap = np.array([[0.0, 0.0, sign * (shape.halfLength + shape.radius)] for sign in (-1.0, 1.0)])
+        return _hull(np.concatenate([ring - up, top + up, cap]))
+    return np.zeros((0, 3)), np.zeros((0, 3), int)
+
+
+def _directions() -> Array:
+    """Return directions (n, 3) spread over a sphere."""
+    k = np.arange(HULL_POINTS) + 0.5
+    height, angle = 1.0 - 2.0 * k / HULL_POINTS, np.pi * (1.0 + np.sqrt(5.0)) * k
+    flat = np.sqrt(1.0 - height**2)
+    return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), height])
+
+
+def _hull(points: Array) -> tuple[Array, Any]:
+    hull = ConvexHull(points, qhull_options="QJ Pp")
+    a, b, c = (points[hull.simplices[:, k]] for k in range(3))
+    inward = np.sum(np.cross(b - a, c - a) * hull.equations[:, :3], axis=1) < 0.0
+    return points, np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)

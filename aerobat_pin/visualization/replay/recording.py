@@ -26,6 +26,7 @@ from aerobat_pin.visualization.replay.scene import (
     SHEET_OPACITY,
     Scene,
     Sheet,
+    arrow_scale,
     box_corners,
     round_number_above,
 )
@@ -34,7 +35,6 @@ KEYFRAMES_PER_SECOND = 120.0  # per second of recorded time: 25 per flap at 4.75
 MOST_KEYFRAMES = 7201  # one minute, a page of 34 MB; a lower rate would distort the motion
 CAMERA_SMOOTHING = 0.5  # [s]: the camera follows the path of a free base, smoothed over this time
 CAMERA = (0.7, -1.1, 0.55)  # position of the camera relative to the point it looks at, in sizes of the robot
-LONGEST_ARROW = 0.6  # length of the longest arrow, in sizes of the robot
 
 PlaceParts = Callable[[pin.GeometryModel, int], None]
 
@@ -163,13 +163,13 @@ class Recording:
 
     @property
     def newtons_per_centimetre(self) -> float:
-        """Scale of the arrows [N/cm]: 1, 2 or 5 times a power of ten, so that the longest fit `LONGEST_ARROW`."""
+        """Scale of the arrows [N/cm]: 1, 2 or 5 times a power of ten."""
         if self.scale is not None:
             return self.scale
         shown = [kind for kind in self._arrows if kind not in self._choices[1:]]
         norms = [np.linalg.norm(rows, axis=1) for kind in shown for rows in kind.force.values()]
         largest = max((float(np.percentile(norm, 99.0)) for norm in norms), default=0.0) or 1.0
-        return round_number_above(largest / (100.0 * LONGEST_ARROW * self.size))
+        return arrow_scale(largest, self.size)
 
     def _repr_html_(self) -> str:
         """Return the page within a frame, as a notebook shows it."""
@@ -246,9 +246,9 @@ class Recording:
         legend = [LegendLine("", "", f"arrows: {scale:g} N per cm")] if self._arrows else []
         for kind in self._arrows:
             for name, start in kind.start.items():
-                tip = start + kind.force[name] / (100.0 * scale)
-                scene.arrow(f"world/force/{kind.label}/{name}", kind.colour, start, tip, self.size, inner=kind.inner)
-            text, choices = kind.label, [(one.label, one.choice) for one in self._choices]
+                node, force = f"world/force/{kind.label}/{name}", kind.force[name]
+                scene.arrow(node, kind.colour, start, force, scale, self.size, inner=kind.inner)
+            text, choices = kind.label, [(option.label, option.choice) for option in self._choices]
             if kind in self._choices and len(choices) > 1:
                 if kind is not self._choices[0]:
                     scene.hide(f"world/force/{kind.label}")

@@ -51,10 +51,10 @@ def replay_result(made: Experiment | Result) -> Recording:
                 forces[frame] = estimate.components[at][:, columns]
         if forces:
             recording.add_forces(f"estimated force ({name})", style.ESTIMATES[0], forces, choice=name)
-    for one in made.references:
-        if one.labels[:3] == ("Fx", "Fy", "Fz"):
-            values = one.values[low : low + last - first][at, :3]
-            recording.add_forces("force sensor", style.TRUTH, {one.frame: values}, inner=True)
+    for reference in made.references:
+        if reference.labels[:3] == ("Fx", "Fy", "Fz"):
+            values = reference.values[low : low + last - first][at, :3]
+            recording.add_forces("force sensor", style.TRUTH, {reference.frame: values}, inner=True)
     return recording
 
 

@@ -24,8 +24,8 @@ from pinocchio.visualize import MeshcatVisualizer
 
 from aerobat_pin.numerics import Array
 
-# Radii of an arrow's shaft and head, and length of its head, in sizes of the robot.
-SHAFT_RADIUS, HEAD_RADIUS, HEAD_LENGTH = 0.011, 0.032, 0.09
+# Length of the longest force arrow, radii of shaft and head, and length of the head, in sizes of the robot.
+LONGEST_ARROW, SHAFT_RADIUS, HEAD_RADIUS, HEAD_LENGTH = 0.6, 0.011, 0.032, 0.09
 HALO_OPACITY = 0.65  # opacity of an arrow that can have another arrow inside
 SHEET_OPACITY = 0.5
 UNBOUNDED = 1e3  # [m]: a larger shape is treated as infinite, such as a plane
@@ -128,18 +128,21 @@ class Scene:
                 self.viewer[node].set_property("scale", item.meshScale.tolist())
             self.move(node, position=placements[:, k, :3], quaternion=placements[:, k, 3:])
 
-    def arrow(self, node: str, colour: str, start: Array, tip: Array, size: float, *, inner: bool) -> None:
-        """Animate an arrow from `start` to `tip`, each (m, 3) [m].
+    def arrow(
+        self, node: str, colour: str, start: Array, force: Array, scale: float, size: float, *, inner: bool
+    ) -> None:
+        """Animate the arrow of a force.
 
         Args:
             node: path of the arrow's node in the scene.
             colour: colour of the arrow, hexadecimal.
             start: (m, 3) start of the arrow at each keyframe [m].
-            tip: (m, 3) tip of the arrow at each keyframe [m].
+            force: (m, 3) the force at each keyframe [N].
+            scale: of the arrow [N/cm], see `arrow_scale`.
             size: size of the robot [m].
             inner: draw a slim, opaque arrow that remains visible inside a thick, translucent one.
         """
-        arrow = tip - start
+        arrow = force / (100.0 * scale)
         length = np.linalg.norm(arrow, axis=1)
         direction = np.where(length[:, None] > 0.0, arrow / np.maximum(length, 1e-12)[:, None], [0.0, 0.0, 1.0])
         rotation = np.column_stack([direction[:, 2], 0.0 * length, -direction[:, 0], 1.0 + direction[:, 1]])  # from y
@@ -207,6 +210,11 @@ def box_corners(part: pin.GeometryObject) -> Array:
     if not np.all(np.abs(ends) < UNBOUNDED):
         ends = np.zeros((2, 3))
     return np.array(list(itertools.product(*ends.T)))
+
+
+def arrow_scale(largest: float, size: float) -> float:
+    """Return the scale [N/cm] with which the arrow of the largest force [N] fits a robot of this size [m]."""
+    return round_number_above(largest / (100.0 * LONGEST_ARROW * size))
 
 
 def round_number_above(value: float) -> float:

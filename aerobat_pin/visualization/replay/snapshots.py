@@ -57,10 +57,10 @@ def _take_pictures(
         from playwright.sync_api import Error, sync_playwright
     except ImportError as error:
         raise BrowserError(f"pictures of a replay take a browser: {BROWSER_ADVICE}") from error
-    found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
+    installed = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     with sync_playwright() as playwright:
         try:
-            browser = playwright.chromium.launch(executable_path=found, args=BROWSER_FLAGS)
+            browser = playwright.chromium.launch(executable_path=installed, args=BROWSER_FLAGS)
         except Error as error:
             raise BrowserError(f"pictures of a replay take a browser, and none starts: {BROWSER_ADVICE}") from error
         try:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import ladder
 import moments
-import on_the_robot
-import shed
 import strips
 from support.pages import ROOT, Values, run, save
 
@@ -18,12 +16,11 @@ def quick() -> Values:
 
 def find() -> Values:
     """Draw every rung, and return the tables."""
-    (cases, table), (grid, errors) = moments.cases(), strips.grid()
+    cases, table = moments.cases()
     figures = {draw.__name__: draw() for draw in (*ladder.FIGURES, moments.pitch)}
-    figures |= {"cases": cases, "strips": grid, "on_the_robot": on_the_robot.law(), "shed": shed.shed()}
-    save(figures, ROOT / "docs" / "figures" / "lifting_line")
+    save(figures | {"cases": cases}, ROOT / "docs" / "figures" / "lifting_line")
     tables = {"fit": moments.fit_table(), "cases": table, "steps": strips.stable_steps()}
-    flights = {"robot": strips.robot_table(errors), "flights": strips.free_flights()}
+    flights = {"robot": strips.robot_table(strips.robot_errors()), "flights": strips.free_flights()}
     return {"docs/lifting_line.md": tables | flights}
 
 

@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from ladder import INCIDENCE
-from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter, ScalarFormatter
 from support.flapping_robot import STEPS, flap_robot
 from support.pages import table
 
-from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
+from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.flight import simulate
 from aerobat_pin.robot import euler_angles, load_aerobat
 from aerobat_pin.scenario import load_scenario
-from aerobat_pin.visualization import style
 
 STRIPS = (8, 12, 16, 20, 40)
 ODD = (9, 13, 17, 21, 41)
@@ -35,47 +31,10 @@ def wings() -> dict[str, Callable[[int], LiftingLine]]:
     }
 
 
-def grid() -> tuple[Figure, Errors]:
-    """Draw the error of steady and of flapping lift against many strips; return the flapping robot's, too."""
-    figure = Figure(figsize=(6.4, 3.4), layout="constrained")
-    axis = figure.add_subplot()
-    found: dict[str, dict[int, float]] = {}
-
-    def study(name: str, value: Callable[[int], float], counts: tuple[int, ...], reference: int) -> None:
-        exact = value(reference)
-        found[name] = {count: 100.0 * abs(value(count) / exact - 1.0) for count in counts}
-
-    for name, wing in wings().items():
-        study(f"{name}, steady", lambda n, wing=wing: wing(n).steady_coefficients(INCIDENCE)[0], STRIPS, 200)
-    study("rectangle, flapping", flapping_lift, STRIPS, 80)
-    study("rectangle, flapping, odd", flapping_lift, ODD, 80)
-    robot = robot_errors(ON_THE_ROBOT)
-    found["Aerobat, flapping on its links"] = {count: abs(mean) for count, (mean, _) in robot.items()}
-    del found["ellipse, steady"]  # exact with any number
-    looks = (
-        ("o", "-", style.LEFT),
-        ("s", "--", style.ESTIMATES[0]),
-        ("^", "-", style.INK),
-        ("v", ":", style.MUTED),
-        ("D", "-", style.ESTIMATES[2]),
-    )
-    for (name, errors), (mark, line, colour) in zip(found.items(), looks, strict=True):
-        axis.loglog(list(errors), list(errors.values()), marker=mark, linestyle=line, color=colour, label=name)
-    axis.axvline(16, color=style.MUTED, linewidth=0.8, linestyle="-.")
-    axis.set_ylabel("error of lift [%]")
-    axis.set_xlabel("number of strips [-]")
-    axis.set_xticks(STRIPS)
-    axis.xaxis.set_major_formatter(ScalarFormatter())
-    axis.xaxis.set_minor_formatter(NullFormatter())
-    axis.legend(loc="lower right", ncols=2)
-    axis.set_ylim(bottom=1e-6)
-    return figure, robot
-
-
-def robot_errors(counts: tuple[int, ...]) -> Errors:
+def robot_errors() -> Errors:
     """Return the errors of the flapping robot's lift against 160 strips, by count: of its mean, and rms over rms [%]."""
     exact, found = flap_robot(160, STEPS)[0][::10, 2], {}
-    for count in counts:
+    for count in ON_THE_ROBOT:
         lift = flap_robot(count, STEPS // 10)[0][:, 2]
         rms = np.sqrt(np.mean((lift - exact) ** 2) / np.mean(exact**2))
         found[count] = 100.0 * float(lift.mean() / exact.mean() - 1.0), 100.0 * float(rms)
@@ -110,13 +69,6 @@ def stable_steps() -> str:
     }
     rows = ([name, *(f"{1e3 * limit:.2f}" for limit in of)] for name, of in limits.items())
     return table(f"strips | {' | '.join(map(str, STRIPS))}", rows)
-
-
-def flapping_lift(strips: int) -> float:
-    """Return the rms of the flapping rectangle's lift [N]."""
-    stroke = Stroke(AIRSPEED, frequency=5.0, flap=np.radians(30.0))
-    lift = fly(LiftingLine(0.40, 0.10, strips=strips), stroke, np.linspace(0.0, 1.0, 501)).force[-100:, 2]
-    return float(np.sqrt(np.mean(lift**2)))
 
 
 def runge_kutta_limit(matrix: np.ndarray) -> float:
