@@ -1,3 +1,4 @@
+from .against_reference import Compared as Compared
 from .calibration.calibration import TORQUE as TORQUE
 from .calibration.calibration import Belief as Belief
 from .calibration.calibration import Calibration as Calibration
@@ -6,9 +7,13 @@ from .calibration.calibration import belief_of as belief_of
 from .calibration.calibration_file import calibration_bytes as calibration_bytes
 from .calibration.calibration_file import read_calibration as read_calibration
 from .calibration.learn import calibrate as calibrate
+from .calibration_use import CalibrationUse as CalibrationUse
+from .calibration_use import Cause as Cause
+from .calibration_use import Contact as Contact
+from .calibration_use import FoundEvent as FoundEvent
+from .calibration_use import ModelCheck as ModelCheck
 from .checks.efforts import effort_findings as effort_findings
 from .checks.motion import record_findings as record_findings
-from .compared import Compared as Compared
 from .contacts import END_SHARE as END_SHARE
 from .contacts import ONSET_SHARE as ONSET_SHARE
 from .contacts import Stance as Stance
@@ -41,9 +46,4 @@ from .self_check import check_record as check_record
 from .stored_estimate import StoredEstimate as StoredEstimate
 from .trust import ComponentSize as ComponentSize
 from .trust import InnovationScore as InnovationScore
-from .use import CalibrationUse as CalibrationUse
-from .use import Cause as Cause
-from .use import Contact as Contact
-from .use import FoundEvent as FoundEvent
-from .use import ModelCheck as ModelCheck
 from .verdict import quantity as quantity

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation.calibration_use import CalibrationUse
 from aerobat_pin.estimation.known_forces import CALIBRATION, KnownForces
-from aerobat_pin.estimation.use import CalibrationUse
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Rows
 from aerobat_pin.records import Block, Condition, Record

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.compared import Compared
+from aerobat_pin.estimation.against_reference import Compared
+from aerobat_pin.estimation.calibration_use import CalibrationUse, FoundEvent
 from aerobat_pin.estimation.row_residuals import row_contacts
 from aerobat_pin.estimation.scores import Score, point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, warnings_about
-from aerobat_pin.estimation.use import CalibrationUse, FoundEvent
 from aerobat_pin.observers import DOUBTFUL, Redundancy
 
 
@@ -116,7 +116,7 @@ class ObserverScores:
     @property
     def judgement(self) -> tuple[str, bool]:
         """What no force explains says about the belief, in words, and whether the belief is wrong."""
-        if self.k is None and self.states_seen and self.innovation is None:  # a filter has no k
+        if self.k is None and self.states_seen:
             return "belief: cannot be judged, as no row is to spare", False
         if self.k is None:
             return self.redundancy.describe(), self.redundancy.verdict == "inconsistent"

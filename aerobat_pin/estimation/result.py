@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.compared import Compared
+from aerobat_pin.estimation.against_reference import Compared
+from aerobat_pin.estimation.calibration_use import CalibrationUse, ModelCheck
 from aerobat_pin.estimation.contacts import Stance, stances_on_ground
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces
@@ -19,7 +20,6 @@ from aerobat_pin.estimation.observer_scores import ObserverScores
 from aerobat_pin.estimation.score_tables import score_table, size_table, text_table
 from aerobat_pin.estimation.scores import point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.estimation.use import CalibrationUse, ModelCheck
 from aerobat_pin.estimation.verdict import quantity, verdict_of
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Record, Reference, SmoothedMotion, TrueEvent

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from aerobat_pin.estimation.calibration_use import FoundEvent
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.estimation.use import FoundEvent
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, Estimate, Expected, Identifiability, LevelDetector, Observer, row_names
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerobat_pin.estimation.calibration_use import ModelCheck
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.observer_scores import ObserverScores
 from aerobat_pin.estimation.scores import point_label, short_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import burst_noise
-from aerobat_pin.estimation.use import ModelCheck
 
 SUDDEN = 5.0  # errors that a push exceeds at its peak: noise alone does so once in a million samples
 LASTING = 1.5  # or its rms: noise alone has one error

@@ -32,6 +32,7 @@ from aerobat_pin.numerics import (
     placements,
 )
 from aerobat_pin.observers.applications import Application, Applications
+from aerobat_pin.observers.equations import Equations, Observed, Samples, observe_record, sample_robot
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.identifiability import judge
@@ -39,7 +40,6 @@ from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
 from aerobat_pin.observers.pickled import model_bytes, rebuilt
-from aerobat_pin.observers.reference import Equations, Observed, Samples, observe_record, sample_robot
 from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight, serial_model
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, for_kernels, modes
 
@@ -283,7 +283,7 @@ class Observer:
 
     def _estimate(self, time: Array, observed: Observed, samples: Samples) -> Estimate:
         """Return the results of a record as an `Estimate`."""
-        expected = self.expected
+        expected, deviation = self.expected, observed.deviation
         return Estimate(
             observer=self.name,
             gain=self.gain.copy(),
@@ -297,8 +297,9 @@ class Observer:
             unexplained=observed.unexplained,
             rows_in_use=self.believed.count,
             weight=moving_weight(self.model),
-            standard_deviation=observed.deviation,
+            standard_deviation=deviation,
             expected_force=None if expected is None else expected.force,
+            seen=None if expected is None or deviation is None else expected.seen(deviation),
             doubt=observed.k,
         )
 

@@ -32,6 +32,7 @@ from aerobat_pin.records.suggest_joints import (
 TIME = re.compile(
     r"^(t|time|timestamp|stamp|time_stamp|elapsed|seconds)[ _]*[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$", re.IGNORECASE
 )
+GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
 STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
 GROUP_WORDS = {  # what a group of columns may be -> words in its name
     "acceleration": ("acc", "specific", "linear_acceleration"),
@@ -58,15 +59,24 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
     ]
     lines += _robot(columns, urdf, "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform")))
     lines += ["", "[log]"]
+    time, step = None, None
     if not columns.kinds and not str(log).endswith(NETCDF):
-        lines += _time(log, columns)
+        time = _likely_time(log, columns)
+        step = None if time is None else time[2] * SECONDS[time[1]]
+        lines += _time(time)
     lines += ['world = "z_up"  # or "ned": does z point down?', ""]
     lines += (
         list(_suggest_base(columns, groups))
-        + list(suggest_joints(columns, urdf))
+        + list(suggest_joints(columns, urdf, step))
         + list(_suggest_check(columns, groups))
     )
-    lines += ["[observer]", 'names = ["force_level"]', "gain = 200  # K [1/s]: 1/K is the lag; smaller is smoother", ""]
+    gain = min(GAIN, SHARE_OF_RATE / step) if step else GAIN
+    lines += [
+        "[observer]",
+        'names = ["force_level"]',
+        f"gain = {float(f'{gain:.2g}'):g}  # K [1/s]: 1/K is the lag; smaller is smoother",
+        "",
+    ]
     return "\n".join(lines)
 
 
@@ -148,18 +158,24 @@ def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
     ]
 
 
-def _time(log: Path, columns: Columns) -> list[str]:
+def _likely_time(log: Path, columns: Columns) -> tuple[str, str, float] | None:
+    """Return the column of a table that looks like a time, its unit, and its step in that unit; None if none does."""
     found = next((match for match in map(TIME.match, header_of(log, LogTable())[1]) if match), None)
     if found is None:
+        return None
+    series = columns.values.get(found[0], columns.clocks["table"].time)
+    step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
+    guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
+    return found[0], UNITS_IN_NAMES["time"].get((found["unit"] or "").lower(), guess), step
+
+
+def _time(time: tuple[str, str, float] | None) -> list[str]:
+    if time is None:
         return [
             "time = {rate = 1000}  # no column looks like a time: how many samples a second? Or {column "
             '= ..., unit = "s"}'
         ]
-    name = found[0]
-    series = columns.values.get(name, columns.clocks["table"].time)
-    step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
-    guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
-    unit = UNITS_IN_NAMES["time"].get((found["unit"] or "").lower(), guess)
+    name, unit, step = time
     return [f'time = {{column = "{name}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?']
 
 

@@ -30,8 +30,8 @@ UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
 LARGEST_RADIANS = 7.0  # of an angle; beyond, degrees are suggested
 
 
-def suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
-    """Yield the lines of the table `joints`."""
+def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = None) -> Iterator[str]:
+    """Yield the lines of the table `joints`; `step` is the time between rows of a table [s], if it is known."""
     topic = topic_of(columns, "JointState")
     if topic:
         yield "[joints]"
@@ -66,12 +66,13 @@ def suggest_joints(columns: Columns, urdf: Path | None) -> Iterator[str]:
     whole = {part: [found[name][part] for name in there if part in found[name]] for part in PART_WORDS}
     size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
     angle = named_unit("angle", whole["position"]) or ("deg" if size > LARGEST_RADIANS else "rad")
-    if not _named_columns(columns, names):
-        yield "# the columns have numbers, not names: are they in this order?"
+    if found != _named_columns(columns, names):
+        yield "# the columns are not called like the joints: are they in this order?"
     yield f"names = {listed(there)}"
     yield f'position = {{columns = {listed(whole["position"])}, unit = "{angle}"}}  # the largest is {size:.3g}'
     if len(whole["velocity"]) == len(there):
-        yield f'velocity = {{columns = {listed(whole["velocity"])}, unit = "{angle}/s"}}'
+        rate = named_unit("rate", whole["velocity"]) or _rate_unit(columns, whole, angle, step)
+        yield f'velocity = {{columns = {listed(whole["velocity"])}, unit = "{rate}"}}'
     else:
         yield 'velocity = {from = "position", window = 0.02}'
     if len(whole["effort"]) == len(there):
@@ -104,6 +105,16 @@ def _without_robot(columns: Columns) -> Iterator[str]:
         yield ""
 
 
+def _rate_unit(columns: Columns, whole: dict[str, list[str]], angle: str, step: float | None) -> str:
+    """Return the unit in which velocities fit best to the changes of the positions; that of these without a time."""
+    place, rate = (np.stack([columns.sample(name) for name in whole[part]]) for part in ("position", "velocity"))
+    moved, said = np.nanstd(np.diff(place)), np.nanstd(rate) * (step or 0.0)
+    if place.shape != rate.shape or not min(moved, said) > 0.0:
+        return f"{angle}/s"
+    moved = np.radians(moved) if angle == "deg" else moved
+    return min(("rad/s", 1.0), ("deg/s", np.pi / 180.0), key=lambda unit: abs(np.log(moved / (said * unit[1]))))[0]
+
+
 def _is_current(name: str) -> bool:
     """Return whether a column's name says that it is a current."""
     words = set(re.split(r"[^a-z]+", name.lower()))
@@ -111,8 +122,9 @@ def _is_current(name: str) -> bool:
 
 
 def joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
-    """Return joint -> position, velocity, effort -> column, by names or, where no column has one, by numbers."""
-    return _named_columns(columns, names) or _numbered_columns(columns, names)
+    """Return joint -> position, velocity, effort -> column, by names or, where that finds less, in their order."""
+    named, ordered = _named_columns(columns, names), _ordered_columns(columns, names)
+    return ordered if len(ordered) > len(named) else named or _numbered_columns(columns, names)
 
 
 def _named_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
@@ -129,6 +141,20 @@ def _named_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, st
                 if part is not None:
                     found.setdefault(joint, {}).setdefault(part, name)
     return found
+
+
+def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
+    """Return joint -> part -> column of names such as base_pos_deg, base_speed, if they are as many as the joints."""
+    units = {word for words in UNITS_IN_NAMES.values() for word in words} | {"joint"}
+    found: dict[str, dict[str, str]] = {}
+    for name in columns.values:
+        words = re.split(r"[^a-z0-9]+", name.lower())
+        part = next((part for part, known in PART_WORDS.items() if set(words) & (known - {""})), None)
+        if part is not None:
+            stem = "_".join(word for word in words if word not in PART_WORDS[part] | units)
+            found.setdefault(stem, {}).setdefault(part, name)
+    whole = [parts for stem, parts in found.items() if stem and "position" in parts and len(parts) > 1]
+    return dict(zip(names, whole, strict=True)) if len(whole) == len(names) else {}
 
 
 def _numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:

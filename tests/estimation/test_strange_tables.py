@@ -54,7 +54,7 @@ def test_numbered_columns_are_suggested_for_the_joints_in_order(tmp_path: Path) 
     assert suggested["base"]["rate"]["columns"] == [f"base_ang_vel_{axis}" for axis in "xyz"]
     assert suggested["check"]["wrench"]["columns"] == [f"left_foot_force_{axis}" for axis in "xyz"]
     assert "# And right_foot_force_x, right_foot_force_y, right_foot_force_z?" in text
-    assert "# the columns have numbers, not names" in text
+    assert "# the columns are not called like the joints" in text
 
 
 def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> None:

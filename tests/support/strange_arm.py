@@ -33,12 +33,25 @@ def pushed(time: np.ndarray) -> np.ndarray:
     return force
 
 
-def write_log(path: Path, seed: int, force: Force, lever: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+def write_log(
+    path: Path,
+    seed: int,
+    force: Force,
+    lever: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    *,
+    pace: float = 1.0,
+    load: dict[str, Any] | None = None,
+) -> np.ndarray:
     """Write a log of the arm; return the force (n, 3) on it [N], which acts at `lever` [m] from its tool (world axes).
 
-    Friction grows with the load and falls with the speed at first (Stribeck); at rest it is anything below.
+    Friction grows with the load and falls with the speed at first (Stribeck); at rest it is anything below. The arm
+    swings so many times as fast as `pace` says, and carries a `load`, a map's `payload`.
     """
     model = pin.buildModelFromUrdf(str(URDF))
+    if load is not None:
+        frame = model.frames[model.getFrameId(load["frame"])]
+        body = pin.Inertia(load["mass"], np.array(load["com"]), np.zeros((3, 3)))
+        model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
     data, rng = model.createData(), np.random.default_rng(seed)
     time = np.arange(round(SECONDS * RATE)) / RATE
     up, down = (np.clip(x, 0.0, 1.0) for x in ((time - 3.0) / 3.0, (SECONDS - 2.0 - time) / 3.0))
@@ -46,7 +59,7 @@ def write_log(path: Path, seed: int, force: Force, lever: tuple[float, float, fl
     angle = np.zeros((len(time), 6))
     for harmonic in range(1, 5):
         size, phase = rng.uniform(0.15, 0.5, 6), rng.uniform(0.0, 2.0 * np.pi, 6)
-        angle += size * np.sin(2.0 * np.pi * harmonic * 0.07 * time[:, None] + phase)
+        angle += size * np.sin(2.0 * np.pi * harmonic * 0.07 * pace * time[:, None] + phase)
     q = UPRIGHT + fade[:, None] * angle
     v = np.gradient(q, time, axis=0)
     a = np.gradient(v, time, axis=0)
@@ -55,8 +68,8 @@ def write_log(path: Path, seed: int, force: Force, lever: tuple[float, float, fl
     for k in range(len(time)):
         J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId("tool0"), pin.LOCAL_WORLD_ALIGNED)
         torque[k] = pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ wrench[k]
-    load = 1.0 + 0.15 * np.abs(torque) / np.abs(torque).max(axis=0)
-    friction = COULOMB * load * (1.0 + 0.25 * np.exp(-((v / 0.05) ** 2))) * np.tanh(v / 0.01)
+    loaded = 1.0 + 0.15 * np.abs(torque) / np.abs(torque).max(axis=0)
+    friction = COULOMB * loaded * (1.0 + 0.25 * np.exp(-((v / 0.05) ** 2))) * np.tanh(v / 0.01)
     friction += VISCOUS * np.abs(v) ** 0.8 * np.sign(v)
     friction = np.where(np.abs(v) < 1e-3, rng.uniform(-1.0, 1.0, 6) * COULOMB, friction)
     torque += friction + 0.03 * COULOMB * rng.standard_normal(torque.shape)

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from aerobat_pin.estimation.against_reference import Compared, sensor_references
 from aerobat_pin.estimation.calibration.map_fits import held_out_stretch
-from aerobat_pin.estimation.compared import Compared, sensor_references
-from aerobat_pin.estimation.expected import expected_of
+from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.fitted_stretches import fits_to_sensor
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.run_observers import inputs_between, observers_of, points_of, rms_in, run_observers

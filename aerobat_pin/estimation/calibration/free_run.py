@@ -36,6 +36,7 @@ LEAST_LEFT_BEHIND = 0.02  # of the robot's weight
 STEADY = 3.0  # times the error of the belief: forces that are larger are hardly made up by it
 TOLD_BY = 2  # spare rows from which what is left can be told from forces
 PAUSE, MOST_TOLD = 0.05, 6  # [s] between pushes that are told apart, and how many are told
+RAISED_BY = 2.0  # deviations by which the second moment of errors of rows is raised
 FEWEST_LEFT = 10  # intervals that no fit used, from which the noise of the rows follows
 
 
@@ -126,31 +127,34 @@ def row_noise(runs: Sequence[FreeRun], *, learnt: bool) -> dict[str, float]:
 
     It is taken behind the low-pass of the observers, as errors that this takes out do not reach their forces. A joint
     at rest says nothing of its errors when it slides: an instant counts by how far it does. A few errors may all be
-    small: the second moment is raised by its deviation. A row that hardly moves has none.
+    small: the second moment is raised by twice its deviation, and is at least that of the data that a fit used. A row
+    that hardly moves has none.
 
     Args:
         runs: the runs, with all that is known of them.
         learnt: whether more than the map's fits was learnt from them, from all but the part that is held out.
     """
     names = row_names(runs[0].record.robot.model) if runs else {}
-    count, square, different = np.zeros((3, len(names)))
+    count, square, different = np.zeros((3, 2, len(names)))  # where nothing was fitted, and where it was
     for run in runs:
         robot, time, v = run.record.robot, run.inputs.time, run.inputs.v
-        kept = ~used_by_fits(run.record, run.forces.values, time[:-1])
+        fitted = used_by_fits(run.record, run.forces.values, time[:-1])
         if learnt:
-            kept[run.fitted] = False
-        kept &= settled(run.record, time[:-1])
-        if not kept.any():
-            continue
+            fitted[run.fitted] = True
         share = -np.expm1(-float(run.record.map.observer.gain) * typical_step(time))
-        sliding = np.tanh(0.5 * (v[1:] + v[:-1])[kept] / run.forces.values.stiction(robot)[1])
+        sliding = np.tanh(0.5 * (v[1:] + v[:-1]) / run.forces.values.stiction(robot)[1])
         sliding[:, : FREE_NV if robot.free else 0] = 1.0
-        left = sliding * low_passed(run.residual, share)[kept]
-        power = np.abs(np.fft.fft(left, axis=0)) ** 2  # as many different errors as frequencies have a part in it
-        different += np.sum(power, axis=0) ** 2 / np.maximum(np.sum(power**2, axis=0), 1e-300)
-        count, square = count + np.sum(sliding**2, axis=0), square + np.sum(left**2, axis=0)
-    raised = square / np.maximum(count, 1e-300) * (1.0 + np.sqrt(2.0 / np.maximum(different, 1.0)))
-    return {name: float(np.sqrt(raised[k])) for k, name in enumerate(names) if count[k] >= FEWEST_LEFT}
+        left = sliding * low_passed(run.residual, share)
+        for which, kept in enumerate(settled(run.record, time[:-1]) & part for part in (~fitted, fitted)):
+            if not kept.any():
+                continue
+            power = np.abs(np.fft.fft(left[kept], axis=0)) ** 2  # as many different errors as frequencies have a part
+            different[which] += np.sum(power, axis=0) ** 2 / np.maximum(np.sum(power**2, axis=0), 1e-300)
+            count[which] += np.sum(sliding[kept] ** 2, axis=0)
+            square[which] += np.sum(left[kept] ** 2, axis=0)
+    raised = square / np.maximum(count, 1e-300) * (1.0 + RAISED_BY * np.sqrt(2.0 / np.maximum(different, 1.0)))
+    raised = np.maximum(raised[0], square[1] / np.maximum(count[1], 1e-300))
+    return {name: float(np.sqrt(raised[k])) for k, name in enumerate(names) if count[0, k] >= FEWEST_LEFT}
 
 
 def noise_where_known(forces: KnownForces) -> dict[str, float]:

@@ -25,10 +25,10 @@ from aerobat_pin.estimation.calibration.learnt_error import (
     flight_share,
     shares,
 )
+from aerobat_pin.estimation.calibration_use import Cause
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of_block
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.run_observers import LEAST_EXPECTED
-from aerobat_pin.estimation.use import Cause
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MomentumObserver, slow_part
 from aerobat_pin.records import Condition, Suspect

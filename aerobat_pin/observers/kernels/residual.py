@@ -10,7 +10,7 @@ Jacobian of the c unknown components (see `applications`). From two samples, the
 Without measured joint torques the joint rows of phi contain no information, and f is fitted only to the six rows of
 the base. If one motor drives all joints and its power is measured, one more row can be used: v_j . phi_j. For tied
 coordinates, the sums of their rows are used. The kind of observer determines whether phi or f is filtered, and how.
-`reference` computes the same over a whole record.
+`equations` computes the same over a whole record.
 
 In all kernels, `before` and `after` are the samples at the start and the end of an interval of `dt` [s], over which
 `u` (nv,) is the mean of the known generalised force. `observer` is the state of the observer, which changes.
