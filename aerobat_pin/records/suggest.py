@@ -32,6 +32,7 @@ from aerobat_pin.records.suggest_joints import (
 TIME = re.compile(
     r"^(t|time|timestamp|stamp|time_stamp|elapsed|seconds)[ _]*[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$", re.IGNORECASE
 )
+GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
 STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
 GROUP_WORDS = {  # what a group of columns may be -> words in its name
     "acceleration": ("acc", "specific", "linear_acceleration"),
@@ -69,7 +70,13 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
         + list(suggest_joints(columns, urdf, step))
         + list(_suggest_check(columns, groups))
     )
-    lines += ["[observer]", 'names = ["force_level"]', "gain = 200  # K [1/s]: 1/K is the lag; smaller is smoother", ""]
+    gain = min(GAIN, SHARE_OF_RATE / step) if step else GAIN
+    lines += [
+        "[observer]",
+        'names = ["force_level"]',
+        f"gain = {float(f'{gain:.2g}'):g}  # K [1/s]: 1/K is the lag; smaller is smoother",
+        "",
+    ]
     return "\n".join(lines)
 
 

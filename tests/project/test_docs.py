@@ -221,7 +221,7 @@ def test_a_page_that_was_changed_by_hand_is_found_out(tmp_path: Path) -> None:
         (tmp_path / path.relative_to(ROOT)).write_text(text)
     checked = script("observer_study.py", "--check", str(tmp_path))
     assert checked.returncode == 1
-    assert checked.stderr.splitlines()[-1] == f"{page}: 'squeeze' is not what the script finds"  # after kernels' progress
+    assert checked.stderr.splitlines()[-1] == f"{page}: 'squeeze' is not what the script finds"
 
 
 def test_make_docs_runs_every_script() -> None:
