@@ -13,6 +13,7 @@ from aerobat_pin.estimation.calibration.free_run import noise_where_known
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.findings import refuse_if_certain
+from aerobat_pin.estimation.fit_beside_forces import fit_beside_forces
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.online import OnlineEstimator
@@ -55,7 +56,8 @@ def estimate(
     findings = list(record_findings(record))
     if not trust:
         refuse_if_certain(name, findings)
-    forces = _with_noise(fitted_forces(record) if calibration is None else calibration.forces(record))
+    given = fitted_forces(record) if calibration is None else calibration.forces(record)
+    forces = _with_noise(given)
     record = forces.record  # whose robot carries what was found
     names = [one for one in observers if isinstance(one, str)]
     inputs = inputs_between(record, forces)
@@ -76,7 +78,7 @@ def estimate(
         sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
     else:
         if record.robot.measures_effort:
-            findings += effort_findings(record, inputs, findings)
+            findings += effort_findings(record, inputs if forces is given else inputs_between(record, given), findings)
         stored = run_observers(record, inputs, made, progress, watch, expected, model)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
@@ -116,11 +118,11 @@ def stream_of(record: Record) -> OnlineEstimator:
     """
     forces = _with_noise(fitted_forces(record))
     expected = expected_of(record, inputs_between(record, forces), forces.values, points_of(record.map))
-    return OnlineEstimator(record.map, record.folder, expected=expected)
+    return OnlineEstimator(record.map, record.folder, expected=expected, values=forces.values)
 
 
 def _with_noise(forces: KnownForces) -> KnownForces:
-    """Return known forces with the noise of the rows where nothing touches, unless it is known."""
+    """Return known forces with the errors of the rows where nothing touches, or else as the record tells them."""
     if not forces.record.robot.limits_forces or forces.values.row_noise:
         return forces
-    return replace(forces, values=replace(forces.values, row_noise=noise_where_known(forces)))
+    return fit_beside_forces(replace(forces, values=replace(forces.values, row_noise=noise_where_known(forces))))

@@ -57,7 +57,7 @@ def expected_of(
         for block in (Block(one.time, one.q, one.v, one.tau) for one in stretches)
     ]
     efforts = np.concatenate([one.tau for one in stretches])
-    expected = expected_from(record.robot, values, points, _column_rms(efforts), _column_rms(np.concatenate(needed)))
+    expected = expected_from(record.robot, values, points, column_rms(efforts), column_rms(np.concatenate(needed)))
     if not points:
         return expected
     gain, found = float(record.map.observer.gain), []
@@ -69,10 +69,11 @@ def expected_of(
     if not found:
         return expected
     v, rows, jacobians = (np.stack(part) for part in zip(*found, strict=True))
-    if walks_on(record.robot, record.map):
+    if walks_on(record.robot, record.map) and not values.row_noise:
         lifted = lifted_errors(rows, jacobians, END_SHARE * record.robot.weight)
         expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
-    return with_record(expected, stretches[0].rows, record.robot.model, v, rows, jacobians)
+    found_k = with_record(expected, stretches[0].rows, record.robot.model, v, rows, jacobians)
+    return replace(found_k, doubt=max(found_k.doubt, values.doubt))
 
 
 def expected_from(
@@ -106,7 +107,7 @@ def lifted_errors(rows: Array, jacobians: Array, least: float) -> Array:
         force = (np.linalg.pinv(np.swapaxes(J, 1, 2)) @ rows[:, own, None])[..., 0]
         lifted = np.linalg.norm(force, axis=1) < least
         if lifted.sum() >= LEAST_LIFTED:
-            errors[own] = _column_rms(rows[lifted][:, own])
+            errors[own] = column_rms(rows[lifted][:, own])
     return errors
 
 
@@ -116,6 +117,6 @@ def row_scale(model: pin.Model) -> Array:
     return np.array([1.0 if unit == "N" else length for unit in row_names(model).values()])
 
 
-def _column_rms(values: Array) -> Array:
+def column_rms(values: Array) -> Array:
     """Return the root mean square (k,) of the columns of values (m, k)."""
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

@@ -74,6 +74,7 @@ class FittedValues:
         fits: how well each holds.
         row_noise: row -> root second moment of what all of this leaves where nothing touches, in data that no fit used
             [N, N m]; empty where that is not known.
+        doubt: least k, where the errors of rows were found while unknown forces pushed.
     """
 
     coefficients: dict[str, Array] = field(default_factory=dict)
@@ -85,6 +86,7 @@ class FittedValues:
     gain_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     fits: tuple[Fit, ...] = ()
     row_noise: Mapping[str, float] = field(default_factory=dict)
+    doubt: float = 1.0
 
     def stiction(self, robot: PlainRobot) -> tuple[Array, Array]:
         """Return (nv,) friction at rest [N or N m], and the speed from which each joint slides [m/s or rad/s]."""

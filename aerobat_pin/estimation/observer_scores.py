@@ -120,7 +120,7 @@ class ObserverScores:
     @property
     def judgement(self) -> tuple[str, bool]:
         """What no force explains says about the belief, in words, and whether the belief is wrong."""
-        if self.k is None and self.states_seen and self.innovation is None:  # a filter has no k
+        if self.k is None and self.states_seen:
             return "belief: cannot be judged, as no row is to spare", False
         if self.k is None:
             return self.redundancy.describe(), self.redundancy.verdict == "inconsistent"

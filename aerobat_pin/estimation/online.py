@@ -19,6 +19,7 @@ import numpy as np
 
 from aerobat_pin.errors import AerobatError, MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
+from aerobat_pin.estimation.added_deviations import tilt_of, with_tilt
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.contacts import END_SHARE, walks_on
 from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
@@ -29,7 +30,6 @@ from aerobat_pin.estimation.run_observers import built_observers, points_of, row
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.estimation.stream_kernels import build_interval
 from aerobat_pin.estimation.stream_state import new_rings
-from aerobat_pin.estimation.tilt import tilt_of, with_tilt
 from aerobat_pin.numerics import Array, fields_of, guarded
 from aerobat_pin.observers import Expected, KalmanObserver, Observer, ObserversTogether, SmootherObserver
 from aerobat_pin.records import (
@@ -57,6 +57,7 @@ class OnlineEstimator:
         calibration: friction, factors of efforts and mass from a recording (`calibrate`).
         wait: by how much samples may arrive late [s]; every estimate waits for it.
         expected: what is expected of forces and rows; learnt from the efforts as they come when omitted.
+        values: friction and factors of efforts, without a calibration.
 
     Raises:
         CalibrationError: the calibration belongs to another robot, or to a map that means something else.
@@ -74,10 +75,11 @@ class OnlineEstimator:
         *,
         wait: float = 0.0,
         expected: Expected | None = None,
+        values: FittedValues | None = None,
     ) -> None:
         self.robot: PlainRobot = robot_of_map(chosen.robot, folder)
         self._map, self._heard = chosen, heard
-        self._values = FittedValues()
+        self._values = values or FittedValues()
         if calibration is not None:
             self._values = replace(calibration.fitted, row_noise=calibration.row_noise)
         every = tuple(name for name in self.robot.joints if name not in chosen.joints.held)
@@ -246,6 +248,7 @@ class OnlineEstimator:
             if isinstance(observer, KalmanObserver) and observer.doubted_forces:
                 raise MapError("online: observer.kalman.known_error: a stream knows the sum of known forces alone")
         self._together = ObserversTogether(self._observers)
+        self._behind: list[Array] = []  # components behind a second filter, of each observer
 
     def _advance(self) -> list[OnlineSample]:
         """Estimate at all times for which every channel has a sample at or after."""
@@ -262,6 +265,7 @@ class OnlineEstimator:
             if code == ring_kernels.STREAM_START:
                 self._starts += 1
                 together.start(q, v)
+                self._behind = [np.zeros(observer.applications.table.shape[0]) for observer in self._observers]
                 continue
             dt, end = float(now[ring_kernels.DT]), float(now[ring_kernels.LAST])
             if self._learns:
@@ -280,13 +284,19 @@ class OnlineEstimator:
                     self._legs[0][at], self._legs[1][at] = first.components, self._observers[0].applications.jacobian(q)
                     self._leg_samples += 1
             settled, epoch = bool(end - now[ring_kernels.BEGAN] >= self._wait), self._epoch or 0.0
-            for observer, sample in zip(self._observers, samples, strict=True):
+            kept = math.exp(-dt * float(self._map.observer.gain))
+            for observer, sample, behind in zip(self._observers, samples, self._behind, strict=True):
                 if sample is None:
                     continue
-                deviation = sample.standard_deviation
+                deviation = of_rows = sample.standard_deviation
+                if deviation is not None and observer.expected is not None and not isinstance(observer, KalmanObserver):
+                    behind[:] = sample.components + kept * (behind - sample.components)
+                    deviation = np.hypot(deviation, sample.components - behind)
                 if deviation is not None and self._tilt > 0.0:
                     deviation = with_tilt(sample.components, deviation, self._tilt)
-                one = OnlineSample(observer, epoch + end - dt, epoch + end, settled, sample.components, deviation)
+                one = OnlineSample(
+                    observer, epoch + end - dt, epoch + end, settled, sample.components, deviation, of_rows
+                )
                 if self._heard is not None:
                     self._heard(one)
                 found.append(one)

@@ -22,10 +22,17 @@ class OnlineSample:
     __slots__ = ("_expected", "_labels", "_sample", "end", "observer", "settled", "start")
 
     def __init__(
-        self, observer: Observer, start: float, end: float, settled: bool, components: Array, deviation: Array | None
+        self,
+        observer: Observer,
+        start: float,
+        end: float,
+        settled: bool,
+        components: Array,
+        deviation: Array | None,
+        of_rows: Array | None,
     ) -> None:
         self.observer, self.start, self.end, self.settled = observer.name, start, end, settled
-        self._labels, self._sample = observer.applications.components, (components, deviation)
+        self._labels, self._sample = observer.applications.components, (components, deviation, of_rows)
         self._expected = observer.expected
 
     def _named(self, values: Array | None) -> dict[str, float]:
@@ -44,10 +51,10 @@ class OnlineSample:
     @property
     def seen(self) -> dict[str, float]:
         """Label -> share of its expected square that the rows settle [-]; empty where no force was expected."""
-        deviation = self._sample[1]
-        if deviation is None or self._expected is None:
+        of_rows = self._sample[2]
+        if of_rows is None or self._expected is None:
             return {}
-        return self._named(self._expected.seen(deviation))
+        return self._named(self._expected.seen(of_rows))
 
     def __repr__(self) -> str:
         values = ", ".join(f"{label} {value:.4g}" for label, value in self.components.items())

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import MapError
+from aerobat_pin.estimation.added_deviations import second_lag, tilt_of, with_tilt
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.moving_axes import with_zeroed_velocity
 from aerobat_pin.estimation.row_residuals import rows_as_components
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, TIME_CONSTANTS_TO_SETTLE, StoredEstimate
-from aerobat_pin.estimation.tilt import tilt_of, with_tilt
 from aerobat_pin.estimation.trust import local_noise
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
@@ -187,7 +187,7 @@ def run_observers(
                 if not whole.frames:
                     whole = rows_as_components(whole, observer, inputs.v, expected)
                 elif expected is not None:
-                    whole = replace(whole, expected_force=expected.force)
+                    whole = with_expected(whole, observer, expected)
                 elif model is not None:
                     whole = with_belief_error(whole, model.deviations(observer, inputs))
                 tilt, deviation = tilt_of(record.map), whole.standard_deviation
@@ -198,6 +198,18 @@ def run_observers(
     if progress is not None:
         progress(1.0)
     return found
+
+
+def with_expected(estimate: Estimate, observer: Observer, expected: Expected) -> Estimate:
+    """Return an estimate with what it shows of an expected force; its deviation then contains its lag."""
+    deviation = estimate.standard_deviation
+    if deviation is None:
+        return estimate
+    whole = replace(estimate, expected_force=expected.force, seen=expected.seen(deviation))
+    if isinstance(observer, KalmanObserver):  # which states its own
+        return whole
+    lag = second_lag(estimate.components, np.diff(estimate.time), float(np.min(observer.gain)))
+    return replace(whole, standard_deviation=np.hypot(deviation, lag))
 
 
 def with_belief_error(estimate: Estimate, deviation: Array | None) -> Estimate:
@@ -265,15 +277,13 @@ def rms_in(record: Record, estimate: StoredEstimate, stretch: tuple[float, float
 
 def _some_intervals(estimate: Estimate, first: int, last: int) -> Estimate:
     """Return the intervals from `first` to `last` (exclusive) of an estimate."""
-    inside = slice(first, last)
-    deviation, innovation = estimate.standard_deviation, estimate.innovation
+    inside, innovation = slice(first, last), estimate.innovation
+    names = ("components", "residual", "unexplained", "standard_deviation", "seen", "doubt")
+    given = {name: getattr(estimate, name) for name in names}
+    columns: dict[str, Any] = {name: None if one is None else one[inside].copy() for name, one in given.items()}
     return replace(
         estimate,
+        **columns,
         time=estimate.time[first : last + 1],
-        components=estimate.components[inside].copy(),
-        residual=estimate.residual[inside].copy(),
-        unexplained=estimate.unexplained[inside].copy(),
-        standard_deviation=None if deviation is None else deviation[inside].copy(),
-        doubt=None if estimate.doubt is None else estimate.doubt[inside].copy(),
         innovation=None if innovation is None else replace(innovation, nis=innovation.nis[inside].copy()),
     )

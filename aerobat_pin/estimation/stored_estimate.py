@@ -50,12 +50,9 @@ class StoredEstimate:
     def append(self, block: Estimate) -> None:
         """Append the intervals of a block, which begins where the last one ended or after a hole."""
         found = {"components": block.components, "residual": block.residual, "unexplained": block.unexplained}
-        if block.standard_deviation is not None:
-            found["standard_deviation"] = block.standard_deviation
-        if block.innovation is not None:
-            found["nis"] = block.innovation.nis
-        if block.doubt is not None:
-            found["doubt"] = block.doubt
+        nis = None if block.innovation is None else block.innovation.nis
+        some = {"standard_deviation": block.standard_deviation, "seen": block.seen, "doubt": block.doubt, "nis": nis}
+        found |= {name: rows for name, rows in some.items() if rows is not None}
         if not self._counts:
             self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
             self._sum, self._squares, self._shown = np.zeros((3, block.components.shape[1]))
@@ -227,7 +224,6 @@ def _rows_of(start: Array, end: Array, columns: dict[str, Array], like: Estimate
         "components": columns["components"],
         "residual": columns["residual"],
         "unexplained": columns["unexplained"],
-        "standard_deviation": columns.get("standard_deviation"),
-        "doubt": columns.get("doubt"),
+        **{name: columns.get(name) for name in ("standard_deviation", "seen", "doubt")},
         "innovation": None if nis is None or like.innovation is None else replace(like.innovation, nis=nis),
     }

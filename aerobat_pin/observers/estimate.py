@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.observers.expected import SHOWN, seen_share
+from aerobat_pin.observers.expected import SHOWN
 from aerobat_pin.observers.identifiability import Identifiability
 from aerobat_pin.observers.redundancy import Redundancy, redundancy_of
 
@@ -97,6 +97,7 @@ class Estimate:
             infinite for a component of a pattern that leaves no trace.
         innovation: how well a Kalman filter predicts the samples, else None.
         expected_force: (c,) size of the components that was expected before, if any was, else None.
+        seen: (m, c) share of its square that the rows settle; None where none was expected.
         doubt: (m,) k: how many times as large as stated the squared errors of the rows are, where they can be seen;
             None without expected errors, NaN where there is no row to spare.
         notes: lines of text about what the observer chose or found beside the forces.
@@ -118,6 +119,7 @@ class Estimate:
     standard_deviation: Array | None = None
     innovation: Innovation | None = None
     expected_force: Array | None = None
+    seen: Array | None = None
     doubt: Array | None = None
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -136,17 +138,9 @@ class Estimate:
         return np.asarray(np.sqrt(np.sum(self.unexplained**2, axis=1) / share))
 
     @property
-    def seen(self) -> Array | None:
-        """Share (m, c) of the expected square of each component that the rows settle; None where none was expected."""
-        if self.standard_deviation is None or self.expected_force is None:
-            return None
-        return seen_share(self.standard_deviation, self.expected_force)
-
-    @property
     def shown(self) -> NDArray[np.bool_]:
         """Whether each component (m, c) is seen well enough to be shown; everywhere if no force was expected."""
-        seen = self.seen
-        return np.ones(self.components.shape, bool) if seen is None else seen > SHOWN
+        return np.ones(self.components.shape, bool) if self.seen is None else self.seen > SHOWN
 
     @property
     def are_world_forces(self) -> bool:

@@ -99,7 +99,7 @@ def with_record(
     """Return what is expected once a record is known: with its k, and forces of the sizes that make it most likely.
 
     The rows y of each instant are taken as N(0, k R + J^T (factor S)^2 J), with a factor for all components and then
-    one for each. Factors below 1 are not tried: at rest they would call every force certain, and zero. k is the median,
+    one for each. Factors below 1 are not tried: at rest they would call every force certain, and zero. k is the mean,
     over instants with rows to spare, of what no force explains.
 
     Args:
@@ -135,5 +135,5 @@ def with_record(
         unsettled = unsettled @ unsettled  # ... is its square, see `estimate_posterior`
         spare = np.trace(unsettled, axis1=1, axis2=2)
         squares = np.sum((unsettled @ y[..., None])[..., 0] ** 2, axis=1)[spare >= posterior.LEAST_SPARE]
-        k = max(1.0, float(np.median(squares / spare[spare >= posterior.LEAST_SPARE]))) if len(squares) else 1.0
+        k = max(1.0, float(np.mean(squares / spare[spare >= posterior.LEAST_SPARE]))) if len(squares) else 1.0
     return replace(expected, force=factors * expected.force, doubt=k)

@@ -283,7 +283,7 @@ class Observer:
 
     def _estimate(self, time: Array, observed: Observed, samples: Samples) -> Estimate:
         """Return the results of a record as an `Estimate`."""
-        expected = self.expected
+        expected, deviation = self.expected, observed.deviation
         return Estimate(
             observer=self.name,
             gain=self.gain.copy(),
@@ -297,8 +297,9 @@ class Observer:
             unexplained=observed.unexplained,
             rows_in_use=self.believed.count,
             weight=moving_weight(self.model),
-            standard_deviation=observed.deviation,
+            standard_deviation=deviation,
             expected_force=None if expected is None else expected.force,
+            seen=None if expected is None or deviation is None else expected.seen(deviation),
             doubt=observed.k,
         )
 

@@ -32,6 +32,7 @@ from aerobat_pin.records.suggest_joints import (
 TIME = re.compile(
     r"^(t|time|timestamp|stamp|time_stamp|elapsed|seconds)[ _]*[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$", re.IGNORECASE
 )
+GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
 STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
 GROUP_WORDS = {  # what a group of columns may be -> words in its name
     "acceleration": ("acc", "specific", "linear_acceleration"),
@@ -60,7 +61,7 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
     lines += ["", "[log]"]
     time, step = None, None
     if not columns.kinds and not str(log).endswith(NETCDF):
-        time = _suggested_time(log, columns)
+        time = _likely_time(log, columns)
         step = None if time is None else time[2] * SECONDS[time[1]]
         lines += _time(time)
     lines += ['world = "z_up"  # or "ned": does z point down?', ""]
@@ -69,7 +70,13 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
         + list(suggest_joints(columns, urdf, step))
         + list(_suggest_check(columns, groups))
     )
-    lines += ["[observer]", 'names = ["force_level"]', "gain = 200  # K [1/s]: 1/K is the lag; smaller is smoother", ""]
+    gain = min(GAIN, SHARE_OF_RATE / step) if step else GAIN
+    lines += [
+        "[observer]",
+        'names = ["force_level"]',
+        f"gain = {float(f'{gain:.2g}'):g}  # K [1/s]: 1/K is the lag; smaller is smoother",
+        "",
+    ]
     return "\n".join(lines)
 
 
@@ -151,7 +158,7 @@ def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
     ]
 
 
-def _suggested_time(log: Path, columns: Columns) -> tuple[str, str, float] | None:
+def _likely_time(log: Path, columns: Columns) -> tuple[str, str, float] | None:
     """Return the column of a table that looks like a time, its unit, and its step in that unit; None if none does."""
     found = next((match for match in map(TIME.match, header_of(log, LogTable())[1]) if match), None)
     if found is None:

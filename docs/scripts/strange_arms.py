@@ -7,7 +7,9 @@ on) and github.com/aspectum/ur3-force-estimation (MIT).
 
 A UR10E swings for 50 s, alone and with 2.805 kg that sit 0.165 m beside its tool. From one loaded log, of which the mass
 is known, `calibrate` finds the torque per ampere of all joints and where the load sits. With them, and from nothing
-else, `estimate` finds the load of the other log, which sits on the other side.
+else, `estimate` finds the load of the other log, which sits on the other side. It also seeks it as a force, with what
+was learnt and with nothing but one torque per ampere for all joints. In logs of other days nothing touches the arm;
+none of them served for any choice of this program.
 
 Nothing touches a UR3, whose bags are those of ROS 1. It rests straight up and then swings; its efforts oppose its
 velocities, and its last joint turns on and on, which the robot's file does not allow. One log ends as the arm is stopped
@@ -31,6 +33,11 @@ from aerobat_pin.records import Record, parse_map
 
 MASS, LIGHTEST, HEAVIEST = 2.805, 2.75, 2.86  # [kg]: weighed, and between which it must be found
 LOGS = ("14harm50sec", "15harm50sec")
+FREE = (  # in which nothing touches the arm
+    *("19_12_23_free", "20_01_31-unload", "20_02_05-20sec_8harm", "20_02_05-20sec_12harm", "20_02_06-20sec_5harm"),
+    *("20_02_06-20sec_10harm", "20_02_10-20sec_7harm", "20_02_10-30sec_12harm", "20_02_12-40sec_12harm"),
+    *("20_02_12-50sec_12harm", "20_02_19_14harm50sec", "20_02_19_15harm50sec"),
+)
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 NOMINAL = 10.0  # [N m/A]: of all joints, from which factors are found
 CENTRES = {"14harm50sec": (0.03, 0.16, 0.04), "15harm50sec": (-0.04, -0.16, 0.04)}  # [m] of the load, from tool0
@@ -42,7 +49,7 @@ LETTERS = {"position": "q", "velocity": "v", "effort": "i"}
 
 def table(clone: Path, name: str, folder: Path) -> Path:
     """Write a log with a head and without its damaged rows; its columns are time, q, v and i of six joints, and others."""
-    rows = pd.read_csv(clone / "dataset_ur10e" / "identification_data" / f"ur-20_02_19_{name}.csv", header=None)
+    rows = pd.read_csv(clone / "dataset_ur10e" / "identification_data" / f"ur-{name}.csv", header=None)
     rows = rows.iloc[:, :19].set_axis(["t", *(f"{letter}{k}" for letter in "qvi" for k in range(6))], axis=1)
     whole = np.isfinite(rows).all(axis=1) & rows.t.between(1.0, 1e6) & (rows.iloc[:, 1:7].abs().max(axis=1) < 2 * np.pi)
     out = folder / f"{name}.csv"
@@ -62,43 +69,41 @@ def arm(clone: Path, folder: Path) -> Path:
     return path
 
 
-def loaded(
-    clone: Path, name: str, folder: Path, mass: float | None, point: str = "tool0", *, sought: bool = True
-) -> Record:
-    """Open a loaded log by a map that seeks where the load sits, and its mass unless it is given; or only a force."""
+def swung(clone: Path, name: str, folder: Path, point: str = "tool0", **tables: dict[str, object]) -> Record:
+    """Open a log by a map that seeks a force at a point, with more tables; those of `joints` are added."""
     channels = {key: {"columns": [f"{letter}{k}" for k in range(6)]} for key, letter in LETTERS.items()}
     channels["effort"] |= {"unit": "A", "torque_per_unit": {"*": NOMINAL}}
-    joints = {"names": [f"{joint}_joint" for joint in JOINTS], **channels}
-    payload: dict[str, object] = {"frame": "tool0"} | ({} if mass is None else {"mass": mass})
-    if sought:
-        joints["friction"] = {"law": "coulomb+viscous+inertia", "scale": True}
+    joints = {"names": [f"{joint}_joint" for joint in JOINTS], **channels, **tables.pop("joints", {})}
     values = {
         "robot": {"urdf": str(arm(clone, folder)), "root": "fixed", "points": [point]},
         "log": {"time": {"column": "t"}},
         "joints": joints,
         "observer": {"gain": 20.0},
-        **({"payload": payload, "use": {"free": [0.0, 100.0]}} if sought else {}),
+        **tables,
     }
-    return open_record(table(clone, f"{name}Load", folder), parse_map(values, "of the UR10E"), clone)
+    return open_record(table(clone, name, folder), parse_map(values, "of the UR10E"), clone)
 
 
-def judged(error: np.ndarray, shown: np.ndarray, deviation: np.ndarray, seen: list[float], k: float) -> str:
-    """Return rms error where it is shown, how often that is, how often two deviations cover it, and k."""
-    rms = "/".join(f"{np.sqrt(np.mean(error[shown[:, k], k] ** 2)):.1f}" for k in range(3))
-    cover = ", ".join(f"{np.mean((error < 2.0 * deviation)[shown[:, k], k]):.1%}" for k in range(3))
-    times = ", ".join(f"{share:.0%}" for share in seen)
-    return f"{rms} N rms where seen ({times} of the time), {cover} within two deviations, k {k:.2g}"
+def loaded(clone: Path, name: str, folder: Path, mass: float | None) -> Record:
+    """Open a loaded log by a map that seeks where the load sits, and its mass unless it is given."""
+    payload: dict[str, object] = {"frame": "tool0"} | ({} if mass is None else {"mass": mass})
+    friction = {"friction": {"law": "coulomb+viscous+inertia", "scale": True}}
+    use: dict[str, object] = {"free": [0.0, 100.0]}
+    return swung(clone, f"20_02_19_{name}Load", folder, joints=friction, payload=payload, use=use)
 
 
-def force_lines(clone: Path, name: str, folder: Path, calibration: Calibration) -> None:
+def force_lines(clone: Path, name: str, folder: Path, calibration: Calibration | None) -> None:
     """Print how well the load is found as a force at its centre, and what is said where it is sought at the tool."""
-    for point, place in ((name, "its centre"), ("tool0", "tool0")):
-        record = loaded(clone, name, folder, None, point, sought=False)
+    for point in (name, "tool0"):
+        record = swung(clone, f"20_02_19_{name}Load", folder, point)
         result = estimate(record, calibration=calibration)
-        [found], [scores] = result.estimates.values(), result.observers.values()
+        [found], [own] = result.estimates.values(), result.observers.values()
         model, block = record.robot.model, record.block(*max(record.parts, key=lambda part: part[1] - part[0]))
-        data, frame = model.createData(), model.getFrameId(name)
-        slope = savgol_filter(block.v, 21, 2, 1, record.dt, axis=0)
+        data, frame, slope = (
+            model.createData(),
+            model.getFrameId(name),
+            savgol_filter(block.v, 21, 2, 1, record.dt, axis=0),
+        )
         force = np.empty((len(block.q), 3))
         for k, state in enumerate(zip(block.q, block.v, slope, strict=True)):
             pin.forwardKinematics(model, data, *state)
@@ -107,9 +112,32 @@ def force_lines(clone: Path, name: str, folder: Path, calibration: Calibration) 
         inside = (found.time[:-1] >= block.time[0]) & (found.time[1:] <= block.time[-1])
         middle = 0.5 * (found.time[1:] + found.time[:-1])
         truth = np.column_stack([np.interp(middle, block.time, axis) for axis in force.T])
+        assert found.standard_deviation is not None
         error, shown = np.abs(found.components - truth), found.shown & inside[:, None]
-        words = judged(error, shown, found.standard_deviation, scores.seen[point], scores.k)
-        print(f"load of {name} as a force at {place}: {words}")
+        held = error < 2.0 * found.standard_deviation
+        axes = [f"{np.sqrt(np.mean(error[shown[:, k], k] ** 2)):.1f}" for k in range(3)]
+        cover = [f"{np.mean(held[shown[:, k], k]):.0%}" for k in range(3)]
+        print(
+            f"load of {name} as a force at {'its centre' if point == name else point}, "
+            f"{'nothing' if calibration is None else 'friction and factors'} learnt: {'/'.join(axes)} N rms where seen "
+            f"({', '.join(f'{share:.0%}' for share in own.seen[point])} of the time), {', '.join(cover)} within two deviations, k {own.k:.2g}"
+        )
+
+
+def free_lines(clone: Path, folder: Path, calibration: Calibration) -> None:
+    """Print which force is shown where nothing touches the UR10E, over all such logs."""
+    rms, cover = [], []
+    for name in FREE:
+        found = estimate(swung(clone, name, folder), calibration=calibration, trust=True).estimates["force_level"]
+        assert found.standard_deviation is not None
+        for k, inside in enumerate(found.shown.T):
+            size = np.abs(found.components[inside, k])
+            rms.append(float(np.sqrt(np.mean(size**2))))
+            cover.append(float(np.mean(size < 2.0 * found.standard_deviation[inside, k])))
+    print(
+        f"nothing touches the arm in {len(FREE)} logs of other days: {min(rms):.1f} to {max(rms):.1f} N rms where seen, each "
+        f"axis of each; {min(cover):.0%} to {max(cover):.0%} within two deviations, {np.mean(cover):.1%} of all"
+    )
 
 
 def untouched(bags: Path, name: str, *, learnt: bool) -> Record:
@@ -134,11 +162,17 @@ def nothing_lines(bags: Path) -> None:
     for known, other in (BAGS, BAGS[::-1]):
         calibration = calibrate([untouched(bags, known, learnt=True)], trust=True)
         result = estimate(untouched(bags, other, learnt=False), calibration=calibration, trust=True)
-        [found], [scores] = result.estimates.values(), result.observers.values()
-        counts, size = found.shown & (found.time[1:] < found.time[-1] - STOP)[:, None], np.abs(found.components)
-        words, most = judged(size, counts, found.standard_deviation, scores.seen["tool0"], scores.k), size[counts].max()
-        too_much = "" if most < MOST_SHOWN else ", which is too much"
-        print(f"nothing touches {other}, learnt from {known}: at most {most:.1f} N{too_much}; {words}")
+        [found], [own] = result.estimates.values(), result.observers.values()
+        counts = found.shown & (found.time[1:] < found.time[-1] - STOP)[:, None]
+        assert found.standard_deviation is not None
+        size, held = np.abs(found.components), np.abs(found.components) < 2.0 * found.standard_deviation
+        axes = "/".join(f"{np.sqrt(np.mean(size[counts[:, k], k] ** 2)):.1f}" for k in range(3))
+        cover = ", ".join(f"{np.mean(held[counts[:, k], k]):.1%}" for k in range(3))
+        most, seen = size[counts].max(), ", ".join(f"{share:.0%}" for share in own.seen["tool0"])
+        print(
+            f"nothing touches {other}, learnt from {known}: {axes} N rms where seen ({seen} of the time), at most "
+            f"{most:.1f} N{'' if most < MOST_SHOWN else ': not within'}, {cover} within two deviations, k {own.k:.2g}"
+        )
 
 
 def main() -> None:
@@ -147,7 +181,9 @@ def main() -> None:
     nothing_lines(folder / "ur3-force-estimation" / "experiment")
     clone = folder / "dynamic_calibration"
     if not (clone / "dataset_ur10e").is_dir():
-        print(f"{clone}: no logs. Each payload, found with the other log's gains: {LIGHTEST} to {HEAVIEST} kg, covered")
+        print(
+            f"{clone}: no logs. Each payload, found with gains of the other log: {LIGHTEST} to {HEAVIEST} kg, covered"
+        )
         return
     with tempfile.TemporaryDirectory() as place:
         for known, sought in (LOGS, LOGS[::-1]):
@@ -158,7 +194,9 @@ def main() -> None:
                 one = fits[f"friction of {joint}_joint"]
                 factor, deviation = one["effort times"], one.get("deviation of the factor", np.nan)
                 print(f"  {joint:<14} {NOMINAL * factor:.2f} +- {NOMINAL * deviation:.2f}")
-            force_lines(clone, sought, Path(place), found)
+            free_lines(clone, Path(place), found)
+            for calibration in (found, None):
+                force_lines(clone, sought, Path(place), calibration)
             result = estimate(loaded(clone, sought, Path(place), None), calibration=found)
             load = next(fit.values for fit in result.forces.fits if fit.name == "payload at tool0" and not fit.log)
             mass, deviation = load["mass"], load["deviation of mass"]

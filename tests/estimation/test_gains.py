@@ -93,7 +93,9 @@ def test_known_gains_tell_a_payload_beside_friction(folder: Path) -> None:
     assert abs(values["mass"] - HEAVY[0]) < min(2.0 * values["deviation of mass"], 0.03 * HEAVY[0])
     for axis, true in zip("xyz", HEAVY[1], strict=True):
         assert abs(values[axis] - true) < 2.0 * values[f"deviation of {axis}"]
-    assert found.error_bar["tool.Fz"][1] < 0.2 * found.error_bar["tool.Fz"][0]
+    before, after = found.error_bar["tool.Fz"]
+    assert after < 2.5
+    assert not before < 5.0 * after  # NaN: without friction the rows err by so much that Fz is never seen
     swing(folder / "unloaded.csv", 7)
     free = estimate(opened(folder, "unloaded"), calibration=found)
     assert free.mass == pytest.approx(opened(folder, "unloaded").robot.mass)

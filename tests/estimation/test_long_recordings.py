@@ -46,8 +46,8 @@ def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"{place}checks.result.{name}", 500)
     for module in ("stored_estimate", "run_observers"):
         monkeypatch.setattr(f"{place}{module}.ROWS_READ", 500)
-    monkeypatch.setattr(f"{place}compared.MOST_LAGGED", 500)
-    monkeypatch.setattr(f"{place}compared.EXTENT", 200)
+    monkeypatch.setattr(f"{place}against_reference.MOST_LAGGED", 500)
+    monkeypatch.setattr(f"{place}against_reference.EXTENT", 200)
 
 
 def swinging(rows: int, folder: Path) -> Path:

@@ -322,7 +322,9 @@ def test_messages_in_time_order_give_the_estimate_of_the_record(folder: Path) ->
     assert len(heard) > 1400
     for one in heard[100:1400:100]:
         k = int(np.argmin(np.abs(whole.time[:-1] - one.start)))
-        np.testing.assert_allclose(list(one.components.values()), whole.components[k], atol=0.03)
+        np.testing.assert_allclose(
+            list(one.components.values()), whole.components[k], atol=0.05
+        )  # which knows friction
     first = next(message for topic, message in messages if topic == "/joint_states")
     assert online.message("/joint_states", first) == []
     assert online.health.samples["joints.position"]["late"] + online.health.samples["joints.position"]["outlier"] == 1

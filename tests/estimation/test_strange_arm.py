@@ -6,6 +6,7 @@ import json
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,12 +16,16 @@ import xarray as xr
 from support.commands import call
 from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_log
 
-from aerobat_pin.estimation import Calibration, Result, calibrate, check_record, estimate
+from aerobat_pin.estimation import Result, calibrate, check_record, estimate
+from aerobat_pin.estimation.calibration.free_run import noise_where_known
+from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.records import open_record, parse_map, suggested_map
 
 pytestmark = pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
-SEEDS = (1, 2, 3, 4, 5, 6)
+LOAD = {"frame": "tool0", "mass": 2.0, "com": [0.0, 0.05, 0.08]}
+# Seeds 1 to 6 and 11 to 16 showed what the settings should be, these did not; half swing faster, with a load.
+CASES = [*((seed, 1.0, None) for seed in (31, 32, 33)), *((seed, 1.6, LOAD) for seed in (34, 35, 36))]
 
 
 def opened(path: Path, points: list[str], *, friction: bool = False):
@@ -28,20 +33,28 @@ def opened(path: Path, points: list[str], *, friction: bool = False):
     return open_record(path, parse_map(arm_map(points, friction=friction), "of the test"), path.parent)
 
 
-def learnt(folder: Path, seed: int, points: list[str]) -> Calibration:
-    """Return the calibration from a log in which nothing touches."""
-    write_log(folder / "free.csv", seed + 100, nothing)
-    return calibrate([opened(folder / "free.csv", points, friction=True)])
+@pytest.mark.parametrize("known", ["another log", "nothing"])
+@pytest.mark.parametrize(("seed", "pace", "load"), CASES)
+def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(
+    seed: int, pace: float, load: dict[str, Any] | None, known: str, tmp_path: Path
+) -> None:
+    """20 N on an arm of 17 kg with friction of another law: 7 N rms, 95 % within two deviations, nothing absurd.
 
+    Friction and errors are learnt from another log, in which nothing touches, or beside the forces.
+    """
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(seed: int, tmp_path: Path) -> None:
-    """20 N on an arm of 17 kg with friction of another law: 7 N rms, 95 % within two deviations, nothing absurd."""
-    force = write_log(tmp_path / "push.csv", seed, pushed)
-    calibration = learnt(tmp_path, seed, ["tool0"])
-    found = estimate(opened(tmp_path / "push.csv", ["tool0"]), calibration=calibration)
-    whole = found.estimates["force_level"]
-    truth = 0.5 * (force[1:] + force[:-1])[-len(whole.components) :]
+    def found(name: str, lever: float) -> tuple[np.ndarray, Result]:
+        force = write_log(tmp_path / name, seed, pushed, (lever, 0.0, 0.0), pace=pace, load=load)
+        chosen = arm_map(["tool0"]) | ({} if load is None else {"payload": load})
+        record = open_record(tmp_path / name, parse_map(chosen, "of the test"), tmp_path)
+        return 0.5 * (force[1:] + force[:-1]), estimate(record, calibration=calibration)
+
+    calibration = None
+    if known == "another log":
+        write_log(tmp_path / "free.csv", seed + 100, nothing, pace=pace)
+        calibration = calibrate([opened(tmp_path / "free.csv", ["tool0"], friction=True)])
+    truth, pushes = found("push.csv", 0.0)
+    whole = pushes.estimates["force_level"]
     error, shown, sure = whole.components - truth, whole.shown, whole.standard_deviation
     for k in range(3):
         inside = shown[:, k]
@@ -49,9 +62,8 @@ def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(seed
         assert np.sqrt(np.mean(error[inside, k] ** 2)) < 7.0
         assert 0.95 <= np.mean(np.abs(error[inside, k]) < 2.0 * sure[inside, k]) <= 1.0
     assert np.abs(whole.components).max() < 1.2 * whole.expected_force.max()
-    assert found.observers["force_level"].k < 3.0
-    write_log(tmp_path / "off.csv", seed, pushed, (0.25, 0.0, 0.0))
-    beside = estimate(opened(tmp_path / "off.csv", ["tool0"]), calibration=calibration)
+    assert pushes.observers["force_level"].k < 3.0
+    _, beside = found("off.csv", 0.25)
     assert beside.observers["force_level"].k > 10.0
     assert any("forces elsewhere, a moment, or a wrong model" in line for line in beside.warnings)
 
@@ -79,7 +91,8 @@ def test_what_the_pose_does_not_show_is_said_in_every_output(
     assert "the arm is straight" in said
     own = json.loads((folder / "out" / "metrics.json").read_text())["observers"]["force_level"]
     assert all(0.0 <= share < 1.0 for share in own["seen"]["tool0"])
-    assert own["k"] > 3.0  # friction of which nothing is known
+    assert own["k"] < 3.0
+    assert "friction of elbow_joint, beside the forces: coulomb" in said
     table = pd.read_csv(folder / "out" / "estimate.csv")
     assert table["force_level.tool0.Fz [N]"].isna().mean() == pytest.approx(1.0 - own["seen"]["tool0"][2], abs=1e-3)
     assert table["force_level.tool0.Fz deviation [N]"].notna().all()
@@ -89,14 +102,14 @@ def test_what_the_pose_does_not_show_is_said_in_every_output(
 
 
 def test_each_observer_says_of_the_belief_what_it_knows(folder: Path) -> None:
-    """Six unknowns leave no row to spare, and that is said; a filter, which has no k, is judged by its spare rows."""
+    """Six unknowns leave no row to spare, and that is said; a filter takes k from the record as a whole."""
     values = arm_map([])
     values["robot"] = values["robot"] | {"wrenches": ["tool0"], "points": []}
     wrench = estimate(open_record(folder / "push.csv", parse_map(values, "of the test"), folder))
     assert "no row is to spare" in wrench.observers["force_level"].judgement[0]
     found = estimate(opened(folder / "push.csv", ["tool0"]), ["force_level", "kalman"]).observers
     assert "squared errors" in found["force_level"].judgement[0]
-    assert found["kalman"].judgement[0] == found["kalman"].redundancy.describe()
+    assert "squared errors" in found["kalman"].judgement[0]
 
 
 def test_without_points_each_joint_has_its_residual(folder: Path) -> None:
@@ -112,9 +125,9 @@ def test_without_points_each_joint_has_its_residual(folder: Path) -> None:
     assert np.abs(whole.component("shoulder_lift_joint.M")).max() > 10.0
     assert np.all(whole.standard_deviation > 0.0)
     events = pushes.observers["momentum"].events
-    first = next(event for event in events if event.point == "shoulder_lift_joint.M")
-    assert first.onset == pytest.approx(8.0, abs=0.1)
-    assert first.unit == "N m"
+    assert events[0].onset == pytest.approx(8.0, abs=0.1)
+    assert "shoulder_lift_joint.M" in {event.point for event in events}
+    assert events[0].unit == "N m"
     assert (
         sum(event.end is None or event.end - event.onset > 0.5 for event in found("free").observers["momentum"].events)
         == 0
@@ -126,8 +139,8 @@ def test_rest_says_nothing_of_the_errors_in_motion(folder: Path) -> None:
 
     def noise(seconds: float) -> dict[str, float]:
         chosen = arm_map(["tool0"]) | {"use": {"free": [0.0, seconds]}}
-        found = estimate(open_record(folder / "free.csv", parse_map(chosen, "of the test"), folder))
-        return dict(found.forces.values.row_noise)
+        record = open_record(folder / "free.csv", parse_map(chosen, "of the test"), folder)
+        return noise_where_known(fitted_forces(record))
 
     assert noise(3.0) == {}
     assert list(noise(25.0)) == JOINTS

@@ -16,12 +16,8 @@ from support.stream_faults import Fault, faulty
 from support.walking_log import FEET, Walk, table, table_map, urdf, walk
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.estimation import OnlineEstimator, OnlineSample, estimate
-from aerobat_pin.estimation.expected_of_record import expected_of
-from aerobat_pin.estimation.fit_known_forces import fitted_forces
-from aerobat_pin.estimation.run_observers import inputs_between, points_of
+from aerobat_pin.estimation import OnlineEstimator, OnlineSample, estimate, stream_of
 from aerobat_pin.estimation.stream_rings import LENGTH
-from aerobat_pin.observers import Expected
 from aerobat_pin.records import Map, open_record, parse_map
 
 CLOCKS = {  # channel -> rate [Hz] and first stamp [s]
@@ -82,15 +78,13 @@ def on_own_clocks(chosen: Map, begin: float = 0.0) -> Stamped:
     return sorted(found, key=lambda one: one[0])
 
 
-def batch(folder: Path, chosen: Map, stamped: Stamped) -> tuple[dict[str, Any], Expected | None]:
-    """Return the estimates of the record as a whole, by observer, and what it expects of forces and rows."""
+def batch(folder: Path, chosen: Map, stamped: Stamped) -> tuple[dict[str, Any], OnlineEstimator]:
+    """Return the estimates of the record as a whole, by observer, and a stream that expects what it shows."""
     rows = [{**values, "t": time} for time, values in stamped]
     names = ["t", *(name for part in columns_of(chosen).values() for name in part)]
     pd.DataFrame(rows)[names].to_csv(folder / "log.csv", index=False, float_format="%.17g")
     record = open_record(folder / "log.csv", chosen, folder)
-    forces = fitted_forces(record)
-    sizes = expected_of(record, inputs_between(record, forces), forces.values, points_of(chosen))
-    return dict(estimate(record, trust=True).estimates), sizes
+    return dict(estimate(record, trust=True).estimates), stream_of(record)
 
 
 def streamed(stream: OnlineEstimator, stamped: Stamped) -> list[OnlineSample]:
@@ -114,8 +108,7 @@ def test_seven_clocks_give_the_estimates_of_the_record(folder: Path, begin: floa
         values |= {"acceleration": {"columns": ["acc_x", "acc_y", "acc_z"]}, "imu": {"place": [0.1, 0.0, 0.05]}}
     chosen = mapped(folder, base=values, observer={"names": ["force_level", "momentum", "kalman"], "gain": 300.0})
     stamped = on_own_clocks(chosen, begin)
-    whole, sizes = batch(folder, chosen, stamped)
-    stream = OnlineEstimator(chosen, folder, expected=sizes)
+    whole, stream = batch(folder, chosen, stamped)
     found = streamed(stream, stamped)
     for name, one in whole.items():
         count = len(values_of(found, name))
@@ -131,8 +124,8 @@ def test_by_the_stamps_of_its_joints_a_stream_is_the_record(folder: Path) -> Non
     """Without log.rate; a batch of even stamps has the same times."""
     chosen = mapped(folder, None)
     stamped = messages(walk())
-    whole, sizes = batch(folder, chosen, stamped)
-    found = streamed(OnlineEstimator(chosen, folder, expected=sizes), stamped)
+    whole, stream = batch(folder, chosen, stamped)
+    found = streamed(stream, stamped)
     assert len(found) == 1500
     np.testing.assert_allclose(values_of(found), whole["force_level"].components, rtol=0.0, atol=1e-9)
     assert set(found[-1].seen) == set(found[-1].components)
@@ -157,10 +150,9 @@ def test_a_leg_in_the_air_tells_a_stream_what_it_tells_a_record(folder: Path) ->
     stream = OnlineEstimator(chosen, folder)
     streamed(stream, stamped)
     _, whole = batch(folder, chosen, stamped)
-    assert stream._sizes is not None
-    assert whole is not None
-    np.testing.assert_allclose(stream._sizes.row_error[6:9], whole.row_error[6:9], rtol=0.05)
-    assert np.all(whole.row_error[6:9] > 0.9 * rub)
+    learnt, told = (one._observers[0].expected.row_error[6:9] for one in (stream, whole))
+    np.testing.assert_allclose(learnt, told, rtol=0.05)
+    assert np.all(told > 0.9 * rub)
 
 
 @pytest.fixture(scope="module")

@@ -99,7 +99,7 @@ def test_what_cannot_be_seen_is_said(paper: Experiment) -> None:
     made.components[:, 0] += 1.0
     made.standard_deviation[:, 4] = 1.0
     made.standard_deviation[::4, 3] = 1.0
-    hidden = judged(paper, replace(made, expected_force=np.ones(6)))
+    hidden = judged(paper, replace(made, expected_force=np.ones(6), seen=1.0 - made.standard_deviation**2))
     assert hidden.verdict.endswith("it cannot see right.Fy; it sees only at times right.Fx (75 % of the time).")
     off = replace(noisy(paper), unexplained=np.full((len(made.components), 18), 0.1), standard_deviation=None)
     assert "belief off by about" in judged(paper, off).verdict

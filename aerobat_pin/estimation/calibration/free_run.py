@@ -36,6 +36,7 @@ LEAST_LEFT_BEHIND = 0.02  # of the robot's weight
 STEADY = 3.0  # times the error of the belief: forces that are larger are hardly made up by it
 TOLD_BY = 2  # spare rows from which what is left can be told from forces
 PAUSE, MOST_TOLD = 0.05, 6  # [s] between pushes that are told apart, and how many are told
+RAISED_BY = 2.0  # deviations by which the second moment of errors of rows is raised
 FEWEST_LEFT = 10  # intervals that no fit used, from which the noise of the rows follows
 
 
@@ -126,7 +127,8 @@ def row_noise(runs: Sequence[FreeRun], *, learnt: bool) -> dict[str, float]:
 
     It is taken behind the low-pass of the observers, as errors that this takes out do not reach their forces. A joint
     at rest says nothing of its errors when it slides: an instant counts by how far it does. A few errors may all be
-    small: the second moment is raised by its deviation. A row that hardly moves has none.
+    small: the second moment is raised by twice its deviation, and is at least that of the data that a fit used. A row
+    that hardly moves has none.
 
     Args:
         runs: the runs, with all that is known of them.
@@ -150,7 +152,7 @@ def row_noise(runs: Sequence[FreeRun], *, learnt: bool) -> dict[str, float]:
             different[which] += np.sum(power, axis=0) ** 2 / np.maximum(np.sum(power**2, axis=0), 1e-300)
             count[which] += np.sum(sliding[kept] ** 2, axis=0)
             square[which] += np.sum(left[kept] ** 2, axis=0)
-    raised = square / np.maximum(count, 1e-300) * (1.0 + np.sqrt(2.0 / np.maximum(different, 1.0)))
+    raised = square / np.maximum(count, 1e-300) * (1.0 + RAISED_BY * np.sqrt(2.0 / np.maximum(different, 1.0)))
     raised = np.maximum(raised[0], square[1] / np.maximum(count[1], 1e-300))
     return {name: float(np.sqrt(raised[k])) for k, name in enumerate(names) if count[0, k] >= FEWEST_LEFT}
 

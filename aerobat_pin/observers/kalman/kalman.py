@@ -167,9 +167,8 @@ class KalmanObserver(Observer):
         else:
             walk = np.array(WALK * weight if force_walk is None else force_walk, float)
             if walk.shape not in ((), scale.shape) or not (np.all(walk > 0.0) and np.all(walk <= LARGEST_REAL)):
-                raise ObserverError(
-                    f"force_walk = {force_walk}: one finite positive number or {len(scale)} were expected"
-                )
+                allowed = f"one finite positive number or {len(scale)} were expected"
+                raise ObserverError(f"force_walk = {force_walk}: {allowed}")
             filter_.walk[:] = np.diag(np.square(walk * scale if walk.shape == () else walk))
         if expected is not None:
             expected.refuse_unusable(len(scale), nv)
@@ -215,9 +214,8 @@ class KalmanObserver(Observer):
         if not isinstance(known, Mapping):
             raise ObserverError(f"known = {shown(known)}: a mapping from names to forces was expected")
         if name not in known:
-            raise ObserverError(
-                f"known_error names '{name}': the known forces are {', '.join(map(str, known)) or 'none'}"
-            )
+            there = ", ".join(map(str, known)) or "none"
+            raise ObserverError(f"known_error names '{name}': the known forces are {there}")
         return known[name]
 
     def _noise(self, sensor_noise: Sequence[float]) -> Array:
@@ -290,7 +288,9 @@ class KalmanObserver(Observer):
             for k in np.flatnonzero(np.diff(time) == 0.0):
                 out[k] = out[k - 1] if k > 0 else 0.0
         residual, f, deviation, unexplained, pivot, innovation = np.split(out, np.cumsum([nv, c, c, nv, 1]), axis=1)
-        observed = Observed(residual, f, unexplained, pivot[:, 0], deviation, innovation=innovation)
+        told = np.nan if self.expected is None or self.believed.count <= c else self.expected.doubt  # by rows to spare
+        doubt = None if self.expected is None else np.full(len(u), told)
+        observed = Observed(residual, f, unexplained, pivot[:, 0], deviation, doubt, innovation)
         return observed, Samples(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3 : 3 + c])
 
     def _estimate(self, time: Array, observed: Observed, samples: Samples) -> Estimate:

@@ -1,4 +1,7 @@
-"""What an attitude that is off by a tilt does to forces in world axes: it turns them, and nothing else.
+"""What a deviation contains beside the errors of rows: the lag of the filter, and a tilt of the attitude.
+
+A force that changes is ahead of its filter, by e^-Kt of a step. What a second filter of the same gain lags behind the
+first, K t e^-Kt of a step and all of a ramp, is how much that may be.
 
 A constant tilt cancels in the equations of motion: an accelerometer that is turned with gravity shows the same world,
 turned. So the forces are right in body axes, and in world axes horizontal ones get a share of the vertical one.
@@ -10,6 +13,21 @@ import numpy as np
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Map
+
+
+def second_lag(components: Array, dt: Array, gain: float) -> Array:
+    """Return by how much (m, c) a second filter lags behind components (m, c) of a first one.
+
+    Args:
+        components: (m, c) estimates, behind a filter.
+        dt: (m,) lengths of the intervals [s].
+        gain: K of both filters [1/s].
+    """
+    lag, behind = np.empty_like(components), np.zeros(components.shape[1])
+    for k, (found, kept) in enumerate(zip(components, np.exp(-gain * dt), strict=True)):
+        behind = found + kept * (behind - found)
+        lag[k] = found - behind
+    return lag
 
 
 def tilt_of(chosen: Map) -> float:
