@@ -287,7 +287,7 @@ The share of all errors within two stated deviations, and how right the probabil
 score, and how often a foot stands whose probability is above 0.95. Rows of the base to spare show how large the
 errors of the rows are, and friction. By the joints alone no row is to spare: rows are expected to err by a tenth of
 their efforts, though it is 3 % here, and by what they show while their foot is in the air. Nothing in such a record
-tells 3 from 10 %, so the deviations are too cautious.
+tells 3 from 10 %, so the deviations are too cautious. By the IMU those of Fz are too small; why is not known.
 """
 DEVIATION_HEADER = """| base | Fx | Fy | Fz | Brier | right above 0.95 |
 |---|---|---|---|---|---|"""
