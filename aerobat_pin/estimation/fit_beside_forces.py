@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.estimation.expected_of_record import column_rms, expected_of
-from aerobat_pin.estimation.known_forces import Fit, KnownForces
+from aerobat_pin.estimation.known_forces import BESIDE, Fit, KnownForces
 from aerobat_pin.estimation.run_observers import inputs_between, points_of
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array
@@ -67,7 +67,7 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     before, zero = column_rms(y), np.zeros(len(at))
     fits = [
         Fit(
-            f"friction of {joint}, beside the forces",
+            f"friction of {joint}{BESIDE}",
             {"coulomb": float(coulomb[k]), "viscous": float(viscous[k])},
             "N" if robot.slides(joint) else "N m",
             float(before[at[k]]),

@@ -21,6 +21,7 @@ from aerobat_pin.observers import SMOOTH_RATE, JointFriction
 from aerobat_pin.records import Block, KnownSection, PlainRobot, Record, world_turn
 
 CALIBRATION, FRICTION = "calibration", "friction"  # names of the known forces that are learnt
+BESIDE = ", beside the forces"  # ends the name of a fit that was made while unknown forces pushed
 SLIDING_RATE = 2.0 * SMOOTH_RATE  # below it friction falls with the speed (Stribeck): no fitted law holds there
 
 

@@ -69,7 +69,8 @@ def verdict_of(
     pushes = _pushes(estimate, start)
     largest = {unit: max(one.peak for one in pushes if one.unit == unit) for unit in {one.unit for one in pushes}}
     least = {unit: CROSSTALK * size for unit, size in largest.items()}
-    least["N"] = max(least.get("N", 0.0), estimate.redundancy.least)
+    if estimate.head.expected_force is None:  # else the deviations contain the errors of the belief
+        least["N"] = max(least.get("N", 0.0), estimate.redundancy.least)
     certain = sorted((one for one in pushes if one.stands_out(least[one.unit])), key=lambda one: -one.peak)
     rest = [one.place for one in pushes if one not in certain]
     what = "a push" if estimate.head.frames else "a torque that the motion does not explain"

@@ -33,8 +33,10 @@ def opened(path: Path, points: list[str], *, friction: bool = False):
     return open_record(path, parse_map(arm_map(points, friction=friction), "of the test"), path.parent)
 
 
-@pytest.mark.parametrize("known", ["another log", "nothing"])
-@pytest.mark.parametrize(("seed", "pace", "load"), CASES)
+@pytest.mark.parametrize(
+    ("seed", "pace", "load", "known"),
+    [*((*case, "another log") for case in CASES), *((*case, "nothing") for case in CASES[1::2])],
+)
 def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(
     seed: int, pace: float, load: dict[str, Any] | None, known: str, tmp_path: Path
 ) -> None:
@@ -93,6 +95,7 @@ def test_what_the_pose_does_not_show_is_said_in_every_output(
     assert all(0.0 <= share < 1.0 for share in own["seen"]["tool0"])
     assert own["k"] < 3.0
     assert "friction of elbow_joint, beside the forces: coulomb" in said
+    assert "finds a push at tool0 (up to" in said
     table = pd.read_csv(folder / "out" / "estimate.csv")
     assert table["force_level.tool0.Fz [N]"].isna().mean() == pytest.approx(1.0 - own["seen"]["tool0"][2], abs=1e-3)
     assert table["force_level.tool0.Fz deviation [N]"].notna().all()
@@ -169,6 +172,24 @@ def test_a_self_check_says_whether_pose_or_map_hides_a_force(folder: Path) -> No
     chosen["robot"]["rows"] = {"ignore": JOINTS[1:5]}
     deaf = check_record(open_record(folder / "push.csv", parse_map(chosen, "of the test"), folder))
     assert any(str(one).endswith("at no time: the map believes no row that shows it") for one in deaf)
+
+
+def test_columns_that_are_called_otherwise_are_mapped_in_their_order(folder: Path) -> None:
+    """A log in ms and degrees with rates in rad/s: joints, units and a gain that fits 100 Hz; and the map estimates."""
+    table = pd.read_csv(folder / "push.csv")
+    own = {"timestamp_ms": 1e3 * table.t}
+    for k, name in enumerate(("base", "shoulder", "elbow", "wrist1", "wrist2", "wrist3")):
+        own |= {f"{name}_pos_deg": np.degrees(table[f"q{k}"]), f"{name}_speed": table[f"v{k}"]}
+        own[f"{name}_torque"] = table[f"tau{k}"]
+    pd.DataFrame(own).to_csv(folder / "own.csv", index=False, sep=";")
+    said = suggested_map(folder / "own.csv", URDF)
+    assert "# the columns are not called like the joints: are they in this order?" in said
+    values = tomllib.loads(said)
+    assert values["joints"]["names"] == JOINTS
+    assert [values["joints"][part]["unit"] for part in ("position", "velocity", "effort")] == ["deg", "rad/s", "N m"]
+    assert values["observer"]["gain"] == 20.0
+    found = estimate(open_record(folder / "own.csv", parse_map(values, "of the test"), folder))
+    assert found.observers["force_level"].k < 3.0
 
 
 def test_a_suggestion_names_joints_that_need_a_robot_and_currents(folder: Path) -> None:

@@ -26,8 +26,10 @@ def error_factors(calibration: Calibration, record: Record, inputs: KnownInputs)
         return calibration.series.factors(inputs.condition)
     if not calibration.row_noise:
         return None
-    left = [calibration.row_noise.get(row, 0.0) for row in row_names(record.robot.model)]
-    return np.broadcast_to(np.diag(left), (len(inputs.tau), len(left), len(left)))
+    left = np.array([calibration.row_noise.get(row, 0.0) for row in row_names(record.robot.model)])
+    stiction, rate = calibration.fitted.stiction(record.robot)
+    at_rest = 1.0 - np.tanh(0.5 * (inputs.v[1:] + inputs.v[:-1]) / rate) ** 2
+    return np.sqrt(left**2 + stiction**2 / 3.0 * at_rest)[:, :, None] * np.eye(len(left))
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from aerobat_pin.estimation.checks.agreement_findings import CONFUSED
 from aerobat_pin.estimation.checks.compare import FOLLOWS, compare
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.estimation.known_forces import KnownForces, command_sum, unit_direction
+from aerobat_pin.estimation.known_forces import BESIDE, KnownForces, command_sum, unit_direction
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import rms_in, settled
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
@@ -64,12 +64,9 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
     for fit in forces.fits:
         if fit.untold:
             yield Finding("fit", "note", fit.untold)
-        if np.isnan(fit.outside):
-            yield Finding(
-                "fit",
-                "note",
-                f"{fit.name}: no further part is known to be free of contact (use.free), so nothing tests it",
-            )
+        if np.isnan(fit.outside) and not fit.name.endswith(BESIDE):  # which k tests
+            text = f"{fit.name}: no further part is known to be free of contact (use.free), so nothing tests it"
+            yield Finding("fit", "note", text)
         elif fit.outside > fit.before or fit.outside > FIT_WORSE * fit.inside:
             sizes = (
                 f"leaves {fit.outside:.3g} {fit.unit} on the rest, {fit.inside:.3g} where fitted, "
