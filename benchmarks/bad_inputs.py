@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from support.bad_bytes import READERS
 from support.bad_inputs import CLASSES, FAULTS, MORE_MEMORY, Doors, drawn_classes
 
 from aerobat_description import toml_text
@@ -57,18 +58,18 @@ class Tried(NamedTuple):
         counts: how often each (class, fault) occurred, with an empty fault for those without.
         doors: door -> number of inputs.
         longest: time that a command line took at most [s].
-        faults: number of them.
+        faults: which inputs failed, and how.
     """
 
     counts: Counter[tuple[int, str]]
     doors: Counter[str]
     longest: float
-    faults: int
+    faults: list[str]
 
 
 def tried(count: int, seeds: Sequence[int]) -> Iterator[Tried]:
     """Try `count` bad inputs, in equal shares by each of the seeds of all choices; yield every hundred, and the end."""
-    counts, faults = Counter[tuple[int, str]](), 0
+    counts, faults = Counter[tuple[int, str]](), list[str]()
     with tempfile.TemporaryDirectory() as folder, Doors(Path(folder), SLOWEST) as doors:
         _ = (
             doors.run,
@@ -85,10 +86,10 @@ def tried(count: int, seeds: Sequence[int]) -> Iterator[Tried]:
             fault = next((name for name in FAULTS if attempt.fault.startswith(name)), "wrong message")
             counts[number, fault if attempt.fault else ""] += 1
             if attempt.fault:
-                faults += 1
-                print(f"{k}, class {number}, {attempt.name}: {attempt.fault}", flush=True)
+                faults.append(f"class {number}, {attempt.name}: {attempt.fault}")
+                print(f"{k}, {faults[-1]}", flush=True)
             if (k + 1) % 100 == 0:
-                print(f"{k + 1} of {count}, {faults} faults", flush=True)
+                print(f"{k + 1} of {count}, {len(faults)} faults", flush=True)
                 yield Tried(counts, doors.tried, doors.longest, faults)
         yield Tried(counts, doors.tried, doors.longest, faults)
 
@@ -104,7 +105,7 @@ def main() -> int:
     for found in tried(chosen.count, chosen.seeds):
         asked = chosen.count - chosen.count % len(chosen.seeds)
         PAGE.write_text(page(found, words, asked, (time.monotonic() - start) / 60.0))
-        wrong = found.faults
+        wrong = len(found.faults)
     return int(wrong > 0)
 
 
@@ -127,8 +128,10 @@ def page(found: Tried, words: str, asked: int, minutes: float) -> str:
         patience=PATIENCE,
         heads=" | ".join(f"{fault}" for fault in FAULTS),
         rule="|---" * (4 + len(FAULTS)) + "|",
+        faults="".join(f"* Found: {' '.join(fault.split())[:200]}\n" for fault in found.faults),
         table="\n".join(f"| {' | '.join(map(str, row))} |" for row in rows),
         limits=LIMITS,
+        readers=len(READERS),
     )
 
 
@@ -149,18 +152,19 @@ drawn from these seeds. The same generator makes the 400 bad inputs of every tes
 * A *silent acceptance* is exit code 0 for an input that must be refused, another estimate from columns in another
   order, or a contradiction without its warning.
 * A *wrong message* is any other exit code than 2, or not exactly one message.
-
+{faults}
 | door | inputs |
 |---|---|
 {doors}
 
 Most inputs go through the command line in one process; those of rows 12 and 14 go through processes of their own, which
-end when they take {memory:g} MB more than a process that has imported everything (some 200 MB). Nothing is written
-beside the folder in which a command runs. Maps (row 13) are drawn from the tables of `records/map_tables.py`
-themselves, robots (row 12) from the numbers that their files have, bytes (row 14) from good files of each reader.
-Sizes are estimated before any work: a flight may take {limits[0]:g} GB of log and {limits[1]:g} s, a sweep {limits[2]}
-runs and {limits[3]:g} days, a table {limits[4]:g} MB, a TOML file {limits[5]:g} MB with {limits[6]} levels; what the
-files of strangers may be stands in `errors/foreign_files.py`.
+are forked from one that has imported everything and read a good file of each kind, and end when they take {memory:g} MB
+more than that one. Of their results that are taken, one in ten is drawn as a page. Nothing is written beside the folder
+in which a command runs. No door reads SRDF: it is only written. Maps (row 13) are drawn from the tables of
+`records/map_tables.py` themselves, robots (row 12) from the numbers that their files have, bytes (row 14) from a good
+file of each of {readers} readers. Sizes are estimated before any work: a flight may take {limits[0]:g} GB of log and
+{limits[1]:g} s, a sweep {limits[2]} runs and {limits[3]:g} days, a table {limits[4]:g} MB, a TOML file {limits[5]:g} MB
+with {limits[6]} levels; what the files of strangers may be stands in `errors/foreign_files.py`.
 [broken_runs.md](broken_runs.md) has the counts of `make evidence` for interruptions and full disks.
 """
 

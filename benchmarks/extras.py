@@ -1,7 +1,7 @@
 """Install the project and each of its extras into a fresh environment, and do there what the extra is for.
 
     python benchmarks/extras.py                # all, some ten minutes; writes the table of docs/installation.md
-    python benchmarks/extras.py --only gym ros # prints the rows of some
+    python benchmarks/extras.py --only gym ros # writes the rows of some
 
 An environment has nothing but the project and the extra; it is removed afterwards. Ends with an error if one fails.
 """
@@ -131,17 +131,18 @@ def tried(extra: str) -> str:
 def main() -> None:
     """Try all extras, or those that are named, and write the table."""
     parser = argparse.ArgumentParser(description="Install each extra into a fresh environment, and use it.")
-    parser.add_argument("--only", nargs="+", help="try these alone, and write nothing; 'none' is the default install")
+    parser.add_argument("--only", nargs="+", help="write the rows of these alone; 'none' is the default install")
     only = parser.parse_args().only
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
-    named = only or ["none", *(name for name in extras if name != "test")]
-    rows = ["| extra | on disk | installed in | what was done with it |", "|---|---|---|---|"]
-    for extra in named:
-        rows.append(tried(extra))
-        print(rows[-1], flush=True)
-    if only is None:
-        before, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
-        PAGE.write_text(before + BEGIN + "\n".join(rows) + "\n" + END + rest.partition(END)[2], encoding="utf-8")
+    named = ["none", *(name for name in extras if name != "test")]
+    before, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
+    head, rule, *lines = rest.partition(END)[0].splitlines()
+    rows = {line.split("|")[1].strip(" `"): line for line in lines}
+    for extra in only or named:
+        rows[extra] = tried(extra)
+        print(rows[extra], flush=True)
+    table = "\n".join([head, rule, *(rows[extra] for extra in named if extra in rows)])
+    PAGE.write_text(f"{before}{BEGIN}{table}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -19,11 +19,11 @@ def main() -> None:
     except KeyboardInterrupt:
         print("interrupted: nothing was written", file=__import__("sys").stderr)
         raise SystemExit(130) from None
-    if not any(argument.startswith("--cluster") for argument in sys.argv):
-        # xarray loads dask, a second's work, wherever it is installed; only a sweep on a cluster has a use for it.
-        sys.modules.setdefault("dask", None)  # type: ignore[arg-type]  # Python's way of saying "not installed"
-    # So does numba with coverage, a tenth of a second; where coverage measures this process, it is loaded already.
-    sys.modules.setdefault("coverage", None)  # type: ignore[arg-type]
+    # Libraries load these wherever they are installed, though nothing here uses them: xarray dask, a second's work,
+    # numba yaml and coverage, our own room `control` gymnasium, a tenth together. Dask needs yaml.
+    on_cluster = any(argument.startswith("--cluster") for argument in sys.argv)
+    for name in ("coverage", "gymnasium", *(() if on_cluster else ("dask", "yaml"))):
+        sys.modules.setdefault(name, None)  # type: ignore[arg-type]  # Python's way of saying "not installed"
     # pydantic asks every installed package whether it is a plugin of pydantic: a twentieth of a second.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     gc.set_threshold(20_000)  # a tenth of a start is spent looking for garbage among what was just imported

@@ -42,7 +42,7 @@ from aerobat_pin.control.monitor import FARTHEST_OFF, TILTED
 from aerobat_pin.control.nominal import control_of, nominal_flight
 from aerobat_pin.errors import ScenarioError, SimulationError
 from aerobat_pin.flight import LaggedThrust, Plant, Sensing, interval_means, thrusters_of
-from aerobat_pin.numerics import Array, checked
+from aerobat_pin.numerics import Array, checked, shown
 from aerobat_pin.robot import believed_robot, flown_robot
 from aerobat_pin.scenario import Scenario, assign, load_scenario, parse_scenario
 
@@ -145,7 +145,7 @@ class AerobatEnv(gymnasium.Env[Array, Array]):
                 whole = low.dtype.kind == high.dtype.kind == "i"
                 drawn = self.np_random.integers(low, high + 1) if whole else self.np_random.uniform(low, high)
             except (TypeError, ValueError, OverflowError) as error:
-                raise ScenarioError(f"draw: {key} = {limits}: lowest and largest value were expected") from error
+                raise ScenarioError(f"draw: {key} = {shown(limits)}: lowest and largest value were expected") from error
             assign(values, key, drawn.tolist() if whole or low.ndim else float(drawn), f"draw: {key}")
         scenario, flown = parse_scenario(values, "draw"), self._plant.scenario
         if scenario != flown:

@@ -33,41 +33,27 @@ def _read_all(path: str) -> None:
     import h5py
 
     with h5py.File(path, "r") as file:
-        todo: list[Any] = [file]
-        seen = set[Any]()
-        while todo:
-            item = todo.pop()
-            if item.id in seen:
-                continue
-            seen.add(item.id)
-            for key in item.attrs:
-                if item.attrs.get_id(key).get_storage_size() <= BYTES_TRIED:
-                    _follow(file, item.attrs[key])
-            if isinstance(item, h5py.Group):
-                links = {key: item.get(key, getlink=True) for key in item}
-                todo += [item[key] for key, link in links.items() if isinstance(link, h5py.HardLink)]
-            elif item.dtype.kind in "fiuS" and not item.is_virtual and not item.external:
-                _read_numbers(item)
+        _read(file, file)
+        file.visititems(lambda _, item: _read(file, item))
 
 
-def _follow(file: Any, value: Any) -> None:
-    """Look up what the references of an attribute name, as the dimensions of a variable are."""
+def _read(file: Any, item: Any) -> None:
+    """Read an object's attributes and what their references name, and all its numbers, piece by piece."""
     import h5py
 
-    for one in getattr(value, "ravel", lambda: ())():
-        for reference in one if hasattr(one, "__len__") and not isinstance(one, str | bytes) else (one,):
-            if isinstance(reference, h5py.Reference) and reference:
-                file[reference].name  # noqa: B018
-
-
-def _read_numbers(item: Any) -> None:
-    """Read all numbers of a dataset, piece by piece."""
-    if item.size * item.dtype.itemsize > LARGEST_TRIED or not item.shape:
+    for key in item.attrs:
+        if item.attrs.get_id(key).get_storage_size() <= BYTES_TRIED:
+            for one in getattr(item.attrs[key], "ravel", lambda: ())():
+                for reference in one if hasattr(one, "__len__") and not isinstance(one, str | bytes) else (one,):
+                    if isinstance(reference, h5py.Reference) and reference:
+                        file[reference].name  # noqa: B018
+    if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "fiuS" or item.is_virtual or item.external:
         return
-    row = max(item.size // max(item.shape[0], 1), 1) * item.dtype.itemsize
-    step = max(int(BYTES_TRIED // row), 1)
-    for first in range(0, item.shape[0], step):
-        item[first : first + step]
+    if item.shape and item.size * item.dtype.itemsize <= LARGEST_TRIED:
+        row = max(item.size // max(item.shape[0], 1), 1) * item.dtype.itemsize
+        step = max(int(BYTES_TRIED // row), 1)
+        for first in range(0, item.shape[0], step):
+            item[first : first + step]
 
 
 def main() -> None:

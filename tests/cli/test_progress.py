@@ -147,6 +147,8 @@ SLOW = (
     "matplotlib",
     "jinja2",
     "joblib",
+    "gymnasium",
+    "yaml",
 )
 LIBRARIES = (*SLOW, "numpy", "numba", "pinocchio", "xarray", "pandas", "pydantic")
 

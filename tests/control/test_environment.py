@@ -92,7 +92,8 @@ def test_starts_wind_and_parameters_are_drawn_anew_at_each_reset() -> None:
     assert env.scenario is course
     still = env.reset(seed=1, options={"draw": {}})[0]
     assert abs(still[3]) < 0.03 < abs(env.reset(seed=1, options={"draw": {"flight.roll_deg": (5.0, 5.0)}})[0][3])
-    for wrong in ({"flight.rol_deg": (0.0, 1.0)}, {"thrusters.factor": (-2.0, -1.0)}, {"thrusters.lag": 1.0}):
+    huge = {"thrusters.lag": 10**5000}  # which Python does not print
+    for wrong in ({"flight.rol_deg": (0.0, 1.0)}, {"thrusters.factor": (-2.0, -1.0)}, {"thrusters.lag": 1.0}, huge):
         with pytest.raises(ScenarioError, match=next(iter(wrong)).split(".")[1]):
             env.reset(options={"draw": wrong})
     with pytest.raises(ScenarioError, match="draw was expected"):

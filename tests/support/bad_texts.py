@@ -219,7 +219,7 @@ def _path(rng: Rng, place: Path) -> list[str]:
     good = ["run", "paper", *SHORT]
     writes = ([*good, "--out", long], ["linkage", "--out", long], ["linkage", "--out", f"{long}.png"])
     writes += (["urdf", "--out", f"{long}.urdf"], ["trim", "paper", "--out", long], ["play", "x.nc", "--out", long])
-    writes += (["run", "paper", *SHORT, "--out", f"pipe/{long}"], ["linkage", "--out", "nowhere/x.png"])
+    writes += (["run", "paper", *SHORT, "--out", f"pipe/{long}"],)
     words = [*reads, *writes]
     return list(words[rng.integers(len(words))])
 
