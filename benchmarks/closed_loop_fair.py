@@ -71,10 +71,10 @@ flights. PD with integral was tuned by `benchmarks/closed_loop_search.py` to the
 has gains of an earlier search and stays inside of them, so where it is behind, part of that is tuning.
 
 What the observer gives: less error of a push on a wing, of lateral gusts and of sines up to 1 Hz, by 3 to 20 %, and a
-law that a thrust lag of twice the believed one does not upset. What it costs: PD with integral is ahead in a
-gust upwards, in a long gust, in calm, with an attitude that is off, and where thrusters or velocity are later than believed.
-A 2 Hz push is faster than both: plain PD is best. With the truth in the place of its estimate, filtered alike, a push
-and a gust change by some per cent: lag of the thrusters and authority bind, not estimation.
+law that a thrust lag of twice the believed one does not upset. What it costs: PD with integral is ahead in a gust
+upwards, in a long gust, in calm, with an attitude that is off, and where thrusters or velocity are later than
+believed. A 2 Hz push is faster than both: plain PD is best. With the truth in the place of its estimate, filtered
+alike, a push and a gust change by some per cent: lag of the thrusters and authority bind, not estimation.
 
 Three wrong beliefs at once leave only PD on its course. Lag and delay of the thrusters alone suffice: in the linear
 model the roll loop of the observer's law is unstable with 90 ms of lag for 45 and 20 ms of delay for 1, whatever the
