@@ -59,8 +59,13 @@ class CheckedPart:
 
     @property
     def growth(self) -> Array:
-        """How many times as large as predicted (m,) the errors are: over all of the stretch, or near each instant."""
-        return np.maximum(self.check.factor, self.near)
+        """How many times as large as predicted (m,) the errors are: over all of the stretch, or near each instant.
+
+        What is wrong may look like a force at one instant and like none `NEAR_TIME` later: the largest ratio counts.
+        """
+        reach = round(NEAR_TIME / typical_step(self.inputs.time))
+        about = np.lib.stride_tricks.sliding_window_view(np.pad(self.near, reach, "edge"), 2 * reach + 1)
+        return np.asarray(np.maximum(self.check.factor, np.max(about, axis=1)))
 
     @property
     def check(self) -> ModelCheck:

@@ -25,7 +25,7 @@ from aerobat_pin.records import Parameter
 SPACING = 0.005  # [s] between samples that count
 INDEPENDENT = 50.0  # samples of one row that a run is worth: twice the harmonics that errors of the air have
 IDENTIFICATION_STEP = 0.02  # of the expected deviation: difference for the derivatives
-MOST_LINEARISATIONS = 8
+MOST_STEPS = 12
 FACTORS, SHIFT_LIMITS = (-0.7, 2.0), 0.04  # within which changes are sought: of factors [-], of lengths both ways [m]
 SETTLED_COST = 1.0e-4  # relative change of the cost at which the search ends
 UNSURE = 0.5  # of the deviation expected beforehand: a parameter that is known less well is not identifiable
@@ -150,11 +150,19 @@ def identify(
             parts.append(np.ravel(learnt) * np.sqrt(INDEPENDENT / len(learnt)) / allowed)
         return np.concatenate(parts)
 
+    last: list[Array] = []  # x, cost and slopes of the step before
+
     def slopes(x: Array) -> Array:
+        """Return slopes: differences at the first x, then what the last step showed in its own direction."""
         here = cost(x)
-        return np.column_stack(
-            [(cost(x + IDENTIFICATION_STEP * unit) - here) / IDENTIFICATION_STEP for unit in np.eye(len(x))]
-        )
+        if last:
+            step = x - last[0]
+            J = last[2] + np.outer(here - last[1] - last[2] @ step, step) / (step @ step)
+        else:
+            units = IDENTIFICATION_STEP * np.eye(len(x))
+            J = np.column_stack([(cost(x + unit) - here) / IDENTIFICATION_STEP for unit in units])
+        last[:] = x.copy(), here, J
+        return J
 
     factor = np.array([one.unit == "1" for one in parameters.values()])
     bounds = [
@@ -165,7 +173,7 @@ def identify(
         np.zeros(len(parameters)),
         slopes,
         bounds,
-        max_nfev=MOST_LINEARISATIONS,
+        max_nfev=MOST_STEPS,
         ftol=SETTLED_COST,
         xtol=SETTLED_COST,
     )

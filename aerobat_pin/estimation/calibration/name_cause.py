@@ -11,7 +11,6 @@ the calibration happens to know well. Forces at the points do not enter x.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,7 +30,7 @@ from aerobat_pin.estimation.run_observers import LEAST_EXPECTED
 from aerobat_pin.estimation.use import Cause
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MomentumObserver, slow_part
-from aerobat_pin.records import Condition, Suspect
+from aerobat_pin.records import Condition
 
 SURE_OF_CAUSE = 4.0  # z from which a cause is named
 
@@ -69,12 +68,20 @@ def named_cause(
         return None
     time, geometry = part.inputs.time, part.geometry
     x = slow_part(time, part.found.unexplained[:, : geometry.rest.shape[1]])
+    left = _left_of(forces.record.robot.model, part.inputs)
     found: list[tuple[float, Named]] = []
     for name, group in suspects.items():
         if before is not None and before.cause.name != name:
             continue
         start = np.zeros(len(group)) if before is None else before.values
-        slopes = np.stack([_cause_slope(part.inputs, forces, name, k, group, start) for k in range(len(group))], axis=2)
+        here = left if before is None else _unexplained(part.inputs, forces, name, start, inertial=group[0].inertial)
+        slopes = np.stack(
+            [
+                (_unexplained(part.inputs, forces, name, start + step, inertial=one.inertial) - here) / one.step
+                for one, step in zip(group, np.diag([one.step for one in group]), strict=True)
+            ],
+            axis=2,
+        )
         G = np.stack([slow_part(time, geometry.unexplained(one)) for one in np.moveaxis(slopes, 2, 0)], axis=2)
         normal = np.einsum("nkp,nkq->pq", G, G)
         if np.linalg.matrix_rank(normal) < len(group):
@@ -100,7 +107,7 @@ def cause_corrected(inputs: KnownInputs, named: Named, forces: KnownForces) -> K
     """Return the inputs of a whole part as they are with the cause: another motion, or one more known force."""
     name = named.cause.name
     if cause_moves(forces, name, named.values):
-        _, found = _changed_run(inputs, forces, name, named.values, inertial=False)
+        found = _changed_inputs(inputs, forces, name, named.values)
         return replace(found, source={**found.source, "correction": name})
     known = {**inputs.known, "correction": named.force}
     return replace(inputs, known=known, source={**inputs.source, "correction": name})
@@ -112,32 +119,27 @@ def cause_moves(forces: KnownForces, name: str, values: Array) -> bool:
     return forces.record.robot.suspected(name, values, block)[1] is not block
 
 
-def _changed_run(
-    inputs: KnownInputs, forces: KnownForces, name: str, values: Array, *, inertial: bool
-) -> tuple[pin.Model, KnownInputs]:
-    """Return model and inputs of a whole part as they would be with a cause."""
+def _changed_inputs(inputs: KnownInputs, forces: KnownForces, name: str, values: Array) -> KnownInputs:
+    """Return the inputs of a whole part as they would be with a cause that is not of the inertias."""
     record = forces.record
     robot, block = record.robot.suspected(name, values, record.block(*record.parts[0]))
-    if inertial or not np.any(values):
-        return robot.model, inputs
     forces = replace(forces, record=replace(record, robot=robot))
-    if forces.series is not None and forces.record.robot.suspects()[name][0].of_error:
+    if forces.series is not None and robot.suspects()[name][0].of_error:
         forces = replace(forces, series=forces.series.times(1.0 + float(values[0])))
-    return robot.model, inputs_of_block(forces.record, block, forces, inputs.rows)
+    return inputs_of_block(forces.record, block, forces, inputs.rows)
 
 
-def _cause_slope(
-    inputs: KnownInputs, forces: KnownForces, name: str, k: int, group: Sequence[Suspect], start: Array
-) -> Array:
-    """Return the change (m, nv) of R - e with a parameter of a cause about its `start`, per unit."""
-    step, inertial = np.eye(len(group))[k] * group[k].step, group[k].inertial
-    before, after = (
-        MomentumObserver(model, (), AT_ONCE).run(one.time, one.q, one.v, one.tau, one.known).residual
-        for model, one in (
-            _changed_run(inputs, forces, name, values, inertial=inertial) for values in (start, start + step)
-        )
-    )
-    return np.asarray((after - before) / group[k].step)
+def _unexplained(inputs: KnownInputs, forces: KnownForces, name: str, values: Array, *, inertial: bool) -> Array:
+    """Return R - e (m, nv) of a whole part as it would be with a cause."""
+    robot = forces.record.robot
+    if not np.any(values):
+        return _left_of(robot.model, inputs)
+    robot, _ = robot.suspected(name, values, forces.record.block(*forces.record.parts[0]))
+    return _left_of(robot.model, inputs if inertial else _changed_inputs(inputs, forces, name, values))
+
+
+def _left_of(model: pin.Model, inputs: KnownInputs) -> Array:
+    return MomentumObserver(model, (), AT_ONCE).run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known).residual
 
 
 def _covariance(part: CheckedPart, series: LearntError, H: Array) -> Array:
