@@ -319,10 +319,11 @@ setting of the package was chosen with them. What is asked for and missed is mar
 ERRORS = """### Errors, after one free flight and after two
 
 One: 4 s at 3.0 m/s. Two: another at 4.0 m/s. Lively: in place of it one that begins with 2 rad/s of roll, 1 of pitch,
-2 of yaw and 0.5 m/s sideways, to the other sides than the manoeuvre. R2, if something pushes, and error [mN]. *Push* is
-a push along each axis and a step, *paper* its signal, a *manoeuvre* begins with 2 rad/s of roll, 1 of pitch, 1.5 of yaw
-and 0.5 m/s sideways, *outside* is 3.6 m/s and 5.5 Hz. What is left of a manoeuvre is in its first quarter of a second:
-the air begins as if the body had not turned before, and no state of the moment tells that. With noisy sensors the figures are the smoother's.
+2 of yaw and 0.5 m/s sideways, to the other sides than the manoeuvre. R2, if something pushes, and error [mN]. *Push*
+is a push along each axis and a step, *paper* its signal, a *manoeuvre* begins with 2 rad/s of roll, 1 of pitch, 1.5
+of yaw and 0.5 m/s sideways, *outside* is 3.6 m/s and 5.5 Hz. What is left of a manoeuvre is in its first quarter of a
+second: the air begins as if the body had not turned before, and no state of the moment tells that. With noisy sensors
+the figures are the smoother's.
 
 | flight | one | two | steady and lively |
 |---|---|---|---|"""
@@ -335,13 +336,13 @@ is elastic in calibration and flight alike is learnt as if it were the air, and 
 |---|---|---|---|"""
 VERDICTS = """### Verdicts
 
-The calibration is that of [a flight day](calibration.md#a-flight-day): free flights at 2.7 m/s, 4.5 Hz, at 3.4 m/s, 5.0
-Hz, and the lively one. (Of the first two alone, which show no roll, yaw or drift, unchanged pushed flights were wrong by
-10 mN of Fy, and corrected ones by as much.) Every flight has a speed, frequency,
-pitch and crank angle of its own in between; every fourth of the unchanged ones is a manoeuvre, and half of them are
-pushed, which the error in the first row is of. The ratio is that of what no force explains to what was expected. Changed
-flights are all pushed. A gust of 0.4 s and an encoder that slipped by 1 degree are told and not asked for. A whole run has 40 unchanged flights
-and 20 with each change; fewer were flown where the second column says so.
+The calibration is that of [a flight day](calibration.md#a-flight-day): free flights at 2.7 m/s, 4.5 Hz, at 3.4 m/s,
+5.0 Hz, and the lively one. (Of the first two alone, which show no roll, yaw or drift, unchanged pushed flights were
+wrong by 10 mN of Fy, and corrected ones by as much.) Every flight has a speed, frequency, pitch and crank angle of
+its own in between; every fourth of the unchanged ones is a manoeuvre, and half of them are pushed, which the error in
+the first row is of. The ratio is that of what no force explains to what was expected. Changed flights are all pushed.
+A gust of 0.4 s and an encoder that slipped by 1 degree are told and not asked for. A whole run has 40 unchanged
+flights and 20 with each change; fewer were flown where the second column says so.
 
 | after the calibration | flights | called changed | ratio | named rightly | estimate | error [mN] | corrected |
 |---|---|---|---|---|---|---|---|"""
