@@ -319,11 +319,11 @@ setting of the package was chosen with them. What is asked for and missed is mar
 ERRORS = """### Errors, after one free flight and after two
 
 One: 4 s at 3.0 m/s. Two: another at 4.0 m/s. Lively: in place of it one that begins with 2 rad/s of roll, 1 of pitch,
-2 of yaw and 0.5 m/s sideways, to the other sides than the manoeuvre. R2, if something pushes, and error [mN]. *Push* is
-a push along each axis and a step, *paper* its signal, a *manoeuvre* begins with 2 rad/s of roll, 1 of pitch, 1.5 of yaw
-and 0.5 m/s sideways, *outside* is 3.6 m/s and 5.5 Hz. What is left of a manoeuvre is in its first quarter of a second:
-the air begins as if the body had not turned before, and no state of the moment tells that. With noisy sensors the
-figures are the smoother's.
+2 of yaw and 0.5 m/s sideways, to the other sides than the manoeuvre. R2, if something pushes, and error [mN]. *Push*
+is a push along each axis and a step, *paper* its signal, a *manoeuvre* begins with 2 rad/s of roll, 1 of pitch, 1.5
+of yaw and 0.5 m/s sideways, *outside* is 3.6 m/s and 5.5 Hz. What is left of a manoeuvre is in its first quarter of a
+second: the air begins as if the body had not turned before, and no state of the moment tells that. With noisy sensors
+the figures are the smoother's.
 
 | flight | one | two | steady and lively |
 |---|---|---|---|"""
