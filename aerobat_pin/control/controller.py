@@ -230,7 +230,9 @@ class Controller:
         if since * (1.0 + 1e-9) + 1e-9 >= self._ticks * self.dt:
             self._ticks += 1
             if self._observer is not None and self._pushes:
-                self.disturbance[:] = self._observer.update(time, q, v, self._pushed / self._pushes)
+                unbiased = v.copy()
+                unbiased[:3] -= pin.Quaternion(q[3:7]).matrix().T @ self._law.bias
+                self.disturbance[:] = self._observer.update(time, q, unbiased, self._pushed / self._pushes)
             self._pushed, self._pushes = np.zeros(6), 0
             write_commands(self._memory, self.wrench(since, q, v, crank_angle), crank_angle)
             self._command = self._law.command.copy()

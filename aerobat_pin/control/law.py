@@ -22,6 +22,9 @@ An attitude that is off by 2 degrees shows 0.1 m/s sideways at 3 m/s. A Luenberg
 finds such a bias b, along world axes; it costs no margin, since it keeps still where velocity and position agree:
 
     p' = v - b + 2 beta (p_measured - p)        b' = -beta^2 (p_measured - p)
+
+The observer of the disturbance is told v - b, too. A velocity that is late unnoticed is (beta / (s + beta))^2 of it the
+position's rate, which is not late: at beta = 30, 30 ms cost little, where at 10 the robot swings sideways for good.
 """
 
 from __future__ import annotations
@@ -48,7 +51,7 @@ class Law(NamedTuple):
     share by which the lead's slow part follows; `limited` the allocation.
 
     State: `place`, `bias` (3,) p and b, `smooth` (2,) forces left and up, `integral` (6,), `slow` (6,) of the lead,
-    `begun` () whether it has begun, `nose_down` () [rad].
+    `begun` () ticks so far, `nose_down` () [rad].
 
     Results: `disturbance` (6,) given from outside, `wanted`, `unrealised` (6,) wrenches, `command` (m,) thrusts.
     Scratch: `reference` (12,), as the columns of `swing`, and `force` (3,). Sizes: m thrusters, n waves in the swing.
@@ -180,7 +183,7 @@ def write_commands(memory: Array, wrench: Array, crank_angle: float) -> None:
             slow[i] = wrench[i]
         wanted[i] = lead * wrench[i] - (lead - 1.0) * slow[i]
         slow[i] += law.follow[()] * (wrench[i] - slow[i])
-    law.begun[()] = 1.0
+    law.begun[()] += 1.0
     wanted[PITCHING] += law.steering[0] * cos(crank_angle) + law.steering[1] * sin(crank_angle)
     limited_thrusts(law.limited, wanted, law.command)
     for i in range(6):
@@ -214,13 +217,15 @@ def add_error(law: Law, i: int, error: float) -> None:
 
 @inner
 def unbiased(law: Law, i: int, place: float, velocity: float) -> float:
-    """Return a measured velocity less its bias, along a world axis, and find more of the bias."""
-    beta = law.beta[()]
-    if law.begun[()] == 0.0:
-        law.place[i] = place
-    ahead = place - law.place[i]
-    law.bias[i] -= law.tick[()] * beta * beta * ahead
-    law.place[i] += law.tick[()] * (velocity - law.bias[i] + 2.0 * beta * ahead)
+    """Return a measured velocity less its bias, along a world axis, and find more of the bias.
+
+    At first p is the mean of the samples so far: the noise of a single one would look like a bias.
+    """
+    tick, beta, ahead = law.tick[()], law.beta[()], place - law.place[i]
+    follow, mean = 2.0 * beta * tick, 1.0 / (law.begun[()] + 1.0)
+    if follow >= mean:
+        law.bias[i] -= tick * beta * beta * ahead
+    law.place[i] += tick * (velocity - law.bias[i]) + max(follow, mean) * ahead
     return float(velocity - law.bias[i])
 
 

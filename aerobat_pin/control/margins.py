@@ -35,7 +35,7 @@ from aerobat_pin.control.nominal import control_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.scenario import Scenario
 
-FREQUENCIES = np.geomspace(0.05, 2000.0, 20001)  # [rad/s]
+FREQUENCIES = np.geomspace(0.05, 2000.0, 2001)  # [rad/s]
 Response = NDArray[np.complexfloating[Any, Any]]
 Polynomials = tuple[Array, Array]  # numerator and denominator, highest power first
 LAW_AXES = ("forward", "lateral", "height", "roll", "pitch", "yaw")  # of the law
@@ -119,24 +119,24 @@ def noise_slew(pilot: Controller) -> float:
     changes = np.abs(1.0 - np.exp(-s * dt)) ** 2
     inertia, variance = np.append([nominal.mass] * 3, nominal.inertia), np.zeros(6)
     for i, axis in enumerate(LAW_AXES):
-        parts = _LoopParts(scenario, axis, 1.0)
-        answer = _at(parts.lead, s) / (1.0 - _at(_product(parts.lead, parts.observer), s) * _at(parts.model_lag, s))
-        by_place = answer * _at(parts.stiffness, s)
-        by_rate = answer * (_at(parts.damping, s) / s + _at(parts.observer, s) * s)
+        parts = LoopParts(scenario, axis, 1.0)
+        answer = at(parts.lead, s) / (1.0 - at(_product(parts.lead, parts.observer), s) * at(parts.model_lag, s))
+        by_place = answer * at(parts.stiffness, s)
+        by_rate = answer * (at(parts.damping, s) / s + at(parts.observer, s) * s)
         first, second = (place, speed) if i < 3 else (angle, rate)
         spread = first * np.abs(by_place) ** 2 + second * np.abs(by_rate) ** 2
         if axis == "roll":  # the way over the bank
-            bank = by_place * _at(parts.smoothing, s) / scenario.flight.gravity
-            side = _LoopParts(scenario, "lateral", 1.0)
-            spread += place * np.abs(bank * _at(side.stiffness, s)) ** 2
-            spread += speed * np.abs(bank * (_at(side.damping, s) / s + _at(side.observer, s) * s)) ** 2
+            bank = by_place * at(parts.smoothing, s) / scenario.flight.gravity
+            side = LoopParts(scenario, "lateral", 1.0)
+            spread += place * np.abs(bank * at(side.stiffness, s)) ** 2
+            spread += speed * np.abs(bank * (at(side.damping, s) / s + at(side.observer, s) * s)) ** 2
         if axis != "lateral":
             variance[i] = inertia[i] ** 2 * np.mean(spread * changes)
     spread_of_thrusts = pilot.allocation.free**2 @ variance
     return float(np.sqrt(np.mean(spread_of_thrusts)) / dt)
 
 
-class _LoopParts:
+class LoopParts:
     """The transfer functions of an axis of unit inertia; b is how much of its lift the robot has when it banks."""
 
     def __init__(self, scenario: Scenario, axis: str, b: float) -> None:
@@ -159,7 +159,7 @@ class _LoopParts:
         self.damping: Polynomials = np.array([2.0 * z * w, 0.0]), np.ones(1)
         self.law = _sum(self.stiffness, self.damping)
         if axis == "roll":
-            side = _LoopParts(scenario, "lateral", 1.0)
+            side = LoopParts(scenario, "lateral", 1.0)
             way = _product((np.array([b]), np.array([1.0, 0.0, 0.0])), side.law)
             if b != 1.0:
                 way = _sum(way, _product((np.array([b - 1.0]), np.ones(1)), side.observer))
@@ -167,9 +167,9 @@ class _LoopParts:
 
 
 def _margins(scenario: Scenario, axis: str, b: float) -> Margins:
-    """Return the margins of an axis; b as in `_Parts`."""
+    """Return the margins of an axis; b as in `LoopParts`."""
     control, real, believed = control_of(scenario), scenario.thrusters, scenario.believed_thrusters
-    parts = _LoopParts(scenario, axis, b)
+    parts = LoopParts(scenario, axis, b)
     dt = scenario.simulation.dt if control.rate is None else 1.0 / control.rate
     lag = np.ones(1), np.array([real.lag, 1.0])
     forward = _product(parts.lead, _sum(parts.law, _product(parts.observer, TWICE)))
@@ -178,7 +178,7 @@ def _margins(scenario: Scenario, axis: str, b: float) -> Margins:
     factor, late, told = real.factor / believed.factor, real.delay + 0.5 * dt, believed.delay
 
     s: Response = 1j * FREQUENCIES
-    L = factor * _at(outer, s) * np.exp(-late * s) / (1.0 - _at(inner, s) * np.exp(-told * s))
+    L = factor * at(outer, s) * np.exp(-late * s) / (1.0 - at(inner, s) * np.exp(-told * s))
     top, bottom = _product(outer, _pade(late))
     rest = _sum(ONE, _product(_product((-np.ones(1), np.ones(1)), inner), _pade(told)))
     loop = np.polymul(factor * top, rest[1]), np.polymul(bottom, rest[0])
@@ -190,9 +190,12 @@ def _read(L: Response, stable: bool) -> Margins:
     """Read margins off the frequency response of a loop."""
     size, angle = np.abs(L), np.unwrap(np.angle(L))
     crossing = np.flatnonzero(np.diff(np.sign(size - 1.0)))
-    turned = np.remainder(angle[crossing], 2.0 * np.pi)  # of -180 deg is pi
+    steps = np.log(size[crossing + 1]) - np.log(size[crossing])
+    share = -np.log(size[crossing]) / steps  # of the way to the next frequency, where |L| is 1
+    at_one = FREQUENCIES[crossing] * (FREQUENCIES[crossing + 1] / FREQUENCIES[crossing]) ** share
+    turned = np.remainder(angle[crossing] + share * np.diff(angle)[crossing], 2.0 * np.pi)  # of -180 deg is pi
     phases = turned - np.pi
-    delays = np.remainder(phases, 2.0 * np.pi) / FREQUENCIES[crossing]
+    delays = np.remainder(phases, 2.0 * np.pi) / at_one
     across = np.flatnonzero(np.diff(np.floor((angle - np.pi) / (2.0 * np.pi))))
     factors = 1.0 / size[across]
     return Margins(
@@ -202,7 +205,7 @@ def _read(L: Response, stable: bool) -> Margins:
         delay=float(np.min(delays)) if len(delays) else float("inf"),
         gain_up=float(np.min(factors[factors > 1.0], initial=np.inf)),
         gain_down=float(np.max(factors[factors < 1.0], initial=0.0)),
-        crossover=float(FREQUENCIES[crossing[-1]]) if len(crossing) else 0.0,
+        crossover=float(at_one[-1]) if len(crossing) else 0.0,
     )
 
 
@@ -214,7 +217,8 @@ def _sum(a: Polynomials, b: Polynomials) -> Polynomials:
     return np.polyadd(np.polymul(a[0], b[1]), np.polymul(b[0], a[1])), np.polymul(a[1], b[1])
 
 
-def _at(a: Polynomials, s: Response) -> Response:
+def at(a: Polynomials, s: Response) -> Response:
+    """Return the values (n,) of a fraction of polynomials at complex frequencies s (n,)."""
     return np.asarray(np.polyval(a[0], s) / np.polyval(a[1], s))
 
 

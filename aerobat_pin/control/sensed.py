@@ -11,10 +11,12 @@ velocity (world axes), the swing with the crank (`Nominal.swing`); of the body r
 (thrusters' moment - nominal one + disturbance); of the joints, the closed linkage at the crank's angle; of the crank,
 its believed rate times time. Of all but velocity and rate, the mean of the last samples is carried on, with the time
 constant `ANCHOR`. While the gyro shows nothing good, the attitude corrects the body rate, and the position a velocity
-that is missing, by observers whose poles are `RATE_POLES` and `SPEED_POLES`. A gyro that jumps by more than noise waits
-until the attitude has said which is right, it or what was expected, at odds of `SURE_OF_RATE`. A channel that jumps is
-believed again where it comes back within `REACH` of all that, or after `JUMP_BELIEVED`: then the world has changed, and
-not a sample. A punctual good sample is passed on as it is, to the bit.
+that is missing, by observers whose poles are `RATE_POLES` and `SPEED_POLES`. A gyro that jumps by more than noise is on
+trial: the first sample waits for the next one to confirm it, since a single wrong one does not last; then it is
+believed, until the attitude has turned as it says or as was expected, at odds of `SURE_OF_RATE`. So a blow costs one
+sample, and a gyro that is wrong some ten. A channel that jumps is believed again where it comes back within `REACH` of
+all that, or after `JUMP_BELIEVED`: then the world has changed, and not a sample. A punctual good sample is passed on as
+it is, to the bit.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ import numpy as np
 
 from aerobat_pin.control.law import add_waves
 from aerobat_pin.control.nominal import Nominal
-from aerobat_pin.control.sensed_across import follow_attitude, follow_position
+from aerobat_pin.control.sensed_across import follow_attitude, follow_position, gyro
 from aerobat_pin.control.sensed_channels import (
     ANCHOR,
     ATTITUDE,
@@ -123,7 +125,7 @@ class SensedMotion:
     def restart(self) -> None:
         """Begin a flight: the first good sample of each channel is believed, wherever it is."""
         fields = self._fields
-        fields.ticks[:] = fields.faults[:] = fields.age[:] = fields.waits[:] = 0
+        fields.ticks[:] = fields.faults[:] = fields.age[:] = fields.trial[:] = 0
 
     def take(self, q: Array, v: Array, crank_angle: float, thrust: Array, push: Array) -> float:
         """Take a sample and return the crank angle [rad].
@@ -185,9 +187,9 @@ def sense(memory: Array, q: Array, v: Array, crank_angle: float, thrust: Array, 
                 estimate[3 + i] = now[3 + i] if s.delay[ATTITUDE] == 0 else s.b[i]
             for i in range(4):
                 offset[3 + i] /= sqrt(norm)
-    add_channel(s, GYRO_CHANNEL, at)
+    gyro(s, at)
     if seen:
-        follow_attitude(s)
+        follow_attitude(s, at)
     velocity(s, at)
     add_channel(s, POSITION, at)
     if s.age[POSITION] == 0:

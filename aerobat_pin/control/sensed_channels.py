@@ -16,16 +16,17 @@ ANCHOR = 0.02  # [s]
 RATE_POLES, SPEED_POLES = 50.0, 80.0  # [rad/s]
 DOUBTED, SLACK, SURE_OF_SAMPLE = 0.01, 0.05, 5.0  # [s], [rad/s], deviations: gyro and attitude agree in the mean
 SURE_OF_RATE = 6.0  # logarithm of the odds at which a gyro that jumped, or what was expected, is taken for wrong
-UNKNOWN_SPIN = 20.0  # [rad/s2]: what the body rate may gain beside what is known, before the gyro waits
+UNKNOWN_SPIN = 20.0  # [rad/s2]: what the body rate may gain beside what is known, before the gyro is on trial
 LEAST_ATTITUDE_NOISE = 1e-3  # [rad] of the attitude
 MOST_DEVIATIONS = 8.0  # standard deviations of a sensor's noise that a sample may be off
 # Beside the noise, a sample may be off by the first from where it must be; by the second per second between samples
-# (a blow of 25 mN s on a wing turns the body by 200 rad/s2 more than is known); by the third per second without any.
+# (a blow of 10 ms and 25 mN s on a wing turns the body by 200 rad/s2 more than is known, and one of five times that is
+# a blow, too); by the third per second without any.
 REACH = {
     "position": (0.03, 0.0, 1.0),  # [m]
     "attitude": (0.06, 0.0, 1.0),  # [rad]
     "velocity": (0.05, 60.0, 3.0),  # [m/s]
-    "gyro": (0.05, 200.0, 10.0),  # [rad/s]
+    "gyro": (0.05, 1000.0, 10.0),  # [rad/s]
     "joint_angle": (0.2, 0.0, 0.0),  # [rad]
     "joint_rate": (5.0, 0.0, 0.0),  # [rad/s]
     "crank_angle": (0.3, 0.0, 3.0),  # [rad]
@@ -40,17 +41,18 @@ class Senses(NamedTuple):
     (6,), `steering` (2,), `inertia` (3,) as in `Nominal`, `tick` () [s], `first` () the crank's angle at the start
     [rad], `share` (7,) by which an offset follows a sample, `correct` (2, 2) what an attitude missed by 1 rad adds to
     `followed` [rad] and to the rate [rad/s], and a position missed by 1 m to `place` [m] and to the velocity [m/s],
-    `trust` (4,) share by which the doubt follows, its limit [rad/s], the jump at which a gyro waits [rad/s], and the
-    attitude's variance [rad2], `delay`, `period`, `still` (7,) in ticks: how late a sample is, how long one lasts, and
-    after how long one that has not changed is taken for a new one; `reach` (7, 2) tolerance, and what is added to it in
-    a tick.
+    `trust` (4,) share by which the doubt follows, its limit [rad/s], the jump that puts a gyro on trial [rad/s], and
+    the attitude's variance [rad2], `delay`, `period`, `still` (7,) in ticks: how late a sample is, how long one lasts,
+    and after how long one that has not changed is taken for a new one; `reach` (7, 2) tolerance, and what is added to
+    it in a tick.
 
     State: `ticks` (1,), `age` (7,) ticks since the last good sample, `faults` (7, 3), `raw` (22,) samples, `offset`
     (22,) of estimates from carriers, `followed` (4,) attitude and `place` (3,) position that follow the measured ones,
-    `turned` (3,) rate that moments made, `waits` (2,) whether the gyro waits, and for how many ticks it is believed
-    after it has won, `evidence` () logarithm of its odds, `apart` (3, 3) rate by which it is off [rad/s], the angle
-    that makes since, and what `followed` has taken of it [rad], `carriers` (delays + 1, 22), the newest at row `ticks`
-    modulo their number.
+    `turned` (3,) rate that moments made, `doubt` (3,) by how much the gyro shows too little [rad/s]; `trial` (1,)
+    samples of the gyro that are on trial, 0 if none, -1 if they were found wrong, `expected` (3,) the offset without
+    them, `evidence` () logarithm of the odds that they are right, `apart` (2, 3) the angle by which they turn more than
+    what was expected, and what `followed` has been turned back meanwhile [rad]; `carriers` (delays + 1, 22), the newest
+    at row `ticks` modulo their number.
 
     Results: `beyond` (7,) ticks by which the last good sample is older than its period; `estimate` (22,), and the same
     as `q`, `v` and in `estimate[21]` the crank angle; `error` (6,) position off the course [m], world axes, and
@@ -85,9 +87,10 @@ class Senses(NamedTuple):
     turned: Annotated[Array, "3"]
     doubt: Annotated[Array, "3"]
     place: Annotated[Array, "3"]
-    waits: Annotated[Integers, "2"]
+    trial: Annotated[Integers, "1"]
+    expected: Annotated[Array, "3"]
     evidence: Annotated[Array, ""]
-    apart: Annotated[Array, "3, 3"]
+    apart: Annotated[Array, "2, 3"]
     carriers: Annotated[Array, "rows, 22"]
     beyond: Annotated[Integers, "7"]
     estimate: Annotated[Array, "22"]
@@ -136,24 +139,6 @@ def believed(s: Senses, c: int, off: float) -> bool:
         return False
     s.age[c] = 0
     s.whole[c] = 1 if jumps or s.ticks[0] == 0 else 0
-    return True
-
-
-@inner
-def waits(s: Senses, off: float) -> bool:
-    """Return whether a gyro that is off by so much has to wait until the attitude says that it is right."""
-    if s.waits[1] > 0:
-        s.waits[1] -= 1
-        return False
-    if off <= s.trust[2] or s.ticks[0] == 0 or s.age[GYRO_CHANNEL] * s.tick[()] >= JUMP_BELIEVED:
-        s.waits[0] = 0
-        return False
-    if s.waits[0] == 0:
-        s.waits[0], s.evidence[()] = 1, 0.0
-        s.apart[:] = 0.0
-    for i in range(3):
-        s.apart[0, i] = s.candidate[10 + i] - s.estimate[10 + i]
-    s.faults[GYRO_CHANNEL, 2] += 1
     return True
 
 
@@ -209,7 +194,7 @@ def add_channel(s: Senses, c: int, at: Array) -> None:
     for i in range(EDGES[c], EDGES[c + 1]):
         s.candidate[i] = s.now[i] if s.delay[c] == 0 else s.now[i] + (at[i] - late[i])
         off = max(off, abs(s.candidate[i] - s.estimate[i]))
-    if not (c == GYRO_CHANNEL and waits(s, off)) and believed(s, c, off):
+    if believed(s, c, off):
         part = share(s, c)
         for i in range(EDGES[c], EDGES[c + 1]):
             s.estimate[i] = s.candidate[i]

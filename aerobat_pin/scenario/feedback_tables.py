@@ -62,7 +62,7 @@ class ControlSection(Section):
         (1.0,), description="likewise; one, or of forward, lateral, height; only forward's beside an observer [1/s]"
     )
     bias: Annotated[NonNegative, Field(le=100.0)] = Field(
-        10.0,
+        30.0,
         description="how fast a bias of the velocity is found and taken out, with the integrals; 0 does not [rad/s]",
     )
     smoothing: NonNegative = Field(

@@ -77,14 +77,17 @@ def undisturbed() -> Array:
 def test_bad_samples_of_every_channel_hardly_change_a_flight_and_are_counted(
     kind: str, length: int, undisturbed: Array
 ) -> None:
-    """All seven channels, one after the other, in one flight: together within 10 mm of the flight without."""
+    """All seven channels, one after the other, in one flight: together within 12 mm of the flight without.
+
+    Each alone stays within 8 mm (velocity 7.7 and gyro 3.2 mm for 50 ms of swapped axes).
+    """
 
     def spoil(k: int, name: str, now: Array, before: Array) -> Array:
         begun = FIRST + APART * CHANNELS.index(name)
         return KINDS[kind](now, before) if begun <= k < begun + length else now
 
     q, pilot = flown([], spoil)
-    assert np.linalg.norm(q[:, :3] - undisturbed[:, :3], axis=1).max() < 0.010
+    assert np.linalg.norm(q[:, :3] - undisturbed[:, :3], axis=1).max() < 0.012
     state = pilot.state
     for name in CHANNELS:
         if name == "gyro" and kind in ("zero", "swapped") and length == 1:
@@ -92,6 +95,23 @@ def test_bad_samples_of_every_channel_hardly_change_a_flight_and_are_counted(
         least = 15 if (name, kind) == ("gyro", "swapped") else int(0.9 * length)
         assert sum(state.unused.get(name, {}).values()) >= least, (name, state.unused)
     assert state.word not in FAILED
+
+
+def test_a_blow_is_not_taken_for_bad_samples(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wing is hit by 50 mN s: as far off as without any check of the gyro, within 1 mm, and no sample counts as bad.
+
+    The jump of the first millisecond waits for the next one; all others are believed at once.
+    """
+    hit = 'unknown_force=[{frame="left_force_point", signal="impulse", impulse=0.05, start=0.3, direction=[0, 0, -1]}]'
+    short = ["simulation.duration=0.6", "simulation.seed=5", hit]
+    checked, pilot = flown(short)
+    assert pilot.state.unused == {}
+    for name in ("SLACK", "UNKNOWN_SPIN"):
+        monkeypatch.setattr(f"aerobat_pin.control.sensed.{name}", np.inf)
+    monkeypatch.setattr("aerobat_pin.control.sensed.REACH", dict.fromkeys(CHANNELS, (np.inf, 0.0, 0.0)))
+    free, _ = flown(short)
+    assert np.abs(free[-1, :3] - [1.8, 0.0, 0.0]).max() > 0.03
+    assert np.linalg.norm(checked[:, :3] - free[:, :3], axis=1).max() < 1e-3
 
 
 @pytest.mark.parametrize("channel", CHANNELS)

@@ -22,6 +22,7 @@ class Law:
     nose_down: float = 0.0
     slow: Vector | None = None
     place: Vector | None = None
+    ticks: int = 0
     bias: Vector = field(default_factory=lambda: np.zeros(3))
     smooth: Vector | None = None
 
@@ -35,10 +36,12 @@ class Law:
     def unbiased(self, place: Vector, velocity: Vector) -> Vector:
         """Return a velocity less the bias that an observer with both poles at beta finds beside the position."""
         dt, beta = self.pilot.dt, self.pilot.control.bias * self.pilot.control.integral
+        self.ticks += 1
         self.place = place if self.place is None else self.place
-        ahead = place - self.place
-        self.bias = self.bias - dt * beta**2 * ahead
-        self.place = self.place + dt * (velocity - self.bias + 2.0 * beta * ahead)
+        ahead, share = place - self.place, max(2.0 * beta * dt, 1.0 / self.ticks)
+        if share == 2.0 * beta * dt:
+            self.bias = self.bias - dt * beta**2 * ahead
+        self.place = self.place + dt * (velocity - self.bias) + share * ahead
         return velocity - self.bias
 
     def integrate(self, error: Vector, rows: slice, left: Vector) -> None:
