@@ -3,7 +3,7 @@
     python benchmarks/closed_loop_fair.py --seeds 10 --page docs/control_results.md
 
 PD, PD with integral, and PD with integral and observer have the gains of `closed_loop_gains.json`, which
-`closed_loop_search.py` found within the same limits. The flights are others than those of the search, with other seeds.
+`closed_loop_search.py` found within the same limits, by a linear model alone: no law has seen any of these flights.
 The figures of finished flights are kept in `--kept`, so that a stopped run goes on.
 """
 
@@ -25,7 +25,7 @@ from closed_loop_search import GAINS, SCENARIO, settings_of
 from aerobat_pin.control import Controller, loop_margins, noise_slew, wrong_plant_ms
 from aerobat_pin.scenario import load_scenario
 
-FIRST_SEED = 501
+FIRST_SEED = 601
 GUST = "gust_closed_loop"
 CALM = "unknown_force=[]"
 FORCE = 'unknown_force=[{{frame="base_link", axes="world", direction=[0.0, 1.0, 0.0], {}}}]'
@@ -41,6 +41,15 @@ CASES: dict[str, tuple[str, tuple[str, ...], str]] = {
     "lateral gust, 1.5 m/s": (GUST, (), "y"),
     "gust upwards, 1.5 m/s": (GUST, ("air.gust.amplitude=[0.0, 0.0, 1.5]",), "z"),
     "lateral gust, 2 m/s over 0.8 s": (GUST, ("air.gust={amplitude=[0.0, 2.0, 0.0], start=0.7, duration=0.8}",), "y"),
+    "turbulence, Dryden, 1 m/s": (
+        SCENARIO,
+        (
+            CALM,
+            "air.turbulence={{deviation=[1.0, 1.0, 1.0], seed={seed}}}",
+            "believed.air.turbulence.deviation=[0, 0, 0]",
+        ),
+        "y",
+    ),
     "side wind, 1 m/s": (SCENARIO, (CALM, "air.wind=[0.0, 1.0, 0.0]", "believed.air.wind=[0.0, 0.0, 0.0]"), "y"),
     "thruster 1 at 60 %": (SCENARIO, (CALM, "thrusters.fault={thruster=1, factor=0.6}"), "z"),
     "attitude off by 2 deg about each axis": (SCENARIO, (CALM, "sensors.attitude.bias=0.0349"), "y"),
@@ -57,17 +66,21 @@ CASES: dict[str, tuple[str, tuple[str, ...], str]] = {
     "all three of them; pushed": (SCENARIO, (*SLOW[:1], *BEHIND[:1], *OLD, BELIEF), "y"),
 }
 WORDS = """Each law has gains of its own, within the same limits: Ms at most 2.4 on each of four wrong plants, a delay
-margin of at least 23 ms, 27 N/s of slew by the sensors' noise (steering and pushes add to it). What was run
-to find them stands in `benchmarks/closed_loop_search.py`: minutes, not until nothing got better. PD + I can
-be tuned better (gains that leave 12 mm of a push are known), and its gains were looked for once more
-after two of the seeds shown here; so part of the observer's lead over it on pushes and wind is still tuning.
+margin of at least 23 ms, 27 N/s of slew by the sensors' noise (steering and pushes add to it). All seeds are new. PD
+with integral was tuned to the edge of the limits by `benchmarks/closed_loop_search.py`, on a linear model, whose
+disturbances were settled after looking at these flights with another seed. The observer's law has gains of an earlier
+search, by the push and the gusts with other seeds, and stays inside the limits: where it is behind, part of that is
+tuning. How fast the bias of the velocity is found was chosen for both by four of these flights, with another seed.
 
-What the observer gives: it leaves two thirds of a push on a wing, 40 % of a side wind and of whatever else lasts or is
-slower than 1 Hz. What it costs: a sensor's constant error and a velocity that is late unnoticed look like a push to
-it, and are answered; it is behind PD with integral there, in calm, in a long gust and at 1 Hz and above. A 2 Hz push
-is faster than both: plain PD is best. With the truth in the place of its estimate, filtered alike, the flights are
-within 2 % (calm: 0.1 mm): lag of the thrusters and authority bind, not estimation. With three wrong beliefs at once
-only PD stays on its course."""
+What the observer gives: 3 to 22 % less error of a push on a wing, of a short lateral gust, of a side wind and of sines
+up to 1 Hz, and a law that twice the believed thrust lag does not upset. What it costs: PD with integral is ahead in
+turbulence, in a long gust, in a gust upwards, in calm, where the attitude is off, and where thrusters are later than
+believed. A 2 Hz push is faster than both: plain PD is best. With the truth in the place of its estimate, filtered
+alike, a push and a gust change by 2 %: lag of the thrusters and authority bind, not estimation.
+
+Three wrong beliefs at once leave only PD on its course. Lag and delay of the thrusters alone suffice: in the linear
+model the roll loop of the observer's law is unstable with 90 ms of lag for 45 and 20 ms of delay for 1, with a velocity
+on time or 30 ms late; that is more than the delay margin of 25 ms."""
 LAWS = {"PD": "pd", "PD + I": "pd_i", "PD + I + observer": "observer"}
 TRUTH = "truth for the estimate"
 WITH_TRUTH = ("push on the left wing", "lateral gust, 1.5 m/s", "calm")
@@ -134,6 +147,7 @@ def main() -> int:
                 if key in found:
                     continue
                 truth = ("control.source=filtered_truth",) if column == TRUTH else ()
+                more = tuple(one.format(seed=seed) if "{seed}" in one else one for one in more)
                 one = flight(name, (*settings_of(law, known[law]["gains"]), *truth, *more), seed)
                 found[key] = [float(one[axis]), float(one["slew"])]
                 options.kept.write_text(json.dumps(found))

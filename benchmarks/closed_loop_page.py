@@ -46,11 +46,6 @@ class Board:
         told = f"Measured on {datetime.date.today()}; {seeds} seeds where noise counts."
         self.lines = [TITLES[name], "", told, "", "| | measured | unit | bound |", "|---|---|---|---|"]
 
-    def head(self, title: str) -> None:
-        """Begin a group of figures."""
-        print(title, flush=True)
-        self.lines.append(f"| **{title}** | | | |")
-
     def show(self, what: str, value: float, bound: float | None = None, unit: str = "", least: bool = False) -> None:
         """Print a figure and its bound, an upper one unless `least`."""
         good = bound is None or (value >= bound if least else value <= bound)
