@@ -20,9 +20,9 @@ def main() -> None:
         print("interrupted: nothing was written", file=__import__("sys").stderr)
         raise SystemExit(130) from None
     # Libraries load these wherever they are installed, though nothing here uses them: xarray dask, a second's work,
-    # numba yaml and coverage, our own room `control` gymnasium, a tenth together. Dask needs yaml.
+    # numba coverage, our own room `control` gymnasium.
     on_cluster = any(argument.startswith("--cluster") for argument in sys.argv)
-    for name in ("coverage", "gymnasium", *(() if on_cluster else ("dask", "yaml"))):
+    for name in ("coverage", "gymnasium", *(() if on_cluster else ("dask",))):
         sys.modules.setdefault(name, None)  # type: ignore[arg-type]  # Python's way of saying "not installed"
     # pydantic asks every installed package whether it is a plugin of pydantic: a twentieth of a second.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")

@@ -183,10 +183,10 @@ def _margins(scenario: Scenario, axis: str, b: float) -> Margins:
     rest = _sum(ONE, _product(_product((-np.ones(1), np.ones(1)), inner), _pade(told)))
     loop = np.polymul(factor * top, rest[1]), np.polymul(bottom, rest[0])
     poles = np.roots(np.polyadd(*loop))
-    return _read(L, bool(np.all(poles.real < 1e-6)))
+    return _margins_of(L, bool(np.all(poles.real < 1e-6)))
 
 
-def _read(L: Response, stable: bool) -> Margins:
+def _margins_of(L: Response, stable: bool) -> Margins:
     """Read margins off the frequency response of a loop."""
     size, angle = np.abs(L), np.unwrap(np.angle(L))
     crossing = np.flatnonzero(np.diff(np.sign(size - 1.0)))

@@ -6,9 +6,7 @@ from .axes import body_turn as body_turn
 from .axes import imu_arm as imu_arm
 from .axes import sensor_turn as sensor_turn
 from .axes import world_turn as world_turn
-from .bag_columns import entries as entries
 from .bag_columns import mcap_is_sealed as mcap_is_sealed
-from .bag_columns import stamp as stamp
 from .block import Block as Block
 from .block import LogChannel as LogChannel
 from .block import SmoothedMotion as SmoothedMotion
@@ -36,6 +34,8 @@ from .map_tables import FrictionSection as FrictionSection
 from .map_tables import KnownSection as KnownSection
 from .map_tables import Map as Map
 from .map_tables import QuaternionSection as QuaternionSection
+from .messages import entries as entries
+from .messages import stamp as stamp
 from .netcdf import read_netcdf as read_netcdf
 from .read import BAGS as BAGS
 from .read import NETCDF as NETCDF

@@ -16,6 +16,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.records.columns import Clock, Columns, GrowingTable
 from aerobat_pin.records.csv_columns import MOST_CELLS
 from aerobat_pin.records.map_tables import LogTable
+from aerobat_pin.records.messages import entries, stamp
 from aerobat_pin.records.spool import Series, Spool
 from aerobat_pin.records.unpacking import Unpacking, check_bag, check_chunks
 
@@ -24,7 +25,6 @@ ROS_ENCODING = "cdr"  # encoding of ROS 2
 KNOWN_SCHEMAS = ("", "ros2msg", "ros2idl", "omgidl")  # languages of schemas that `rosbags` reads
 LARGEST_MESSAGE = 1_000_000  # bytes of a message with numbers
 REORDERED = 10_000  # messages of a topic that are put in order together
-POINT, TURN = "xyz", "xyzw"
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER, CHUNK = 0x02, 0x06
 RECORD_HEAD = 9  # bytes: opcode and length
@@ -187,59 +187,6 @@ class _Topic:
         """Return stamps and columns, with the recorder's delays if the headers have stamps of the same epoch."""
         self.flush(0)
         return self.rows.finished(late=self._stamped and self._largest_delay < LATEST_STAMP)
-
-
-def entries(message: Any) -> dict[str, float] | None:
-    """Return column -> number of a message; None for a type that has no columns."""
-    if hasattr(message, "name") and hasattr(message, "effort"):
-        found: dict[str, float] = {}
-        for part in ("position", "velocity", "effort"):
-            values = getattr(message, part)
-            if len(values) == len(message.name):
-                found |= {f"{part}.{joint}": float(x) for joint, x in zip(message.name, values, strict=True)}
-        return found
-    if hasattr(message, "linear_acceleration"):
-        return {
-            **_axes("orientation", message.orientation, TURN),
-            **_axes("angular_velocity", message.angular_velocity),
-            **_axes("linear_acceleration", message.linear_acceleration),
-        }
-    if hasattr(message, "wrench"):
-        return {**_axes("force", message.wrench.force), **_axes("torque", message.wrench.torque)}
-    found = {}
-    if hasattr(message, "pose"):
-        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-        found |= {**_axes("position", pose.position), **_axes("orientation", pose.orientation, TURN)}
-    if hasattr(message, "transform"):
-        place = message.transform
-        found |= {**_axes("position", place.translation), **_axes("orientation", place.rotation, TURN)}
-    if hasattr(message, "twist"):
-        twist = message.twist.twist if hasattr(message.twist, "twist") else message.twist
-        found |= {**_axes("linear", twist.linear), **_axes("angular", twist.angular)}
-    if found:
-        return found
-    data: Any = getattr(message, "data", None)
-    if isinstance(data, int | float) and not isinstance(data, bool):
-        return {"data": float(data)}
-    if data is not None and not isinstance(data, str | bytes) and hasattr(data, "__len__"):
-        try:
-            return {f"data.{k}": float(x) for k, x in enumerate(data)} if len(data) <= 1000 else None
-        except (TypeError, ValueError):
-            return None
-    return None
-
-
-def stamp(message: Any) -> float:
-    """Return the header's stamp of a message [s]; 0 if it has none."""
-    header = getattr(message, "header", None)
-    if header is None:
-        return 0.0
-    sub = header.stamp
-    return float(sub.sec) + 1e-9 * float(getattr(sub, "nanosec", getattr(sub, "nanosecs", 0)))
-
-
-def _axes(part: str, vector: Any, axes: str = POINT) -> dict[str, float]:
-    return {f"{part}.{axis}": float(getattr(vector, axis)) for axis in axes}
 
 
 class _McapRecord(NamedTuple):

@@ -148,7 +148,6 @@ SLOW = (
     "jinja2",
     "joblib",
     "gymnasium",
-    "yaml",
 )
 LIBRARIES = (*SLOW, "numpy", "numba", "pinocchio", "xarray", "pandas", "pydantic")
 

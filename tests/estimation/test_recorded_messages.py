@@ -14,7 +14,7 @@ from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.records import open_record, parse_map
-from aerobat_pin.records.bag_columns import stamp
+from aerobat_pin.records.messages import stamp
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from aerobat_pin.errors import AerobatError, LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, OnlineSample, Result, estimate
 from aerobat_pin.estimation.checks.compare import compare
 from aerobat_pin.records import describe_map, open_record, parse_map
-from aerobat_pin.records.bag_columns import stamp
+from aerobat_pin.records.messages import stamp
 from aerobat_pin.records.resample import line_means, turn_rates
 
 Edit = Callable[[dict[str, Any]], None]

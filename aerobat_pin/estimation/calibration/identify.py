@@ -25,7 +25,7 @@ from aerobat_pin.records import Parameter
 SPACING = 0.005  # [s] between samples that count
 INDEPENDENT = 50.0  # samples of one row that a run is worth: twice the harmonics that errors of the air have
 IDENTIFICATION_STEP = 0.02  # of the expected deviation: difference for the derivatives
-MOST_STEPS = 12
+MOST_LINEARISATIONS = 12
 FACTORS, SHIFT_LIMITS = (-0.7, 2.0), 0.04  # within which changes are sought: of factors [-], of lengths both ways [m]
 SETTLED_COST = 1.0e-4  # relative change of the cost at which the search ends
 UNSURE = 0.5  # of the deviation expected beforehand: a parameter that is known less well is not identifiable
@@ -173,7 +173,7 @@ def identify(
         np.zeros(len(parameters)),
         slopes,
         bounds,
-        max_nfev=MOST_STEPS,
+        max_nfev=MOST_LINEARISATIONS,
         ftol=SETTLED_COST,
         xtol=SETTLED_COST,
     )

@@ -74,10 +74,10 @@ def named_cause(
         if before is not None and before.cause.name != name:
             continue
         start = np.zeros(len(group)) if before is None else before.values
-        here = left if before is None else _unexplained(part.inputs, forces, name, start, inertial=group[0].inertial)
+        here = left if before is None else _residual_with(part.inputs, forces, name, start, inertial=group[0].inertial)
         slopes = np.stack(
             [
-                (_unexplained(part.inputs, forces, name, start + step, inertial=one.inertial) - here) / one.step
+                (_residual_with(part.inputs, forces, name, start + step, inertial=one.inertial) - here) / one.step
                 for one, step in zip(group, np.diag([one.step for one in group]), strict=True)
             ],
             axis=2,
@@ -129,7 +129,7 @@ def _changed_inputs(inputs: KnownInputs, forces: KnownForces, name: str, values:
     return inputs_of_block(forces.record, block, forces, inputs.rows)
 
 
-def _unexplained(inputs: KnownInputs, forces: KnownForces, name: str, values: Array, *, inertial: bool) -> Array:
+def _residual_with(inputs: KnownInputs, forces: KnownForces, name: str, values: Array, *, inertial: bool) -> Array:
     """Return R - e (m, nv) of a whole part as it would be with a cause."""
     robot = forces.record.robot
     if not np.any(values):

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.records import EXTENT, Columns, LogChannel, Record, mcap_is_sealed, typical_spacing
+from aerobat_pin.records import EXTENT, Columns, LogChannel, Record, typical_spacing
 
 FEWEST_CHANGES = 4  # of a channel that can be told to be held
 FREQUENT = 0.75  # share of samples that change in a channel that is not held
@@ -175,6 +175,8 @@ def _straight(channel: LogChannel) -> float:
 
 def _unsealed(path: Path) -> Iterator[Finding]:
     """Yield that a bag has no checksums, by which damaged numbers would be noticed."""
+    from aerobat_pin.records import mcap_is_sealed  # its module reads bags, and a flight needs none
+
     files = sorted(path.glob("*.mcap")) if os.path.isdir(path) else [path] if path.suffix.lower() == ".mcap" else []
     bare = [file.name for file in files if not mcap_is_sealed(file)]
     if bare:

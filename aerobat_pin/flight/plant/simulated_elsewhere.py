@@ -14,7 +14,7 @@ simulator's torques.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -22,12 +22,9 @@ import pinocchio as pin
 from aerobat_pin.errors import ScenarioError, SimulationError
 from aerobat_pin.flight.plant.kernels import evaluate
 from aerobat_pin.flight.plant.stepping import SteppedFlight
-from aerobat_pin.flight.plant.tables import State
+from aerobat_pin.flight.plant.tables import Flyer, State
 from aerobat_pin.numerics import Array, shaped
 from aerobat_pin.robot import BASE_SIZE
-
-if TYPE_CHECKING:
-    from aerobat_pin.flight.plant.plant import Plant
 
 EXCHANGES = 4  # an even number
 
@@ -76,7 +73,7 @@ class FlightElsewhere(SteppedFlight):
         ScenarioError: the scenario has a motor, elastic joints or a payload, of which the simulator knows nothing.
     """
 
-    def __init__(self, plant: Plant, held: Array, dt: float, start: State, endless: bool, simulator: Simulator) -> None:
+    def __init__(self, plant: Flyer, held: Array, dt: float, start: State, endless: bool, simulator: Simulator) -> None:
         """Begin the flight in the simulator."""
         if len(plant.crank_start) or plant.elastic.count or plant.scenario.plant.payload is not None or endless:
             raise ScenarioError(

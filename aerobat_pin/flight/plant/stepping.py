@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -13,13 +13,10 @@ from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant_state import Forces, split_forces
-from aerobat_pin.flight.plant.tables import HOPELESS, FlightTables, Flown, State, checked_flight
+from aerobat_pin.flight.plant.tables import HOPELESS, FlightTables, Flown, Flyer, State, checked_flight
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.numerics import Array, checked, lie_step, shaped
 from aerobat_pin.robot import BASE_SIZE
-
-if TYPE_CHECKING:
-    from aerobat_pin.flight.plant.plant import Plant
 
 
 class SteppedFlight:
@@ -38,7 +35,7 @@ class SteppedFlight:
         tables: the tables of the last n intervals, or of all of them.
     """
 
-    def __init__(self, plant: Plant, held: Array, dt: float, start: State, endless: bool) -> None:
+    def __init__(self, plant: Flyer, held: Array, dt: float, start: State, endless: bool) -> None:
         """Lay out the tables, and put the state into the kernel's memory."""
         self.plant, self.endless, self.done, self._window = plant, endless, 0, 0
         self._force: Array = np.zeros(held.shape[1])

@@ -6,18 +6,22 @@ A flight has diverged where it passes one of `LIMITS`.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
+import pinocchio as pin
 
-from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, StripLoads
+from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotAir, StripLoads
 from aerobat_pin.errors import SimulationError
+from aerobat_pin.flight.attitude_hold import AttitudeHold
+from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
+from aerobat_pin.flight.plant.elastic_joints import ElasticJoints
 from aerobat_pin.flight.plant.plant_state import Forces, split_forces
+from aerobat_pin.flight.point_forces import PointForce
+from aerobat_pin.linkage import Closure
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import BASE_SIZE, joint_table
-
-if TYPE_CHECKING:
-    from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
+from aerobat_pin.scenario import Scenario
 
 # Beyond these limits a flight has diverged.
 LIMITS = {
@@ -28,6 +32,35 @@ LIMITS = {
     "airspeed of a strip": (LARGEST_AIRSPEED, "m/s"),
 }
 HOPELESS = max(limit for limit, _ in LIMITS.values())  # no number of a state within the limits is larger
+
+
+class Flyer(Protocol):
+    """What a flight needs of the plant that flies: see `aerobat_pin.flight.plant.plant.Plant`."""
+
+    robot: Aerobat
+    scenario: Scenario
+    model: pin.Model
+    data: pin.Data
+    air: RobotAir
+    drive: CrankDrive | RateControlledMotor
+    forces: tuple[PointForce, ...]
+    hold: AttitudeHold | None
+    crank_start: Array
+    elastic: ElasticJoints
+    memory: Array
+    fields: Any
+
+    def substeps(self, dt: float) -> int:
+        """Return the number of integration steps in an interval [s]."""
+        ...
+
+    def wind(self, time: Array) -> Array:
+        """Return wind velocity and its rate of change (n, 2, 3), world axes."""
+        ...
+
+    def closure(self, time: Array) -> Closure:
+        """Close the linkage at the crank angles of times (n,) [s]."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -89,7 +122,7 @@ class FlightTables:
         bent: columns of the elastic joints' deflections in `states`.
     """
 
-    def __init__(self, plant: Plant, held: Array, dt: float, start: State, before: int = 0) -> None:
+    def __init__(self, plant: Flyer, held: Array, dt: float, start: State, before: int = 0) -> None:
         """Tabulate crank and wind, and make room for the rest."""
         self.plant, self.held, self.dt = plant, held, dt
         self.intervals, self.parts = held.shape[2], plant.substeps(dt)
