@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import json
 import secrets
+import signal
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from time import monotonic
@@ -240,6 +241,7 @@ def serve_live(
         announce(f"http://{hosts[0]}/?token={token}")
         await life.live()
 
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGPIPE])  # a page that is closed would end the program by it
     with suppress(KeyboardInterrupt), raising():
         asyncio.run(run())
 
