@@ -111,6 +111,26 @@ def test_a_second_writer_is_refused_by_the_number_of_the_first(target: Path) -> 
     write(target)
 
 
+def test_a_work_folder_that_another_process_has_just_removed_is_made_again(
+    target: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between the moment in which it is opened and that in which its lock is: as of four that write at once."""
+    opened, removed = folders.own_folder, list[str]()
+
+    def removed_once(path: Path, outer: int) -> int:
+        descriptor: int = opened(path, outer)
+        if not removed:
+            removed.append(path.name)
+            os.rmdir(path)
+        return descriptor
+
+    monkeypatch.setattr(folders, "own_folder", removed_once)
+    write(target)
+    assert removed == [".aerobat-target"]
+    assert written(target) == {"a.txt": "new", "mine.txt": "mine"}
+    assert os.listdir(target.parent) == ["target"]
+
+
 def test_files_are_written_together_or_not_at_all(tmp_path: Path) -> None:
     """A folder in the place of the second file: the first is not written either, and no folder stays."""
     (tmp_path / "two").mkdir()
