@@ -48,7 +48,8 @@ def interrupt(bench: Bench, number: signal.Signals, moment: float) -> tuple[str,
     shutil.rmtree(folder)
     if process.returncode == 0:
         return ("finished", *seen)
-    if process.returncode == 128 + number and said.startswith("interrupted: ") and said.count("\n") == 1:
+    # Lines about stages may stand before it, of a run that takes longer than a second.
+    if process.returncode == 128 + number and said.count("interrupted: ") == 1 and "Traceback" not in said:
         return ("ended in one line", *seen)
     ours = "aerobat_pin/" in said or "aerobat_description/" in said
     return ("before our first line" if process.returncode != -9 and not ours else "ended otherwise", *seen)
