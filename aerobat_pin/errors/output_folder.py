@@ -65,25 +65,33 @@ def claimed(target: Path) -> Iterator[Path]:
     refuse_links(target)
     asked, target = Path(os.path.normpath(target)), _real(target)
     place = _work_place(target)
-    opened = ExitStack()
-    try:
-        with without_empty((place, *place.parents, target)), cleaned(opened.close):
-            beside = asked if place.parent == target else asked.parent
+    opened, lock = ExitStack(), None
+
+    def clear() -> None:  # also while it runs already: a signal can come at any moment
+        nonlocal lock
+        if lock is not None:
+            _remove(place, holder, work)
             lock = None
+        opened.close()
+
+    try:
+        with without_empty((place, *place.parents, target)), cleaned(clear):
+            beside = asked if place.parent == target else asked.parent
             with undisturbed():
                 opened.callback(os.close, holder := opened_folder(place.parent if asked.name in ("", "..") else beside))
                 while lock is None:
                     opened.callback(os.close, work := own_folder(place, holder))
                     with suppress(FileNotFoundError):  # another process, at its end, has just removed the folder
-                        lock = _taken(place, holder, work, opened)
+                        opened.callback(os.close, lock := locked(place / LOCK, work))
             os.truncate(lock, 0)
             os.write(lock, b"%d\n" % os.getpid())
             for path in (place.with_name(name) for name in os.listdir(holder) if name.startswith(WORK)):
                 if path != place:
-                    with suppress(OSError), ExitStack() as other:  # of a process that lives, or of another user
-                        other.callback(os.close, folder := opened_ours(path, holder, OPEN_FOLDER))
-                        os.lstat(LOCK, dir_fd=folder)  # what has none is no work folder
-                        _taken(path, holder, folder, other)
+                    with suppress(OSError), ExitStack() as left:  # by a process that was killed, and is this user's
+                        left.callback(os.close, killed := opened_ours(path, holder, OPEN_FOLDER))
+                        os.lstat(LOCK, dir_fd=killed)  # what has none is no work folder
+                        left.callback(os.close, locked(path / LOCK, killed))
+                        _remove(path, holder, killed)
             os.close(own_folder(place / NEW, work))
             shutil.rmtree(NEW, ignore_errors=True, dir_fd=work)  # of a process that was killed
             os.mkdir(NEW, dir_fd=work)
@@ -214,15 +222,9 @@ def _link_others(old: Path, new: Path, results: set[Path]) -> None:
             there.mkdir(parents=True)
 
 
-def _taken(place: Path, holder: int, work: int, opened: ExitStack) -> int:
-    """Lock an open work folder until `opened` ends; then it is removed, its lock last, so that nobody else is in it."""
-    opened.callback(os.close, lock := locked(place / LOCK, work))
-
-    @opened.callback
-    def _remove() -> None:
-        shutil.rmtree(NEW, ignore_errors=True, dir_fd=work)
-        with suppress(OSError):
-            os.unlink(LOCK, dir_fd=work)
-            os.rmdir(place.name, dir_fd=holder)
-
-    return lock
+def _remove(place: Path, holder: int, work: int) -> None:
+    """Remove an open work folder, its lock last: until then no other process works in it."""
+    shutil.rmtree(NEW, ignore_errors=True, dir_fd=work)
+    with suppress(OSError):
+        os.unlink(LOCK, dir_fd=work)
+        os.rmdir(place.name, dir_fd=holder)

@@ -41,10 +41,10 @@ def write_files(contents: Mapping[Path, bytes | Path], within: Path | None = Non
     path, opened = Path(), ExitStack()
 
     def clear() -> None:
-        while beside:
-            path, folder = beside.popitem()
+        for path, folder in beside.items():
             with suppress(OSError):
                 os.unlink(WORK + path.name, dir_fd=folder)
+        beside.clear()
         opened.close()
 
     try:

@@ -75,7 +75,10 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
                     lock = os.open(f"{self._index_path}.lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
                     end.callback(os.close, lock)
                     last = time.monotonic() + LONGEST_WAIT
-                    while time.monotonic() < last and not _locks(lock):
+                    while time.monotonic() < last:
+                        with suppress(BlockingIOError):
+                            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                            break
                         time.sleep(0.02)
                 self._held = True
                 end.callback(setattr, self, "_held", False)
@@ -130,13 +133,6 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
         if os.path.lexists(path):
             _tell(f"the compiled kernel {path} is damaged, another's or of another version: it is compiled again")
         return None
-
-
-def _locks(file: int) -> bool:
-    with suppress(BlockingIOError):
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return True
-    return False
 
 
 def _tell(text: str) -> None:
