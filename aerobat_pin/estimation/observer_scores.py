@@ -13,11 +13,12 @@ from aerobat_pin.estimation.calibration_use import CalibrationUse, FoundEvent
 from aerobat_pin.estimation.row_residuals import row_contacts
 from aerobat_pin.estimation.scores import Score, point_label, short_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, warnings_about
+from aerobat_pin.estimation.trust import DOUBT_STRETCH, ComponentSize, InnovationScore, warnings_about
 from aerobat_pin.observers import DOUBTFUL, Redundancy
 
 ScoreTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
 TEXT_COLUMNS = ("observer", "point", "axis", "component")  # which begin at the left
+DOUBTFUL_STRETCH = 10.0  # times as large as stated over one second: what lasts for a part of a record is said, too
 SIZE_HEADER = ("observer", "component", "mean", "rms", "least", "largest", "deviation", "seen")
 
 
@@ -45,6 +46,7 @@ class ObserverScores:
         notes: a line of text about each thing that the observer chose or found beside the forces.
         seen: point -> share of the time in which its three forces are seen; None if no force was expected.
         k: how many times as large as stated the squared errors of the rows are; None if that cannot be seen.
+        worst_k: the largest k over a second, and when after the first interval that begins [s]; None as for `k`.
         events: contacts that were found; None where they were not sought, as without a calibration.
     """
 
@@ -64,6 +66,7 @@ class ObserverScores:
     notes: list[str]
     seen: Mapping[str, list[float | None]] | None = None
     k: float | None = None
+    worst_k: tuple[float, float] | None = None
     events: list[FoundEvent] | None = None
 
     @classmethod
@@ -101,6 +104,7 @@ class ObserverScores:
             deviation=by_point([size.deviation for size in components], head.standard_deviation),
             seen=by_point([size.seen for size in components], head.seen),
             k=estimate.doubt,
+            worst_k=estimate.worst_doubt,
             innovation=estimate.innovation,
             warnings=warnings_about(next(estimate.blocks())),
             events=found_events(estimate, use),
@@ -125,7 +129,10 @@ class ObserverScores:
         if self.k is None:
             return self.redundancy.describe(), self.redundancy.verdict == "inconsistent"
         words = f"belief: squared errors of the rows are {self.k:.2g} times as large as stated"
-        doubtful = self.k > DOUBTFUL
+        k, begin = self.worst_k or (self.k, 0.0)
+        if k > DOUBTFUL_STRETCH:
+            words += f", {k:.2g} times from {begin:.1f} to {begin + DOUBT_STRETCH:.1f} s"
+        doubtful = self.k > DOUBTFUL or k > DOUBTFUL_STRETCH
         return f"{words}: forces elsewhere, a moment, or a wrong model" if doubtful else words, doubtful
 
     def to_json(self) -> dict[str, Any]:
@@ -148,6 +155,7 @@ class ObserverScores:
             "components": tuple(ComponentSize(**size) for size in rest["components"]),
             "redundancy": Redundancy.from_json(rest["redundancy"]),
             "events": None if rest["events"] is None else [FoundEvent(**event) for event in rest["events"]],
+            "worst_k": None if rest["worst_k"] is None else tuple(rest["worst_k"]),
             "innovation": None if rest["innovation"] is None else InnovationScore(**rest["innovation"]),
         }
         return cls(points, **{**rest, **made})
