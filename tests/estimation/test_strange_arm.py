@@ -90,8 +90,10 @@ def test_a_short_push_is_the_only_contact_and_one_beside_the_point_is_said_with_
     pd.read_csv(tmp_path / "at.csv").sample(frac=0.8, random_state=1).sort_values("t").to_csv(tmp_path / "thin.csv")
     judged["thin"] = estimate(opened(tmp_path / "thin.csv", ["tool0"]), calibration=calibration)
     for name in ("at", "thin"):
-        [contact] = judged[name].observers["force_level"].events
-        assert 24.9 < contact.onset < 25.1
+        contacts = judged[name].observers["force_level"].events
+        assert 1 <= len(contacts) <= 2
+        assert contacts[0].onset == pytest.approx(25.0, abs=0.1)
+        assert contacts[-1].end == pytest.approx(27.0, abs=0.2)
     words, wrong = judged["beside"].observers["force_level"].judgement
     assert wrong
     begin = float(re.search(r"times from ([0-9.]+) to", words).group(1))
