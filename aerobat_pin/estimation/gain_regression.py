@@ -261,7 +261,7 @@ def regression(
     if section is None and found is not None:
         sizes = np.column_stack([found.coulomb, found.viscous, found.coulomb])  # the offset changes as Coulomb's does
         known = {record.robot.v_index(joint): size for joint, size in zip(forces.values.joints, sizes, strict=True)}
-    friction = 3 * bool(known) if section is None else 4 if section.law.endswith("inertia") else 3
+    friction = 3 * bool(known) if section is None else 4  # rotors have inertia, whether or not the law has
     p, at = errors.shape[1], errors.shape[1] + own.stop - own.start
     length = min(LASTS, (fit[1] - fit[0]) / FEWEST_BLOCKS)
     sums: list[dict[int, Array]] = [{}, {}]
@@ -276,7 +276,7 @@ def regression(
         table[:, :, -1] = forces.torque(block)[:, rows].T
         for k, row in enumerate(rows):
             if section is not None and row in driven:
-                table[k, :, at + 1 : -1] = friction_columns(section.law, v[:, row], a[:, row], rate)
+                table[k, :, at + 1 : -1] = friction_columns("inertia", v[:, row], a[:, row], rate)
             elif row in known:
                 columns = friction_columns("coulomb", v[:, row], a[:, row], rate)
                 table[k, :, at + 1 : -1] = FRICTION_ERROR * known[row] * columns
