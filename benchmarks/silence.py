@@ -59,6 +59,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         warm = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "kernels")}
+        warm.pop("PYTHONDONTWRITEBYTECODE", None)  # else each start compiles this package's three hundred modules
         gaps("run paper --out first", folder, warm, terminal=False)
         gaps(FREE, folder, warm, terminal=False)
         for title, words in COMMANDS.items():

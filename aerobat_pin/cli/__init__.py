@@ -27,7 +27,7 @@ def main() -> None:
         sys.modules.setdefault(name, None)  # type: ignore[arg-type]  # Python's way of saying "not installed"
     # pydantic asks every installed package whether it is a plugin of pydantic: a twentieth of a second.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    gc.set_threshold(20_000)  # a tenth of a start is spent looking for garbage among what was just imported
+    gc.set_threshold(200_000)  # a tenth of a start is spent looking for garbage among what was just imported
     with voice.speaking():
         from aerobat_pin.cli import app  # only now, because this takes a tenth of a second
 

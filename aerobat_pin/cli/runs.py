@@ -100,7 +100,8 @@ def compare_command(
     with doing("reading both runs"):
         comparison = compare_runs(first, second)
     typer.echo(str(comparison))
-    target = out or Path("runs") / f"compare-{first.resolve().name}-{second.resolve().name}"
+    names = "-".join(os.path.basename(os.path.realpath(folder)) for folder in (first, second))
+    target = out or Path("runs") / f"compare-{names}"
     with (
         output_folder(target, force=force, replaces=comparison.FILES, sign="comparison.html") as folder,
         doing("drawing both runs"),

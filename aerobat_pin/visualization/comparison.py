@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -223,7 +224,7 @@ class Comparison:
 
 def compare_runs(first: Path, second: Path) -> Comparison:
     """Read the folders of two runs. Raises LogError if one is none, or if they share no point of a force."""
-    names = [folder.resolve().name for folder in (first, second)]
+    names = [Path(os.path.realpath(folder)).name for folder in (first, second)]  # of links in a circle, too
     labels = names if names[0] != names[1] else ["first", "second"]
     return Comparison(*(ComparedRun.load(folder, label) for folder, label in zip((first, second), labels, strict=True)))
 

@@ -157,6 +157,9 @@ def test_two_runs_stand_side_by_side(
     assert score[1] in page
     assert call(monkeypatch, "compare", "one", "runs") == 2
     assert "runs is not the folder of a run: it has no scenario.toml" in capsys.readouterr().err
+    (tmp_path / "circle").symlink_to("circle")
+    assert call(monkeypatch, "compare", "circle", "circle") == 2
+    assert "circle is not the folder of a run" in capsys.readouterr().err
     (tmp_path / "two" / "metrics.json").write_text("[]")
     assert call(monkeypatch, "compare", "one", "two", "--force") == 2
     assert "the scores of a run were expected" in capsys.readouterr().err
