@@ -11,8 +11,8 @@ disturbances, the gains forward, where thrusters hardly push, and the bias of th
 The search is sequential quadratic programming in the logarithms of all other gains (SLSQP of SciPy), in rounds: none
 goes farther than `FARTHEST`, and of its way only what is within the limits is kept; the last one gains less than
 `LEAST`. It begins with the gains in `closed_loop_gains.json`, and with `--starts` others about them. The best stay
-there, so it goes on where it was stopped, and it takes minutes. What each start ends at is printed: where they agree
-there is one optimum.
+there, so it goes on where it was stopped (and a run for the observer's law replaces its kept gains), and it takes
+minutes. What each start ends at is printed: where they agree there is one optimum.
 
 Kept are the optima of PD (two starts: 2.3288, 2.3282) and of PD with integral (1.2650, 1.2672), and for the
 observer's law gains of an earlier search by flights. Its optimum here (three starts: 1.125 to 1.128) is as good, not

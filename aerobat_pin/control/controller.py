@@ -154,8 +154,7 @@ class Controller:
         law.steering[:] = ahead.real, ahead.imag
         law.compensates[...], law.tick[...] = float(control.feedforward), self.dt
         law.settled[...], law.lead[...] = self.dt / PITCHED_IN, control.lead
-        lead = believed.lag / control.lead
-        law.follow[...] = 1.0 - math.exp(-self.dt / lead) if lead > 0.0 else 1.0
+        law.follow[...] = follow_share(control.lead / believed.lag, self.dt) if believed.lag > 0.0 else 1.0
         self.allocation.fill(law.limited)
 
     def _restart(self) -> None:

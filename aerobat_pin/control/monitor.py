@@ -58,7 +58,7 @@ class LoopState:
 class WatchState(NamedTuple):
     """State of the monitor.
 
-    Constants: `limit` (m,) of the thrusters [N], `samples` (1,) in a window, `silent` () in ticks.
+    Constants: `limit` (m,) of the thrusters [N], `samples` (1,) in a window, `silent` (1,) in ticks, `swings` (6,).
 
     State of a window: `seen` (1,) samples, `squares`, `signs`, `crossings` (6,), `held` () commands at a limit, `short`
     (2,) squares of what they left of roll and lift; of the window before: `before` (6,) rms.
@@ -71,6 +71,7 @@ class WatchState(NamedTuple):
     limit: Annotated[Array, "m"]
     samples: Annotated[Integers, "1"]
     silent: Annotated[Integers, "1"]
+    swings: Annotated[Array, "6"]
     seen: Annotated[Integers, "1"]
     squares: Annotated[Array, "6"]
     signs: Annotated[Array, "6"]
@@ -85,9 +86,9 @@ class WatchState(NamedTuple):
     share: Annotated[Array, ""]
     left: Annotated[Array, "2"]
     ticks: Annotated[Integers, "1"]
-    swings: Annotated[Array, "6"]
 
 
+CONSTANTS = 4  # fields
 OFF, TILT = 7, 8
 DEGRADED, SATURATED, UNSTABLE, LOST = 1, 2, 3, 4
 
@@ -112,13 +113,9 @@ class Monitor:
 
     def restart(self) -> None:
         """Begin a flight."""
-        fields = self._fields
-        for state in (fields.seen, fields.word, fields.at, fields.why, fields.ticks):
-            state[:] = 0
-        for values in (fields.squares, fields.signs, fields.crossings, fields.short, fields.left):
-            values[:] = 0.0
-        fields.held[...] = fields.size[...] = fields.share[...] = 0.0
-        fields.before[:] = np.inf
+        for state in self._fields[CONSTANTS:]:
+            state[...] = 0
+        self._fields.before[:] = np.inf
 
     def take(self, command: Array, unrealised: Array) -> None:
         """Take the commands (m,) [N] that followed from the sample, and what limits left of their wrench (6,)."""

@@ -55,7 +55,6 @@ from aerobat_pin.control.sensed_channels import (
     rotate_vector,
     share,
     taken_at,
-    turn_back,
     within_half_a_turn,
 )
 from aerobat_pin.linkage import joint_series, joints_at
@@ -238,7 +237,7 @@ def carry(s: Senses, at: Array) -> None:
     else:
         before = s.carriers[(s.ticks[0] - 1) % s.carriers.shape[0]]
         dt = s.tick[()]
-        rotate_vector(estimate[3:7], estimate[7:10], s.a)
+        rotate_vector(estimate[3:7], estimate[7:10], 1.0, s.a)
         for i in range(3):
             at[i] = before[i] + dt * s.a[i]
             s.place[i] += dt * s.a[i]
@@ -293,15 +292,15 @@ def velocity(s: Senses, at: Array) -> None:
     now, estimate = s.now, s.estimate
     for i in range(3):
         s.a[i] = s.offset[7 + i] + at[7 + i]
-    turn_back(estimate[3:7], s.a, estimate[7:10])
+    rotate_vector(estimate[3:7], s.a, -1.0, estimate[7:10])
     if not is_good(s, VELOCITY):
         return
     product(estimate[3:7], at[3:7], -1.0, s.b)
     product(s.b, late[3:7], 1.0, s.a)  # the attitude when the sample was taken
-    rotate_vector(s.a, now[7:10], s.b)
+    rotate_vector(s.a, now[7:10], 1.0, s.b)
     for i in range(3):
         s.a[i] = s.b[i] + at[7 + i] - late[7 + i]
-    turn_back(estimate[3:7], s.a, s.candidate[7:10])
+    rotate_vector(estimate[3:7], s.a, -1.0, s.candidate[7:10])
     off = 0.0
     for i in range(7, 10):
         off = max(off, abs(s.candidate[i] - estimate[i]))

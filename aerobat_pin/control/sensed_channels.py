@@ -166,19 +166,9 @@ def product(a: Array, b: Array, sign: float, out: Array) -> None:
 
 
 @inner
-def rotate_vector(q: Array, v: Array, out: Array) -> None:
-    """Write a vector (3,) of the body's axes in the world's, by the attitude xyzw q."""
-    x, y, z, w = q[0], q[1], q[2], q[3]
-    a, b, c = 2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0])
-    first, second = v[0] + w * a + y * c - z * b, v[1] + w * b + z * a - x * c
-    out[2] = v[2] + w * c + x * b - y * a
-    out[0], out[1] = first, second
-
-
-@inner
-def turn_back(q: Array, v: Array, out: Array) -> None:
-    """Write a vector (3,) of the world's axes in the body's, by the attitude xyzw q."""
-    x, y, z, w = -q[0], -q[1], -q[2], q[3]
+def rotate_vector(q: Array, v: Array, sign: float, out: Array) -> None:
+    """Write a vector (3,) of the body's axes in the world's, by the attitude xyzw q; back if the sign is -1."""
+    x, y, z, w = sign * q[0], sign * q[1], sign * q[2], q[3]
     a, b, c = 2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0])
     first, second = v[0] + w * a + y * c - z * b, v[1] + w * b + z * a - x * c
     out[2] = v[2] + w * c + x * b - y * a

@@ -11,9 +11,9 @@ second [mm], where one number is changed:
     time constant of closures, 2, 1, .5, .25 ms       1.394, .488, .234, .185        about .17 + .3 (time / ms)^2
     steps of MuJoCo, .25, .125, .0625 ms              .259, .234, .233
 
-At all three limits .162 mm are left. The air's forces are held over a step of the plant: with steps of 1, .5 and .25 ms
-it is .162, .131 and .117 mm, which comes to about .10. R2 of Fx in `paper` is above .998 whatever the mass, .9972 with
-closures of 2 ms; with .25 ms they ring, and that of Fy falls to .936.
+At all three limits .162 mm are left, .131 and .117 mm where the plant, which holds the air's forces over a step, has
+steps of .5 and .25 ms. R2 of Fx in `paper` is above .998 whatever the mass, .9972 with closures of 2 ms; with .25 ms
+they ring, and that of Fy falls to .936.
 """
 
 from __future__ import annotations
