@@ -39,7 +39,8 @@ def tilt_of(chosen: Map) -> float:
 def with_tilt(components: Array, deviation: Array, tilt: float) -> Array:
     """Return standard deviations (..., 3 n) [N] of forces in world axes, seen in axes with a random tilt.
 
-    A tilt (a, b, 0) changes F by (a, b, 0) x F, so by tilt Fz along x and y, and by tilt |(Fx, Fy)| along z.
+    A tilt (a, b, 0) changes F by (a, b, 0) x F, so by tilt Fz along x and y, and by tilt |(Fx, Fy)| along z. It comes
+    of an accelerometer's offset, which along z makes gravity, and with it all forces that bear it, larger by as much.
 
     Args:
         components: (..., 3 n) the forces [N].
@@ -48,5 +49,5 @@ def with_tilt(components: Array, deviation: Array, tilt: float) -> Array:
     """
     force = components.reshape(*components.shape[:-1], -1, 3)
     x, y, z = (force[..., k] ** 2 for k in range(3))
-    moved = tilt**2 * np.stack([z, z, x + y], axis=-1)
+    moved = tilt**2 * np.stack([z, z, x + y + z], axis=-1)
     return np.asarray(np.sqrt(deviation**2 + moved.reshape(components.shape)))

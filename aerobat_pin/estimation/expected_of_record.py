@@ -90,10 +90,10 @@ def expected_from(
     return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), *values.stiction(robot))
 
 
-def lifted_errors(rows: Array, jacobians: Array, least: float) -> Array:
-    """Return the rms (nv,) of the rows of each leg while its foot carries nothing; 0 where that is not shown.
+def lifted_feet(rows: Array, jacobians: Array, least: float) -> tuple[Array, Array]:
+    """Return which foot is in the air (m, n), and which rows (n, nv) are those of its leg alone.
 
-    A leg in the air is free of unknown forces, so its rows show friction and noise, however small its efforts.
+    A foot is in the air where its own joints say that it carries nothing: it is then free of unknown forces.
 
     Args:
         rows: (m, nv) generalised forces behind the observer's low-pass.
@@ -101,13 +101,24 @@ def lifted_errors(rows: Array, jacobians: Array, least: float) -> Array:
         least: a foot with less force than that is in the air [N].
     """
     moved = np.any(jacobians != 0.0, axis=0).reshape(-1, 3, rows.shape[1]).any(axis=1)  # which foot, by which row
-    errors = np.zeros(rows.shape[1])
-    for foot, own in enumerate(moved & (moved.sum(axis=0) == 1)):
+    legs = moved & (moved.sum(axis=0) == 1)
+    lifted = np.zeros((len(rows), len(legs)), bool)
+    for foot, own in enumerate(legs):
         J = jacobians[:, 3 * foot : 3 * foot + 3][:, :, own]
         force = (np.linalg.pinv(np.swapaxes(J, 1, 2)) @ rows[:, own, None])[..., 0]
-        lifted = np.linalg.norm(force, axis=1) < least
-        if lifted.sum() >= LEAST_LIFTED:
-            errors[own] = column_rms(rows[lifted][:, own])
+        lifted[:, foot] = own.any() & (np.linalg.norm(force, axis=1) < least)
+    return lifted, legs
+
+
+def lifted_errors(rows: Array, jacobians: Array, least: float) -> Array:
+    """Return the rms (nv,) of the rows of each leg while its foot carries nothing; 0 where that is not shown.
+
+    They show friction and noise, however small the efforts are.
+    """
+    errors, (lifted, legs) = np.zeros(rows.shape[1]), lifted_feet(rows, jacobians, least)
+    for up, own in zip(lifted.T, legs, strict=True):
+        if up.sum() >= LEAST_LIFTED:
+            errors[own] = column_rms(rows[up][:, own])
     return errors
 
 

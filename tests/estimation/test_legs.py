@@ -21,6 +21,7 @@ from aerobat_pin.estimation import estimate
 from aerobat_pin.estimation.added_deviations import with_tilt
 from aerobat_pin.estimation.contacts import contact_probability, stances_of, touching
 from aerobat_pin.estimation.expected_of_record import lifted_errors
+from aerobat_pin.estimation.factors_by_balance import factors_by_balance
 from aerobat_pin.estimation.moving_axes import change_of_axes
 from aerobat_pin.records import base_requests, open_record, parse_map
 
@@ -92,9 +93,9 @@ def test_a_change_of_axes_is_no_force(folder: Path) -> None:
 
 
 def test_a_tilt_turns_forces_in_world_axes() -> None:
-    """10 mrad: 1 N along x and y of 100 N upward, and nothing of them upward."""
+    """10 mrad: 1 N along x and y of 100 N upward; upward 1 N, as an offset of so much of gravity, and .05 of 5 N."""
     force = np.array([[0.0, 0.0, 100.0, 3.0, 4.0, 0.0]])
-    np.testing.assert_allclose(with_tilt(force, np.zeros((1, 6)), 0.01), [[1.0, 1.0, 0.0, 0.0, 0.0, 0.05]], atol=1e-12)
+    np.testing.assert_allclose(with_tilt(force, np.zeros((1, 6)), 0.01), [[1.0, 1.0, 1.0, 0.0, 0.0, 0.05]], atol=1e-12)
     np.testing.assert_allclose(with_tilt(force, np.ones((1, 6)), 0.0), np.ones((1, 6)))
 
 
@@ -115,6 +116,23 @@ def test_a_leg_in_the_air_shows_the_errors_of_its_rows() -> None:
     np.testing.assert_allclose(found[6:12], sizes[:6], rtol=0.03)
     assert not found[:6].any()
     assert not found[12:].any()
+
+
+def test_the_weight_tells_factors_of_efforts() -> None:
+    """Two legs of one sliding joint each carry 100 N in turn; one shows 4 % too much: so much of its factor, and size.
+
+    What a sum does not tell apart stays unsure: two legs that stand together carry 2 % too much.
+    """
+    attitude, G = np.broadcast_to(np.eye(3), (400, 3, 3)), np.broadcast_to(np.eye(2), (400, 2, 2))
+    for together, errors in ((False, [0.0, 0.04]), (True, [0.02, 0.02])):
+        arm = np.array([0.0, 0.0] if together else [0.2, -0.2])  # left and right of the base [m]
+        force = np.full((400, 2), 50.0) if together else 100.0 * np.eye(2)[np.arange(400) // 10 % 2]
+        J, y = np.zeros((400, 2, 8)), np.zeros((400, 8))
+        J[:, :, 2], J[:, :, 3], J[:, :, 6:] = 1.0, arm, np.eye(2)
+        y[:, 2], y[:, 3], y[:, 6:] = force.sum(axis=1), force @ arm, force + force * [0.0, 0.04]
+        d, sure = factors_by_balance(y, J, G, [6, 7], force, attitude, np.full(6, 1e-3), 0.1)
+        np.testing.assert_allclose(d, errors, atol=1e-3)
+        assert sure.max() < 3e-3 if not together else sure.min() > 0.03
 
 
 def test_contacts_begin_and_end_where_the_weight_says(folder: Path) -> None:
