@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 
 QUIET = 1.4  # [s]: a command that is faster says nothing about its stages, and none is silent for longer
 LINE_EVERY, LONG = 10.0, 60.0  # [s] between lines of a command that takes longer than `LONG`
-TICK = 0.1  # [s]
+TICK_TIME = 0.1  # [s]
 STARTING = "starting"
 
 
@@ -65,7 +65,7 @@ class Voice:
         self._begin = self._last = time.monotonic()
 
         def watch() -> None:
-            while not over.wait(TICK):
+            while not over.wait(TICK_TIME):
                 if not self._resting:
                     self.tick()
 

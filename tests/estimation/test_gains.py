@@ -21,6 +21,7 @@ from aerobat_pin.records import Record, parse_map
 FACTORS = np.array([0.85, 1.1, 0.95, 1.15, 0.9, 1.1])
 LIGHT, HEAVY = (2.0, (0.03, 0.16, 0.05)), (3.0, (-0.05, 0.1, 0.02))  # [kg], [m]: what it carries
 WRONG = 0.07  # of masses, and a third of it [m] of centres of the links, where they are wrong
+ROTORS = 0.15  # [kg m2]: inertia of each rotor behind its gear, in no URDF
 SOUGHT = {"frame": "tool"}
 KNOWN = SOUGHT | {"mass": LIGHT[0], "com": list(LIGHT[1])}
 
@@ -83,6 +84,14 @@ def test_a_known_payload_tells_all_factors_and_they_tell_another_payload(folder:
         assert result.mass == pytest.approx(
             sum(result.forces.record.robot.own_model.inertias[k].mass for k in range(1, 7)) + values["mass"]
         )
+
+
+def test_rotors_that_no_law_asks_for_leave_the_factors_right(folder: Path) -> None:
+    """Their inertia moves with gravity's torque as joints swing: left out, it made factors 18 % too small."""
+    swing(folder / "rotors.csv", 7, FACTORS, LIGHT, rotors=ROTORS)
+    found = calibrate([opened(folder, "rotors", payload=KNOWN)])
+    deviations = [fit.values["deviation of the factor"] for fit in found.fitted.fits[-6:]]
+    assert np.all(np.abs(found.fitted.scale / FACTORS - 1.0) < 2.5 * np.array(deviations))
 
 
 def test_known_gains_tell_a_payload_beside_friction(folder: Path) -> None:

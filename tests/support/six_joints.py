@@ -42,6 +42,7 @@ def swing(
     factors: Sequence[float] = (1.0,) * 6,
     payload: tuple[float, tuple[float, float, float]] | None = None,
     wrong: float = 0.0,
+    rotors: float = 0.0,
 ) -> None:
     """Write a table of the arm that moves all joints, and its URDF beside it.
 
@@ -52,6 +53,7 @@ def swing(
         payload: mass [kg] and centre in `tool` [m] of what it carries.
         wrong: standard deviation of the true masses over the URDF's, and a third of it of their centres [-, m]; the
             links are the same for every seed.
+        rotors: inertia of each joint's rotor behind its gear [kg m2], which the URDF leaves out.
     """
     (file.parent / "six.urdf").write_text(six_joints())
     model, rng = pin.buildModelFromXML(six_joints()), np.random.default_rng(seed)
@@ -70,7 +72,7 @@ def swing(
     v = np.sum((size * speed)[:, None] * np.cos(angle), axis=0)
     a = np.sum(-(size * speed**2)[:, None] * np.sin(angle), axis=0)
     torque = np.stack([pin.rnea(model, data, *one) for one in zip(q, v, a, strict=True)])
-    torque += COULOMB * np.tanh(v / 0.02) + VISCOUS * v + NOISE * rng.standard_normal(q.shape)
+    torque += rotors * a + COULOMB * np.tanh(v / 0.02) + VISCOUS * v + NOISE * rng.standard_normal(q.shape)
     columns = {"t": time}
     for k, joint in enumerate(SIX):
         columns |= {f"{joint}_q": q[:, k], f"{joint}_v": v[:, k], f"{joint}_i": torque[:, k] / factors[k]}
