@@ -68,7 +68,7 @@ class Tried(NamedTuple):
 
 
 def tried(count: int, seeds: Sequence[int]) -> Iterator[Tried]:
-    """Try `count` bad inputs, in equal shares by each of the seeds of all choices; yield every hundred, and the end."""
+    """Try `count` bad inputs, or a few more: an equal share by each of the seeds; yield every hundred, and the end."""
     counts, faults = Counter[tuple[int, str]](), list[str]()
     with tempfile.TemporaryDirectory() as folder, Doors(Path(folder), SLOWEST) as doors:
         _ = (
@@ -80,7 +80,7 @@ def tried(count: int, seeds: Sequence[int]) -> Iterator[Tried]:
         )  # made before anything is timed
         doors.longest, doors.patience = 0.0, PATIENCE
         rngs = [np.random.default_rng(seed) for seed in seeds]
-        drawn = zip(*(drawn_classes(rng, count // len(seeds)) for rng in rngs), strict=True)
+        drawn = zip(*(drawn_classes(rng, -(-count // len(seeds))) for rng in rngs), strict=True)
         for k, (rng, number) in enumerate(pair for row in drawn for pair in zip(rngs, row, strict=True)):
             attempt = doors.attempt(rng, number)
             fault = next((name for name in FAULTS if attempt.fault.startswith(name)), "wrong message")
@@ -103,8 +103,7 @@ def main() -> int:
     start, wrong = time.monotonic(), 0
     words = f"--count {chosen.count} --seeds {' '.join(map(str, chosen.seeds))}"
     for found in tried(chosen.count, chosen.seeds):
-        asked = chosen.count - chosen.count % len(chosen.seeds)
-        PAGE.write_text(page(found, words, asked, (time.monotonic() - start) / 60.0))
+        PAGE.write_text(page(found, words, chosen.count, (time.monotonic() - start) / 60.0))
         wrong = len(found.faults)
     return int(wrong > 0)
 

@@ -1,9 +1,9 @@
-"""Write docs/broken_runs.md: runs that are killed at random moments, that meet a full disk, or that are two at once.
+"""Write docs/broken_runs.md: runs that are killed at random moments, that meet a full disk, or that are four at once.
 
     PYTHONPATH=tests python benchmarks/broken_runs.py [--moments 100] [--seed N]
 
 Every signal is sent to a process of its own, at any time from its start to its end. The other cases are those of
-`tests/support/broken_runs.py`.
+`tests/support/broken_runs.py`. All is done on two file systems: that of temporary folders, and /dev/shm.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from support.bench import NEW, RUN, Bench, content
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "broken_runs.md"
-SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
+SIGNALS = {signal.SIGKILL: 1, signal.SIGTERM: 2, signal.SIGINT: 2}  # signal -> at every which moment it is sent
+PLACES = (Path(tempfile.gettempdir()), Path("/dev/shm"))
 COMMAND = [sys.executable, "-m", "aerobat_pin", *RUN, *NEW]
 SIZES = (1_000, 30_000, 120_000, 400_000)  # [bytes]
 ENDS = ("finished", "ended in one line", "before our first line", "ended otherwise")
@@ -47,7 +48,8 @@ def interrupt(bench: Bench, number: signal.Signals, moment: float) -> tuple[str,
     shutil.rmtree(folder)
     if process.returncode == 0:
         return ("finished", *seen)
-    if process.returncode == 128 + number and said.startswith("interrupted: ") and said.count("\n") == 1:
+    # Lines about stages may stand before it, of a run that takes longer than a second.
+    if process.returncode == 128 + number and said.count("interrupted: ") == 1 and "Traceback" not in said:
         return ("ended in one line", *seen)
     ours = "aerobat_pin/" in said or "aerobat_description/" in said
     return ("before our first line" if process.returncode != -9 and not ours else "ended otherwise", *seen)
@@ -60,33 +62,30 @@ def undisturbed(bench: Bench) -> float:
     return time.monotonic() - start
 
 
-def signal_table(bench: Bench, moments: int, rng: np.random.Generator) -> list[str]:
-    """Return the table of signals."""
+def signal_rows(bench: Bench, place: str, moments: int, rng: np.random.Generator) -> list[str]:
+    """Return the rows of a file system in the table of signals."""
     undisturbed(bench)  # the first one may compile
-    counts = {number: Counter[str]() for number in SIGNALS}
+    counts, tries = {number: Counter[str]() for number in SIGNALS}, Counter[int]()
     for k in range(moments):
         if k % 10 == 0:  # the machine may have become busier
             longest = 1.05 * undisturbed(bench)
-        for number in SIGNALS:
+        for number in (number for number, every in SIGNALS.items() if k % every == 0):
             counts[number].update(interrupt(bench, number, float(rng.uniform(0.0, longest))))
-        print(f"{k + 1} of {moments}", {number.name: dict(count) for number, count in counts.items()}, flush=True)
-    names = (*ENDS, *STATES)
-    lines = [f"| signal | moments | {' | '.join(names)} |", "|---" * (len(names) + 2) + "|"]
-    for number, count in counts.items():
-        lines.append(f"| {number.name} | {moments} | {' | '.join(str(count[name]) for name in names)} |")
-    return lines
+            tries[number] += 1
+        print(f"{place}: {k + 1} of {moments}", {number.name: dict(one) for number, one in counts.items()}, flush=True)
+    return [
+        f"| {number.name} | {place} | {tries[number]} | {' | '.join(str(count[name]) for name in (*ENDS, *STATES))} |"
+        for number, count in counts.items()
+    ]
 
 
-def case_table(bench: Bench) -> list[str]:
-    """Return the table of the other cases."""
-    cases = [broken.at_once(2), broken.at_once(5), *(broken.limited(size) for size in SIZES)]
+def case_rows(bench: Bench, place: str) -> list[str]:
+    """Return the rows of a file system in the table of the other cases."""
+    cases = [broken.at_once(2), broken.at_once(4), *(broken.limited(size) for size in SIZES)]
     if broken.can_mount():
         cases += [broken.full_disk(size) for size in SIZES]
-    lines = ["| case | tries | as it should be |", "|---|---|---|"]
-    for case in cases:
-        good = sum(case.play(bench, bench.new_folder()) == [] for _ in range(5))
-        lines.append(f"| {case.name} | 5 | {good} |")
-    return lines
+    good = [sum(case.play(bench, bench.new_folder()) == [] for _ in range(5)) for case in cases]
+    return [f"| {case.name} | {place} | 5 | {count} |" for case, count in zip(cases, good, strict=True)]
 
 
 def main() -> None:
@@ -96,9 +95,16 @@ def main() -> None:
     parser.add_argument("--moments", type=int, default=100, help="random moments for each signal")
     parser.add_argument("--seed", type=int, default=1)
     chosen = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder, Bench(Path(folder)) as bench:
-        signals = signal_table(bench, chosen.moments, np.random.default_rng(chosen.seed))
-        cases = case_table(bench)
+    rng = np.random.default_rng(chosen.seed)
+    names = ("signal", "file system", "moments", *ENDS, *STATES)
+    signals = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
+    cases = ["| case | file system | tries | as it should be |", "|---|---|---|---|"]
+    for place in (place for place in PLACES if place.is_dir()):
+        asked = ["df", "--output=fstype", str(place)]
+        kind = subprocess.run(asked, check=True, capture_output=True, text=True).stdout.split()[-1]
+        with tempfile.TemporaryDirectory(dir=place) as folder, Bench(Path(folder)) as bench:
+            signals += signal_rows(bench, kind, chosen.moments, rng)
+            cases += case_rows(bench, kind)
     PAGE.write_text(TEXT.format(date=time.strftime("%Y-%m-%d"), signals="\n".join(signals), cases="\n".join(cases)))
 
 
@@ -119,7 +125,7 @@ Afterwards the folder holds the old result, the new one, or something else, whic
 changed or missing file of the user's. A work folder can be left behind by `kill -9` alone, and the next run removes it.
 A statement is false if a program says that nothing was written and the new result is there.
 
-## Two at once, and no space
+## Several at once, and no space
 
 {cases}
 

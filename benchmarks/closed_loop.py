@@ -105,6 +105,7 @@ def margins(board: Board, seeds: Sequence[int]) -> None:
     longer = "simulation.duration=5.0"
     for what, setting, belief in (
         ("thrust x0.6", "thrusters.factor=0.6", "believed.thrusters.factor=1.0"),
+        ("thrust x0.7", "thrusters.factor=0.7", "believed.thrusters.factor=1.0"),
         ("thrust x3", "thrusters.factor=3.0", "believed.thrusters.factor=1.0"),
         ("20 ms of delay", "thrusters.delay=0.02", "believed.thrusters.delay=0.001"),
         ("lag of 30 ms", "thrusters.lag=0.03", "believed.thrusters.lag=0.045"),

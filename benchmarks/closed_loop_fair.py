@@ -25,7 +25,7 @@ from closed_loop_search import GAINS, SCENARIO, settings_of
 from aerobat_pin.control import Controller, loop_margins, noise_slew, wrong_plant_ms
 from aerobat_pin.scenario import load_scenario
 
-FIRST_SEED = 601
+FIRST_SEED = 701
 GUST = "gust_closed_loop"
 CALM = "unknown_force=[]"
 FORCE = 'unknown_force=[{{frame="base_link", axes="world", direction=[0.0, 1.0, 0.0], {}}}]'
@@ -35,19 +35,20 @@ LATE = tuple(
 BELIEF = "believed.thrusters={lag=0.045, delay=0.001}"
 SLOW, BEHIND = ("thrusters.lag=0.09", BELIEF), ("thrusters.delay=0.02", BELIEF)
 OLD = ("sensors.velocity.delay=0.03", "believed.sensors.velocity.delay=0.0")
+GUST_OF = "air.gust={{amplitude={}, start=0.7, duration={}}}"
+TURBULENCE = "air.turbulence={{{{deviation={}, length={}, seed={{seed}}}}}}"
+STILL = "believed.air={gust={amplitude=[0, 0, 0]}, turbulence={deviation=[0, 0, 0]}}"
 CASES: dict[str, tuple[str, tuple[str, ...], str]] = {
     "push on the left wing": (SCENARIO, (), "y"),
     "2 mN sideways": (SCENARIO, (FORCE.format('signal="step", height=0.002, start=0.0'),), "y"),
     "lateral gust, 1.5 m/s": (GUST, (), "y"),
-    "gust upwards, 1.5 m/s": (GUST, ("air.gust.amplitude=[0.0, 0.0, 1.5]",), "z"),
-    "lateral gust, 2 m/s over 0.8 s": (GUST, ("air.gust={amplitude=[0.0, 2.0, 0.0], start=0.7, duration=0.8}",), "y"),
-    "turbulence, Dryden, 1 m/s": (
+    "gust upwards, 1.5 m/s": (SCENARIO, (CALM, GUST_OF.format("[0, 0, 1.5]", 0.4), STILL), "z"),
+    "lateral gust, 2 m/s over 0.4 s": (SCENARIO, (CALM, GUST_OF.format("[0, 2, 0]", 0.4), STILL), "y"),
+    "lateral gust, 2 m/s over 0.8 s": (SCENARIO, (CALM, GUST_OF.format("[0, 2, 0]", 0.8), STILL), "y"),
+    "turbulence sideways, 1 m/s, eddies of 1.6 m": (SCENARIO, (CALM, TURBULENCE.format("[0, 1, 0]", 1.6), STILL), "y"),
+    "turbulence along all axes, 1 m/s, eddies of 1 m": (
         SCENARIO,
-        (
-            CALM,
-            "air.turbulence={{deviation=[1.0, 1.0, 1.0], seed={seed}}}",
-            "believed.air.turbulence.deviation=[0, 0, 0]",
-        ),
+        (CALM, TURBULENCE.format("[1, 1, 1]", 1.0), STILL),
         "y",
     ),
     "side wind, 1 m/s": (SCENARIO, (CALM, "air.wind=[0.0, 1.0, 0.0]", "believed.air.wind=[0.0, 0.0, 0.0]"), "y"),
@@ -67,23 +68,72 @@ CASES: dict[str, tuple[str, tuple[str, ...], str]] = {
 }
 WORDS = """Each law has gains of its own, within the same limits: Ms at most 2.4 on each of four wrong plants, a delay
 margin of at least 23 ms, 27 N/s of slew by the sensors' noise (steering and pushes add to it). All seeds are new. PD
-with integral was tuned to the edge of the limits by `benchmarks/closed_loop_search.py`, on a linear model, whose
-disturbances were settled after looking at these flights with another seed. The observer's law has gains of an earlier
-search, by the push and the gusts with other seeds, and stays inside the limits: where it is behind, part of that is
-tuning. How fast the bias of the velocity is found was chosen for both by four of these flights, with another seed.
+and PD with integral were tuned to the edge of the limits by `benchmarks/closed_loop_search.py`, on a linear model.
+The observer's law has gains of an earlier search by flights; the optimum of the new one is no better on other
+disturbances (that file says what was compared). The disturbances of the linear model were settled after a look at
+flights like these with another seed; weights and `control.bias` were compared on other disturbances, with other
+seeds, and stayed.
 
-What the observer gives: 3 to 22 % less error of a push on a wing, of a short lateral gust, of a side wind and of sines
-up to 1 Hz, and a law that twice the believed thrust lag does not upset. What it costs: PD with integral is ahead in
-turbulence, in a long gust, in a gust upwards, in calm, where the attitude is off, and where thrusters are later than
-believed. A 2 Hz push is faster than both: plain PD is best. With the truth in the place of its estimate, filtered
-alike, a push and a gust change by 2 %: lag of the thrusters and authority bind, not estimation.
+What the observer gives, beside PD with integral: 3 to 22 % less error of a push on a wing, lateral gusts of .4 s, a
+side wind, a weak thruster, turbulence and sines, and a law that twice the believed thrust lag does not upset. What it
+costs: it is behind in a long gust (by 20 %, of plain PD by 15 %), in a gust upwards, in calm, under 2 mN, where the
+attitude is off, and where thrusters are later than believed. **Plain PD, tuned as far, is as good in lateral gusts of
+.4 s within 2 %, and best in turbulence along all axes, in a gust upwards, in calm, and under sines of 1 and 2 Hz.**
+What it lacks is an answer to what stays: a side wind, a push, a wrong attitude. With the truth in the place of the
+estimate, filtered alike, a push and a gust change by 2 %: lag of the thrusters and authority bind, not estimation.
 
-Three wrong beliefs at once leave only PD on its course. Lag and delay of the thrusters alone suffice: in the linear
-model the roll loop of the observer's law is unstable with 90 ms of lag for 45 and 20 ms of delay for 1, with a velocity
-on time or 30 ms late; that is more than the delay margin of 25 ms."""
+Each wrong belief alone is borne by the observer's law: 90 ms of lag for 45, thrusters 20 ms late, or a velocity 30 ms
+late cost 11, 16 and 17 mm under the push. **Nobody bears all three at once.** Lag and delay of the thrusters suffice:
+in the linear model the roll loops of all three laws are unstable with them. With the late velocity, too, PD with
+integral still is, and the other two are next to it (Ms 19 and 9).
+
+Two columns of a study say what was to be reached, within 5 %. PD with integral misses that at 2 Hz (12 % more) and
+gains 6 to 28 % in pushes, lateral gusts and wind; a search with more reserve turns that round. The observer's law has
+6 % more in the gust upwards, as the study's own gains have here. Turbulence is not the same, see below."""
+YARDSTICK = """The study flew other seeds, and did not say how long flights and gusts last, nor which turbulence.
+Flown with the study's gains, this is what it means: its PD comes back within 1 % in push, lateral gusts, side wind,
+gust upwards and sines of .7 to 2 Hz. Gusts of .4 s in flights of 2.5 s do that (2 m/s over .5 s, in 2 s, would be 38,
+not 28 mm); its slowest sine is a flight of 5 s (78.3 mm). Between turbulences only the ratio of its two laws tells:
+.30. Sideways alone, eddies of 1, 2, 4 m have .43, .31, .18; along all axes, of 1 m, .48. Eddies of 1.6 m have .28
+here, but both errors are a third larger than said: the study's air was calmer, by its draws, whose medians of ten
+scatter by 15 %, or by three quarters of the deviation. So turbulence is judged by the study's observer on the same
+draws."""
 LAWS = {"PD": "pd", "PD + I": "pd_i", "PD + I + observer": "observer"}
 TRUTH = "truth for the estimate"
 WITH_TRUTH = ("push on the left wing", "lateral gust, 1.5 m/s", "calm")
+STUDIED: dict[str, tuple[float, float, float]] = {  # what the study says of its PD, PD with integral, observer's law
+    "push on the left wing": (66.2, 12.4, 10.0),
+    "2 mN sideways": (2.57, 0.32, 0.68),
+    "lateral gust, 1.5 m/s": (23.3, 9.8, 9.0),
+    "gust upwards, 1.5 m/s": (9.4, 4.8, 4.5),
+    "lateral gust, 2 m/s over 0.4 s": (27.9, 12.0, 10.6),
+    "turbulence sideways, 1 m/s, eddies of 1.6 m": (50.1, 16.2, 14.8),
+    "side wind, 1 m/s": (96.2, 12.0, 8.2),
+    "thruster 1 at 60 %": (21.2, 4.0, 3.8),
+    "attitude off by 2 deg about each axis": (24.0, 7.0, 15.0),
+    "calm": (0.31, 0.23, 0.96),
+    "0.1 N sideways, sine of 0.3 Hz": (78.6, 16.7, 14.4),
+    "0.1 N sideways, sine of 0.7 Hz": (48.3, 20.4, 16.9),
+    "0.1 N sideways, sine of 1.0 Hz": (31.7, 23.1, 19.8),
+    "0.1 N sideways, sine of 2.0 Hz": (9.6, 10.0, 10.6),
+}
+STUDY: dict[str, tuple[str, dict[str, Any]]] = {  # the gains that it says
+    "its PD": (
+        "pd",
+        {
+            **dict.fromkeys(("roll", "pitch", "yaw"), 12.0),
+            **{"lateral": 2.8, "height": 8.0, "damping": 0.8, "lead": 2.0, "smoothing": 0.0},
+        },
+    ),
+    "its observer's law": (
+        "observer",
+        {
+            **{"roll": 15.1, "pitch": 13.0, "yaw": 10.0, "lateral": 2.93, "height": 11.0, "lead": 3.3, "bias": 10.0},
+            **{"damping": [0.8, 1.72, 1.0, 1.02, 0.65, 0.9], "moment_gain": [7.9, 25.0, 25.0], "lateral_gain": 12.1},
+            **{"lift_gain": 14.0, "position_integral": [1.0, 0.0, 0.0], "attitude_integral": 0.0},
+        },
+    ),
+}
 
 
 def limits_of(law: str, gains: dict[str, Any]) -> tuple[str, ...]:
@@ -99,33 +149,52 @@ def limits_of(law: str, gains: dict[str, Any]) -> tuple[str, ...]:
     )
 
 
+def median_of(found: dict[str, list[float]], case: str, column: str, what: int = 0) -> float | None:
+    """Return the median over seeds of an error [m] (0) or of the commands' slew [N/s] (1); None if none was flown."""
+    values = [row[what] for key, row in found.items() if key.startswith(f"{case}|{column}|")]
+    return float(np.median(values)) if values else None
+
+
 def table(found: dict[str, list[float]], known: dict[str, Any]) -> list[str]:
     """Return the lines of the page."""
     columns = [*LAWS, TRUTH]
     flown = sorted({int(key.rsplit("|", 1)[1]) for key in found})
     counts = [sum(key.startswith(f"{case}|PD|") for key in found) for case in CASES]
     number = f"{min(counts)} to {max(counts)}" if min(counts) < max(counts) else f"{counts[0]}"
-    told = f"medians of {number} of the seeds {', '.join(map(str, flown))}; rms in mm"
+    told = f"medians of {number} of the seeds {flown[0]} to {flown[-1]}; rms in mm"
     lines = [f"Measured on {datetime.date.today()}; {told}.", "", WORDS, ""]
-    lines += [f"| | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    lines += [f"| | {' | '.join(columns)} | study: PD + I | study: observer |", "|---" * (len(columns) + 3) + "|"]
     for case in CASES:
-        cells = []
-        for column in columns:
-            values = [row[0] for key, row in found.items() if key.startswith(f"{case}|{column}|")]
-            cells.append(f"{1e3 * np.median(values):.2f}" if values else "")
+        values = [median_of(found, case, column) for column in columns]
+        cells = ["" if value is None else f"{1e3 * value:.2f}" for value in values]
         best = min((float(cell) for cell in cells[:3] if cell), default=0.0)
         cells[:3] = [f"**{cell}**" if cell and float(cell) == best else cell for cell in cells[:3]]
+        cells += [f"{value:g}" for value in STUDIED[case][1:]] if case in STUDIED else ["", ""]
         lines.append(f"| {case}, {CASES[case][2]} | {' | '.join(cells)} |")
-    pushed = {
-        column: [row[1] for key, row in found.items() if key.startswith(f"push on the left wing|{column}|")]
-        for column in LAWS
-    }
-    cells = [f"{np.median(values):.1f}" if values else "" for values in pushed.values()]
-    lines.append(f"| slew of the commands, pushed, N/s | {' | '.join(cells)} | |")
+    cells = [f"{median_of(found, 'push on the left wing', column, 1) or 0.0:.1f}" for column in LAWS]
     limits = [limits_of(law, known[law]["gains"]) for law in LAWS.values()]
     names = ("Ms of roll", "least delay margin of all axes", "largest Ms on a wrong plant", "slew by noise alone")
-    lines += [f"| {name} | {' | '.join(row)} | |" for name, row in zip(names, zip(*limits, strict=True), strict=True)]
+    rows = [("slew of the commands, pushed, N/s", cells), *zip(names, zip(*limits, strict=True), strict=True)]
+    lines += [f"| {name} | {' | '.join(row)} | | | |" for name, row in rows]
+    lines += ["", YARDSTICK, "", "| | its PD, here | said | its observer's law, here | said |", "|---|---|---|---|---|"]
+    for case, (of_pd, _, of_observer) in STUDIED.items():
+        here = [1e3 * (median_of(found, case, column) or 0.0) for column in STUDY]
+        lines.append(f"| {case} | {here[0]:.2f} | {of_pd:g} | {here[1]:.2f} | {of_observer:g} |")
     return lines
+
+
+def flights(known: dict[str, Any]) -> dict[tuple[str, str], tuple[str, tuple[str, ...], str]]:
+    """Return scenario, settings and axis of each case and column."""
+    laws = {column: settings_of(law, known[law]["gains"]) for column, law in LAWS.items()}
+    laws[TRUTH] = (*laws["PD + I + observer"], "control.source=filtered_truth")
+    laws |= {column: settings_of(*law) for column, law in STUDY.items()}
+    kept = {TRUTH: WITH_TRUTH, **dict.fromkeys(STUDY, tuple(STUDIED))}
+    return {
+        (case, column): (name, (*settings, *more), axis)
+        for case, (name, more, axis) in CASES.items()
+        for column, settings in laws.items()
+        if case in kept.get(column, CASES)
+    }
 
 
 def main() -> int:
@@ -140,15 +209,11 @@ def main() -> int:
     found: dict[str, list[float]] = json.loads(options.kept.read_text()) if options.kept.exists() else {}
     options.kept.parent.mkdir(exist_ok=True)
     for seed in range(FIRST_SEED, FIRST_SEED + options.seeds):
-        for case, (name, more, axis) in CASES.items():
-            for column in [*LAWS, *([TRUTH] if case in WITH_TRUTH else [])]:
-                law = LAWS.get(column, "observer")
-                key = f"{case}|{column}|{seed}"
-                if key in found:
-                    continue
-                truth = ("control.source=filtered_truth",) if column == TRUTH else ()
-                more = tuple(one.format(seed=seed) if "{seed}" in one else one for one in more)
-                one = flight(name, (*settings_of(law, known[law]["gains"]), *truth, *more), seed)
+        for (case, column), (name, settings, axis) in flights(known).items():
+            key = f"{case}|{column}|{seed}"
+            if key not in found:
+                settings = tuple(one.format(seed=seed) if "{seed}" in one else one for one in settings)
+                one = flight(name, settings, seed)
                 found[key] = [float(one[axis]), float(one["slew"])]
                 options.kept.write_text(json.dumps(found))
         lines = table(found, known)

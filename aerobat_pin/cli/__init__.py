@@ -12,6 +12,7 @@ def main() -> None:
         import sys
 
         from aerobat_pin.cli.surroundings import prepare_surroundings
+        from aerobat_pin.cli.voice import voice
         from aerobat_pin.errors import end_on_signals
 
         end_on_signals()
@@ -27,9 +28,10 @@ def main() -> None:
     # pydantic asks every installed package whether it is a plugin of pydantic: a twentieth of a second.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     gc.set_threshold(20_000)  # a tenth of a start is spent looking for garbage among what was just imported
-    from aerobat_pin.cli import app  # only now, because this takes a tenth of a second
+    with voice.speaking():
+        from aerobat_pin.cli import app  # only now, because this takes a tenth of a second
 
-    try:
-        app.main()
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # everything is written and said
+        try:
+            app.main()
+        finally:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # everything is written and said

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import progress_bar
+from aerobat_pin.cli.console import doing, progress_bar
 from aerobat_pin.cli.options import BelievedMorphology, Force, Settings, out_option
 from aerobat_pin.cli.recordings import chosen_map
 
@@ -65,9 +65,11 @@ def calibrate_command(
     check_file(out, force=force)
     names = None if identify is None else [name for name in identify if name != "none"]
     with progress_bar() as show:
-        report = None if show is None else lambda share: show("identifying", share)
+        show("reading", 0.0)
         given = opened(flights, map_file, morphology, settings or [], free=True)
-        found = calibrate(given, harmonics=harmonics, parameters=names, trust=trust, progress=report)
+        found = calibrate(
+            given, harmonics=harmonics, parameters=names, trust=trust, progress=lambda share: show("identifying", share)
+        )
     for line in found.notes:
         typer.echo(line)
     for line in found.warnings:
@@ -156,8 +158,9 @@ def check_command(
         raise CalibrationError(f"check: --out {out}: a file .{' or .'.join(FIGURE_KINDS)} was expected")
     check_file(out, force=force)
     learnt = read_calibration(calibration)
-    [record] = opened([flight], map_file, morphology, settings or [], free=False)
-    found = estimate(record, ["force_level"], learnt, trust=True)
+    with doing("estimating what the calibration leaves over"):
+        [record] = opened([flight], map_file, morphology, settings or [], free=False)
+        found = estimate(record, ["force_level"], learnt, trust=True)
     if found.model is None:
         raise CalibrationError(f"{calibration}: it does not say what it leaves over, so nothing can be checked")
     write_files({out: render_figure(draw_unexplained(found), kind)})

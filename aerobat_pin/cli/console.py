@@ -5,23 +5,20 @@ from __future__ import annotations
 import os
 import re
 import sys
-import threading
-import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
 
+from aerobat_pin.cli.voice import voice
 from aerobat_pin.errors import OutputError, check_file, cleaned, output_folder
 
 if TYPE_CHECKING:
     from aerobat_pin.estimation import Result
     from aerobat_pin.experiments import Experiment, Progress
 
-QUIET = 1.5  # [s]: a command that is faster says nothing about its stages, and none is silent for longer
-LINE_EVERY, LONG = 10.0, 60.0  # [s] between lines, without a terminal, of a command that takes longer than `LONG`
 FIRST_OPENED = ("replay.html", "report.html")  # what a person opens, the most telling last
 
 
@@ -37,14 +34,13 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
     from aerobat_pin.numerics import told_of_compilation
 
     if sys.stderr is None or not sys.stderr.isatty():
-        lines = _StageLines()
-        with told_of_compilation(lines), lines.ticking():
-            yield lines
+        with told_of_compilation(voice), voice.speaking():
+            yield voice
         return
     from rich.console import Console
     from rich.progress import Progress, TaskID
 
-    with Progress(transient=True, console=Console(stderr=True)) as bar, cleaned(bar.stop):
+    with voice.resting(), Progress(transient=True, console=Console(stderr=True)) as bar, cleaned(bar.stop):
         stages: dict[str, TaskID] = {}
 
         def show(label: str, share: float) -> None:
@@ -57,47 +53,6 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
 
         with told_of_compilation(show):
             yield show
-
-
-class _StageLines:
-    """Print what a command does whenever it was silent for `QUIET`, also while one step takes long."""
-
-    def __init__(self) -> None:
-        self._doing, self._said = "starting", ""
-        self._begin = self._last = time.monotonic()
-
-    def __call__(self, label: str, share: float) -> None:
-        """Update the name of the stage and the share of it that is done."""
-        self._doing = label if share == 0.0 else f"{label}: {100.0 * share:.0f} %"
-
-    def tick(self) -> None:
-        """Print what is being done, if nothing was printed for a while; the same again with the seconds so far."""
-        now = time.monotonic()
-        if sys.stderr is not None and now - self._last > (QUIET if now - self._begin < LONG else LINE_EVERY):
-            self._last = now
-            again = f", {now - self._begin:.0f} s" if self._said == self._doing else ""
-            self._said = self._doing
-            with suppress(
-                OSError
-            ):  # past Python's buffers: a process that is forked meanwhile would inherit their lock
-                os.write(2, f"{self._doing}{again}\n".encode())
-
-    @contextmanager
-    def ticking(self) -> Iterator[None]:
-        """Call `tick` twice a second during a `with` block."""
-        over = threading.Event()
-
-        def watch() -> None:
-            while not over.wait(0.25 * QUIET):
-                self.tick()
-
-        thread = threading.Thread(target=watch, daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            over.set()
-            thread.join()
 
 
 @contextmanager

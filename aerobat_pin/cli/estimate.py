@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import write_results
+from aerobat_pin.cli.console import doing, write_results
 from aerobat_pin.cli.options import (
     BelievedMorphology,
     CalibrationFile,
@@ -77,7 +77,9 @@ def estimate_command(
     if suggest and log is not None:
         from aerobat_pin.records import suggested_map
 
-        typer.echo(suggested_map(log, urdf), nl=False)
+        with doing("looking at the log"):
+            text = suggested_map(log, urdf)
+        typer.echo(text, nl=False)
         return
     if log is not None and (map_file is not None or urdf is not None):
         if settings or morphology:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import write_results
+from aerobat_pin.cli.console import doing, write_results
 from aerobat_pin.cli.options import CalibrationFile, Settings
+from aerobat_pin.cli.voice import voice
 
 if TYPE_CHECKING:
     from aerobat_pin.experiments import LiveSource
@@ -31,8 +32,8 @@ def live_command(
     """Watch a robot in the browser and push it: true and estimated forces, while it flies, stands or is heard."""
     from aerobat_pin.visualization import serve_live
 
-    typer.echo("compiling kernels (half a minute, once) ...", err=True)
-    source = _source(what, map_file, points, settings or [])
+    with doing("loading the robot"):
+        source = _source(what, map_file, points, settings or [])
 
     def save() -> str:
         target, count = out, 1
@@ -42,6 +43,7 @@ def live_command(
         write_results(source.result, target, force=False)
         return str(target)
 
+    voice.rest()
     try:
         serve_live(source, lambda address: typer.echo(f"live at {address} (Ctrl-C stops)"), save, port)
     finally:
@@ -74,8 +76,9 @@ def node_command(
     from aerobat_pin.records import load_map
 
     chosen, learnt = load_map(map_file), None if calibration is None else read_calibration(calibration)
-    typer.echo("compiling the stream's kernels (half a minute, once) ...", err=True)
-    node = ForceNode(chosen, map_file.absolute().parent, typer.echo, name, learnt, wait=wait)
+    with doing("starting the node"):
+        node = ForceNode(chosen, map_file.absolute().parent, typer.echo, name, learnt, wait=wait)
+    voice.rest()
     typer.echo(f"/{name}: forces of {', '.join(node.estimator.observers)} on /{name}/<observer>/<point>/force")
     node.spin()
     node.close()

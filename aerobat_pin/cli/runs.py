@@ -11,6 +11,7 @@ import typer
 
 from aerobat_pin.cli.console import doing, files_in
 from aerobat_pin.cli.options import BelievedMorphology, Force, out_option
+from aerobat_pin.cli.voice import voice
 
 if TYPE_CHECKING:
     from aerobat_pin.visualization import Recording
@@ -66,7 +67,8 @@ def play_command(
         write_text(out, page)
         typer.echo(f"written to {out}")
     if out is None and frames is None:
-        serve(page, lambda address: typer.echo(f"playing at {address} (Ctrl-C stops)"), port)
+        with voice.resting():
+            serve(page, lambda address: typer.echo(f"playing at {address} (Ctrl-C stops)"), port)
         typer.echo("stopped")
 
 
@@ -119,6 +121,7 @@ def convert_command(
     from aerobat_pin.robot import flown_robot
 
     check_file(out, force=force)
-    scenario, log, estimates = read_run(run)
-    write_flight_mcap(flown_robot(scenario).model, log, estimates, out)
+    with doing("converting"):
+        scenario, log, estimates = read_run(run)
+        write_flight_mcap(flown_robot(scenario).model, log, estimates, out)
     typer.echo(f"written to {out}")

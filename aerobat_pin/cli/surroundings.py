@@ -11,9 +11,13 @@ LEAST_MEMORY = 1_000_000_000  # [bytes] of addresses; numpy, Pinocchio and numba
 
 def prepare_surroundings() -> None:
     """End the program with one line and exit code 2 where it could not work; make good what it does not need."""
-    missing = [number for number in range(3) if not _is_open(number)]
-    for _ in missing:  # or the next files that are opened would get these numbers, and what is printed
-        os.open(os.devnull, os.O_RDWR)
+    missing = []
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            missing.append(number)  # or the next file that is opened would get this number, and what is printed
+            os.open(os.devnull, os.O_RDWR)
     if sys.stderr is None:
         sys.stderr = open(2, "w", closefd=False)
     os.environ["MPLBACKEND"] = "agg"  # no window is opened, whatever the user's other programs show
@@ -34,11 +38,3 @@ def _refusal(missing: list[int]) -> str:
     if 0 <= limit < LEAST_MEMORY:
         return f"{limit / 1e6:.0f} MB of memory (ulimit -v); {LEAST_MEMORY / 1e6:.0f} MB at least were expected"
     return ""
-
-
-def _is_open(number: int) -> bool:
-    try:
-        os.fstat(number)
-    except OSError:
-        return False
-    return True

@@ -28,8 +28,16 @@ from aerobat_pin.errors.exceptions import (
     TrimError,
     WorkersLostError,
 )
-from aerobat_pin.errors.foreign_files import DEEPEST_XML, MOST_TIMES_LARGER, MOST_UNPACKED, foreign_file, foreign_xml
-from aerobat_pin.errors.given_files import check_private, content_of, plain_json
+from aerobat_pin.errors.foreign_files import (
+    DEEPEST_XML,
+    MOST_TIMES_LARGER,
+    MOST_UNPACKED,
+    check_private,
+    content_of,
+    foreign_file,
+    foreign_xml,
+    plain_json,
+)
 from aerobat_pin.errors.output_folder import claimed, output_folder, replace_results
 from aerobat_pin.errors.whole_files import (
     check_file,

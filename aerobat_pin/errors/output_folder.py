@@ -6,9 +6,7 @@ of the file system, and the old one is deleted. For the folder `runs/paper`:
     runs/.aerobat-paper/lock    locked while a process writes; the file holds its number
     runs/.aerobat-paper/new     what it has written so far; after the exchange, the old result
 
-A process that is killed leaves this folder behind, but not its lock: the next one that writes beside it removes it. A
-link at one of these places, or what belongs to another user, is left alone, and the result refused: each is opened
-without following a link, and looked at when it is open, so that nobody can put a link there in between.
+A process that is killed leaves this folder behind, but not its lock: the next one that writes beside it removes it.
 """
 
 from __future__ import annotations
@@ -24,13 +22,13 @@ from pathlib import Path
 
 from aerobat_pin.errors.ending import cleaned, undisturbed, written
 from aerobat_pin.errors.exceptions import OutputError, OutputWarning
-from aerobat_pin.errors.given_files import content_of
+from aerobat_pin.errors.foreign_files import content_of
 from aerobat_pin.errors.whole_files import (
     OPEN_FOLDER,
     WORK,
-    check_ours,
     locked,
     opened_folder,
+    opened_ours,
     own_folder,
     refuse_links,
     without_empty,
@@ -45,19 +43,14 @@ AT_FDCWD, RENAME_EXCHANGE = -100, 2  # of the system call renameat2, see its pag
 def output_folder(target: Path, *, force: bool, replaces: Sequence[str], sign: str) -> Iterator[Path]:
     """Provide an empty work folder; if the `with` block ends without an error, its content is the result in `target`.
 
-    Nothing appears at the target unless everything was written. With `force`, the results of an earlier run are
-    replaced; other files in the folder are kept.
-
     Args:
         target: folder for the results. Missing folders are created, and removed again if the block fails.
-        force: allow a target that is not empty, if it holds an earlier result.
+        force: replace an earlier result; other files in the folder are kept.
         replaces: glob patterns of the results of an earlier run.
         sign: the one of them by which an earlier result is known.
 
     Raises:
-        OutputError: another process writes into the target, or a link leads to it, or it is a file, is not empty
-            (without `force`), holds no earlier result (with it), has a folder where a file has to go, or cannot be
-            written, now or later.
+        OutputError: the target is another process's, a link, no folder, not empty, no result, or cannot be written.
     """
     _check_folder(target, force, replaces, sign)
     with claimed(target) as work:
@@ -68,45 +61,47 @@ def output_folder(target: Path, *, force: bool, replaces: Sequence[str], sign: s
 
 @contextmanager
 def claimed(target: Path) -> Iterator[Path]:
-    """Lock a folder against other processes, and provide an empty work folder. Raises OutputError as `output_folder`.
-
-    Args:
-        target: the folder; it may be missing.
-    """
+    """Lock a folder, which may be missing, and provide an empty work folder. Raises OutputError as `output_folder`."""
     refuse_links(target)
     asked, target = Path(os.path.normpath(target)), _real(target)
     place = _work_place(target)
-    opened: list[int] = []  # the folder that holds the work folder, the work folder, its lock
+    opened, lock = ExitStack(), None
 
-    def clear() -> None:
-        if len(opened) > 2:
-            _remove(place, *opened[:2])
-        while opened:
-            os.close(opened.pop())
+    def clear() -> None:  # also while it runs already: a signal can come at any moment
+        nonlocal lock
+        if lock is not None:
+            _remove(place, holder, work)
+            lock = None
+        opened.close()
 
     try:
         with without_empty((place, *place.parents, target)), cleaned(clear):
-            holder = asked if place.parent == target else asked.parent
+            beside = asked if place.parent == target else asked.parent
             with undisturbed():
-                opened.append(opened_folder(place.parent if asked.name in ("", "..") else holder))
-                opened.append(own_folder(place, opened[0]))
-                opened.append(locked(place / LOCK, opened[1]))
-            os.truncate(opened[2], 0)
-            os.write(opened[2], b"%d\n" % os.getpid())
-            for name in os.listdir(opened[0]):
-                if name.startswith(WORK) and name != place.name:
-                    _remove_unless_alive(place.with_name(name), opened[0])
-            os.close(own_folder(place / NEW, opened[1]))
-            shutil.rmtree(NEW, ignore_errors=True, dir_fd=opened[1])  # of a process that was killed
-            os.mkdir(NEW, dir_fd=opened[1])
+                opened.callback(os.close, holder := opened_folder(place.parent if asked.name in ("", "..") else beside))
+                while lock is None:
+                    opened.callback(os.close, work := own_folder(place, holder))
+                    with suppress(FileNotFoundError):  # another process, at its end, has just removed the folder
+                        opened.callback(os.close, lock := locked(place / LOCK, work))
+            os.truncate(lock, 0)
+            os.write(lock, b"%d\n" % os.getpid())
+            for path in (place.with_name(name) for name in os.listdir(holder) if name.startswith(WORK)):
+                if path != place:
+                    with suppress(OSError), ExitStack() as left:  # by a process that was killed, and is this user's
+                        left.callback(os.close, killed := opened_ours(path, holder, OPEN_FOLDER))
+                        os.lstat(LOCK, dir_fd=killed)  # what has none is no work folder
+                        left.callback(os.close, locked(path / LOCK, killed))
+                        _remove(path, holder, killed)
+            os.close(own_folder(place / NEW, work))
+            shutil.rmtree(NEW, ignore_errors=True, dir_fd=work)  # of a process that was killed
+            os.mkdir(NEW, dir_fd=work)
             yield place / NEW
     except BlockingIOError as error:
         number = ""
         with suppress(OSError):
             number = content_of(place / LOCK, 20).decode(errors="replace").strip()
-        raise OutputError(
-            f"output folder {target}: another process{f' ({number})' * bool(number)} writes into it"
-        ) from error
+        who = f"another process ({number})" if number else "another process"
+        raise OutputError(f"output folder {target}: {who} writes into it") from error
     except OSError as error:
         if isinstance(error, OutputError) or error.errno is None:
             raise
@@ -121,9 +116,6 @@ def replace_results(work: Path, target: Path, replaces: Sequence[str]) -> None:
         work: folder that `claimed` provided for this target.
         target: folder for the results; it may be missing.
         replaces: glob patterns of the old results, which disappear. All other files stay.
-
-    Raises:
-        OSError: the results cannot be written.
     """
     target = _real(target)
     new = [path.relative_to(work) for path in sorted(work.rglob("*")) if path.is_file()]
@@ -157,32 +149,26 @@ def _check_folder(target: Path, force: bool, replaces: Sequence[str], sign: str)
     """Raise OutputError unless results can go into a folder."""
     refuse_links(target)
     target = _real(target)
+    name = f"output folder {target}"
     try:
         if target.exists() and not target.is_dir():
             raise OutputError(f"output {target}: is a file; a folder was expected")
         if target.is_dir() and any(not path.name.startswith(WORK) for path in target.iterdir()):
             if not force:
-                raise OutputError(
-                    f"output folder {target} is not empty; --force replaces an earlier run's results in it"
-                )
+                raise OutputError(f"{name} is not empty; --force replaces an earlier run's results in it")
             if not any(target.glob(sign)):
-                raise OutputError(
-                    f"output folder {target} holds no earlier result ({sign}) that --force could replace; an empty or "
-                    "missing folder was expected"
-                )
-        for pattern in replaces:
-            folder = (target / pattern).parent
-            if os.path.islink(folder):
-                raise OutputError(f"output folder {target}: {folder.name} is a link; a folder was expected")
-            if folder.exists() and not folder.is_dir():
-                raise OutputError(f"output folder {target}: {folder.name} is a file; a folder was expected")
-            for path in target.glob(pattern):
-                if path.is_dir():
-                    raise OutputError(f"output folder {target}: {path.name} is a folder; a file was expected")
+                without = f"holds no earlier result ({sign}) that --force could replace"
+                raise OutputError(f"{name} {without}; an empty or missing folder was expected")
+        for folder in {(target / pattern).parent for pattern in replaces}:
+            if os.path.islink(folder) or (folder.exists() and not folder.is_dir()):
+                what = "link" if os.path.islink(folder) else "file"
+                raise OutputError(f"{name}: {folder.name} is a {what}; a folder was expected")
+        for path in (path for pattern in replaces for path in target.glob(pattern) if path.is_dir()):
+            raise OutputError(f"{name}: {path.name} is a folder; a file was expected")
     except OSError as error:
         if isinstance(error, OutputError):
             raise
-        raise OutputError(f"output folder {target}: cannot be read: {error.strerror}") from error
+        raise OutputError(f"{name}: cannot be read: {error.strerror}") from error
 
 
 def _real(target: Path) -> Path:
@@ -198,14 +184,11 @@ def _work_place(target: Path) -> Path:
 
 def _obstacle(target: Path) -> str | None:
     """Return why a folder cannot exchange its name with another, or None."""
-    if not target.is_dir():
-        return None
-    here = Path.cwd()
-    if target in (here, *here.parents):
+    if target.is_dir() and Path.cwd().is_relative_to(target):
         return "it is or holds the current folder"
-    if os.path.ismount(target):
+    if target.is_dir() and os.path.ismount(target):
         return "it is a mount point"
-    return None if _work_place(target).parent != target else "the folder that holds it takes no new files"
+    return "the folder that holds it takes no new files" if _work_place(target).parent == target else None
 
 
 def _put(work: Path, target: Path) -> None:
@@ -239,20 +222,9 @@ def _link_others(old: Path, new: Path, results: set[Path]) -> None:
             there.mkdir(parents=True)
 
 
-def _remove(place: Path, holder: int, folder: int) -> None:
-    """Remove a work folder, open as `folder` in `holder`, its lock last: until then no other process works in it."""
-    shutil.rmtree(NEW, ignore_errors=True, dir_fd=folder)
+def _remove(place: Path, holder: int, work: int) -> None:
+    """Remove an open work folder, its lock last: until then no other process works in it."""
+    shutil.rmtree(NEW, ignore_errors=True, dir_fd=work)
     with suppress(OSError):
-        os.unlink(LOCK, dir_fd=folder)
+        os.unlink(LOCK, dir_fd=work)
         os.rmdir(place.name, dir_fd=holder)
-
-
-def _remove_unless_alive(place: Path, holder: int) -> None:
-    """Remove the work folder of a process that was killed; of one that lives, and of another user's, do nothing."""
-    with suppress(OSError), ExitStack() as opened:
-        folder = os.open(place.name, OPEN_FOLDER | os.O_NOFOLLOW, dir_fd=holder)
-        opened.callback(os.close, folder)
-        check_ours(os.fstat(folder), place, folder=True)
-        os.lstat(LOCK, dir_fd=folder)  # what has none is no work folder
-        opened.callback(os.close, locked(place / LOCK, folder))
-        _remove(place, holder, folder)

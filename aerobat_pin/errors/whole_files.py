@@ -8,12 +8,12 @@ import os
 import shutil
 import stat
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from aerobat_pin.errors.ending import cleaned, undisturbed, written
 from aerobat_pin.errors.exceptions import OutputError
-from aerobat_pin.errors.given_files import NO_TRICKS
+from aerobat_pin.errors.foreign_files import NO_TRICKS
 
 WORK = ".aerobat-"  # prefix of files and folders that are still being written
 LONGEST_FILE_NAME = 255 - len(WORK)  # bytes
@@ -28,8 +28,6 @@ def write_text(target: Path, text: str) -> None:
 def write_files(contents: Mapping[Path, bytes | Path], within: Path | None = None) -> None:
     """Write files atomically: either all of them or none. Missing folders are created.
 
-    Each file is first written beside its place, and locked there.
-
     Args:
         contents: path -> content, or the file that has it.
         within: folder below which no folder may be a link.
@@ -39,16 +37,15 @@ def write_files(contents: Mapping[Path, bytes | Path], within: Path | None = Non
     """
     for path in contents:
         refuse_links(path, within)
-    parts: dict[Path, tuple[int, int]] = {}  # path -> its folder, and the descriptor that locks the file beside it
-    path = Path()
+    beside: dict[Path, int] = {}  # path whose content still stands beside it -> its folder
+    path, opened = Path(), ExitStack()
 
     def clear() -> None:
-        while parts:
-            path, (folder, descriptor) = parts.popitem()
+        for path, folder in beside.items():
             with suppress(OSError):
                 os.unlink(WORK + path.name, dir_fd=folder)
-            os.close(descriptor)
-            os.close(folder)
+        beside.clear()
+        opened.close()
 
     try:
         with without_empty({folder for path in contents for folder in path.absolute().parents}), cleaned(clear):
@@ -56,13 +53,9 @@ def write_files(contents: Mapping[Path, bytes | Path], within: Path | None = Non
                 if os.path.isdir(path):
                     raise IsADirectoryError(errno.EISDIR, "is a folder")
                 with undisturbed():
-                    folder = opened_folder(path.parent, within)
-                    try:
-                        parts[path] = folder, locked(path.with_name(WORK + path.name), folder)
-                    except BaseException:
-                        os.close(folder)
-                        raise
-                descriptor = parts[path][1]
+                    opened.callback(os.close, folder := opened_folder(path.parent, within))
+                    opened.callback(os.close, descriptor := locked(path.with_name(WORK + path.name), folder))
+                    beside[path] = folder
                 os.truncate(descriptor, 0)
                 with open(descriptor, "wb", closefd=False) as file:
                     if isinstance(content, bytes):
@@ -72,11 +65,9 @@ def write_files(contents: Mapping[Path, bytes | Path], within: Path | None = Non
                             shutil.copyfileobj(source, file)
             with undisturbed():
                 for path in contents:
-                    folder, descriptor = parts[path]
+                    folder = beside[path]
                     os.replace(WORK + path.name, path.name, src_dir_fd=folder, dst_dir_fd=folder)
-                    del parts[path]
-                    os.close(descriptor)
-                    os.close(folder)
+                    del beside[path]
                     written(path)
     except BlockingIOError as error:
         raise OutputError(f"output {path}: another process is writing it") from error
@@ -87,8 +78,8 @@ def write_files(contents: Mapping[Path, bytes | Path], within: Path | None = Non
 def refuse_links(target: Path, within: Path | None = None) -> None:
     """Raise OutputError if a link leads to an output.
 
-    Whoever sent a folder can have put links into it, so of a path that begins at the current folder no part may be one;
-    of an absolute path, which the user has typed, only the last part and what is below the folder `within`.
+    Of a path that begins at the current folder, which somebody may have sent, no part may be one; of an absolute path,
+    which the user has typed, only the last part and what is below the folder `within`.
     """
     path, root = (Path(os.path.normpath(one)) for one in (target, within or target))
     below = [folder for folder in path.parents if folder != root and folder.is_relative_to(root)]
@@ -104,90 +95,72 @@ def opened_folder(path: Path, within: Path | None = None) -> int:
     The links that `refuse_links` refuses are not followed here either: they can be made in between.
     """
     path, root = (Path(os.path.normpath(one)) for one in (path, within or path))
-    names = path.relative_to(path.anchor).parts
     typed = len(root.parts) - 1 if path.is_absolute() else 0
     descriptor = os.open(path.anchor or ".", OPEN_FOLDER)
-    for i, name in enumerate(names):
-        outer = descriptor
+    for i, name in enumerate(path.relative_to(path.anchor).parts):
+        outer, flags = descriptor, OPEN_FOLDER if i < typed else OPEN_FOLDER | os.O_NOFOLLOW
         try:
-            descriptor = _entered(name, outer, OPEN_FOLDER if i < typed else OPEN_FOLDER | os.O_NOFOLLOW)
+            try:
+                descriptor = os.open(name, flags, dir_fd=outer)
+            except FileNotFoundError:
+                with suppress(FileExistsError):  # another process was faster
+                    os.mkdir(name, dir_fd=outer)
+                descriptor = os.open(name, flags, dir_fd=outer)
         finally:
             os.close(outer)
     return descriptor
 
 
-def _entered(name: str, outer: int, flags: int, mode: int = 0o777) -> int:
-    """Open a folder in another one; make it if it is missing."""
-    try:
-        return os.open(name, flags, dir_fd=outer)
-    except FileNotFoundError:
-        with suppress(FileExistsError):  # another process was faster
-            os.mkdir(name, mode, dir_fd=outer)
-        return os.open(name, flags, dir_fd=outer)
-
-
 def own_folder(path: Path, outer: int) -> int:
-    """Open a work folder in a folder that is open; make it, for this user alone, if it is missing.
-
-    Raises:
-        FileExistsError: what is there is not ours.
-    """
-    try:
-        descriptor = _entered(path.name, outer, OPEN_FOLDER | os.O_NOFOLLOW, 0o700)
-    except NotADirectoryError:
-        check_ours(os.lstat(path.name, dir_fd=outer), path, folder=True)
-        raise
-    try:
-        check_ours(os.fstat(descriptor), path, folder=True)
-    except FileExistsError:
-        os.close(descriptor)
-        raise
-    return descriptor
+    """Open a work folder in a folder that is open; make it, for this user alone, if it is missing."""
+    with suppress(FileExistsError):
+        os.mkdir(path.name, 0o700, dir_fd=outer)
+    return opened_ours(path, outer, OPEN_FOLDER)
 
 
 def locked(path: Path, folder: int) -> int:
-    """Open a file of ours for reading and writing, and lock it until it is closed; it may be missing.
-
-    The lock ends with the process that holds it, however that ends.
-
-    Args:
-        path: the file.
-        folder: descriptor of its folder.
+    """Open a file of ours, which may be missing, and lock it until it is closed or the process ends.
 
     Raises:
         BlockingIOError: another process holds the lock.
         FileExistsError: what is there is not ours.
+        FileNotFoundError: the folder was removed meanwhile.
     """
     while True:
-        descriptor = -1
+        descriptor = opened_ours(path, folder, os.O_RDWR | os.O_CREAT)
         try:
-            descriptor = os.open(path.name, os.O_RDWR | os.O_CREAT | NO_TRICKS, 0o666, dir_fd=folder)
-            check_ours(os.fstat(descriptor), path)
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if os.path.samestat(os.fstat(descriptor), os.lstat(path.name, dir_fd=folder)):
                 return descriptor
         except FileNotFoundError:
             pass  # the process that held it has just removed it
-        except OSError as error:
-            if descriptor >= 0:
-                os.close(descriptor)
-            elif error.errno in (errno.ELOOP, errno.EISDIR, errno.ENXIO):
-                check_ours(os.lstat(path.name, dir_fd=folder), path)
-            raise
-        if descriptor >= 0:
+        except OSError:
             os.close(descriptor)
+            raise
+        os.close(descriptor)
 
 
-def check_ours(found: os.stat_result, path: Path, *, folder: bool = False) -> None:
-    """Raise FileExistsError if what is at a work place can be left there by no program of this user.
+def opened_ours(path: Path, outer: int, flags: int) -> int:
+    """Open what is at a work place, in an open folder; FileExistsError if no program of this user can have left it.
 
     It will be overwritten or deleted; through a link, that would befall a file or folder elsewhere.
-
-    Args:
-        found: what is there, by `fstat` of what was opened.
-        path: where a work file goes.
-        folder: a work folder goes there, not a file.
     """
+    descriptor = -1
+    try:
+        descriptor = os.open(path.name, flags | NO_TRICKS, 0o666, dir_fd=outer)
+        _check_ours(os.fstat(descriptor), path, flags)
+    except OSError as error:
+        if descriptor >= 0:
+            os.close(descriptor)
+        elif error.errno in (errno.ELOOP, errno.EISDIR, errno.ENXIO, errno.ENOTDIR):
+            _check_ours(os.lstat(path.name, dir_fd=outer), path, flags)
+        raise
+    return descriptor
+
+
+def _check_ours(found: os.stat_result, path: Path, flags: int) -> None:
+    """Raise FileExistsError if what is at a work place, opened with these flags, is not ours."""
+    folder = flags & os.O_DIRECTORY
     kind = "folder" if folder else "file"
     if stat.S_ISLNK(found.st_mode):
         what = "is a link"
@@ -217,10 +190,7 @@ def without_empty(folders: Iterable[Path]) -> Iterator[None]:
 
 
 def check_file(target: Path, *, force: bool) -> None:
-    """Raise OutputError if a file cannot be written, a link leads to it, or it exists and `force` is False.
-
-    Missing folders are no obstacle: `write_files` makes them.
-    """
+    """Raise OutputError if a file cannot be written, a link leads to it, or it exists and `force` is False."""
     refuse_links(target)
     if len(os.fsencode(target.name)) > LONGEST_FILE_NAME:
         raise OutputError(f"output {target}: a name of {LONGEST_FILE_NAME} bytes at most was expected")

@@ -10,7 +10,6 @@ from .calibration.learn import calibrate as calibrate
 from .calibration_use import CalibrationUse as CalibrationUse
 from .calibration_use import Cause as Cause
 from .calibration_use import Contact as Contact
-from .calibration_use import FoundEvent as FoundEvent
 from .calibration_use import ModelCheck as ModelCheck
 from .checks.efforts import effort_findings as effort_findings
 from .checks.motion import record_findings as record_findings
@@ -39,6 +38,7 @@ from .scores import Moments as Moments
 from .scores import Score as Score
 from .scores import lag as lag
 from .scores import point_label as point_label
+from .scores import quantity as quantity
 from .scores import r_squared as r_squared
 from .self_check import PUSHED_SHARE as PUSHED_SHARE
 from .self_check import Check as Check
@@ -46,4 +46,3 @@ from .self_check import check_record as check_record
 from .stored_estimate import StoredEstimate as StoredEstimate
 from .trust import ComponentSize as ComponentSize
 from .trust import InnovationScore as InnovationScore
-from .verdict import quantity as quantity

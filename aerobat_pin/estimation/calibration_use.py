@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from aerobat_pin.estimation.scores import quantity
+
 CHANGED = 1.3  # of what was expected: what no force explains is larger only if something has changed
 CHANGED_NEAR = 2.0  # the same over a tenth of a second; unchanged flights of another simulator reach 1.65
+SURE_OF_CONTACT = 5.0  # stated deviations, errors of the belief among them, which noise alone does not reach
 
 
 @dataclass(frozen=True)
@@ -14,27 +17,23 @@ class Contact:
     """Something that pushed.
 
     Attributes:
-        frame: where it did.
+        point: where it did: a frame, its label, or a row of the residual.
         onset: when the force left what is normal [s].
         alarm: when it was first sure, by samples until then [s].
         end: when it went [s]; None if it lasts.
+        size: the largest force, or row, estimated during it [`unit`].
     """
-
-    frame: str
-    onset: float
-    alarm: float
-    end: float | None
-
-
-@dataclass(frozen=True)
-class FoundEvent:
-    """A `Contact` with the largest force, or row of the residual, estimated during it [`unit`]."""
 
     point: str
     onset: float
     alarm: float
     end: float | None
-    size: float
+    size: float = float("nan")
+
+    @property
+    def frame(self) -> str:
+        """The point, under its earlier name."""
+        return self.point
 
     @property
     def unit(self) -> str:
@@ -42,9 +41,9 @@ class FoundEvent:
         return "N m" if self.point.rpartition(".")[2][:1] == "M" else "N"
 
     def __str__(self) -> str:
-        """Return the event in words."""
+        """Return the contact in words."""
         until = "to the end" if self.end is None else f"to {self.end:.3f} s"
-        return f"contact at {self.point} from {self.onset:.3f} s {until}, up to {1e3 * self.size:.0f} m{self.unit}"
+        return f"contact at {self.point} from {self.onset:.3f} s {until}, up to {quantity(self.size, self.unit)}"
 
 
 @dataclass(frozen=True)

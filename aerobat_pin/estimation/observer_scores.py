@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from aerobat_pin.estimation.against_reference import Compared
-from aerobat_pin.estimation.calibration_use import CalibrationUse, FoundEvent
+from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, CalibrationUse, Contact
 from aerobat_pin.estimation.row_residuals import row_contacts
 from aerobat_pin.estimation.scores import Score, point_label, short_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, warnings_about
+from aerobat_pin.estimation.trust import DOUBT_STRETCH, ComponentSize, InnovationScore, warnings_about
 from aerobat_pin.observers import DOUBTFUL, Redundancy
 
 ScoreTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
 TEXT_COLUMNS = ("observer", "point", "axis", "component")  # which begin at the left
+DOUBTFUL_STRETCH = 10.0  # times as large as stated over one second: what lasts for a part of a record is said, too
 SIZE_HEADER = ("observer", "component", "mean", "rms", "least", "largest", "deviation", "seen")
 
 
@@ -45,6 +46,7 @@ class ObserverScores:
         notes: a line of text about each thing that the observer chose or found beside the forces.
         seen: point -> share of the time in which its three forces are seen; None if no force was expected.
         k: how many times as large as stated the squared errors of the rows are; None if that cannot be seen.
+        worst_k: the largest k over a second, and when after the first interval that begins [s]; None as for `k`.
         events: contacts that were found; None where they were not sought, as without a calibration.
     """
 
@@ -64,7 +66,8 @@ class ObserverScores:
     notes: list[str]
     seen: Mapping[str, list[float | None]] | None = None
     k: float | None = None
-    events: list[FoundEvent] | None = None
+    worst_k: tuple[float, float] | None = None
+    events: list[Contact] | None = None
 
     @classmethod
     def of(
@@ -101,9 +104,10 @@ class ObserverScores:
             deviation=by_point([size.deviation for size in components], head.standard_deviation),
             seen=by_point([size.seen for size in components], head.seen),
             k=estimate.doubt,
+            worst_k=estimate.worst_doubt,
             innovation=estimate.innovation,
             warnings=warnings_about(next(estimate.blocks())),
-            events=found_events(estimate, use),
+            events=found_contacts(estimate, use),
             notes=list(head.notes),
         )
 
@@ -125,7 +129,10 @@ class ObserverScores:
         if self.k is None:
             return self.redundancy.describe(), self.redundancy.verdict == "inconsistent"
         words = f"belief: squared errors of the rows are {self.k:.2g} times as large as stated"
-        doubtful = self.k > DOUBTFUL
+        k, begin = self.worst_k or (self.k, 0.0)
+        if k > DOUBTFUL_STRETCH:
+            words += f", {k:.2g} times from {begin:.1f} to {begin + DOUBT_STRETCH:.1f} s"
+        doubtful = self.k > DOUBTFUL or k > DOUBTFUL_STRETCH
         return f"{words}: forces elsewhere, a moment, or a wrong model" if doubtful else words, doubtful
 
     def to_json(self) -> dict[str, Any]:
@@ -147,16 +154,18 @@ class ObserverScores:
         made = {
             "components": tuple(ComponentSize(**size) for size in rest["components"]),
             "redundancy": Redundancy.from_json(rest["redundancy"]),
-            "events": None if rest["events"] is None else [FoundEvent(**event) for event in rest["events"]],
+            "events": None if rest["events"] is None else [Contact(**event) for event in rest["events"]],
+            "worst_k": None if rest["worst_k"] is None else tuple(rest["worst_k"]),
             "innovation": None if rest["innovation"] is None else InnovationScore(**rest["innovation"]),
         }
         return cls(points, **{**rest, **made})
 
 
-def found_events(estimate: StoredEstimate, use: CalibrationUse | None) -> list[FoundEvent] | None:
+def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list[Contact] | None:
     """Return the contacts of a calibration with the largest force that is seen during each, or those of rows.
 
-    None without a calibration, which says what is normal. A contact of which nothing is seen is none.
+    None without a calibration, which says what is normal. A contact of which nothing is seen is none, nor is one that
+    errors of the belief can make up, where their size is known: friction, as a joint begins to move.
     """
     head = estimate.head
     if use is None or not head.frames:
@@ -165,15 +174,19 @@ def found_events(estimate: StoredEstimate, use: CalibrationUse | None) -> list[F
         return None
     found = []
     for contact in use.contacts:
-        if contact.frame in head.frames and head.are_world_forces:
+        if contact.point in head.frames and head.are_world_forces:
             last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
             during = estimate.between(max(estimate.start.index(contact.onset, "right") - 1, 0), last)
-            rows, at = during.time[1:] > contact.onset, head.frames.index(contact.frame)
+            rows, at = during.time[1:] > contact.onset, head.frames.index(contact.point)
             shown = during.shown.reshape(len(rows), -1, 3)[rows, at]
             force = np.where(shown, during.force[rows, at], 0.0)
             size = float(np.max(np.linalg.norm(force, axis=1), initial=0.0))
-            if shown.any() or not len(shown):
-                found.append(FoundEvent(point_label(contact.frame), contact.onset, contact.alarm, contact.end, size))
+            sure = np.inf
+            if during.expected_force is not None and during.standard_deviation is not None:
+                deviation = during.standard_deviation.reshape(len(rows), -1, 3)[rows, at]
+                sure = float(np.max(np.linalg.norm(force / deviation, axis=1), initial=0.0))
+            if (shown.any() or not len(shown)) and sure > SURE_OF_CONTACT:
+                found.append(replace(contact, point=point_label(contact.point), size=size))
     return found
 
 

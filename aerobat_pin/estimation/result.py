@@ -17,9 +17,9 @@ from aerobat_pin.estimation.contacts import Stance, stances_on_ground
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.observer_scores import ObserverScores, score_table, size_table, text_table
-from aerobat_pin.estimation.scores import point_label
+from aerobat_pin.estimation.scores import point_label, quantity
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.estimation.verdict import quantity, verdict_of
+from aerobat_pin.estimation.verdict import verdict_of
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Record, Reference, SmoothedMotion, TrueEvent
 

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.estimation.calibration_use import FoundEvent
+from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, Contact
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, Estimate, Expected, Identifiability, LevelDetector, Observer, row_names
 
-THRESHOLD = 5.0  # deviations of a row, beyond which something pushes
 CONTACT_ENDS = 0.5  # of the threshold, where it begins and ends
 
 
@@ -39,18 +38,18 @@ def rows_as_components(estimate: Estimate, observer: Observer, v: Array, expecte
     )
 
 
-def row_contacts(estimate: StoredEstimate) -> list[FoundEvent] | None:
+def row_contacts(estimate: StoredEstimate) -> list[Contact] | None:
     """Return when a row is beyond its threshold, in the order of time; None for an estimate of forces at points."""
     head = estimate.head
     if head.frames or head.standard_deviation is None:
         return None
     time = np.concatenate([estimate.start[:], [estimate.end]])
     values = np.concatenate([block.components for block in estimate.blocks()])
-    bars = np.concatenate([THRESHOLD * np.asarray(block.standard_deviation) for block in estimate.blocks()])
+    bars = np.concatenate([SURE_OF_CONTACT * np.asarray(block.standard_deviation) for block in estimate.blocks()])
     found, detector = [], LevelDetector(np.zeros(()), CONTACT_ENDS, 1.0, 0.0)
     for k, label in enumerate(head.identifiability.components):
         for event in detector.detect(time, np.abs(values[:, k]) / bars[:, k]):
             during = (time[1:] > event.onset) & (time[:-1] < (np.inf if event.end is None else event.end))
             size = float(np.max(np.abs(values[during, k])))
-            found.append(FoundEvent(label, event.onset, event.alarm, event.end, size))
+            found.append(Contact(label, event.onset, event.alarm, event.end, size))
     return sorted(found, key=lambda event: event.onset)

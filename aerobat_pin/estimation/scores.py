@@ -113,6 +113,12 @@ def point_label(frame: str) -> str:
     return frame.removesuffix(POINT_SUFFIX)
 
 
+def quantity(value: float, unit: str) -> str:
+    """Return a size with three digits, in thousandths of the unit below 1, as `238 mN`."""
+    factor, prefix = (1e3, "m") if value < 1.0 else (1.0, "") if value < 1e3 else (1e-3, "k")
+    return f"{factor * value:.3g} {prefix}{unit}"
+
+
 def short_label(component: str) -> str:
     """Return the label of a component with the short name of its point: `left.Fx`."""
     frame, _, axis = component.rpartition(".")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, innovation_score
+from aerobat_pin.estimation.trust import ComponentSize, InnovationScore, innovation_score, worst_stretch
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, Redundancy
 from aerobat_pin.records import MOST_SAMPLED, Series, Spool, spread_stretches
@@ -56,7 +56,7 @@ class StoredEstimate:
         if not self._counts:
             self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
             self._sum, self._squares, self._shown = np.zeros((3, block.components.shape[1]))
-            self._doubt, self._judged = 0.0, 0
+            self._doubt, self._judged, self._worst = 0.0, 0, (0.0, float(block.time[0]))
             self._columns = {
                 name: Series(self._spool, None if rows.ndim == 1 else rows.shape[1]) for name, rows in found.items()
             }
@@ -83,6 +83,7 @@ class StoredEstimate:
         if block.doubt is not None:
             self._doubt += float(np.nansum(block.doubt))
             self._judged += int(np.sum(np.isfinite(block.doubt)))
+            self._worst = max(self._worst, worst_stretch(block.time, block.doubt))
 
     def __len__(self) -> int:
         """Return the number of intervals."""
@@ -173,6 +174,12 @@ class StoredEstimate:
         None if half of the intervals or more have no row to spare that shows it.
         """
         return self._doubt / self._judged if 2 * self._judged > len(self) else None
+
+    @property
+    def worst_doubt(self) -> tuple[float, float] | None:
+        """Largest k over `DOUBT_STRETCH`, and the time after the first start at which it begins [s]; see `doubt`."""
+        k, begin = self._worst
+        return None if self.doubt is None else (k, begin - float(self.start[0]))
 
     @property
     def redundancy(self) -> Redundancy:

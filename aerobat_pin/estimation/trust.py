@@ -15,6 +15,7 @@ GAUSSIAN = 1.4826  # standard deviation over median of the magnitude
 NOISE_STRETCH = 32  # samples in which noise is told from that of other stretches
 BURST = 0.95  # share of the time in which a component's noise is smaller than what it is judged by
 LARGEST_NOISE = 0.5  # share of a component's rms above which its noise is named
+DOUBT_STRETCH = 1.0  # [s] over which k is averaged to find when the rows fit worst
 
 
 @dataclass(frozen=True)
@@ -110,6 +111,22 @@ def _noisy_components(estimate: Estimate) -> list[str]:
         "smoother take it out, unless the force itself is that rough"
     )
     return [line] if loud else []
+
+
+def worst_stretch(time: Array, doubt: Array) -> tuple[float, float]:
+    """Return the largest mean of k over `DOUBT_STRETCH`, and when that begins [s]; of a shorter record the mean of all.
+
+    Args:
+        time: (m + 1,) ends of the intervals [s].
+        doubt: (m,) k of each; NaN, where no row is to spare, counts as 0.
+    """
+    ends = np.searchsorted(time, time[:-1] + DOUBT_STRETCH - 1e-9)
+    begins = np.flatnonzero(ends < len(time)) if time[-1] - time[0] > DOUBT_STRETCH else np.zeros(1, int)
+    last = np.minimum(ends[begins], len(doubt))
+    total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(doubt))])
+    means = (total[last] - total[begins]) / (last - begins)
+    worst = int(np.argmax(means))
+    return float(means[worst]), float(time[begins[worst]])
 
 
 def warnings_about(estimate: Estimate) -> list[str]:

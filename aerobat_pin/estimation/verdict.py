@@ -11,14 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.estimation.calibration_use import ModelCheck
+from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, ModelCheck
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.observer_scores import ObserverScores
-from aerobat_pin.estimation.scores import point_label, short_label
+from aerobat_pin.estimation.scores import point_label, quantity, short_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import burst_noise
 
-SUDDEN = 5.0  # errors that a push exceeds at its peak: noise alone does so once in a million samples
 LASTING = 1.5  # or its rms: noise alone has one error
 CROSSTALK = 0.02  # share of the largest force that its estimate leaves elsewhere
 SAID_AT_MOST = 2  # pushes, or components, that a sentence names
@@ -42,7 +41,7 @@ class _Push:
 
     def stands_out(self, least: float) -> bool:
         """Whether errors, or an error of the belief that looks like `least`, cannot make it up."""
-        return self.peak > max(SUDDEN * self.error, least) or self.rms > max(LASTING * self.error, least)
+        return self.peak > max(SURE_OF_CONTACT * self.error, least) or self.rms > max(LASTING * self.error, least)
 
     def __str__(self) -> str:
         return f"{self.place} (up to {quantity(self.peak, self.unit)}{self.way}, at {self.at:.2f} s)"
@@ -87,12 +86,6 @@ def verdict_of(
     doubts += [words.removeprefix("belief: ").partition(";")[0]] * wrong
     doubts += ["something has changed since the calibration"] * (model is not None and model.verdict == "changed")
     return "; ".join([said, _sureness(found, kind, certain or pushes), *doubts, _unseen(found)]) + "."
-
-
-def quantity(value: float, unit: str) -> str:
-    """Return a size with three digits, in thousandths of the unit below 1, as `238 mN`."""
-    factor, prefix = (1e3, "m") if value < 1.0 else (1.0, "") if value < 1e3 else (1e-3, "k")
-    return f"{factor * value:.3g} {prefix}{unit}"
 
 
 def _listed(things: Iterable[object]) -> str:

@@ -1,8 +1,7 @@
 """What a robot's file must be before Pinocchio reads it: URDF and MJCF, which may come from a stranger.
 
 Pinocchio calls itself for each level of a file and for each link of a chain, skips numbers that it cannot read, and
-takes a mass of NaN as it is. So the file is looked at first: depth, number of bodies, numbers, and the places of files
-that it names.
+takes a mass of NaN as it is. So the file is looked at first.
 """
 
 from __future__ import annotations
@@ -34,20 +33,18 @@ LARGEST_NUMBERS = {  # keys with numbers -> the largest; of lengths and angles, 
 EXTENTS = ("radius", "length")  # of a box, a ball, a cylinder: more than 0, in a URDF also `size`
 DIRECTION_KEYS = ("axis", "quat", "quat_xyzw", "zaxis")  # keys whose numbers are not all 0
 ROUNDED_INERTIA = 1e-15  # of inertias that files round to less than 0 [kg m2]
+INSIDE = (
+    "a file in the folder of the robot's file, in a folder above it that has a package.xml, in such a package beside "
+    "these, or in one of ROS_PACKAGE_PATH was expected"
+)
 WEIGHTY_KEYS = ("mass", "density", "ixx", "iyy", "izz", "diaginertia")
 
 
 def checked_robot(path: Path, kind: str) -> Element:
-    """Return the outermost element of a robot's file that can be a robot's.
-
-    Args:
-        path: the file.
-        kind: `urdf` or `mjcf`.
+    """Return the outermost element of a robot's file of a kind, `urdf` or `mjcf`, in which everything can be.
 
     Raises:
-        LogError: the file cannot be read, nests too deep, has too many bodies; a number is none, not finite, too large,
-            or cannot be (a negative mass or inertia, an axis or quaternion of zeros); a class of an MJCF file is not
-            defined; or it names a file outside its packages. The message names the link and the key.
+        LogError: depth, number of bodies, a number, a class or a file's place cannot be. It names the link and the key.
     """
     name = f"robot {path}"
     root = foreign_xml(path, name, OUTERMOST[kind], LARGEST_ROBOT)
@@ -59,13 +56,13 @@ def checked_robot(path: Path, kind: str) -> Element:
     classes = {element.get("class") for element in root.iter("default")}
     for element, where in _with_places(root, ""):
         for key, text in element.attrib.items():
-            if (rule := _broken_rule(element, key, text, kind)) is not None:
-                raise LogError(f'{name}: {where}<{element.tag} {key}="{text[:80]}">: {rule}')
+            rule = _broken_rule(element, key, text, kind)
             if kind == "mjcf" and key in ("class", "childclass") and text not in classes:
-                known = ", ".join(sorted(filter(None, classes))) or "none"
-                raise LogError(f'{name}: {where}<{element.tag} {key}="{text[:80]}">: no such class; there are {known}')
-            if key in ("file", "filename"):
-                _check_inside(path, text, f'{name}: {where}<{element.tag} {key}="{text[:80]}">')
+                rule = f"no such class; there are {', '.join(sorted(filter(None, classes))) or 'none'}"
+            if key in ("file", "filename") and _lies_outside(path, text):
+                rule = INSIDE
+            if rule:
+                raise LogError(f'{name}: {where}<{element.tag} {key}="{text[:80]}">: {rule}')
         if kind == "mjcf" and element.tag in ("include", "attach", "replicate"):
             raise LogError(f"{name}: <{element.tag}>: Pinocchio leaves it out; a whole robot in one file was expected")
     return root
@@ -105,41 +102,28 @@ def _broken_rule(element: Element, key: str, text: str, kind: str) -> str | None
         numbers = np.array([np.nan])
     if not numbers.size or not bool(np.all(np.abs(numbers) <= LARGEST_NUMBERS[key])):
         return f"numbers up to {LARGEST_NUMBERS[key]:g} were expected"
-    urdf = kind == "urdf"
-    if (key in EXTENTS or (key == "size" and urdf)) and not np.all(numbers > 0.0):
-        return "more than 0 was expected"
-    if (key in DIRECTION_KEYS or (element.tag == "axis" and key == "xyz")) and not np.any(numbers):
+    extent = key in EXTENTS or (key == "size" and kind == "urdf")
+    direction = key in DIRECTION_KEYS or (element.tag == "axis" and key == "xyz")
+    weighty = key in WEIGHTY_KEYS or element.tag == "mass" or key == "size"
+    if (extent and not np.all(numbers > 0.0)) or (direction and not np.any(numbers)):
         return "more than 0 was expected"
     if key == "axisangle" and not np.any(numbers[:3]):
         return "an axis longer than 0 was expected"
-    if (key in WEIGHTY_KEYS or element.tag == "mass" or (key == "size" and not urdf)) and np.any(
-        numbers < -ROUNDED_INERTIA
-    ):
+    if weighty and np.any(numbers < -ROUNDED_INERTIA):
         return "0 or more was expected"
     if key == "fullinertia" and np.any(numbers[:3] < 0.0):
         return "0 or more was expected on the diagonal"
     return None
 
 
-def _check_inside(robot: Path, named: str, where: str) -> None:
-    """Raise LogError if a robot names an existing file by its absolute path that is not in its packages."""
+def _lies_outside(robot: Path, named: str) -> bool:
+    """Return whether a robot names an existing file by its absolute path that is not in its packages."""
     path = Path(unquote(urlsplit(named).path)) if named.startswith("file://") else Path(named)
-    if path.is_absolute() and os.path.exists(path) and not Packages(robot).contains(path):
-        raise LogError(f"{where}: {INSIDE}")
-
-
-INSIDE = (
-    "a file in the folder of the robot's file, in a folder above it that has a package.xml, in such a package beside "
-    "these, or in one of ROS_PACKAGE_PATH was expected"
-)
+    return path.is_absolute() and os.path.exists(path) and not Packages(robot).contains(path)
 
 
 class Packages:
-    """The folders whose files a robot may name.
-
-    Args:
-        robot: the robot's file; the folders follow from its place.
-    """
+    """The folders whose files a robot may name; they follow from the place of its own file."""
 
     def __init__(self, robot: Path) -> None:
         self._name = f"robot {robot}"
@@ -157,15 +141,12 @@ class Packages:
         return any(place.is_relative_to(os.path.realpath(root)) for root in roots)
 
     def file(self, name: str, folder: Path, check: Callable[[Path, Packages], None]) -> Path:
-        """Return the path of a file that the robot names.
+        """Return the path of a file that the robot names; LogError if it lies outside, or `check` of it raises one.
 
         Args:
             name: `package://` or `file://` address, absolute path, or path relative to `folder`.
             folder: folder of the file that contains the name.
-            check: called with the path and this object; raises LogError if the file is none of those allowed.
-
-        Raises:
-            LogError: there is no such file, or it lies outside the robot's packages.
+            check: called with the path and this object.
         """
         path, roots = Path(folder, name), self._own + self._ros
         if name.startswith(("package://", "model://")):

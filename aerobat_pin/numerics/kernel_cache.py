@@ -1,13 +1,11 @@
 """The files that keep compiled kernels between runs: none of another user's, nor a damaged one, is ever run.
 
-numba reads these files without a check: a cut one ends the process inside the compiler's library, and another user's
-runs whatever he put into it. So they lie in a folder that only this user can write, `aerobat-` and his number below the
-one that numba chooses; and a file counts only if it is his, nobody else can write it, and its checksum, at its end, is
-right. Others count as absent, so numba compiles the kernel and replaces the file. A folder that is full or cannot be
-written costs only the time to compile at the next start.
+numba reads these files without a check: a cut one ends the process, and another user's runs whatever he put into it. So
+they lie in a folder that only this user can write, below the one that numba chooses; and a file counts only if it is
+his, nobody else can write it, and the checksum at its end is right. Others count as absent: the kernel is compiled.
 
-Of several processes that start at once, one compiles a kernel, and the others wait and then load it. This also keeps
-them from writing one index at the same time, which numba would let lead to the wrong file.
+Of several processes that start at once, one compiles a kernel, and the others wait and then load it: two that write one
+index at the same time would let it lead to the wrong file.
 """
 
 from __future__ import annotations
@@ -18,7 +16,7 @@ import pickle
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -38,12 +36,7 @@ _told: list[str] = []  # so that a process tells once, not for every kernel
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
-    """The compiled versions of one kernel, in sealed files.
-
-    Args:
-        function: the function that is compiled.
-        stamp: what identifies the source of all kernels.
-    """
+    """The compiled versions of one function, in sealed files; `stamp` identifies the source of all kernels."""
 
     def __init__(self, function: Callable[..., Any], stamp: object) -> None:
         super().__init__(function)
@@ -58,13 +51,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
 
 
 class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no types
-    """The files of one kernel: an index, and one file for each combination of argument types.
-
-    Args:
-        folder: folder of the files.
-        name: start of their names.
-        stamp: what identifies the source of all kernels.
-    """
+    """The files of one kernel: an index, and one file for each combination of argument types."""
 
     def __init__(self, folder: str, name: str, stamp: object) -> None:
         super().__init__(cache_path=folder, filename_base=name, source_stamp=stamp)
@@ -74,27 +61,28 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
 
     @contextmanager
     def by_one_process(self) -> Iterator[None]:
-        """Compile in this `with` block: other processes wait until it ends.
+        """Compile in this `with` block: other processes wait until it ends, if anything can be locked.
 
-        No two processes can wait for each other, because a kernel is locked before the kernels that it calls. Where
-        nothing can be locked, every process compiles for itself.
+        No two can wait for each other, because a kernel is locked before the kernels that it calls.
         """
         with global_compiler_lock:  # first, or two threads of this process could wait for each other
             if self._held:
                 yield
                 return
-            lock = None
-            with suppress(OSError):
-                self._enter()
-                lock = os.open(f"{self._index_path}.lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
-                _lock(lock)
-            self._held = True
-            try:
+            with ExitStack() as end:
+                with suppress(OSError):
+                    self._enter()
+                    lock = os.open(f"{self._index_path}.lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+                    end.callback(os.close, lock)
+                    last = time.monotonic() + LONGEST_WAIT
+                    while time.monotonic() < last:
+                        with suppress(BlockingIOError):
+                            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                            break
+                        time.sleep(0.02)
+                self._held = True
+                end.callback(setattr, self, "_held", False)
                 yield
-            finally:
-                self._held = False
-                if lock is not None:
-                    os.close(lock)
 
     def save(self, key: Any, data: Any) -> None:
         """Store a compiled kernel; if that fails, tell it once and go on."""
@@ -111,15 +99,14 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
         check_private(os.lstat(self._cache_path), Path(self._cache_path))
 
     def _load_index(self) -> dict[Any, str]:
-        content = BytesIO(self._told_content(self._index_path) or pickle.dumps(""))
+        content = BytesIO(self._content(self._index_path) or pickle.dumps(""))
         if pickle.load(content) != self._version:
             return {}
         stamp, entries = pickle.load(content)
         return dict(entries) if stamp == self._source_stamp else {}
 
     def _load_data(self, name: str) -> Any:
-        content = self._told_content(path := self._data_path(name))
-        if content is None:
+        if (content := self._content(path := self._data_path(name))) is None:
             raise FileNotFoundError(path)  # which numba takes for a kernel that is not compiled yet
         return pickle.loads(content)
 
@@ -138,29 +125,14 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
 
     def _content(self, path: str) -> bytes | None:
         """Return what a file contains before its checksum; None if that is wrong, or others can have written it."""
-        try:
+        with suppress(OSError):
             check_private(os.lstat(self._cache_path), Path(self._cache_path))
             data = content_of(Path(path), LARGEST_KERNEL, private=True)
-        except OSError:
-            return None
-        return data[:-SEAL_SIZE] if data[-SEAL_SIZE:] == self._seal(path, data[:-SEAL_SIZE]) else None
-
-    def _told_content(self, path: str) -> bytes | None:
-        content = self._content(path)
-        if content is None and os.path.lexists(path):
+            if data[-SEAL_SIZE:] == self._seal(path, data[:-SEAL_SIZE]):
+                return data[:-SEAL_SIZE]
+        if os.path.lexists(path):
             _tell(f"the compiled kernel {path} is damaged, another's or of another version: it is compiled again")
-        return content
-
-
-def _lock(file: int) -> None:
-    end = time.monotonic() + LONGEST_WAIT
-    while time.monotonic() < end:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            time.sleep(0.02)
-        else:
-            return
+        return None
 
 
 def _tell(text: str) -> None:

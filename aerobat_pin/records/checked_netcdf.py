@@ -16,7 +16,7 @@ from zlib import crc32
 import h5py
 import numpy as np
 
-from aerobat_pin.errors import LogError
+from aerobat_pin.errors import LogError, foreign_file
 from aerobat_pin.records.hdf5_trial import fails_in_a_trial
 
 SEAL, CRC_SIZE = b"CRC-32:\n", 4  # the file ends with this word and the checksum of all before it, in bytes
@@ -61,14 +61,12 @@ def checked_file(path: str | Path, what: str, groups: Sequence[str]) -> Iterator
     Yields its groups by name, the root's name is empty, and how messages name the file.
     """
     name = f"{what} {path}"
-    if not os.path.isfile(path):
-        raise LogError(f"{name}: cannot be read as NetCDF-4: there is no such file")
     try:
-        sealed = _seal_holds(path)
-        if sealed is False:  # the HDF5 library can end the process on a damaged file
-            raise LogError(f"{name}: cannot be read as NetCDF-4: it is damaged, as its checksum tells")
+        foreign_file(path, f"{name}: cannot be read as NetCDF-4")
+        if (sealed := _seal_holds(path)) is False:  # the HDF5 library can end the process on a damaged file
+            raise OSError("it is damaged, as its checksum tells")
         if sealed is None and (reason := fails_in_a_trial(Path(path))) is not None:
-            raise LogError(f"{name}: cannot be read as NetCDF-4: {reason}")
+            raise OSError(reason)
         with h5py.File(path, "r") as file:
             parts = {"": file} | _groups(file, groups, name)
             size = sum(_checked_size(part, name) for part in parts.values())
@@ -83,7 +81,7 @@ def checked_file(path: str | Path, what: str, groups: Sequence[str]) -> Iterator
 
 
 def _groups(file: h5py.File, groups: Sequence[str], name: str) -> dict[str, h5py.Group]:
-    """Return the groups of a file by name, after a look at all links. Raises LogError for a link or group not known."""
+    """Return the groups of a file by name. Raises LogError for a link, or a group that is not known."""
     found = {}
     for key in _entries(file, name):
         if isinstance(file[key], h5py.Group):
@@ -111,9 +109,7 @@ def _checked_size(group: h5py.Group, name: str) -> float:
     """Return the size of all values in a group [bytes]. Raises LogError for values that the file does not contain."""
     total = 0.0
     _check_attribute_sizes(group, f"{name}: {group.name}")
-    for key, item in group.items():
-        if not isinstance(item, h5py.Dataset):
-            continue
+    for key, item in ((key, item) for key, item in group.items() if isinstance(item, h5py.Dataset)):
         where = f"{name}: '{key}'"
         _check_attribute_sizes(item, where)
         if item.dtype.kind not in "fiuS" and h5py.check_string_dtype(item.dtype) is None:
@@ -142,10 +138,7 @@ def _check_attribute_sizes(item: Any, where: str) -> None:
 
 
 def _check_texts(item: h5py.Dataset, where: str) -> None:
-    """Raise LogError for a text of absurd length, for which the HDF5 library would take minutes and gigabytes.
-
-    In the file each text is its length (4 bytes) and its place (12 bytes).
-    """
+    """Raise LogError for a text of absurd length: in the file each is its length (4 bytes) and its place (12 bytes)."""
     text = h5py.check_string_dtype(item.dtype)
     if text is None or text.length is not None or item.id.get_create_plist().get_nfilters():
         return

@@ -1,8 +1,7 @@
 """Read an HDF5 file of others once, in a process whose memory and time are limited.
 
-The HDF5 library reads lengths from a file as they are: one that is damaged, or made so, lets it read for ever or ends
-the process. So a file without a checksum of ours is first read here, from end to end; what it is
-made of is judged later, in `checked_netcdf.py`. As a program: `python hdf5_trial.py FILE`.
+The HDF5 library believes the lengths in a file: a wrong one lets it read for ever, or ends the process. So a file
+without a checksum of ours is first read here, from end to end, and then judged in `checked_netcdf.py`.
 """
 
 from __future__ import annotations
@@ -29,14 +28,6 @@ def fails_in_a_trial(path: Path) -> str | None:
     return f"the HDF5 library ends by signal {-code} or does not end" if code < 0 else None
 
 
-def _read_all(path: str) -> None:
-    import h5py
-
-    with h5py.File(path, "r") as file:
-        _read(file, file)
-        file.visititems(lambda _, item: _read(file, item))
-
-
 def _read(file: Any, item: Any) -> None:
     """Read an object's attributes and what their references name, and all its numbers, piece by piece."""
     import h5py
@@ -57,7 +48,7 @@ def _read(file: Any, item: Any) -> None:
 
 
 def main() -> None:
-    """Read the file that the command line names, within the limits."""
+    """Read the file that the command line names, within the limits: `python hdf5_trial.py FILE`."""
     import resource
 
     limit = TRIAL_SECONDS + os.path.getsize(sys.argv[1]) // BYTES_A_SECOND
@@ -66,7 +57,11 @@ def main() -> None:
         most = most if known == resource.RLIM_INFINITY else min(most, known)
         resource.setrlimit(kind, (most, most))
     try:
-        _read_all(sys.argv[1])
+        import h5py
+
+        with h5py.File(sys.argv[1], "r") as file:
+            _read(file, file)
+            file.visititems(lambda _, item: _read(file, item))
     except MemoryError:
         sys.exit(MEMORY_SHORT)
 

@@ -20,8 +20,7 @@ def check_bag(path: Path) -> None:
     files = sorted(path.iterdir()) if os.path.isdir(path) else [path]
     for file in files:
         if not os.path.isdir(file):
-            limit = LARGEST_DESCRIPTION if file.name == "metadata.yaml" else float("inf")
-            foreign_file(file, f"log {file}", limit)
+            foreign_file(file, f"log {file}", LARGEST_DESCRIPTION if file.name == "metadata.yaml" else float("inf"))
         if file.suffix == ".db3":
             _check_tables(file)
 
@@ -42,7 +41,8 @@ def _check_tables(path: Path) -> None:
 def check_chunks(path: Path, reader: Any) -> None:
     """Raise LogError if the chunks that a bag's index names at one time unpack to more than `MOST_UNPACKED` bytes."""
     storages = [getattr(one, "storage", None) for one in reader.readers]
-    chunks = [chunk for one in storages for part in getattr(one, "storages", [one]) for chunk in _chunks(part)]
+    parts = [part for one in storages for part in getattr(one, "storages", [one])]
+    chunks = [chunk for part in parts for chunk in getattr(part, "chunks", ())]
     begun: list[tuple[int, int]] = []
     for chunk in sorted(chunks, key=lambda one: one.message_start_time):
         begun = [one for one in begun if one[0] >= chunk.message_start_time]
@@ -52,16 +52,8 @@ def check_chunks(path: Path, reader: Any) -> None:
             raise LogError(f"log {path}: {many} unpack to {size} bytes: at most {MOST_UNPACKED} were expected")
 
 
-def _chunks(storage: Any) -> list[Any]:
-    return list(getattr(storage, "chunks", ()))
-
-
 class Unpacking:
-    """Unpacks what a bag has compressed, within the budget of its size; each failure is a LogError.
-
-    Args:
-        path: the bag.
-    """
+    """Unpacks what a bag has compressed, within the budget of its size; each failure is a LogError."""
 
     def __init__(self, path: Path) -> None:
         files = path.iterdir() if os.path.isdir(path) else [path]
@@ -95,17 +87,15 @@ class Unpacking:
         return self._unpacked(LZ4FrameDecompressor(), data, size)
 
     def _unpacked(self, one: Any, data: bytes, size: int = MOST_UNPACKED) -> bytes:
-        found: bytes = one.decompress(data, min(size, MOST_UNPACKED) + 1)
-        if len(found) > min(size, MOST_UNPACKED):
-            raise LogError(
-                f"log {self._path}: a chunk unpacks to more than the {min(size, MOST_UNPACKED)} bytes expected of it"
-            )
+        most = min(size, MOST_UNPACKED)
+        found: bytes = one.decompress(data, most + 1)
+        if len(found) > most:
+            raise LogError(f"log {self._path}: a chunk unpacks to more than the {most} bytes expected of it")
         self._take(len(found))
         return found
 
     def _take(self, size: int) -> None:
         self._left -= size
         if self._left < 0:
-            raise LogError(
-                f"log {self._path}: unpacks to more than {MOST_TIMES_LARGER} times its size: a recording was expected"
-            )
+            most = f"{MOST_TIMES_LARGER} times its size"
+            raise LogError(f"log {self._path}: unpacks to more than {most}: a recording was expected")

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from aerobat_pin.aerobat import FlightLog, true_force
 from aerobat_pin.errors import LogError, content_of, plain_json
-from aerobat_pin.estimation import point_label
+from aerobat_pin.estimation import point_label, quantity
 from aerobat_pin.experiments import RESULTS, read_run
 from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
@@ -121,6 +121,20 @@ class Comparison:
             yield *key, *r2, *(f"{1e3 * score[1]:.2f} mN" for score in pair)
 
     @property
+    def verdict(self) -> str:
+        """One sentence on the first observer that both runs have: how far it is off the true force in each."""
+        shared = [key for key in self.first.scores if key in self.second.scores]
+        if not shared:
+            return "No force is compared with its truth in both."
+        name = shared[0][0]
+        count = len({point for observer, point, _ in shared if observer == name})
+        runs = (self.first, self.second)
+        squares = [sum(run.scores[key][1] ** 2 for key in shared if key[0] == name) / count for run in runs]
+        sizes = [f"{quantity(square**0.5, 'N')} rms in {run.label}" for square, run in zip(squares, runs, strict=True)]
+        times = f", {(squares[1] / squares[0]) ** 0.5:.2g} times as much" if squares[0] > 0.0 else ""
+        return f"{name} is off the true force by {sizes[0]} and by {sizes[1]}{times}."
+
+    @property
     def missing(self) -> list[str]:
         """Why a curve or a row is not there: lines of text."""
         lines, runs = [], (self.first, self.second)
@@ -149,7 +163,7 @@ class Comparison:
         lines.append(f"in {b.label}: {keys_text(self.differences)}" if self.differences else "the scenarios are equal")
         for name, point, axis, *numbers in (self.header, *self.rows()):
             lines.append(f"{name:<12} {point:<12} {axis:<4} " + " ".join(f"{number:>14}" for number in numbers))
-        return "\n".join([*lines, *self.missing])
+        return "\n".join([self.verdict, *lines, *self.missing])
 
     def draw(self) -> Figure:
         """Draw true and estimated forces of both runs and the errors, a column for each point that both estimate."""
@@ -194,6 +208,7 @@ class Comparison:
             "comparison.html",
             runs=(self.first, self.second),
             differences=keys_text(self.differences),
+            verdict=self.verdict,
             header=self.header,
             rows=list(self.rows()),
             missing=self.missing,

@@ -152,6 +152,7 @@ def test_two_runs_stand_side_by_side(
     assert sorted(path.name for path in folder.iterdir()) == names
     assert len((folder / "comparison.csv").read_text().splitlines()) == 13
     page = (folder / "comparison.html").read_text()
+    assert "momentum is off the true force by " in page
     assert page.count("data:image/png;base64,") == 3
     assert score[1] in page
     assert call(monkeypatch, "compare", "one", "runs") == 2

@@ -21,6 +21,7 @@ import pytest
 import support.broken_runs as broken
 from support.bench import RUN, Bench
 from support.broken_runs import Case
+from support.commands import last_words
 
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import OutputError, OutputWarning, claimed, output_folder, write_files
@@ -111,6 +112,26 @@ def test_a_second_writer_is_refused_by_the_number_of_the_first(target: Path) -> 
     write(target)
 
 
+def test_a_work_folder_that_another_process_has_just_removed_is_made_again(
+    target: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between the moment in which it is opened and that in which its lock is: as of four that write at once."""
+    opened, removed = folders.own_folder, list[str]()
+
+    def removed_once(path: Path, outer: int) -> int:
+        descriptor: int = opened(path, outer)
+        if not removed:
+            removed.append(path.name)
+            os.rmdir(path)
+        return descriptor
+
+    monkeypatch.setattr(folders, "own_folder", removed_once)
+    write(target)
+    assert removed == [".aerobat-target"]
+    assert written(target) == {"a.txt": "new", "mine.txt": "mine"}
+    assert os.listdir(target.parent) == ["target"]
+
+
 def test_files_are_written_together_or_not_at_all(tmp_path: Path) -> None:
     """A folder in the place of the second file: the first is not written either, and no folder stays."""
     (tmp_path / "two").mkdir()
@@ -126,7 +147,8 @@ def test_standard_output_on_a_full_disk_is_told(tmp_path: Path) -> None:
     """One line and exit code 2; without it Python would end with code 120."""
     with open("/dev/full", "w") as full:
         done = subprocess.run([*PROGRAM, "urdf"], stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    assert (done.returncode, done.stderr) == (2, "error: standard output: cannot be written: No space left on device\n")
+    said = "error: standard output: cannot be written: No space left on device\n"
+    assert (done.returncode, last_words(done)) == (2, said)
 
 
 def limited_memory() -> None:
@@ -152,8 +174,8 @@ def test_surroundings_in_which_nothing_works_are_told_in_one_line(
         [*PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, check=False, preexec_fn=what
     )
     assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith(f"error: {said}")
-    assert done.stderr.count("\n") == 1
+    assert last_words(done).startswith(f"error: {said}")
+    assert last_words(done).count("\n") == 1
     assert not tmp_path.exists() or os.listdir(tmp_path) == []
 
 
@@ -176,7 +198,7 @@ def test_programs_without_docstrings_work(tmp_path: Path) -> None:
     """`PYTHONOPTIMIZE=2`, and no HOME; `list` shows docstrings where there are any."""
     environment = {name: value for name, value in os.environ.items() if name != "HOME"} | {"PYTHONOPTIMIZE": "2"}
     done = subprocess.run([*PROGRAM, "list"], env=environment, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, last_words(done)) == (0, "")
     assert "force_level" in done.stdout
 
 
@@ -204,7 +226,7 @@ def test_ctrl_c_while_the_program_loads_is_one_line(module: str, tmp_path: Path)
     """From the first import of ours on, before the handlers are there and after."""
     command = [sys.executable, "-c", LOADING, module]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (130, "interrupted: nothing was written\n")
+    assert (done.returncode, last_words(done)) == (130, "interrupted: nothing was written\n")
     assert os.listdir(tmp_path) == []
 
 

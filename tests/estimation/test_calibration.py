@@ -70,7 +70,7 @@ def test_contacts_are_found_and_sized_after_the_calibration() -> None:
     pushed = seen_with(found, free, "pushes")
     assert scores(estimated("force_level", pushed), pushed)[2] > 0.98
     contacts = pushed.inputs.calibration.contacts
-    assert {contact.frame for contact in contacts} == {"left_force_point"}
+    assert {contact.point for contact in contacts} == {"left_force_point"}
     late = np.array([contact.alarm for contact in contacts]) - [0.5, 0.9, 1.3]
     assert np.all(late > 0.0)
     assert np.all(late < [3.1e-3, 5.1e-3, 15e-3])
@@ -83,7 +83,7 @@ def test_noisy_sensors_leave_the_smoother_nearly_as_good() -> None:
     signal, pushed = (seen_with(found, free, flight, 1, NOISY) for flight in ("signal", "pushes"))
     assert np.all(scores(estimated("smoother", signal), signal)[1:] > 0.95)
     assert scores(estimated("smoother", pushed), pushed)[2] > 0.85
-    left = [contact for contact in pushed.inputs.calibration.contacts if contact.frame == "left_force_point"]
+    left = [contact for contact in pushed.inputs.calibration.contacts if contact.point == "left_force_point"]
     late = np.array([contact.alarm for contact in left]) - [0.5, 0.9, 1.3]
     assert np.all(np.abs(late) < [3e-3, 15e-3, 15e-3])
 

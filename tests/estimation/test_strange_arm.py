@@ -70,6 +70,36 @@ def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(
     assert any("forces elsewhere, a moment, or a wrong model" in line for line in beside.warnings)
 
 
+def test_a_short_push_is_the_only_contact_and_one_beside_the_point_is_said_with_its_time(tmp_path: Path) -> None:
+    """Two seconds of a push 25 cm beside the point hardly move the mean of k; the worst second shows them.
+
+    At the point they are the only contact, whatever friction does as joints begin to move, and
+    though a fifth of the samples is lost.
+    """
+
+    def shortly(time: np.ndarray) -> np.ndarray:
+        return 20.0 * ((time > 25.0) & (time < 27.0))[:, None] * np.array([0.0, 1.0, 0.0])
+
+    write_log(tmp_path / "free.csv", 141, nothing)
+    calibration = calibrate([opened(tmp_path / "free.csv", ["tool0"], friction=True)])
+    judged = {}
+    for name, lever in (("at", 0.0), ("beside", 0.25)):
+        write_log(tmp_path / f"{name}.csv", 41, shortly, (lever, 0.0, 0.0))
+        judged[name] = estimate(opened(tmp_path / f"{name}.csv", ["tool0"]), calibration=calibration)
+    assert not judged["at"].observers["force_level"].judgement[1]
+    pd.read_csv(tmp_path / "at.csv").sample(frac=0.8, random_state=1).sort_values("t").to_csv(tmp_path / "thin.csv")
+    judged["thin"] = estimate(opened(tmp_path / "thin.csv", ["tool0"]), calibration=calibration)
+    for name in ("at", "thin"):
+        contacts = judged[name].observers["force_level"].events
+        assert 1 <= len(contacts) <= 2
+        assert contacts[0].onset == pytest.approx(25.0, abs=0.1)
+        assert contacts[-1].end == pytest.approx(27.0, abs=0.2)
+    words, wrong = judged["beside"].observers["force_level"].judgement
+    assert wrong
+    begin = float(re.search(r"times from ([0-9.]+) to", words).group(1))
+    assert 24.5 < begin < 26.5
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a log, its map, and a map without points."""

@@ -41,20 +41,25 @@ def test_the_papers_flights_are_those_of_an_independent_integrator(name: str, mo
     assert np.max(np.abs(cranks)) > 0.0
 
 
-def test_bars_of_ever_less_mass_come_to_the_papers_massless_linkage(monkeypatch: pytest.MonkeyPatch) -> None:
-    """How far a free flight is from ours falls with the bars' mass, linearly: so its limit is a linkage without any.
+@pytest.mark.parametrize(
+    ("what", "values", "power", "tolerance"),
+    [("BAR_SHARE", (1.0, 0.5, 0.01), 1, 0.05), ("CLOSURE_TIME", (1e-3, 5e-4, 2.5e-4), 2, 0.4)],
+)
+def test_ever_lighter_bars_and_stiffer_closures_come_to_a_limit(
+    what: str, values: tuple[float, ...], power: int, tolerance: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """How far a free flight is from ours changes with the bars' mass linearly, with the closures' time squared.
 
-    In half a second it is 0.222 mm + 1.15 mm times the mass, as a share of the file's; here a fifth of that time.
+    So its limit is a linkage that has no mass and does not give. Over half a second see `mujoco_robot`.
     """
     pytest.importorskip("mujoco")
     scenario, off = load_scenario("paper_open_loop", ["simulation.duration=0.1"]), []
-    for share in (1.0, 0.5, 0.01):
-        monkeypatch.setattr("aerobat_pin.flight.mujoco_robot.BAR_SHARE", share)
+    for value in values:
+        monkeypatch.setattr(f"aerobat_pin.flight.mujoco_robot.{what}", value)
         ours, theirs = in_both(scenario)
         off.append(ours.measured["q"].values[-1, :3] - theirs.measured["q"].values[-1, :3])
-    first, second = off[0] - off[1], off[1] - off[2]
-    np.testing.assert_allclose(first / 0.5, second / 0.49, atol=0.05 * np.linalg.norm(first) / 0.5)
-    assert np.linalg.norm(off[2]) < np.linalg.norm(off[0])
+    slopes = np.diff(off, axis=0) / np.diff(np.array(values) ** power)[:, None]
+    assert np.linalg.norm(slopes[1] - slopes[0]) < tolerance * np.linalg.norm(slopes[0])
 
 
 def test_an_observer_finds_the_forces_in_a_flight_of_mujoco() -> None:

@@ -85,7 +85,7 @@ def test_the_calibrations_page_finds_the_blow_it_flies() -> None:
     exec(compile(block, "docs/calibration.md", "exec"), names)
     [contact] = names["result"].calibration.contacts
     assert names["result"].model.verdict == "unchanged"
-    assert contact.frame == "left_force_point"
+    assert contact.point == "left_force_point"
     assert contact.alarm == pytest.approx(0.703, abs=2e-3)
 
 

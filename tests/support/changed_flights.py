@@ -213,7 +213,7 @@ def _contacts(result: Result, truth: np.ndarray, time: np.ndarray) -> tuple[int,
     pushes = np.any(np.abs(truth) > 1e-9, axis=2)
     starts = [np.flatnonzero(np.diff(one.astype(int), prepend=0) == 1) for one in pushes.T]
     for contact in result.calibration.contacts:
-        wing = FORCE_POINTS.index(contact.frame)
+        wing = FORCE_POINTS.index(contact.point)
         begin, end = np.searchsorted(time, [contact.onset - 0.03, (contact.end or time[-1]) + 0.03])
         if pushes[begin:end, wing].any():
             true |= {(wing, int(one)) for one in starts[wing] if begin - 200 <= one <= end}

@@ -87,3 +87,8 @@ def of_session(leader: int) -> list[str]:
         if int(fields[3]) == leader and fields[0] != "Z":
             found.append(stat.parent.name)
     return found
+
+
+def last_words(done: subprocess.CompletedProcess[str]) -> str:
+    """Return what a program said to standard error at its end: without lines that it starts, on a busy machine."""
+    return "".join(line for line in done.stderr.splitlines(keepends=True) if not line.startswith("starting"))

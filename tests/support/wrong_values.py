@@ -346,7 +346,7 @@ Applications Bias Crossing Estimate Event Identifiability LevelDetector CusumDet
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotState StateSpace StripLoads Trim Wake Tree
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel
-LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent FoundEvent InnovationScore ComponentSize
+LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent InnovationScore ComponentSize
 Contact Cause Effect ModelCheck Suspect Finding Agreement Moments Check KnownForces StreamHealth Stance
 ObserversTogether LoopState SimulatedMotion"""  # made by other functions
 TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
@@ -364,7 +364,7 @@ effort_findings record_findings moving_weight AllBut with_record robot_length ha
 quantity typical_step redundancy_of slow_part describe_tables explain fit_friction
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew
 SeriesSculpture scenario_of_run changed_keys changes_text differing_keys keys_text blocks_of component_sizes
-found_events belief_of described flight_log_of log_with_motion shipped_description"""
+found_contacts belief_of described flight_log_of log_with_motion shipped_description"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv Simulator"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed

@@ -23,7 +23,7 @@ import pytest
 from matplotlib.image import imread
 from support.bad_inputs import AllAnswers
 from support.browser import at, needs_browser, node, opened, ready
-from support.commands import call, interrupted, of_session, served
+from support.commands import call, interrupted, last_words, of_session, served
 
 from aerobat_description import PACKAGE_PATH, URDF_PATH
 from aerobat_pin.aerobat.flight_log import FlightLog
@@ -204,7 +204,7 @@ def test_ctrl_c_among_pictures_leaves_a_line_and_nothing_else(paper_folder: Path
     """Exit code 130; neither the pictures that were taken nor the page."""
     words = ["play", str(paper_folder), "--frames", "frames", "--out", "page.html", "--rate", "0.001"]
     done = interrupted(*words, cwd=tmp_path, at=".aerobat-frames/new/frame_00002.png")
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted: nothing was written\n")
+    assert (done.returncode, done.stdout, last_words(done)) == (130, "", "interrupted: nothing was written\n")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -229,8 +229,8 @@ class CalibrationWatch:
         if not self._turns:
             return
         time, turns = (np.concatenate(values) for values in zip(*self._turns, strict=True))
-        for frame in dict.fromkeys(one.frame for one in self._contacts):
-            onsets = [one.onset for one in self._contacts if one.frame == frame]
+        for frame in dict.fromkeys(one.point for one in self._contacts):
+            onsets = [one.onset for one in self._contacts if one.point == frame]
             gaps = np.abs(np.diff(np.interp(onsets, time, turns)))
             if len(gaps) >= TRAIN and np.mean(np.abs(gaps - np.median(gaps)) < REGULAR_TRAIN) > 0.5:
                 yield (

@@ -82,7 +82,7 @@ class Detection:
 def _hides(other: Contact, large: float, one: Contact, size: float) -> bool:
     """Whether a contact is the echo of a far larger one that overlaps it at another point."""
     apart = (other.end is not None and other.end < one.onset) or (one.end is not None and one.end < other.onset)
-    return other.frame != one.frame and not apart and size < ECHO * large
+    return other.point != one.point and not apart and size < ECHO * large
 
 
 def settled_intervals(inputs: KnownInputs) -> NDArray[np.bool_]:

@@ -1,14 +1,10 @@
 """The folder of a sweep, from which an interrupted sweep can be resumed.
 
-| file | content |
-|---|---|
-| `sweep.json` | the sweep file and the versions of the packages; a different sweep in this folder is an error |
-| `base.toml` | the base scenario, `[set]` included |
-| `finished.jsonl` | one line for each finished run, written to disk as soon as the run ends |
-| `results.nc`, `results.csv` | all results as tables, written at the end |
-| `sweep.png` | what each varied quantity does, drawn by the command line |
-
-What an earlier process left in the folder can be cut off, forged, or no file at all.
+* `sweep.json`: the sweep file and the versions of the packages; a different sweep in this folder is an error;
+* `base.toml`: the base scenario, `[set]` included;
+* `finished.jsonl`: one line for each finished run, written to disk as soon as the run ends;
+* `results.nc`, `results.csv`, `sweep.png`: all results as tables, and what each varied quantity does.
+What an earlier process left can be cut off, forged, or no file at all.
 """
 
 from __future__ import annotations
@@ -54,25 +50,23 @@ class Checkpoint:
     """The folder of a sweep, locked so that only one process uses it. Use it in a `with` statement.
 
     Args:
-        folder: folder of the sweep; created when missing.
+        folder: folder of the sweep; OutputError if it holds something else, or cannot be written.
         sweep: the sweep to resume, or to start if the folder is empty.
         force: start from the beginning even if the folder holds a sweep; files that no sweep wrote are left alone.
-
-    Raises:
-        OutputError: the folder contains something else, another process uses it, or it cannot be written.
     """
 
     def __init__(self, folder: Path, sweep: Sweep, *, force: bool) -> None:
-        asked, self.folder = folder, Path(os.path.abspath(folder))
-        folder = self.folder
-        if folder.exists() and not folder.is_dir():
-            raise OutputError(f"output {folder}: is a file; a folder was expected")
+        self.folder = Path(os.path.abspath(folder))
+        if self.folder.exists() and not self.folder.is_dir():
+            raise OutputError(f"output {self.folder}: is a file; a folder was expected")
         with ExitStack() as stack:
-            work = stack.enter_context(claimed(asked))
+            work = stack.enter_context(claimed(folder))
             self._resume_or_start(_manifest(sweep), sweep, force, work)
-            self.finished = self._read_finished(sweep.scenarios)
-            stack.callback(os.close, inside := opened_folder(folder))
-            self._file = stack.enter_context(open(locked(folder / FINISHED, inside), "ab"))
+            self.finished, whole = _finished_runs(path := self.folder / FINISHED, sweep.scenarios)
+            if path.exists() and path.stat().st_size > len(whole):  # an interrupted write has cut off the last line
+                write_files({path: whole})
+            stack.callback(os.close, inside := opened_folder(self.folder))
+            self._file = stack.enter_context(open(locked(path, inside), "ab"))
             stack.enter_context(cleaned(self._remove_if_empty))
             self._until_exit = stack.pop_all()
 
@@ -104,25 +98,15 @@ class Checkpoint:
 
     def _resume_or_start(self, manifest: dict[str, Any], sweep: Sweep, force: bool, work: Path) -> None:
         """Resume the sweep in the folder, or start a new one."""
-        there = self.folder / MANIFEST
-        if there.is_file() and not force:
-            _refuse_other(there, manifest)
-            return
+        if (self.folder / MANIFEST).is_file() and not force:
+            return _refuse_other(self.folder / MANIFEST, manifest)
         begun = any(os.path.lexists(self.folder / name) for name in (MANIFEST, BASE_SCENARIO, FINISHED))
         if self.folder.is_dir() and any(self.folder.iterdir()) and not (force and begun):
-            what = "no whole sweep; --force starts anew" if begun else "no sweep; an empty or missing one was expected"
+            what = f"no whole sweep; {ADVICE}" if begun else "no sweep; an empty or missing one was expected"
             raise OutputError(f"output folder {self.folder} is not empty and holds {what}")
         (work / BASE_SCENARIO).write_text(scenario_toml(sweep.base), encoding="utf-8")
         (work / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
-        replace_results(work, self.folder, FILES)
-
-    def _read_finished(self, scenarios: Sequence[Scenario]) -> dict[int, Any]:
-        """Read the finished runs; delete the last line from the file if an interrupted write has cut it off."""
-        path = self.folder / FINISHED
-        finished, whole = finished_runs(path, scenarios)
-        if path.exists() and path.stat().st_size > len(whole):
-            write_files({path: whole})
-        return finished
+        return replace_results(work, self.folder, FILES)
 
 
 def _manifest(sweep: Sweep) -> dict[str, Any]:
@@ -139,25 +123,18 @@ def _manifest(sweep: Sweep) -> dict[str, Any]:
 
 def _refuse_other(path: Path, manifest: dict[str, Any]) -> None:
     try:
-        there = plain_json(stored(path, MOST_MANIFEST))
+        there = plain_json(_stored(path, MOST_MANIFEST))
     except ValueError as error:
-        raise OutputError(f"output {path}: cannot be read: {error}; --force starts anew") from error
+        raise OutputError(f"output {path}: cannot be read: {error}; {ADVICE}") from error
     other = [key for key in manifest if there.get(key) != manifest[key] and key != "description"]
     if other:
         named = [key for key in other if key not in ("sha256", "runs")] or ["a scenario or a robot"]
-        raise OutputError(
-            f"output folder {path.parent} holds another sweep: {', '.join(named)} differ; --out chooses another "
-            "folder, --force starts anew in this one"
-        )
+        differ = f"holds another sweep: {', '.join(named)} differ"
+        raise OutputError(f"output folder {path.parent} {differ}; --out chooses another folder, {ADVICE} in this one")
 
 
-def stored(path: Path, most: int) -> bytes:
-    """Return what a file of a sweep contains, of at most so many bytes; nothing if it does not exist.
-
-    Raises:
-        OutputError: it is a pipe, a link, a folder or another thing that this package does not write, or it is larger,
-            or it cannot be read.
-    """
+def _stored(path: Path, most: int) -> bytes:
+    """Return what a file of a sweep contains, of at most so many bytes; nothing if it does not exist."""
     try:
         return content_of(path, most)
     except FileNotFoundError:
@@ -166,20 +143,12 @@ def stored(path: Path, most: int) -> bytes:
         raise OutputError(f"output {path}: cannot be read: {error.strerror}; {ADVICE}") from error
 
 
-def finished_runs(path: Path, scenarios: Sequence[Scenario]) -> tuple[dict[int, Any], bytes]:
-    """Read the finished runs of a sweep.
+def _finished_runs(path: Path, scenarios: Sequence[Scenario]) -> tuple[dict[int, Any], bytes]:
+    """Return run number -> outcome of the finished runs, and the file's content without a last line that is cut off.
 
-    Args:
-        path: the file, one JSON line for each run.
-        scenarios: the scenario of each run.
-
-    Returns:
-        Run number -> outcome, and the content of the file without its last line if that is cut off.
-
-    Raises:
-        OutputError: the file or one of its lines is not what the sweep wrote; the message names the line.
+    A line that the sweep did not write is an OutputError that names it.
     """
-    content = stored(path, MOST_BYTES_PER_RUN * len(scenarios))
+    content = _stored(path, MOST_BYTES_PER_RUN * len(scenarios))
     whole = content[: content.rfind(b"\n") + 1]
     finished: dict[int, Any] = {}
     for k, line in enumerate(whole.splitlines()):

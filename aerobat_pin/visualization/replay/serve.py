@@ -36,17 +36,12 @@ class _Server(ThreadingHTTPServer):
 
 
 def serve(page: str, announce: Callable[[str], None], port: int = 0) -> None:
-    """Serve a page until Ctrl-C; only browsers on this machine can open it, by the announced address.
-
-    A page of a foreign site, whose name was made to lead to this machine, is refused: its requests name another host.
+    """Serve a page until Ctrl-C, to requests from this machine that name it: a foreign site's name may lead here too.
 
     Args:
         page: HTML of the page.
         announce: called with the address as soon as the page can be opened.
-        port: port of this machine; 0 takes a free one.
-
-    Raises:
-        OutputError: the port is taken, or not free for this user.
+        port: port of this machine; 0 takes a free one. OutputError if it is taken, or not free for this user.
     """
     content = page.encode()
 
@@ -61,16 +56,15 @@ def serve(page: str, announce: Callable[[str], None], port: int = 0) -> None:
             if len(asked) != 1 or asked[0] not in hosts:
                 self.send_error(403, "this page is served at its own address only")
                 return
-            if self.path not in ("/", "/favicon.ico"):
+            if self.path != "/":
                 self.send_error(404)
                 return
-            body = content if self.path == "/" else b""
-            self.send_response(200 if body else 204)
+            self.send_response(200)
             self.send_header("Content-Type", "text/html; charset=utf-8")
-            self.send_header("Content-Length", str(len(body)))
+            self.send_header("Content-Length", str(len(content)))
             self.send_header("Cache-Control", "no-store")
             self.end_headers()
-            self.wfile.write(body)
+            self.wfile.write(content)
 
         def log_message(self, format: str, *args: Any) -> None:
             """Print nothing."""
