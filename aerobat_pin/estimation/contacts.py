@@ -1,7 +1,8 @@
 """Which foot stands when: contacts with the ground from estimated vertical forces.
 
-A contact begins where the vertical force at a point exceeds `ONSET_SHARE` of the robot's weight W, and ends where it
-falls below `END_SHARE` of it. Its probability follows from the force's deviation: Phi((Fz - LIKELY_SHARE W) / sigma).
+A contact is a time in which the vertical force at a point is above `END_SHARE` of the robot's weight W, and reaches
+`ONSET_SHARE` of it. So it is known a moment after it began, but its onset is not later for that. Its probability
+follows from the force's deviation: Phi((Fz - LIKELY_SHARE W) / sigma).
 """
 
 from __future__ import annotations
@@ -56,10 +57,10 @@ def touching(force: Array, weight: float, before: bool = False) -> Array:
         weight: of the robot [N].
         before: whether it was in contact before.
     """
-    change = np.where(force > ONSET_SHARE * weight, 1, np.where(force < END_SHARE * weight, 0, -1))
-    change = np.concatenate([[int(before)], change])
-    latest = np.maximum.accumulate(np.where(change >= 0, np.arange(len(change)), 0))
-    return np.asarray(change[latest][1:] == 1)
+    above = force > END_SHARE * weight
+    stretch = np.cumsum(np.diff(above, prepend=not above[:1].any()))  # its number is odd where the force is above
+    sure = np.append(stretch[force > ONSET_SHARE * weight], 1 if before else 0)
+    return np.asarray(above & np.isin(stretch, sure))
 
 
 def contact_probability(force: Array, deviation: Array, weight: float) -> Array:

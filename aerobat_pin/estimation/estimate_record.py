@@ -12,7 +12,7 @@ from aerobat_pin.estimation.calibration.check_model import check_model
 from aerobat_pin.estimation.calibration.free_run import noise_where_known
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.expected_of_record import expected_of
-from aerobat_pin.estimation.findings import refuse_if_certain
+from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_beside_forces import fit_beside_forces
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.known_forces import KnownForces
@@ -78,7 +78,11 @@ def estimate(
         sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
     else:
         if record.robot.measures_effort:
-            findings += effort_findings(record, inputs if forces is given else inputs_between(record, given), findings)
+            told = list(effort_findings(record, inputs if forces is given else inputs_between(record, given), findings))
+            if forces is not given and any(map(_names_friction, told)):  # which was found beside the forces, and may do
+                left = {one.check for one in effort_findings(record, inputs, findings) if one.warns}
+                told = [one for one in told if not _names_friction(one) or one.check in left]
+            findings += told
         stored = run_observers(record, inputs, made, progress, watch, expected, model)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
@@ -126,3 +130,8 @@ def _with_noise(forces: KnownForces) -> KnownForces:
     if not forces.record.robot.limits_forces or forces.values.row_noise:
         return forces
     return fit_beside_forces(replace(forces, values=replace(forces.values, row_noise=noise_where_known(forces))))
+
+
+def _names_friction(finding: Finding) -> bool:
+    """Return whether a finding warns of what friction may explain."""
+    return finding.warns and "friction" in finding.text

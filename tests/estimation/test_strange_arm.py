@@ -134,6 +134,18 @@ def test_what_the_pose_does_not_show_is_said_in_every_output(
         assert stored["seen"].dims == stored["force_deviation_W"].dims == stored["force_W"].dims
 
 
+def test_friction_that_was_found_is_no_fault_of_the_efforts(tmp_path: Path) -> None:
+    """Without it no factors would explain them; where a column is exchanged, that is still said."""
+    write_log(tmp_path / "push.csv", 2, pushed)
+    found = estimate(opened(tmp_path / "push.csv", ["tool0"]))
+    assert not [one for one in found.findings if one.warns and one.check.startswith("effort")]
+    table = pd.read_csv(tmp_path / "push.csv")
+    table[["tau1", "tau2"]] = table[["tau2", "tau1"]].to_numpy()
+    table.to_csv(tmp_path / "push.csv", index=False)
+    wrong = estimate(opened(tmp_path / "push.csv", ["tool0"]), trust=True)
+    assert [one for one in wrong.findings if one.warns and "effort" in one.check + one.text]
+
+
 def test_each_observer_says_of_the_belief_what_it_knows(folder: Path) -> None:
     """Six unknowns leave no row to spare, and that is said; a filter takes k from the record as a whole."""
     values = arm_map([])
