@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import doing, files_in
+from aerobat_pin.cli.console import doing, files_in, progress_bar
 from aerobat_pin.cli.options import BelievedMorphology, Force, out_option
 from aerobat_pin.cli.voice import voice
 
@@ -59,8 +59,13 @@ def play_command(
     page = recording.html(rate)
     if frames is not None:
         times = np.arange(0.0, recording.duration, rate / PICTURES_PER_SECOND)
-        with output_folder(frames, force=force, replaces=("frame_*.png",), sign="frame_*.png") as folder:
+        with (
+            output_folder(frames, force=force, replaces=("frame_*.png",), sign="frame_*.png") as folder,
+            progress_bar() as show,
+        ):
+            show("opening the page", 0.0)
             for k, picture in enumerate(snapshots(page, times)):
+                show("taking pictures", (k + 1) / len(times))
                 (folder / f"frame_{k:05d}.png").write_bytes(picture)
         typer.echo(f"{len(times)} pictures, {PICTURES_PER_SECOND:g} a second, in {frames}/")
     if out is not None:

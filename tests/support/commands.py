@@ -20,6 +20,7 @@ import pytest
 from aerobat_pin.cli import app as cli
 from support.watch import watched_command
 
+STAGES = ("starting", "reading the motion", "opening the page", "taking pictures")
 TEMPORARY = [Path(tempfile.gettempdir())]  # where tests have their folders, and so what commands may read
 
 
@@ -90,5 +91,5 @@ def of_session(leader: int) -> list[str]:
 
 
 def last_words(done: subprocess.CompletedProcess[str]) -> str:
-    """Return what a program said to standard error at its end: without lines that it starts, on a busy machine."""
-    return "".join(line for line in done.stderr.splitlines(keepends=True) if not line.startswith("starting"))
+    """Return what a program said to standard error, without the lines about what takes long, on a busy machine."""
+    return "".join(line for line in done.stderr.splitlines(keepends=True) if not line.startswith(STAGES))
