@@ -36,7 +36,7 @@ from aerobat_pin.records import rotation_matrices
 SEEN_INTERVALS = 10_000  # of a record that are looked at
 MOST_INSTANTS, FEWEST_INSTANTS = 500, 50  # that are weighed
 EXPECTATION_ROUNDS = 30  # of expectation and maximisation; what a record tells has settled by then
-UNKNOWN_SPEED, STANDARD_GRAVITY = 1.0, 9.81  # [m/s] that a robot may gain over a record, [m/s2]
+UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
 
 
@@ -79,7 +79,8 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     sought = walks and kept[0] == 0  # factors, by rows of the base
     X = np.concatenate([one.T[at, :, None] * np.eye(k)[at, None] for one in regressors[: 3 if sought else 2]])
     known = np.repeat([np.inf, np.inf, EFFORT_ERROR], n)[: len(X)]
-    offset = STANDARD_GRAVITY * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
+    g = float(np.linalg.norm(model.gravity.linear))
+    offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
     tables = y, X, known, J, at, sliding, force, expected.row_error[kept]
     b, size, unsure, left = most_likely(*tables, offset=robot.mass * offset if sought else 0.0)
     level, names = 1.0 if walks else max(1.0, float(np.mean(size))), list(row_names(model))
