@@ -39,7 +39,7 @@ LARGEST_JOINT_ANGLE = 2.0 * np.pi  # [rad]: no joint turns that far; a larger an
 
 
 @dataclass(frozen=True)
-class Channel:
+class ChannelSpec:
     """What a channel must look like: its dimensions, its unit, and its meaning in words."""
 
     dims: tuple[str, ...]
@@ -47,8 +47,8 @@ class Channel:
     meaning: str
 
 
-def _channel(dims: str, unit: str, meaning: str) -> Channel:
-    return Channel(tuple(dims.split()), unit, meaning)
+def _channel(dims: str, unit: str, meaning: str) -> ChannelSpec:
+    return ChannelSpec(tuple(dims.split()), unit, meaning)
 
 
 MEASURED = {
@@ -121,7 +121,7 @@ def channel(values: Any, dims: tuple[str, ...], unit: str, meaning: str) -> xr.V
     return xr.Variable(dims, np.asarray(values), attrs={"units": unit, "long_name": meaning})
 
 
-def filled(name: str, values: Any, table: Mapping[str, Channel] = MEASURED) -> xr.Variable:
+def filled(name: str, values: Any, table: Mapping[str, ChannelSpec] = MEASURED) -> xr.Variable:
     """Make the channel of a name in the table from its values."""
     row = table[name]
     return channel(values, row.dims, row.unit, row.meaning)
@@ -137,7 +137,7 @@ def is_unit(text: str, unit: str) -> bool:
     return all(alike) and (len(units) == len(expected) or 1 < len(expected) < len(units))
 
 
-def checked_channels(data: xr.Dataset, table: Mapping[str, Channel], name: str, *, complete: bool) -> xr.Dataset:
+def checked_channels(data: xr.Dataset, table: Mapping[str, ChannelSpec], name: str, *, complete: bool) -> xr.Dataset:
     """Return a dataset whose channels are those of a table, with columns in the order of `LABELS`.
 
     Args:
@@ -175,7 +175,7 @@ def checked_channels(data: xr.Dataset, table: Mapping[str, Channel], name: str, 
     return data.drop_vars([dim for dim in labels if dim in data.coords]).assign(checked).assign_coords(labels)
 
 
-def _row(key: str, table: Mapping[str, Channel], dims: tuple[Any, ...], name: str) -> Channel:
+def _row(key: str, table: Mapping[str, ChannelSpec], dims: tuple[Any, ...], name: str) -> ChannelSpec:
     """Return the row of the table for a channel. Raises LogError if there is none."""
     if key.startswith(KNOWN) and table is MEASURED:
         return replace(KNOWN_FORCE, dims=("interval", "twist_axis")) if "twist_axis" in dims else KNOWN_FORCE
@@ -184,7 +184,7 @@ def _row(key: str, table: Mapping[str, Channel], dims: tuple[Any, ...], name: st
     return table[key]
 
 
-def _check_form(values: xr.Variable, row: Channel, where: str, *, complete: bool) -> None:
+def _check_form(values: xr.Variable, row: ChannelSpec, where: str, *, complete: bool) -> None:
     """Raise LogError unless a channel has the dimensions and the unit of its row, and contains numbers."""
     if sorted(map(str, values.dims)) != sorted(row.dims):
         found = ", ".join(map(str, values.dims))

@@ -25,7 +25,7 @@ from aerobat_pin.aerobat.torque import RECORDED, Torque
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation import KnownForces, KnownInputs, inputs_of
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.records import LogChannel, Map, Record, Series, Spool, parse_map, series_of
+from aerobat_pin.records import Channel, Map, Record, Series, Spool, parse_map, series_of
 from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, ObserverSection
 
@@ -139,19 +139,19 @@ def _channels(log: FlightLog, robot: Aerobat) -> Iterator[tuple[str, str, Array,
             yield f"extra.{key}", name, values.reshape(len(values), -1), means
 
 
-def flight_channels(log: FlightLog, robot: Aerobat, knots: Series | None = None) -> dict[str, LogChannel]:
+def flight_channels(log: FlightLog, robot: Aerobat, knots: Series | None = None) -> dict[str, Channel]:
     """Return key -> channel of a log, those at its own times on one clock, `knots`."""
     knots = series_of(Spool(), log.time) if knots is None else knots
     spool = knots.spool
     extra = {
-        key: LogChannel(key, (name,), knots, series_of(spool, values), means)
+        key: Channel(key, (name,), knots, series_of(spool, values), means)
         for key, name, values, means in _channels(log, robot)
     }
     raw = {key: _raw_channel(spool, key, log.measured[name]) for name, key in RAW_KEYS.items() if name in log.measured}
     return extra | raw
 
 
-def _raw_channel(spool: Spool, key: str, data: xr.DataArray) -> LogChannel:
+def _raw_channel(spool: Spool, key: str, data: xr.DataArray) -> Channel:
     """Return raw samples with their own stamps, and what the log notes about their sensor."""
     values, noted = np.asarray(data.values, float), data.attrs
     time = series_of(spool, np.asarray(data[data.dims[0]].values, float))
@@ -159,7 +159,7 @@ def _raw_channel(spool: Spool, key: str, data: xr.DataArray) -> LogChannel:
     turn = np.asarray(pin.rpy.rpyToMatrix(*np.radians(angles)))
     deviation = float(noted["noise"]) if "noise" in noted else None
     samples = series_of(spool, values.reshape(len(values), -1))
-    return LogChannel(key, (str(data.name),), time, samples, False, deviation, place, turn)
+    return Channel(key, (str(data.name),), time, samples, False, deviation, place, turn)
 
 
 @guarded()

@@ -22,7 +22,7 @@ from aerobat_pin.aerobat.channels import angle_fault
 from aerobat_pin.aerodynamics import Gust, RobotAir, Tones, Wind, dryden
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.records import EXTRA, Block, LogChannel
+from aerobat_pin.records import EXTRA, Block, Channel
 from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, Wing, rotations
 from aerobat_pin.scenario import AirSection
 
@@ -84,7 +84,7 @@ class Motion:
         return Motion(self.time[at], self.q[at], self.v[at], crank, self.wind[at])
 
 
-def fault_of(channels: Mapping[str, LogChannel]) -> str | None:
+def fault_of(channels: Mapping[str, Channel]) -> str | None:
     """Return why the motion cannot follow from the channels of a log, in words; None if it can.
 
     Args:

@@ -42,8 +42,8 @@ from aerobat_pin.records import (
     EXTRA,
     Agreement,
     Block,
+    Channel,
     Extras,
-    LogChannel,
     Parameter,
     PlainRobot,
     SmoothedMotion,
@@ -144,9 +144,7 @@ class AerobatRobot(PlainRobot):
             return self, crank_turned(block, self.aerobat, float(values[0]))
         return self, flexed(block, self.aerobat, values)
 
-    def learn_extras(
-        self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]
-    ) -> Extras | None:
+    def learn_extras(self, free: Sequence[tuple[Array, Mapping[str, Channel]]], points: Sequence[str]) -> Extras | None:
         """Return where the accelerometer sits, from raw samples; None where records have configurations and velocities.
 
         Raises:
@@ -165,7 +163,7 @@ class AerobatRobot(PlainRobot):
         """Return the robot with its accelerometer where it was found. Raises CalibrationError if that cannot be."""
         return replace(self, mount=Mount.of_parts(values))
 
-    def fault(self, channels: Mapping[str, LogChannel]) -> str | None:
+    def fault(self, channels: Mapping[str, Channel]) -> str | None:
         """Return what is wrong with the channels of a log as a whole: see `motion.fault_of`."""
         return fault_of(channels)
 
@@ -181,7 +179,7 @@ class AerobatRobot(PlainRobot):
     def motion_from(
         self,
         time: Array,
-        channels: Mapping[str, LogChannel],
+        channels: Mapping[str, Channel],
         observers: Sequence[Observer],
         progress: Callable[[float], None] | None,
     ) -> SmoothedMotion | None:

@@ -15,7 +15,7 @@ from aerobat_pin.aerobat.channels import (
     MEASURED,
     THRUST_CHANNEL,
     THRUSTERS,
-    Channel,
+    ChannelSpec,
     channel,
     filled,
 )
@@ -71,7 +71,7 @@ def read_log(path: Path) -> FlightLog:
     coords["interval"] = channel(time[:-1], ("interval",), "s", "start of the interval")
     channels = {}
 
-    def add(name: str, values: Array, row: Channel) -> None:
+    def add(name: str, values: Array, row: ChannelSpec) -> None:
         if len(row.dims) > 1:
             coords[row.dims[1]] = list(LABELS[row.dims[1]])
         channels[name] = filled(name, values if len(row.dims) > 1 else values[:, 0], {name: row})

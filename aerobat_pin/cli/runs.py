@@ -14,7 +14,7 @@ from aerobat_pin.cli.options import BelievedMorphology, Force, out_option
 from aerobat_pin.cli.voice import voice
 
 if TYPE_CHECKING:
-    from aerobat_pin.visualization import Recording
+    from aerobat_pin.visualization import Replay
 
 PICTURES_PER_SECOND = 30.0  # frame rate of a video made from the pictures
 MOST_PICTURES, DRAWN_PER_SECOND = 100_000, 3.0  # of one command; measured without a graphics card
@@ -49,16 +49,16 @@ def play_command(
     if not math.isfinite(rate):
         raise LogError(f"play: --rate {rate}: a finite number was expected")
     with doing("reading the motion"):
-        recording = _recording(source, morphology, from_csv, urdf)
-    count = recording.duration / rate * PICTURES_PER_SECOND
+        replay = _replay(source, morphology, from_csv, urdf)
+    count = replay.duration / rate * PICTURES_PER_SECOND
     if frames is not None and count > MOST_PICTURES:
         raise LogError(
             f"play: {count:.0f} pictures at --rate {rate:g} take about {count / DRAWN_PER_SECOND:.3g} s; at most "
             f"{MOST_PICTURES} are allowed: a larger --rate was expected"
         )
-    page = recording.html(rate)
+    page = replay.html(rate)
     if frames is not None:
-        times = np.arange(0.0, recording.duration, rate / PICTURES_PER_SECOND)
+        times = np.arange(0.0, replay.duration, rate / PICTURES_PER_SECOND)
         with (
             output_folder(frames, force=force, replaces=("frame_*.png",), sign="frame_*.png") as folder,
             progress_bar() as show,
@@ -77,7 +77,7 @@ def play_command(
         typer.echo("stopped")
 
 
-def _recording(source: Path | None, morphology: str | None, table: Path | None, urdf: Path | None) -> Recording:
+def _replay(source: Path | None, morphology: str | None, table: Path | None, urdf: Path | None) -> Replay:
     """Load a run, a log, or a CSV file with its robot. Raises AerobatError for any other combination of arguments."""
     from aerobat_pin import visualization
     from aerobat_pin.errors import LogError

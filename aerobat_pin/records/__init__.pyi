@@ -8,7 +8,7 @@ from .axes import sensor_turn as sensor_turn
 from .axes import world_turn as world_turn
 from .bag_columns import mcap_is_sealed as mcap_is_sealed
 from .block import Block as Block
-from .block import LogChannel as LogChannel
+from .block import Channel as Channel
 from .block import SmoothedMotion as SmoothedMotion
 from .channels import EXTRA as EXTRA
 from .channels import G as G

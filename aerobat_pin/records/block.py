@@ -11,7 +11,7 @@ from aerobat_pin.records.spool import Series
 
 
 @dataclass(frozen=True)
-class LogChannel:
+class Channel:
     """Samples of one channel, on disk if they are many.
 
     Attributes:

@@ -10,7 +10,7 @@ import numpy as np
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.block import LogChannel
+from aerobat_pin.records.block import Channel
 from aerobat_pin.records.columns import Columns, same_unit
 from aerobat_pin.records.map_tables import ChannelSection, KnownSection, Map
 from aerobat_pin.records.resample import holes
@@ -120,7 +120,7 @@ def named_columns(chosen: Map) -> set[str]:
     return names | ({when.column} if when is not None else set())
 
 
-def channel_of(request: Request, columns: Columns, longest_gap: float) -> LogChannel | None:
+def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channel | None:
     """Read a channel, at the stamps of its fastest column, with the holes longer than `longest_gap` [s] of any column.
 
     None if it is optional and missing. Raises LogError if the log has no such columns, if they are in another unit or
@@ -150,7 +150,7 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> LogCha
         if time is not own:
             time.append(stamps - request.delay)
     gaps = _holes(request, [stamps for stamps, _ in parts], longest_gap)
-    return LogChannel(request.key, request.names, time, values, holes=gaps)
+    return Channel(request.key, request.names, time, values, holes=gaps)
 
 
 def _holes(request: Request, clocks: list[Series], longest: float) -> tuple[tuple[float, float, str], ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.records.block import LogChannel
+from aerobat_pin.records.block import Channel
 from aerobat_pin.records.channels import base_requests, channel_of, further_requests, named_columns
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import requests_of
@@ -132,7 +132,7 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
     return names, tuple(notes)
 
 
-def _check_complete(chosen: Map, robot: PlainRobot, channels: dict[str, LogChannel]) -> None:
+def _check_complete(chosen: Map, robot: PlainRobot, channels: dict[str, Channel]) -> None:
     """Raise MapError if a free base lacks what its motion is found from, or that does not tell what the robot needs."""
     source = chosen.base.from_
     if robot.free and not chosen.base.held and source != "measured":
@@ -179,7 +179,7 @@ def _check_stretches(chosen: Map, length: float) -> None:
 
 
 def _common_times(
-    path: Path, chosen: Map, channels: dict[str, LogChannel], columns: Columns
+    path: Path, chosen: Map, channels: dict[str, Channel], columns: Columns
 ) -> tuple[float, float, float, Series | None]:
     """Return first time [s], rate [Hz] and last time [s] of what all channels share, and times of the record's own."""
     if not channels:
@@ -226,7 +226,7 @@ def _common_times(
 def _parts(
     chosen: Map,
     columns: Columns,
-    channels: dict[str, LogChannel],
+    channels: dict[str, Channel],
     start: float,
     rate: float,
     end: float,
@@ -254,7 +254,7 @@ def _parts(
     when = chosen.use.when
     level = None
     if when is not None:
-        level = LogChannel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
+        level = Channel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
     runs: list[tuple[int, int]] = []
     covered, used = 0, 0
     for low, high in _outside(outside | set(missing), time_of, count):

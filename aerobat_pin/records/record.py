@@ -11,7 +11,7 @@ import numpy as np
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.axes import as_attitude, body_turn, imu_arm, sensor_turn, world_turn
-from aerobat_pin.records.block import Block, LogChannel
+from aerobat_pin.records.block import Block, Channel
 from aerobat_pin.records.channels import EXTRA
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.map_tables import Map
@@ -54,7 +54,7 @@ class Record:
 
     map: Map
     robot: PlainRobot
-    channels: dict[str, LogChannel]
+    channels: dict[str, Channel]
     joints: tuple[str, ...]
     driven: tuple[str, ...]
     start: float
@@ -150,7 +150,7 @@ class Record:
             return 0.5 * (rows[1:] + rows[:-1])
         return line_means(*self.cut(key, time), time)
 
-    def _own_rows(self, channel: LogChannel, time: Array) -> Array:
+    def _own_rows(self, channel: Channel, time: Array) -> Array:
         """Return the rows (m, k) of a channel whose stamps are the common times (m,) themselves."""
         assert self.knots is not None
         first = self.knots.index(float(time[0]))

@@ -18,7 +18,7 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.numerics import Array, ShownInNotebooks
 from aerobat_pin.observers import Observer, Rows
 from aerobat_pin.records.agreement import Agreement
-from aerobat_pin.records.block import Block, LogChannel, SmoothedMotion
+from aerobat_pin.records.block import Block, Channel, SmoothedMotion
 from aerobat_pin.records.learnable import Condition, Extras, Parameter, Suspect
 from aerobat_pin.records.robot_tables import PayloadSection
 
@@ -76,9 +76,7 @@ class PlainRobot(ShownInNotebooks):
         """Return robot and completed block as they would be if a cause of `suspects` had these values."""
         raise NotImplementedError
 
-    def learn_extras(
-        self, free: Sequence[tuple[Array, Mapping[str, LogChannel]]], points: Sequence[str]
-    ) -> Extras | None:
+    def learn_extras(self, free: Sequence[tuple[Array, Mapping[str, Channel]]], points: Sequence[str]) -> Extras | None:
         """Return what only this robot learns from free records; None, as here, where the rest is to be learnt.
 
         Args:
@@ -91,7 +89,7 @@ class PlainRobot(ShownInNotebooks):
         """Return the robot with what `learn_extras` found. Raises CalibrationError if that cannot be."""
         return self
 
-    def fault(self, channels: Mapping[str, LogChannel]) -> str | None:
+    def fault(self, channels: Mapping[str, Channel]) -> str | None:
         """Return what is wrong with the channels of a log as a whole, in words; None, as here, if nothing is.
 
         Args:
@@ -145,7 +143,7 @@ class PlainRobot(ShownInNotebooks):
     def motion_from(
         self,
         time: Array,
-        channels: Mapping[str, LogChannel],
+        channels: Mapping[str, Channel],
         observers: Sequence[Observer],
         progress: Callable[[float], None] | None,
     ) -> SmoothedMotion | None:

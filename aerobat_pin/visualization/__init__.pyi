@@ -11,11 +11,11 @@ from .replay.any_robot import replay_table as replay_table
 from .replay.flight_replay import SLOW_MOTION as SLOW_MOTION
 from .replay.flight_replay import replay_flight as replay_flight
 from .replay.flight_replay import replay_run as replay_run
+from .replay.moving_page import Replay as Replay
+from .replay.moving_page import record as record
 from .replay.open_robot import RobotView as RobotView
 from .replay.open_robot import in_frame as in_frame
 from .replay.open_robot import open_robot as open_robot
-from .replay.recording import Recording as Recording
-from .replay.recording import record as record
 from .replay.result_replay import replay_log as replay_log
 from .replay.result_replay import replay_result as replay_result
 from .replay.serve import serve as serve

@@ -21,8 +21,8 @@ from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.lines import fit_errors, fit_to_drawn
 from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_run
+from aerobat_pin.visualization.replay.moving_page import Replay
 from aerobat_pin.visualization.replay.page import SPEEDS
-from aerobat_pin.visualization.replay.recording import Recording
 from aerobat_pin.visualization.template import fill_template
 
 MOST_FIGURE, MOST_METRICS = 5_000_000, 5_000_000  # bytes; those of `aerobat run` have 300,000
@@ -229,28 +229,28 @@ def compare_runs(first: Path, second: Path) -> Comparison:
     return Comparison(*(ComparedRun.load(folder, label) for folder, label in zip((first, second), labels, strict=True)))
 
 
-def side_by_side(first: Recording, second: Recording, labels: tuple[str, str], rate: float) -> str:
+def side_by_side(first: Replay, second: Replay, labels: tuple[str, str], rate: float) -> str:
     """Return a page that plays two recordings from their beginnings on; the shorter one waits at its end.
 
     They share a clock, a camera and the scale of their arrows.
 
     Args:
-        first: a recording; the scale of the arrows becomes the coarser one of both, and its
+        first: a replay; the scale of the arrows becomes the coarser one of both, and its
             title begins with its label.
         second: another one.
         labels: a name of each.
         rate: speed at which the page starts to play, in multiples of real time.
     """
     both = first, second
-    scale = max(recording.newtons_per_centimetre for recording in both)
-    for recording, label in zip(both, labels, strict=True):
-        recording.scale = scale
-        recording.title = recording.title if recording.title.startswith(f"{label}:") else f"{label}: {recording.title}"
-    longer = max(both, key=lambda recording: recording.duration)
+    scale = max(replay.newtons_per_centimetre for replay in both)
+    for replay, label in zip(both, labels, strict=True):
+        replay.scale = scale
+        replay.title = replay.title if replay.title.startswith(f"{label}:") else f"{label}: {replay.title}"
+    longer = max(both, key=lambda replay: replay.duration)
     return fill_template(
         "side_by_side.html",
         labels=labels,
-        pages=[recording.html(rate) for recording in both],
+        pages=[replay.html(rate) for replay in both],
         start=float(longer.time[0]),
         duration=longer.duration,
         step=longer.duration / (len(longer.time) - 1),

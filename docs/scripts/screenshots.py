@@ -13,7 +13,7 @@ from aerobat_pin.errors import BrowserError
 from aerobat_pin.experiments import estimate_dataset, run
 from aerobat_pin.linkage import KineticSculpture
 from aerobat_pin.scenario import load_scenario
-from aerobat_pin.visualization import SLOW_MOTION, Recording, linkage_animation, record, replay_flight, snapshots
+from aerobat_pin.visualization import SLOW_MOTION, Replay, linkage_animation, record, replay_flight, snapshots
 from aerobat_pin.visualization.style import BLUE, GREEN, ORANGE, PURPLE, SKY_BLUE, VERMILLION, rgb
 
 FIGURES = Path(__file__).resolve().parents[1] / "figures"
@@ -24,15 +24,15 @@ COLOURS, PACE, LARGEST = 90, 80, 3_000_000  # of the palette; [ms] a frame; byte
 TURN = 2.0  # [s], of the animated linkage
 
 
-def flight(name: str) -> Recording:
-    """Return the recording of a shipped scenario."""
+def flight(name: str) -> Replay:
+    """Return the replay of a shipped scenario."""
     made = run(load_scenario(name))
     return replay_flight(
         made.robot, made.log, made.scenario.air, estimate_dataset(made.estimates), made.metrics["note"]
     )
 
 
-def walker() -> Recording:
+def walker() -> Replay:
     """Return Pinocchio's sample humanoid, pulled at its left hand."""
     model = pin.buildSampleModelHumanoid()
     time = np.linspace(0.0, 2.0, 241)
@@ -56,10 +56,10 @@ def palette_of(shown: list[Image.Image]) -> Image.Image:
     return palette
 
 
-def animate(recording: Recording, frequency: float, path: Path) -> None:
+def animate(replay: Replay, frequency: float, path: Path) -> None:
     """Save two flaps of a flight, with the beginning of the step, as an animated picture."""
     times = (BEGINNING + np.arange(FRAMES) / FRAMES * FLAPS / frequency).tolist()
-    pictures = snapshots(recording.html(SLOW_MOTION), times, TALL)
+    pictures = snapshots(replay.html(SLOW_MOTION), times, TALL)
     shown = [picture(one).crop(CROP).resize(SHOWN, Image.Resampling.LANCZOS) for one in pictures]
     palette = palette_of(shown)
     first, *rest = (one.quantize(palette=palette, dither=Image.Dither.NONE) for one in shown)
@@ -81,8 +81,8 @@ def main() -> None:
     paper, dive = flight("paper"), flight("paper_open_loop")
     wanted = (("page", paper, 1.11, True), ("dive", dive, 1.68, False), ("humanoid", walker(), 0.95, False))
     try:
-        for name, recording, time, controls in wanted:
-            [taken] = snapshots(recording.html(SLOW_MOTION), [time], SIZE, controls=controls)
+        for name, replay, time, controls in wanted:
+            [taken] = snapshots(replay.html(SLOW_MOTION), [time], SIZE, controls=controls)
             picture(taken).save(folder / f"{name}.png", optimize=True)
         animate(paper, load_scenario("paper").crank.frequency, FIGURES / "replay.gif")
     except BrowserError as error:

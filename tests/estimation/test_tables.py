@@ -24,7 +24,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import KnownForces, inputs_of, observers_of
 from aerobat_pin.flight import simulate
 from aerobat_pin.observers import Estimate
-from aerobat_pin.records import LogChannel, Record, open_record, parse_map
+from aerobat_pin.records import Channel, Record, open_record, parse_map
 from aerobat_pin.robot import JOINTS, believed_robot
 from aerobat_pin.scenario import RawSection, load_scenario
 
@@ -206,7 +206,7 @@ def test_a_record_can_have_the_times_of_its_table(tmp_path: Path) -> None:
     np.testing.assert_array_equal(record.times(0, 39), times)
     np.testing.assert_array_equal(record.at("base.position", times)[:, 0], times)
     slow = record.channels["check.specific_force"]
-    assert isinstance(slow, LogChannel)
+    assert isinstance(slow, Channel)
     np.testing.assert_array_equal(slow.time[:], times[[*range(0, 19, 3), 19, 20, *range(21, 40, 3)]])
     for cell, message in (
         (",0,9.81", "ax is empty: all of ax, ay, az or none"),

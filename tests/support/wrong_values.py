@@ -345,7 +345,7 @@ Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
 Applications Bias Crossing Estimate Event Identifiability LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotState StateSpace StripLoads Trim Wake Tree
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
-Redundancy JointFriction OnlineSample Result StoredEstimate Compared LogChannel
+Redundancy JointFriction OnlineSample Result StoredEstimate Compared Channel
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent InnovationScore ComponentSize
 Contact Cause Effect ModelCheck Suspect Finding Agreement Moments Check KnownForces StreamHealth Stance
 ObserversTogether LoopState SimulatedMotion"""  # made by other functions

@@ -10,7 +10,7 @@ import numpy as np
 from aerobat_pin.aerobat.torque import RECORDED, Torque
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import EXTRA, LogChannel, sampled
+from aerobat_pin.records import EXTRA, Channel, sampled
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import RawSection
 
@@ -72,7 +72,7 @@ class RawRecord:
 
 
 def raw_record(
-    time: Array, measured: Mapping[str, LogChannel], robot: Aerobat, torque: Torque, settings: RawSection
+    time: Array, measured: Mapping[str, Channel], robot: Aerobat, torque: Torque, settings: RawSection
 ) -> RawRecord:
     """Gather raw samples.
 
@@ -114,7 +114,7 @@ def raw_record(
     return RawRecord(time, channels, known, torque)
 
 
-def _samples_of(name: str, channel: LogChannel, stated: float | None) -> RawChannel:
+def _samples_of(name: str, channel: Channel, stated: float | None) -> RawChannel:
     """Return a channel with its noise: the stated one, else the one noted in the log, else that of a good sensor."""
     noise = stated if stated is not None else channel.deviation
     if noise is None or not 0.0 < noise < np.inf:
@@ -125,7 +125,7 @@ def _samples_of(name: str, channel: LogChannel, stated: float | None) -> RawChan
 
 
 def _motor_alone(
-    measured: Mapping[str, LogChannel], robot: Aerobat, crank: RawChannel, stated: float | None
+    measured: Mapping[str, Channel], robot: Aerobat, crank: RawChannel, stated: float | None
 ) -> RawChannel:
     """Return the motor's torque at the crank: measured there, or as four joint torques do work on the crank."""
     if f"{EXTRA}crank_torque" in measured:

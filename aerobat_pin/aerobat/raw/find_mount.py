@@ -21,7 +21,7 @@ from aerobat_pin.aerobat.raw.smoother import JointSmoother
 from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import Extras, LogChannel
+from aerobat_pin.records import Channel, Extras
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
@@ -78,7 +78,7 @@ def find_mount(
 
 
 def learn_mount(
-    free: Sequence[tuple[Array, Mapping[str, LogChannel]]],
+    free: Sequence[tuple[Array, Mapping[str, Channel]]],
     points: Sequence[str],
     robot: Aerobat,
     air: AirSection,

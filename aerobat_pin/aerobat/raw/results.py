@@ -20,7 +20,7 @@ from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import OBSERVERS, Estimate, Identifiability, Innovation, Observer
-from aerobat_pin.records import Block, LogChannel, SmoothedMotion
+from aerobat_pin.records import Block, Channel, SmoothedMotion
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
@@ -40,7 +40,7 @@ def check_raw_names(names: tuple[str, ...]) -> None:
 
 def smoothed_raw(
     time: Array,
-    channels: Mapping[str, LogChannel],
+    channels: Mapping[str, Channel],
     observers: Sequence[Observer],
     progress: Callable[[float], None] | None,
     robot: Aerobat,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.records import EXTENT, Columns, LogChannel, Record, typical_spacing
+from aerobat_pin.records import EXTENT, Channel, Columns, Record, typical_spacing
 
 FEWEST_CHANGES = 4  # of a channel that can be told to be held
 FREQUENT = 0.75  # share of samples that change in a channel that is not held
@@ -93,7 +93,7 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
             yield Finding("recorder clock", "note", f"{text}; the headers' are used", middle, "s")
 
 
-def channel_findings(channel: LogChannel, parts: list[tuple[float, float]], *, alone: bool) -> Iterator[Finding]:
+def channel_findings(channel: Channel, parts: list[tuple[float, float]], *, alone: bool) -> Iterator[Finding]:
     """Yield a channel's rate, and that its samples are held, interpolated, or do not change for long.
 
     Args:
@@ -122,7 +122,7 @@ def channel_findings(channel: LogChannel, parts: list[tuple[float, float]], *, a
             yield Finding("interpolated channel", "warning" if alone else "note", f"{what}; {EMPTY}", straight, "1")
 
 
-def _changes(channel: LogChannel) -> NDArray[np.bool_]:
+def _changes(channel: Channel) -> NDArray[np.bool_]:
     """Return whether each sample (n - 1,) differs from the one before.
 
     A force of exactly zero counts as a change: a sensor that nothing touches may show it for long.
@@ -145,7 +145,7 @@ def _held(changed: NDArray[np.bool_]) -> bool:
     return float(np.mean(np.abs(lengths - np.median(lengths)) <= 1.0)) >= REGULAR
 
 
-def _stuck(channel: LogChannel, changed: NDArray[np.bool_], parts: list[tuple[float, float]]) -> Iterator[Finding]:
+def _stuck(channel: Channel, changed: NDArray[np.bool_], parts: list[tuple[float, float]]) -> Iterator[Finding]:
     """Yield stretches of the used parts in which a channel does not change although it does elsewhere."""
     for low, high in parts:
         first, last = channel.time.index(low), channel.time.index(high, "right") - 1
@@ -159,7 +159,7 @@ def _stuck(channel: LogChannel, changed: NDArray[np.bool_], parts: list[tuple[fl
             yield Finding("held channel", "note" if at_rest else "warning", what, end - begin, "s")
 
 
-def _straight(channel: LogChannel) -> float:
+def _straight(channel: Channel) -> float:
     """Return the share of neighbours on straight lines; of joints and cranks none, which are driven steadily."""
     values = channel.values[:EXTENT]
     time = channel.time[: len(values)]

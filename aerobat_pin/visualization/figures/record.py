@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from aerobat_pin.estimation import END_SHARE, ONSET_SHARE, Result
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, Redundancy, slow_part
-from aerobat_pin.records import LogChannel, Record
+from aerobat_pin.records import Channel, Record
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.lines import Lines, estimate_lines, thinned
 
@@ -27,7 +27,7 @@ def draw_motion(record: Record) -> Figure:
         if key.startswith("joints"):
             names = record.driven if key == "joints.effort" else record.joints
 
-        def read(first: int, last: int, channel: LogChannel = channel) -> Lines:
+        def read(first: int, last: int, channel: Channel = channel) -> Lines:
             return channel.time[first:last] - record.start, channel.values[first:last]
 
         time, values = thinned(len(channel.time), read)

@@ -22,7 +22,7 @@ import pinocchio as pin
 from aerobat_pin.errors import LogError, foreign_file, foreign_xml
 from aerobat_pin.numerics import Array, Packages, checked_robot, read_robot
 from aerobat_pin.scenario import TextTable
-from aerobat_pin.visualization.replay.recording import Recording, record
+from aerobat_pin.visualization.replay.moving_page import Replay, record
 
 FREE_BASE = 7  # number of entries of q for a free base
 LARGEST_MESH = 100_000_000  # bytes
@@ -92,7 +92,7 @@ def _check_picture(path: Path, packages: Packages) -> None:
         raise LogError("a picture (PNG, JPEG, GIF or BMP) was expected")
 
 
-def replay_table(table: Path, urdf: Path) -> Recording:
+def replay_table(table: Path, urdf: Path) -> Replay:
     """Prepare the replay of the motion in a CSV file.
 
     Args:

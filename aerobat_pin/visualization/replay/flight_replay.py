@@ -24,7 +24,7 @@ from aerobat_pin.robot import Aerobat, flown_robot, place_bars, visual_model_wit
 from aerobat_pin.scenario import AirSection, changed_keys, changes_text
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.control import thrust_forces
-from aerobat_pin.visualization.replay.recording import Recording
+from aerobat_pin.visualization.replay.moving_page import Replay
 from aerobat_pin.visualization.replay.scene import Sheet
 
 SLOW_MOTION = 0.1  # speed of a flight's replay relative to real time, in which a flap is too fast to be watched
@@ -33,9 +33,7 @@ GROUND_BELOW = 0.35  # [m]: distance of the ground below the lowest point of the
 PALEST = 0.97  # red, green and blue of the wake where the wing has no circulation
 
 
-def replay_flight(
-    robot: Aerobat, log: FlightLog, air: AirSection, estimates: xr.Dataset | None, note: str
-) -> Recording:
+def replay_flight(robot: Aerobat, log: FlightLog, air: AirSection, estimates: xr.Dataset | None, note: str) -> Replay:
     """Prepare the replay of a flight; `.html(SLOW_MOTION)` of the result returns its page.
 
     Args:
@@ -56,7 +54,7 @@ def replay_flight(
         assert crank is not None
         place_bars(robot, visual_model, float(crank[row]))
 
-    recording = Recording(
+    replay = Replay(
         robot.model,
         robot.visual_model if crank is None else visual_model_with_bars(robot),
         flown.time,
@@ -65,24 +63,24 @@ def replay_flight(
         floor=float(flown.q[:, 2].min()) - GROUND_BELOW,
         move=None if crank is None else move_bars,
     )
-    recording.rate = SLOW_MOTION
+    replay.rate = SLOW_MOTION
     if estimates is not None:
         for name in map(str, estimates["observer"].values):
             force = estimates["force_W"].sel(observer=name)
             frames = [str(frame) for frame in force["point"].values if robot.model.existFrame(str(frame))]  # not a sum
             estimated = {frame: force.sel(point=frame).values for frame in frames}
-            recording.add_forces(f"estimated force ({name})", style.ESTIMATES[0], estimated, choice=name)
+            replay.add_forces(f"estimated force ({name})", style.ESTIMATES[0], estimated, choice=name)
     if log.truth is not None:
         true = {str(frame): true_force(log, str(frame))[0] for frame in log.truth["point"].values}
-        recording.add_forces("true force", style.TRUTH, true, inner=True)
+        replay.add_forces("true force", style.TRUTH, true, inner=True)
         if "thrust" in log.truth:
-            recording.add_forces("thrust", style.GREEN, thrust_forces(robot, log))
+            replay.add_forces("thrust", style.GREEN, thrust_forces(robot, log))
         for event in true_events(log):
             points = ", ".join(point_label(frame) for frame in event.frames)
-            recording.add_zone(event.start, event.end, f"{event.name} at {points}", style.EVENT_ZONE)
+            replay.add_zone(event.start, event.end, f"{event.name} at {points}", style.EVENT_ZONE)
         if air.model == "lifting_line" and log.truth.sizes["strip"] == air.strips:
-            _add_wake(recording, wake_of(_keyframes(log, recording.index), robot, air))
-    return recording
+            _add_wake(replay, wake_of(_keyframes(log, replay.index), robot, air))
+    return replay
 
 
 def _keyframes(log: FlightLog, index: Array) -> FlightLog:
@@ -93,20 +91,20 @@ def _keyframes(log: FlightLog, index: Array) -> FlightLog:
     return FlightLog(log.measured.isel(rows), truth)
 
 
-def _add_wake(recording: Recording, wake: Wake) -> None:
-    """Add the wake to a recording, coloured by the bound circulation that the wing had when it shed each part."""
+def _add_wake(replay: Replay, wake: Wake) -> None:
+    """Add the wake to a replay, coloured by the bound circulation that the wing had when it shed each part."""
     points, bound = wake.position - wake.wind.drift(wake.time)[:, None], wake.bound
-    drifted = wake.wind.drift(recording.time)
+    drifted = wake.wind.drift(replay.time)
     if len(points) < len(drifted):  # no interval begins at the last sample: repeat the last row
         points, bound = (np.concatenate([rows, rows[-1:]]) for rows in (points, bound))
     share = np.clip(bound / max(float(np.percentile(np.abs(bound), 98.0)), 1e-12), -1.0, 1.0)[..., None]
     lift, downforce = (np.array(style.rgb(colour)) for colour in style.WAKE_COLOURS)
     colours = PALEST + np.abs(share) * (np.where(share > 0.0, lift, downforce) - PALEST)
     label = "shed wake, blue: of lift, orange: of downforce"
-    recording.sheet = Sheet(label, style.WAKE_COLOURS[0], points, colours, drifted, WAKE_LASTS)
+    replay.sheet = Sheet(label, style.WAKE_COLOURS[0], points, colours, drifted, WAKE_LASTS)
 
 
-def replay_run(folder: Path) -> Recording:
+def replay_run(folder: Path) -> Replay:
     """Prepare the replay of the flight in a run's folder.
 
     Raises:
@@ -121,6 +119,6 @@ def replay_run(folder: Path) -> Recording:
     if strangers:
         raise LogError(f"estimates {folder / 'estimate.nc'}: the robot has no frame {', '.join(strangers)}")
     log = log_with_motion(log)
-    recording = replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot, log))
-    recording.subtitle = changes_text(scenario.name, changed_keys(scenario))
-    return recording
+    replay = replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot, log))
+    replay.subtitle = changes_text(scenario.name, changed_keys(scenario))
+    return replay

@@ -19,7 +19,7 @@ from aerobat_pin.experiments import Experiment
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import PlainRobot, RobotTable, urdf_of
 from aerobat_pin.robot import CRANK_START, Aerobat, place_bars, visual_model_with_bars
-from aerobat_pin.visualization.replay.recording import CAMERA, Recording
+from aerobat_pin.visualization.replay.moving_page import CAMERA, Replay
 from aerobat_pin.visualization.replay.result_replay import replay_result, visible_parts
 from aerobat_pin.visualization.replay.scene import clear_background
 
@@ -102,7 +102,7 @@ def in_frame(shown: Aerobat | PlainRobot | Experiment) -> str:
     return (_slow_flap(shown) if isinstance(shown, Aerobat) else _swing(shown))._repr_html_()
 
 
-def _slow_flap(robot: Aerobat) -> Recording:
+def _slow_flap(robot: Aerobat) -> Replay:
     angles = CRANK_START + 2.0 * np.pi * MOMENTS / MOMENTS[-1]
     closure, level = robot.linkage.solve(angles), np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(angles), 1))
     q = robot.configuration(level, closure.theta_s, closure.theta_e)
@@ -111,10 +111,10 @@ def _slow_flap(robot: Aerobat) -> Recording:
         place_bars(robot, visual_model, float(angles[row]))
 
     title = f"{robot.model.name}, {1e3 * robot.mass:.1f} g"
-    return Recording(robot.model, visual_model_with_bars(robot), MOMENTS, q, title=title, move=move_bars)
+    return Replay(robot.model, visual_model_with_bars(robot), MOMENTS, q, title=title, move=move_bars)
 
 
-def _swing(robot: PlainRobot) -> Recording:
+def _swing(robot: PlainRobot) -> Replay:
     try:
         path = urdf_of(RobotTable(name=robot.title), Path())
     except LogError:
@@ -125,4 +125,4 @@ def _swing(robot: PlainRobot) -> Recording:
     q = np.tile(robot.neutral(), (len(MOMENTS), 1))
     low, high = robot.model.lowerPositionLimit[free:], robot.model.upperPositionLimit[free:]
     q[:, free:] = np.clip(q[:, free:] + wave[:, None], low, high)
-    return Recording(model, visual, MOMENTS, q, title=f"{robot.title}, {robot.mass:.4g} kg")
+    return Replay(model, visual, MOMENTS, q, title=f"{robot.title}, {robot.mass:.4g} kg")

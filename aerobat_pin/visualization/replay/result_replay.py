@@ -16,14 +16,14 @@ from aerobat_pin.records import urdf_of
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.any_robot import load_any_robot
 from aerobat_pin.visualization.replay.flight_replay import replay_flight
-from aerobat_pin.visualization.replay.recording import Recording
+from aerobat_pin.visualization.replay.moving_page import Replay
 
 LONGEST_REPLAY = 60.0  # [s] of the longest part
 STICK = 0.04  # radius of a stick, in lengths of the robot
 REPLAY_RATE = 240.0  # [Hz] of the samples that a replay is made from
 
 
-def replay_result(made: Experiment | Result) -> Recording:
+def replay_result(made: Experiment | Result) -> Replay:
     """Return the replay of a flight, or of the longest used part of a record, at most its first minute."""
     if isinstance(made, Experiment):
         estimates = estimate_dataset(made.estimates)
@@ -39,7 +39,7 @@ def replay_result(made: Experiment | Result) -> Recording:
     rows = np.arange(0, len(block.time), every)
     path = urdf_of(record.map.robot, record.folder)
     model, visual = visible_parts(path, record.robot.model, made.name)
-    recording = Recording(model, visual, block.time[rows] - record.start, block.q[rows], title=made.name)
+    replay = Replay(model, visual, block.time[rows] - record.start, block.q[rows], title=made.name)
     low = next(iter(made.stored.values())).index(block.time[0])
     at = np.minimum(rows, last - first - 1)
     for name, stored in made.stored.items():
@@ -50,15 +50,15 @@ def replay_result(made: Experiment | Result) -> Recording:
             if len(columns) == 3:
                 forces[frame] = estimate.components[at][:, columns]
         if forces:
-            recording.add_forces(f"estimated force ({name})", style.ESTIMATES[0], forces, choice=name)
+            replay.add_forces(f"estimated force ({name})", style.ESTIMATES[0], forces, choice=name)
     for reference in made.references:
         if reference.labels[:3] == ("Fx", "Fy", "Fz"):
             values = reference.values[low : low + last - first][at, :3]
-            recording.add_forces("force sensor", style.TRUTH, {reference.frame: values}, inner=True)
-    return recording
+            replay.add_forces("force sensor", style.TRUTH, {reference.frame: values}, inner=True)
+    return replay
 
 
-def replay_log(file: Path, morphology: str | None = None) -> Recording:
+def replay_log(file: Path, morphology: str | None = None) -> Replay:
     """Prepare the replay of a flight log, with the forces that an observer estimates from it.
 
     Args:

@@ -31,8 +31,8 @@ def snapshots(
     """Take pictures of a replay; yields the content of a PNG file for each time.
 
     Args:
-        page: HTML of a recording.
-        times: times since the start of the recording [s].
+        page: HTML of a replay.
+        times: times since the start of the replay [s].
         size: width and height of the pictures [pixels].
         controls: show the time bar and its buttons; if False, only the time is shown, in a corner.
 

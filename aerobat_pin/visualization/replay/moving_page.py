@@ -2,7 +2,7 @@
 
     page = record(model, visual_model, time, q, {"tool": force}).html()
 
-A `Recording` can also show several kinds of force in different colours, mark stretches of time on the time bar and on
+A `Replay` can also show several kinds of force in different colours, mark stretches of time on the time bar and on
 the path of the robot, and show a sheet that trails behind the robot.
 """
 
@@ -51,7 +51,7 @@ class _Arrows:
     force: dict[str, Array]
 
 
-class Recording:
+class Replay:
     """The replay of a motion: `html` returns it as a page.
 
     Args:
@@ -265,7 +265,7 @@ class Recording:
         return [kind for kind in self._arrows if kind.choice]
 
     def _draw_zone(self, scene: Scene, node: str, zone: Zone) -> None:
-        """Draw a stretch of time on the path, with balls at its start and end if these are within the recording."""
+        """Draw a stretch of time on the path, with balls at its start and end if these are within the replay."""
         first, last = np.clip([zone.start, zone.end], self.time[0], self.time[-1])
         if first == last:
             return
@@ -298,7 +298,7 @@ def record(
     forces: Mapping[str, ArrayLike] | None = None,
     *,
     title: str = "",
-) -> Recording:
+) -> Replay:
     """Prepare the replay of a motion with one kind of force.
 
     Args:
@@ -313,7 +313,7 @@ def record(
         FrameNotFoundError: the model has no such frame.
         ShapeError: an argument has the wrong shape, or the times are not those of a motion.
     """
-    recording = Recording(model, visual_model, time, q, title=title)
+    replay = Replay(model, visual_model, time, q, title=title)
     if forces:
-        recording.add_forces("force", style.ESTIMATES[0], forces, inner=True)
-    return recording
+        replay.add_forces("force", style.ESTIMATES[0], forces, inner=True)
+    return replay

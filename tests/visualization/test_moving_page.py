@@ -14,8 +14,8 @@ from support.browser import SEEK_AND_DRAW, at, needs_browser, node, opened, pixe
 from aerobat_pin.errors import FrameNotFoundError, ShapeError
 from aerobat_pin.robot import load_aerobat
 from aerobat_pin.visualization.comparison import side_by_side
-from aerobat_pin.visualization.replay import recording as recording_module
-from aerobat_pin.visualization.replay.recording import Recording, record
+from aerobat_pin.visualization.replay import moving_page
+from aerobat_pin.visualization.replay.moving_page import Replay, record
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 TIME = np.linspace(0.0, 1.0, 201)
@@ -63,8 +63,8 @@ def test_any_model_is_shown_where_it_is_with_its_force(robot: Any, browser: Any,
     model, parts, q = robot()
     frame = model.frames[model.nframes - 1].name
     force = np.column_stack([30.0 * np.sin(5.0 * TIME), 0.0 * TIME, 40.0 + 0.0 * TIME])
-    recording = record(model, parts, TIME, q, {frame: force}, title="<b>sample</b>")
-    (tmp_path / "page.html").write_text(recording.html())
+    replay = record(model, parts, TIME, q, {frame: force}, title="<b>sample</b>")
+    (tmp_path / "page.html").write_text(replay.html())
     data, placed = model.createData(), parts.createData()
     with opened(browser, (tmp_path / "page.html").as_uri()) as page:
         ready(page)
@@ -96,11 +96,11 @@ def test_any_model_is_shown_where_it_is_with_its_force(robot: Any, browser: Any,
 def test_every_stretch_is_marked_however_short_and_whether_it_ends(browser: Any, tmp_path: Path) -> None:
     """Balls where the body is at onset and end, also between two keyframes; none where nothing ends or is not seen."""
     model, parts, q = humanoid()
-    recording = record(model, parts, TIME, q)
+    replay = record(model, parts, TIME, q)
     stretches = {"blow": (0.201, 0.203), "step": (0.4, 0.6), "calm": (0.8, np.inf), "later": (2.0, 3.0)}
     for label, (start, end) in stretches.items():
-        recording.add_zone(start, end, label, "#CC79A7")
-    (tmp_path / "page.html").write_text(recording.html())
+        replay.add_zone(start, end, label, "#CC79A7")
+    (tmp_path / "page.html").write_text(replay.html())
     with opened(browser, (tmp_path / "page.html").as_uri()) as page:
         ready(page)
         legend = page.inner_text("#legend")
@@ -124,10 +124,10 @@ def test_the_arrows_scale_is_a_round_number() -> None:
     model, parts, q = manipulator()
     frame = model.frames[model.nframes - 1].name
     for size in (1e-3, 0.7, 42.0, 9e4):
-        recording = record(model, parts, TIME, q, {frame: np.tile([0.0, 0.0, size], (len(TIME), 1))})
-        scale = recording.newtons_per_centimetre
+        replay = record(model, parts, TIME, q, {frame: np.tile([0.0, 0.0, size], (len(TIME), 1))})
+        scale = replay.newtons_per_centimetre
         assert round(scale / 10.0 ** np.floor(np.log10(scale) + 1e-9), 9) in (1.0, 2.0, 5.0)
-        assert 0.2 < 0.01 * size / scale / recording.size <= 0.6 + 1e-9
+        assert 0.2 < 0.01 * size / scale / replay.size <= 0.6 + 1e-9
 
 
 def test_keyframes_are_no_denser_than_needed() -> None:
@@ -135,33 +135,33 @@ def test_keyframes_are_no_denser_than_needed() -> None:
     model, parts, _ = manipulator()
     for n, expected in ((3001, 361), (31, 31)):
         time = np.linspace(2.0, 5.0, n)
-        recording = Recording(model, parts, time, np.zeros((n, model.nq)))
-        assert len(recording.index) == pytest.approx(expected, abs=1)
-        assert (recording.time[0], recording.time[-1]) == (2.0, 5.0)
-    repeated = Recording(model, parts, [0.0, 0.0, 0.5, 0.5, 1.0, 1.0], np.zeros((6, model.nq)))
+        replay = Replay(model, parts, time, np.zeros((n, model.nq)))
+        assert len(replay.index) == pytest.approx(expected, abs=1)
+        assert (replay.time[0], replay.time[-1]) == (2.0, 5.0)
+    repeated = Replay(model, parts, [0.0, 0.0, 0.5, 0.5, 1.0, 1.0], np.zeros((6, model.nq)))
     assert repeated.time.tolist() == [0.0, 0.5, 1.0]
 
 
 def test_a_page_that_would_be_too_large_ends_early_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """A minute of a dense record; here a second, of three. A whole one says nothing of the kind."""
     model, parts, _ = manipulator()
-    monkeypatch.setattr(recording_module, "MOST_KEYFRAMES", 121)
+    monkeypatch.setattr(moving_page, "MOST_KEYFRAMES", 121)
     for end, said in ((3.0, "arm (the first 1 s of 3 s)"), (1.0, "arm")):
         time = np.linspace(0.0, end, round(1200 * end) + 1)
-        recording = Recording(model, parts, time, np.zeros((len(time), model.nq)), title="arm")
-        assert recording.duration == pytest.approx(1.0)
-        assert f"<title>{said}</title>" in recording.html()
+        replay = Replay(model, parts, time, np.zeros((len(time), model.nq)), title="arm")
+        assert replay.duration == pytest.approx(1.0)
+        assert f"<title>{said}</title>" in replay.html()
 
 
 def test_nobody_elses_model_is_changed() -> None:
-    """Parts that `move` places are the recording's own."""
+    """Parts that `move` places are the replay's own."""
     model, parts, q = manipulator()
     before = [pin.SE3(item.placement) for item in parts.geometryObjects]
 
     def lift(visible: pin.GeometryModel, row: int) -> None:
         visible.geometryObjects[0].placement = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.01 * row]))
 
-    Recording(model, parts, TIME, q, move=lift)
+    Replay(model, parts, TIME, q, move=lift)
     assert all(item.placement == old for item, old in zip(parts.geometryObjects, before, strict=True))
 
 
@@ -218,11 +218,11 @@ def test_a_true_force_is_black_inside_its_halo(browser: Any, tmp_path: Path) -> 
     frame = model.frames[model.nframes - 1].name
     force, black = {frame: np.tile([0.0, 0.0, 5.0], (len(TIME), 1))}, []
     for halo in (False, True):
-        recording = Recording(model, parts, TIME, q)
+        replay = Replay(model, parts, TIME, q)
         if halo:
-            recording.add_forces("estimated", "#D55E00", force)
-        recording.add_forces("true", "#000000", force, inner=True)
-        (tmp_path / "page.html").write_text(recording.html())
+            replay.add_forces("estimated", "#D55E00", force)
+        replay.add_forces("true", "#000000", force, inner=True)
+        (tmp_path / "page.html").write_text(replay.html())
         with opened(browser, (tmp_path / "page.html").as_uri()) as page:
             ready(page)
             at(page, 0.5)
@@ -234,13 +234,13 @@ def test_a_true_force_is_black_inside_its_halo(browser: Any, tmp_path: Path) -> 
 READY = "window.panes && panes.every((pane) => !pane.viewer.animator.playing)"
 
 
-def resting(duration: float, push: float) -> Recording:
-    """Return a recording of a robot at rest with a force [N] on its left wing."""
+def resting(duration: float, push: float) -> Replay:
+    """Return a replay of a robot at rest with a force [N] on its left wing."""
     robot = load_aerobat()
     time = np.linspace(0.0, duration, 13)
-    recording = Recording(robot.model, robot.visual_model, time, np.tile(robot.q0, (len(time), 1)), title="at rest")
-    recording.add_forces("force", "#0072b2", {"left_force_point": np.tile([0.0, 0.0, push], (len(time), 1))})
-    return recording
+    replay = Replay(robot.model, robot.visual_model, time, np.tile(robot.q0, (len(time), 1)), title="at rest")
+    replay.add_forces("force", "#0072b2", {"left_force_point": np.tile([0.0, 0.0, push], (len(time), 1))})
+    return replay
 
 
 def test_arrows_have_the_coarser_scale_of_both() -> None:
