@@ -44,7 +44,9 @@ from support.changed_flights import (
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, BEGUN = ROOT / "docs" / "learnt_error.md", ROOT / "build" / "learnt_error.jsonl"
-NONE, UNCHANGED, FILTERS = "none", 40, ("kalman", "smoother")
+NONE, FILTERS = "none", ("kalman", "smoother")
+UNCHANGED = {"exact": 40, "noisy": 20}  # flights
+NOISY_CHANGES = ("density 10 %", "encoder 2 deg")  # that are flown with noisy sensors, too
 R2 = {"push": (0.99, 0.95, 0.99), "paper": (0.985, 0.995, 0.999)}  # at least, of force_level, exact sensors
 NEAR = {"a manoeuvre": (2e-3, 3e-3, 2e-3), "outside": (2e-3, 3e-3, 2e-3)}  # [N], which 1.3 times is allowed
 ADDED = 1.0e-3  # [N]: by which a second flight may raise an error
@@ -85,23 +87,25 @@ def flights(sensors: str, count: int) -> Iterator[Flight]:
     for words, free in calibrations.items():
         for kind, settings in kinds.items():
             yield Flight(f"after {words}: {kind}", 1, (*settings, *noise, "simulation.seed=1"), free)
-    every = seeds(max(count, UNCHANGED))
-    for n in range(max(count, UNCHANGED)):
+    unchanged, changes = UNCHANGED[sensors], CHANGES if sensors == "exact" else NOISY_CHANGES
+    every = seeds(max(count, unchanged))
+    for n in range(max(count, unchanged)):
         moving = somewhere(every[n])
-        if n < UNCHANGED * count // 20:
+        if n < unchanged * count // 20:
             kind = ("push", "paper", "no force", "no force")[n % 4]
             more = MANOEUVRE[1:] if n % 4 == 3 else ()
             told = "manoeuvre" if more else kind
             yield Flight(f"none: {told}", every[n], (*FLIGHTS[kind], *moving, *more, *noise), within)
         if n >= count:
             continue
-        for name, change in CHANGES.items():
+        for name in changes:
             if name != NONE:
+                change = CHANGES[name]
                 settings = (*FLIGHTS["push"], *moving, *change.settings, *noise)
                 yield Flight(name, every[n], settings, within)
                 if change.cause is not None:
                     yield Flight(f"{name}, corrected", every[n], settings, within, correct=True)
-        if n < 5:
+        if n < 5 and sensors == "exact":
             bent = tuple((*one, *ELBOW) for one in within)
             yield Flight("elbow in both", every[n], (*FLIGHTS["push"], *moving, *ELBOW, *noise), bent)
 

@@ -3,8 +3,9 @@
 The forces are interval means of the generalised force Sigma_Aero. The samples of a log can be too far apart to
 integrate the states of the aerodynamic model, so each interval is divided into equal steps. In between, the body
 follows the geodesic between its sampled placements, and the joints follow the closed linkage at the interpolated crank
-angle (or a straight line between the joint angles, if the crank is not recorded). The longest stable step follows from
-the fastest mode of the lifting line, whose rate grows with the airspeed and with the number of strips.
+angle, bent by as much as at the samples (or a straight line between the joint angles, if the crank is not recorded).
+The longest stable step follows from the fastest mode of the lifting line, whose rate grows with the airspeed and with
+the number of strips.
 """
 
 from __future__ import annotations
@@ -175,6 +176,11 @@ def half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, A
         angles = _linkage_between(moved.crank, robot, dt, k, share[:, 0])
         for row, (at_q, at_v) in enumerate(zip(robot.idx_q, robot.idx_v, strict=True)):
             q[:, at_q], v[:, at_v], a[:, at_v] = angles[:, :, row % 2].T
+        if moved.bend is not None:
+            angle, rate = moved.bend
+            q[:, list(robot.idx_q)] += angle[k] + share * (angle[k + 1] - angle[k])
+            v[:, list(robot.idx_v)] += rate[k] + share * (rate[k + 1] - rate[k])
+            a[:, list(robot.idx_v)] += (rate[k + 1] - rate[k]) / dt[k, None]
     return q, v, a, wind
 
 

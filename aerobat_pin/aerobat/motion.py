@@ -64,6 +64,7 @@ class Motion:
         v: (m + 1, nv) velocities.
         crank: (3, m + 1) angle, rate and acceleration of the crank [rad, rad/s, rad/s2]; None if it is not recorded.
         wind: (m + 1, 2, 3) velocity of the air and its time derivative, world axes [m/s, m/s2].
+        bend: (2, m + 1, 4) angle and rate by which joints depart from the linkage [rad, rad/s]; None if they follow it.
     """
 
     time: Array
@@ -71,17 +72,19 @@ class Motion:
     v: Array
     crank: Array | None
     wind: Array
+    bend: Array | None = None
 
     @classmethod
     def of(cls, block: Block) -> Motion:
         """Return the motion of a block that `completed` returned."""
-        return cls(block.time, block.q, block.v, block.extra.get("crank"), block.extra["wind"])
+        crank, bend = (block.extra.get(name) for name in ("crank", "bend"))
+        return cls(block.time, block.q, block.v, crank, block.extra["wind"], bend)
 
     def between(self, first: int, last: int) -> Motion:
         """Return the motion from one sample to another, inclusive."""
         at = slice(first, last + 1)
-        crank = None if self.crank is None else self.crank[:, at]
-        return Motion(self.time[at], self.q[at], self.v[at], crank, self.wind[at])
+        crank, bend = (None if one is None else one[:, at] for one in (self.crank, self.bend))
+        return Motion(self.time[at], self.q[at], self.v[at], crank, self.wind[at], bend)
 
 
 def fault_of(channels: Mapping[str, Channel]) -> str | None:

@@ -155,7 +155,7 @@ def flexed(block: Block, robot: Aerobat, values: Array) -> Block:
     late = low_passed(torque - torque[0], -np.expm1(-typical_step(block.time) / lag)) + torque[0]
     bend = direct * now + (c - direct) * np.concatenate([torque[:1], late])
     bend = -bend * ELBOWS if follows(block, robot) else np.zeros_like(bend)
-    q, v = block.q.copy(), block.v.copy()
+    q, v, rate = block.q.copy(), block.v.copy(), np.gradient(bend, block.time, axis=0)
     q[:, list(robot.idx_q)] += bend
-    v[:, list(robot.idx_v)] += np.gradient(bend, block.time, axis=0)
-    return replace(block, q=q, v=v)
+    v[:, list(robot.idx_v)] += rate
+    return replace(block, q=q, v=v, extra={**block.extra, "bend": np.stack([bend, rate])})

@@ -22,7 +22,7 @@ from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction
 from aerobat_pin.records import Parameter, netcdf_bytes, read_netcdf
 
 FAMILY = "aerobat calibration"
-KIND = f"{FAMILY} 4"  # with the number of the form
+KIND = f"{FAMILY} 5"  # with the number of the form
 LARGEST_LEARNT = 1.0e9  # of any number in a file
 EXTRA_PART = "extra_"  # prefix of what only the robot itself reads
 MOST_POWERS = 3  # of a thrust's polynomial

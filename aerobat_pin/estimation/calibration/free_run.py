@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aerobat_pin.estimation.calibration.detection import settled_intervals
 from aerobat_pin.estimation.calibration.map_fits import used_by_fits
 from aerobat_pin.estimation.gain_regression import MOST_FITTED, fits_to_sensor
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
@@ -191,11 +192,11 @@ def pushes(run: FreeRun) -> Iterator[str]:
     """Yield in words what pushed, given what a calibration leaves.
 
     A free run repeats itself with its phase, so little is left of it, and as much in one cycle as in another: a contact
-    leaves far more. A force that lasts is no error of the belief if no redundancy shows it: what a belief gets wrong is
-    seldom explained by forces at the points alone.
+    leaves far more, but for the start, at which the air's past is unknown. A force that lasts is no error of the belief
+    if no redundancy shows it: what a belief gets wrong is seldom explained by forces at the points alone.
     """
     time = run.inputs.time
-    size = np.sqrt(np.mean(slow_part(time, run.rows()) ** 2, axis=1))
+    size = np.sqrt(np.mean(slow_part(time, run.rows()) ** 2, axis=1)) * settled_intervals(run.inputs)
     if size.max() > max(LEFT_BEHIND * float(np.median(size)), LEAST_LEFT_BEHIND * run.weight) or _lasts(run):
         above = np.flatnonzero(size > 0.5 * size.max())
         apart = np.flatnonzero(np.diff(time[above]) > PAUSE)
