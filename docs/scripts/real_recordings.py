@@ -185,10 +185,10 @@ def neural_fly_text(folder: Path) -> str:
 
 def tiago_text(folder: Path, work: Path) -> str:
     """Return what friction and the rotors' inertia leave of the arm's torques."""
-    table = work / "tiago.csv"
-    tiago.convert(folder / "figaroh-examples", table)
+    log = work / "tiago.csv"
+    tiago.convert(folder / "figaroh-examples", log)
     urdf = folder / "figaroh-examples" / "examples" / "tiago" / "urdf" / "tiago_48_schunk.urdf"
-    found = read(table, "tiago", urdf=str(urdf.absolute()))
+    found = read(log, "tiago", urdf=str(urdf.absolute()))
     rows = []
     fits = {fit.name.removeprefix("friction of "): fit for fit in found.forces.fits}
     for joint, noted in NOTED.items():
