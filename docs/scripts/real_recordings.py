@@ -93,7 +93,7 @@ def hopper_text(folder: Path, work: Path) -> dict[str, str]:
     return {
         "hopper": table(head, rows),
         "fits": "\n".join(f"* {fit}." for fit in fitted.forces.fits),
-        "phases": table("| mean Fz of the sensor | mean error | rms error", phases),
+        "phases": table(" | mean Fz of the sensor | mean error | rms error", phases),
         "fits of the hop": "\n".join(f"* {fit}." for fit in all_of_it.forces.fits),
         "held": "    " + next(str(one) for one in wrong.findings if one.check == "held still"),
     }
@@ -128,19 +128,19 @@ def nanobench_text(folder: Path) -> str:
         if any(finding.check == "fit" and finding.verdict == "warning" for finding in found.findings):
             unfit.append(f"`{log.stem}`")
             continue
-        estimate, table = found.estimates["force_level"], pd.read_csv(log)
+        estimate, flown = found.estimates["force_level"], pd.read_csv(log)
         middle = 0.5 * (estimate.time[1:] + estimate.time[:-1]) - 0.05
-        v = np.stack([np.interp(middle, table.t, table[f"v{axis}"]) for axis in "xyz"], axis=1)
+        v = np.stack([np.interp(middle, flown.t, flown[f"v{axis}"]) for axis in "xyz"], axis=1)
         if len(found.record.parts) > 1 or len(middle) < 1000 or min(v[:, 0].std(), v[:, 1].std()) < 0.15:
             short += 1
             continue
-        first, last = (int(np.searchsorted(table.t, middle[k])) for k in (0, -1))
-        force = plain_force(table, MOTORS, inside=slice(first, last))
+        first, last = (int(np.searchsorted(flown.t, middle[k])) for k in (0, -1))
+        force = plain_force(flown, MOTORS, inside=slice(first, last))
         inner = slice(first + 100, last - 100)
         follows = not any(one.check == "gyro against attitude" and one.verdict == "warning" for one in found.findings)
         lost.append("" if follows else log.stem)
         ours.append(drag_slopes(estimate.force[100:-100, 0], v[100:-100]))
-        plain.append(drag_slopes(force[inner], table[["vx", "vy"]].to_numpy()[inner]))
+        plain.append(drag_slopes(force[inner], flown[["vx", "vy"]].to_numpy()[inner]))
     a, b = 1e3 * np.array(ours), 1e3 * np.array(plain)
     rows = [
         [name, *(f"{values[:, k].mean():.1f} +- {values[:, k].std():.1f}" for k in (0, 1))]
@@ -171,13 +171,13 @@ def neural_fly_text(folder: Path) -> str:
             found = read(log, "neural_fly")
             force = found.estimates["force_level"].force[:, 0, 0]
             ours.append(float(force[25:].mean()))
-            table = pd.read_csv(log, usecols=["t", "v", "q", "T_sp", "hover_throttle"])
+            flown = pd.read_csv(log, usecols=["t", "v", "q", "T_sp", "hover_throttle"])
             v, q, T, hover = (
-                np.array([np.ravel(eval(cell)) for cell in table[name]])
+                np.array([np.ravel(eval(cell)) for cell in flown[name]])
                 for name in ("v", "q", "T_sp", "hover_throttle")
             )
             thrust = 25.997 * (T / hover)[:, 0] * Rotation.from_quat(q).as_matrix()[:, 0, 2]
-            seconds = table.t.iloc[-1] - table.t.iloc[25]
+            seconds = flown.t.iloc[-1] - flown.t.iloc[25]
             plain.append(2.65 * (v[-1, 0] - v[25, 0]) / seconds - float(thrust[25:].mean()))
         rows.append([f"{speed:g}", f"{np.mean(ours):.2f}", f"{np.mean(plain):.2f}", len(ours)])
     return table("wind [m/s] | mean Fx by the map [N] | plain mean [N] | flights", rows)
@@ -185,10 +185,10 @@ def neural_fly_text(folder: Path) -> str:
 
 def tiago_text(folder: Path, work: Path) -> str:
     """Return what friction and the rotors' inertia leave of the arm's torques."""
-    table = work / "tiago.csv"
-    tiago.convert(folder / "figaroh-examples", table)
+    log = work / "tiago.csv"
+    tiago.convert(folder / "figaroh-examples", log)
     urdf = folder / "figaroh-examples" / "examples" / "tiago" / "urdf" / "tiago_48_schunk.urdf"
-    found = read(table, "tiago", urdf=str(urdf.absolute()))
+    found = read(log, "tiago", urdf=str(urdf.absolute()))
     rows = []
     fits = {fit.name.removeprefix("friction of "): fit for fit in found.forces.fits}
     for joint, noted in NOTED.items():
