@@ -1,6 +1,6 @@
 """How long commands say nothing: the gaps between what they print, on a pipe and on a terminal, and their times.
 
-    python benchmarks/silence.py    # some six minutes on a quiet machine; writes the table of docs/installation.md
+    PYTHONPATH=tests python benchmarks/silence.py    # some six minutes; writes a table of docs/installation.md
 
 Ends with an error if a command is silent for more than `LONGEST` seconds a second time.
 """
@@ -15,8 +15,9 @@ import tempfile
 import time
 from pathlib import Path
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "installation.md"
-BEGIN, END = "<!-- silence: written by benchmarks/silence.py -->\n", "<!-- /silence -->"
+from support.pages import fill, measured, table
+
+HEAD = "command | on a | takes [s] | first word after [s] | longest silences [s]"
 LONGEST = 2.0  # [s]
 FREE = "run paper --set unknown_force=[] --no-report --out free --force"
 COMMANDS = {  # what a line of the table is called -> command, after which another cache of kernels is used
@@ -54,8 +55,7 @@ def gaps(words: str, folder: Path, environment: dict[str, str], *, terminal: boo
 
 def main() -> int:
     """Write the table, and return 1 if a command is silent too long a second time."""
-    rows = ["| command | on a | takes | first word after | longest silences |", "|---|---|---|---|---|"]
-    worst = 0.0
+    rows, worst = [], 0.0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         warm = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "kernels")}
@@ -68,15 +68,12 @@ def main() -> int:
                 found = gaps(words, folder, empty if "first" in title else warm, terminal=terminal)
                 longest = sorted(found, reverse=True)[:3]
                 worst = max(worst, longest[1])
-                place = "terminal" if terminal else "pipe"
                 silences = ", ".join(f"{gap:.2f}" for gap in longest)
-                rows.append(f"| {title} | {place} | {sum(found):.1f} s | {found[0]:.1f} s | {silences} s |")
+                rows.append(
+                    [title, "terminal" if terminal else "pipe", f"{sum(found):.1f}", f"{found[0]:.1f}", silences]
+                )
                 print(rows[-1], flush=True)
-    text = PAGE.read_text()
-    before, _, rest = text.partition(BEGIN)
-    table, load = "\n".join(rows), os.getloadavg()[0]
-    note = f"\n\nOn {time.strftime('%Y-%m-%d')}, {os.cpu_count()} processors, load {load:.1f} by other programs too.\n"
-    PAGE.write_text(f"{before}{BEGIN}{table}{note}{END}{rest.partition(END)[2]}")
+    fill("docs/installation.md", {"silences": table(HEAD, rows), "measured": measured()})
     return int(worst > LONGEST)
 
 
