@@ -19,7 +19,6 @@ from support.pages import fill, measured, table
 
 HEAD = "command | on a | takes [s] | first word after [s] | longest silences [s]"
 LONGEST = 2.0  # [s]
-FREE = "run paper --set unknown_force=[] --no-report --out free --force"
 COMMANDS = {  # what a line of the table is called -> command, after which another cache of kernels is used
     "the first `aerobat run paper`": "run paper --out cold --force",
     "`aerobat run paper`": "run paper --out warm --force",
@@ -58,10 +57,9 @@ def main() -> int:
     rows, worst = [], 0.0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        warm = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "kernels")}
-        warm.pop("PYTHONDONTWRITEBYTECODE", None)  # else each start compiles this package's three hundred modules
-        gaps("run paper --out first", folder, warm, terminal=False)
-        gaps(FREE, folder, warm, terminal=False)
+        warm = {**os.environ, "NUMBA_CACHE_DIR": str(folder / "kernels"), "PYTHONDONTWRITEBYTECODE": ""}
+        for words in ("run paper --out first", "run paper --set unknown_force=[] --no-report --out free"):
+            gaps(words, folder, warm, terminal=False)
         for title, words in COMMANDS.items():
             for terminal in (False, True):
                 empty = {**warm, "NUMBA_CACHE_DIR": str(folder / f"kernels_{terminal}")}
