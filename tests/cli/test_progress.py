@@ -109,7 +109,7 @@ def test_a_step_that_says_nothing_itself_is_told(
 ) -> None:
     """By a thread of its own, which ends with the work."""
     monkeypatch.setattr(voice, "QUIET", 0.02)
-    monkeypatch.setattr(voice, "TICK", 0.005)
+    monkeypatch.setattr(voice, "TICK_TIME", 0.005)
     before = threading.active_count()
     with console.doing("searching"):
         time.sleep(0.2)

@@ -147,7 +147,7 @@ def test_every_command_of_the_readme_works_as_it_is_typed(
 
             assert len(load_sweep(rest[0]).scenarios) > 1
         elif name in ("node", "live"):  # run until Ctrl-C; test_ros_node.py and test_live_page.py talk to them
-            assert not rest or rest[0] == "--map"
+            assert not rest or rest[0] in ("--map", "ur5", "go2")
         elif name == "trim":  # takes a minute from so far; tests/cli/test_cli.py finds one
             rest = [word for word in rest if word != "trimmed.toml" and word != "--out"]
         else:

@@ -195,9 +195,10 @@ def pushes(run: FreeRun) -> Iterator[str]:
     leaves far more, but for the start, at which the air's past is unknown. A force that lasts is no error of the belief
     if no redundancy shows it: what a belief gets wrong is seldom explained by forces at the points alone.
     """
-    time = run.inputs.time
-    size = np.sqrt(np.mean(slow_part(time, run.rows()) ** 2, axis=1)) * settled_intervals(run.inputs)
-    if size.max() > max(LEFT_BEHIND * float(np.median(size)), LEAST_LEFT_BEHIND * run.weight) or _lasts(run):
+    time, settled = run.inputs.time, settled_intervals(run.inputs)
+    size = np.sqrt(np.mean(slow_part(time, run.rows()) ** 2, axis=1)) * settled
+    typical = float(np.median(size[settled])) if settled.any() else 0.0
+    if size.max() > max(LEFT_BEHIND * typical, LEAST_LEFT_BEHIND * run.weight) or _lasts(run):
         above = np.flatnonzero(size > 0.5 * size.max())
         apart = np.flatnonzero(np.diff(time[above]) > PAUSE)
         firsts, lasts = above[[0, *(apart + 1)]], above[[*apart, len(above) - 1]]
