@@ -306,7 +306,7 @@ class Doors:
         if _state(place) != before:
             return f"half-written result: {what}{sorted(set(_state(place)) ^ set(before))[:5]}"
         last = said.error.strip().splitlines()[-1:] or [""]
-        told = said.error.count("error: ") == 1 or "Usage:" in said.error
+        told = len(re.findall("^error: ", said.error, re.MULTILINE)) == 1 or "Usage:" in said.error
         return "" if said.code == 2 and told else f"wrong message: {what}code {said.code}, {last[0][:300]}"
 
     def _bad_log(self, rng: np.random.Generator, number: int, place: Path) -> Attempt:
