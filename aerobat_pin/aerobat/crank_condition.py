@@ -37,7 +37,7 @@ STATES = MappingProxyType(
 )
 WINGS = ((0, 1, 2), (3, 4, 5), (6, 8), (7, 9))  # rows whose errors are of one size: body, shoulders, elbows
 LOWEST_FREQUENCY = 0.2  # [Hz]: a crank that turns less often has no phase
-OF_FREQUENCY = 10.0  # how much less than with the other states errors per squared frequency change with the frequency
+FREQUENCY_SCALE = 10.0  # how much less than with other states errors per squared frequency change with it
 LEVER = 0.18  # [m]: airspeed over it is the body rate that changes the wings' flow as much as that speed
 
 
@@ -116,7 +116,7 @@ def crank_condition(moved: Motion, robot: Aerobat, kind: str) -> CrankCondition:
     pace = np.maximum(of_turn, 0.5 * frequency)
     values[:, :BASE_SIZE] /= pace[:, None]
     speed = float(np.linalg.norm(np.mean(values[:, :3], axis=0)))
-    scale = np.array([speed] * 3 + [speed / LEVER] * 3 + [OF_FREQUENCY * float(np.mean(values[:, -1]))])
+    scale = np.array([speed] * 3 + [speed / LEVER] * 3 + [FREQUENCY_SCALE * float(np.mean(values[:, -1]))])
     at_the_crank = moved if kind == "motor_only" else None
     alike = WINGS if at_the_crank is None else WINGS[:2]
     return CrankCondition("the crank", phase, values, STATES, scale, alike, pace=pace, robot=robot, moved=at_the_crank)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerobat_pin.numerics import Array
+from aerobat_pin.observers import low_passed
 from aerobat_pin.records import Map
 
 
@@ -23,11 +24,7 @@ def second_lag(components: Array, dt: Array, gain: float) -> Array:
         dt: (m,) lengths of the intervals [s].
         gain: K of both filters [1/s].
     """
-    lag, behind = np.empty_like(components), np.zeros(components.shape[1])
-    for k, (found, kept) in enumerate(zip(components, np.exp(-gain * dt), strict=True)):
-        behind = found + kept * (behind - found)
-        lag[k] = found - behind
-    return lag
+    return components - low_passed(components, -np.expm1(-gain * dt))
 
 
 def tilt_of(chosen: Map) -> float:

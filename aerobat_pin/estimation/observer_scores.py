@@ -46,7 +46,8 @@ class ObserverScores:
         notes: a line of text about each thing that the observer chose or found beside the forces.
         seen: point -> share of the time in which its three forces are seen; None if no force was expected.
         k: how many times as large as stated the squared errors of the rows are; None if that cannot be seen.
-        worst_k: the largest k over a second, and when after the first interval that begins [s]; None as for `k`.
+        worst_k: the largest k over a second, and when after the first interval that begins [s]; None as for `k`, 0 of
+            a shorter record.
         events: contacts that were found; None where they were not sought, as without a calibration.
     """
 
@@ -130,7 +131,7 @@ class ObserverScores:
             return self.redundancy.describe(), self.redundancy.verdict == "inconsistent"
         words = f"belief: squared errors of the rows are {self.k:.2g} times as large as stated"
         k, begin = self.worst_k or (self.k, 0.0)
-        if k > DOUBTFUL_STRETCH:
+        if k > DOUBTFUL_STRETCH and f"{k:.2g}" != f"{self.k:.2g}":  # a filter knows but the mean
             words += f", {k:.2g} times from {begin:.1f} to {begin + DOUBT_STRETCH:.1f} s"
         doubtful = self.k > DOUBTFUL or k > DOUBTFUL_STRETCH
         return f"{words}: forces elsewhere, a moment, or a wrong model" if doubtful else words, doubtful

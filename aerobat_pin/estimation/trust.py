@@ -114,17 +114,18 @@ def _noisy_components(estimate: Estimate) -> list[str]:
 
 
 def worst_stretch(time: Array, doubt: Array) -> tuple[float, float]:
-    """Return the largest mean of k over `DOUBT_STRETCH`, and when that begins [s]; of a shorter record the mean of all.
+    """Return the largest mean of k over `DOUBT_STRETCH`, and when that begins [s]; 0 if the record is not so long.
 
     Args:
-        time: (m + 1,) ends of the intervals [s].
+        time: (m + 1,) edges of the intervals [s], without a hole.
         doubt: (m,) k of each; NaN, where no row is to spare, counts as 0.
     """
     ends = np.searchsorted(time, time[:-1] + DOUBT_STRETCH - 1e-9)
-    begins = np.flatnonzero(ends < len(time)) if time[-1] - time[0] > DOUBT_STRETCH else np.zeros(1, int)
-    last = np.minimum(ends[begins], len(doubt))
+    begins = np.flatnonzero(ends < len(time))
+    if not len(begins):
+        return 0.0, float(time[0])
     total = np.concatenate([[0.0], np.cumsum(np.nan_to_num(doubt))])
-    means = (total[last] - total[begins]) / (last - begins)
+    means = (total[ends[begins]] - total[begins]) / (ends[begins] - begins)
     worst = int(np.argmax(means))
     return float(means[worst]), float(time[begins[worst]])
 

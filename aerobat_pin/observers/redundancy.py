@@ -129,17 +129,19 @@ def redundancy_of(
     )
 
 
-def low_passed(values: Array, share: float) -> Array:
-    """Filter the columns of `values` (m, k) by y_n = (1 - share) y_(n-1) + share x_n, from rest.
+def low_passed(values: Array, share: float | Array) -> Array:
+    """Filter the columns of `values` (m, k) by y_n = (1 - share_n) y_(n-1) + share_n x_n, from rest.
 
-    The sum over the past, share (1 - share)^j x_(n-j), is built by doubling its length until what is older than that
-    no longer counts. `scipy.signal` would do the same, and takes as long to import as everything else together.
+    The sum over the past is built by doubling its length until what is older than that no longer counts. `share` is a
+    number, or (m,) where steps differ. `scipy.signal` knows only numbers, and takes as long to import as all the rest.
     """
-    result, decay, reach = share * values, 1.0 - share, 1
-    while reach < len(values) and decay > NOTHING:
+    uneven = isinstance(share, np.ndarray)
+    each: Any = np.asarray(share)[:, None] if uneven else share
+    result, decay, reach = each * values, 1.0 - (each[1:] if uneven else each), 1
+    while reach < len(values) and (decay.max() if uneven else decay) > NOTHING:
         result[reach:] += decay * result[:-reach]
-        decay, reach = decay * decay, 2 * reach
-    return result
+        decay, reach = decay[reach:] * decay[:-reach] if uneven else decay * decay, 2 * reach
+    return np.asarray(result)
 
 
 def slow_part(time: Array, values: Array) -> Array:

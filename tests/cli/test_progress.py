@@ -194,3 +194,15 @@ def test_the_doubling_low_pass_is_the_recursion(share: float) -> None:
         values = np.random.default_rng(length).normal(size=(length, 3))
         expected = lfilter([share], [1.0, share - 1.0], values, axis=0)
         np.testing.assert_allclose(low_passed(values, share), expected, rtol=0.0, atol=1e-14)
+        same = low_passed(values, np.full(length, share))
+        np.testing.assert_allclose(same, expected, rtol=0.0, atol=1e-14)
+
+
+def test_the_low_pass_of_uneven_steps_is_the_recursion() -> None:
+    """y_n = y_(n-1) + share_n (x_n - y_(n-1)), step by step."""
+    rng = np.random.default_rng(5)
+    values, shares, y = rng.normal(size=(500, 3)), rng.uniform(0.01, 0.9, 500), np.zeros(3)
+    found = low_passed(values, shares)
+    for k in range(500):
+        y = y + shares[k] * (values[k] - y)
+        np.testing.assert_allclose(found[k], y, rtol=0.0, atol=1e-14)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from aerobat_pin.estimation import ObserverScores
-from aerobat_pin.estimation.trust import sample_noise, warnings_about
+from aerobat_pin.estimation.trust import sample_noise, warnings_about, worst_stretch
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.result_pages import report_html
@@ -94,3 +94,13 @@ def test_an_estimate_that_is_mostly_noise_says_so() -> None:
     error = experiment.scores.observers["force_level"].points["left"]["Fx"].rmse
     found = sample_noise(experiment.estimates["force_level"].components)[0]
     assert found == pytest.approx(error, rel=0.25)
+
+
+def test_the_worst_second_is_found_with_its_time() -> None:
+    """k of 20 for half a second in ten makes 10 + 1/2 of a second that begins there; what is shorter has none."""
+    time = np.linspace(0.0, 10.0, 1001)
+    k = np.where((time[:-1] > 3.995) & (time[:-1] < 4.495), 20.0, 1.0)
+    largest, begin = worst_stretch(time, k)
+    assert largest == pytest.approx(10.5)
+    assert 3.45 < begin < 4.05
+    assert worst_stretch(time[:51], k[:50]) == (0.0, 0.0)
