@@ -97,7 +97,7 @@ def test_an_estimate_that_is_mostly_noise_says_so() -> None:
 
 
 def test_the_worst_second_is_found_with_its_time() -> None:
-    """k of 20 for half a second in ten makes 10 + 1/2 of a second that begins there; what is shorter has none."""
+    """A k of 20 for half a second in ten makes 10 + 1/2 of a second that begins there; what is shorter has none."""
     time = np.linspace(0.0, 10.0, 1001)
     k = np.where((time[:-1] > 3.995) & (time[:-1] < 4.495), 20.0, 1.0)
     largest, begin = worst_stretch(time, k)
