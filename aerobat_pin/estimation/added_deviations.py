@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, kernel
 from aerobat_pin.observers import low_passed
 from aerobat_pin.records import Map
 
@@ -25,6 +25,21 @@ def second_lag(components: Array, dt: Array, gain: float) -> Array:
         gain: K of both filters [1/s].
     """
     return components - low_passed(components, -np.expm1(-gain * dt))
+
+
+@kernel
+def add_second_lag(components: Array, kept: float, behind: Array, deviation: Array) -> None:
+    """Take the next estimate of `second_lag`, in a stream: move a second filter, and add its lag to deviations.
+
+    Args:
+        components: (c,) estimate, behind a filter.
+        kept: e^-K dt, what the second filter keeps of its value.
+        behind: (c,) the second filter's value, moved in place.
+        deviation: (c,) standard deviations, enlarged in place.
+    """
+    for j in range(components.shape[0]):
+        behind[j] = components[j] + kept * (behind[j] - components[j])
+        deviation[j] = np.hypot(deviation[j], components[j] - behind[j])
 
 
 def tilt_of(chosen: Map) -> float:

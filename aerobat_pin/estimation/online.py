@@ -19,7 +19,7 @@ import numpy as np
 
 from aerobat_pin.errors import AerobatError, MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
-from aerobat_pin.estimation.added_deviations import tilt_of, with_tilt
+from aerobat_pin.estimation.added_deviations import add_second_lag, tilt_of, with_tilt
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.contacts import END_SHARE, walks_on
 from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
@@ -114,8 +114,9 @@ class OnlineEstimator:
         self._legs = np.zeros((LEGS_KEPT, count)), np.zeros((LEGS_KEPT, count, nv))  # forces, and their Jacobians
         self._leg_samples = 0
         self._build()
-        ring_kernels.put(self._memory, 0, np.nan, self._readers[0][2])  # compiles
+        ring_kernels.put(self._memory, 0, np.nan, self._readers[0][2])  # these three compile
         build_interval(self._memory, self._leading)
+        add_second_lag(np.zeros(0), 0.0, np.zeros(0), np.zeros(0))
         self._rings.tally[:] = 0
 
     @property
@@ -290,8 +291,8 @@ class OnlineEstimator:
                     continue
                 deviation = of_rows = sample.standard_deviation
                 if deviation is not None and observer.expected is not None and not isinstance(observer, KalmanObserver):
-                    behind[:] = sample.components + kept * (behind - sample.components)
-                    deviation = np.hypot(deviation, sample.components - behind)
+                    deviation = deviation.copy()
+                    add_second_lag(sample.components, kept, behind, deviation)
                 if deviation is not None and self._tilt > 0.0:
                     deviation = with_tilt(sample.components, deviation, self._tilt)
                 one = OnlineSample(
