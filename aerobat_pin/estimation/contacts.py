@@ -131,8 +131,9 @@ def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
 
 
 def walks_on(robot: PlainRobot, chosen: Map) -> bool:
-    """Return whether a robot has legs to stand on, as far as its model and its map tell."""
-    return robot.free and bool(robot.joints) and robot.limits_forces and not chosen.base.held
+    """Return whether a robot has feet to stand on, by its model and its map; a sole with moments is none."""
+    points = bool(chosen.robot.points) and not chosen.robot.wrenches
+    return points and robot.free and bool(robot.joints) and robot.limits_forces and not chosen.base.held
 
 
 def stances_on_ground(record: Record, stored: Mapping[str, StoredEstimate]) -> dict[str, tuple[Stance, ...]]:

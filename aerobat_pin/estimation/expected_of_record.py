@@ -32,6 +32,8 @@ LEAST_ROW_ERROR = 1e-3  # of the weight (moments: times the robot's length): no 
 LOOKED_AT = 2000  # intervals of a record that show the size of efforts and forces
 WEIGHED = 20  # of them, one in so many is weighed
 LEAST_LIFTED = 10  # of these, with a foot in the air
+FOOT_SHARE = 0.15  # of the weight: a point that never holds so much is no foot
+STRAIGHT = 0.1  # least over largest singular value of a leg's Jacobian, below which it does not show a force along it
 
 
 def expected_of(
@@ -70,7 +72,7 @@ def expected_of(
         return expected
     v, rows, jacobians = (np.stack(part) for part in zip(*found, strict=True))
     if walks_on(record.robot, record.map) and not values.row_noise:
-        lifted = lifted_errors(rows, jacobians, END_SHARE * record.robot.weight)
+        lifted = lifted_errors(rows, jacobians, record.robot.weight)
         expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
     found_k = with_record(expected, stretches[0].rows, record.robot.model, v, rows, jacobians)
     return replace(found_k, doubt=max(found_k.doubt, values.doubt))
@@ -90,32 +92,38 @@ def expected_from(
     return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), *values.stiction(robot))
 
 
-def lifted_feet(rows: Array, jacobians: Array, least: float) -> tuple[Array, Array]:
+def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Array]:
     """Return which foot is in the air (m, n), and which rows (n, nv) are those of its leg alone.
 
-    A foot is in the air where its own joints say that it carries nothing: it is then free of unknown forces.
+    A foot is in the air where its own joints say that it carries nothing: it is then free of unknown forces. A point
+    that never holds up the robot is no foot: a hand may be pushed by less than what counts as nothing at a foot. And a
+    straight leg does not show what it carries.
 
     Args:
         rows: (m, nv) generalised forces behind the observer's low-pass.
         jacobians: (m, c, nv) of the forces on the feet, three components each.
-        least: a foot with less force than that is in the air [N].
+        weight: of the robot [N]; a foot with less than `END_SHARE` of it is in the air.
     """
     moved = np.any(jacobians != 0.0, axis=0).reshape(-1, 3, rows.shape[1]).any(axis=1)  # which foot, by which row
     legs = moved & (moved.sum(axis=0) == 1)
     lifted = np.zeros((len(rows), len(legs)), bool)
     for foot, own in enumerate(legs):
         J = jacobians[:, 3 * foot : 3 * foot + 3][:, :, own]
+        if not own.any():
+            continue
         force = (np.linalg.pinv(np.swapaxes(J, 1, 2)) @ rows[:, own, None])[..., 0]
-        lifted[:, foot] = own.any() & (np.linalg.norm(force, axis=1) < least)
+        size, shown = np.linalg.norm(force, axis=1) / weight, np.linalg.svd(J, compute_uv=False)
+        bent = shown[:, -1] > STRAIGHT * shown[:, 0]
+        lifted[:, foot] = bent & (size < END_SHARE) & (size.max(initial=0.0) > FOOT_SHARE)
     return lifted, legs
 
 
-def lifted_errors(rows: Array, jacobians: Array, least: float) -> Array:
+def lifted_errors(rows: Array, jacobians: Array, weight: float) -> Array:
     """Return the rms (nv,) of the rows of each leg while its foot carries nothing; 0 where that is not shown.
 
     They show friction and noise, however small the efforts are.
     """
-    errors, (lifted, legs) = np.zeros(rows.shape[1]), lifted_feet(rows, jacobians, least)
+    errors, (lifted, legs) = np.zeros(rows.shape[1]), lifted_feet(rows, jacobians, weight)
     for up, own in zip(lifted.T, legs, strict=True):
         if up.sum() >= LEAST_LIFTED:
             errors[own] = column_rms(rows[up][:, own])

@@ -18,26 +18,56 @@ least k, which the output judges, and the sizes of the rows over it.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from aerobat_pin.estimation.added_deviations import tilt_of
-from aerobat_pin.estimation.contacts import END_SHARE, walks_on
+from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.expected_of_record import EFFORT_ERROR, column_rms, expected_of, lifted_feet, row_scale
 from aerobat_pin.estimation.factors_by_balance import factors_by_balance
-from aerobat_pin.estimation.known_forces import BESIDE, Fit, KnownForces
+from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.estimation.known_forces import BESIDE, Fit, FittedValues, KnownForces
 from aerobat_pin.estimation.run_observers import inputs_between, points_of
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import AllBut, JointFriction, MomentumObserver, low_passed, row_names, typical_step
-from aerobat_pin.records import rotation_matrices
+from aerobat_pin.observers import AllBut, Expected, JointFriction, MomentumObserver, low_passed, row_names, typical_step
+from aerobat_pin.records import Record, rotation_matrices
 
 SEEN_INTERVALS = 10_000  # of a record that are looked at
 MOST_INSTANTS, FEWEST_INSTANTS = 500, 50  # that are weighed
 EXPECTATION_ROUNDS = 30  # of expectation and maximisation; what a record tells has settled by then
+UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: something else explains the rows
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
+
+
+@dataclass(frozen=True)
+class _Instants:
+    """Some instants of a record, behind the observer's low-pass.
+
+    Attributes:
+        q: (m, nq) configurations.
+        rows: (m, nv) generalised forces.
+        jacobians: (m, c, nv) of the components sought.
+        kept: the rows that are believed.
+        joints: those that are driven and have a row that is believed.
+        at: their places among the believed rows.
+        sliding: (m, k) tanh(v / v_s) of the believed rows; 1 for those without friction.
+        columns: (3, m, k) what Coulomb and viscous friction of size 1, and the effort, do in each believed row.
+        every: intervals of the record from one instant to the next.
+    """
+
+    q: Array
+    rows: Array
+    jacobians: Array
+    kept: list[int]
+    joints: list[str]
+    at: list[int]
+    sliding: Array
+    columns: Array
+    every: int
 
 
 def fit_beside_forces(forces: KnownForces) -> KnownForces:
@@ -48,77 +78,94 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     expected = expected_of(record, inputs, values, points) if points and not told else None
     if expected is None:
         return forces
+    some = _instants(record, inputs, expected.stiction_rate)
+    y, J, robot = some.rows[:, some.kept], some.jacobians[:, :, some.kept], record.robot
+    force, lifts = np.broadcast_to(expected.force, J.shape[:2]), False
+    if walks_on(robot, record.map):
+        lifted, _ = lifted_feet(y, J, robot.weight)
+        force, lifts = force * np.where(np.repeat(lifted, 3, axis=1), 0.0, 1.0), bool(lifted.any())
+    if y.size <= np.count_nonzero(force) or len(y) < FEWEST_INSTANTS:
+        return forces
+    fitted = _fitted(forces, some, expected, force, lifts)
+    if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
+        fitted = _fitted(forces, some, expected, np.broadcast_to(expected.force, J.shape[:2]), False)
+    return replace(forces, values=fitted)
+
+
+def _instants(record: Record, inputs: Callable[[int, int], KnownInputs], stiction_rate: Array) -> _Instants:
+    """Return instants of a record, spread evenly, none of which is at a start."""
     stretches = [inputs(*ends) for ends in record.spread(SEEN_INTERVALS)]
     robot, gain, rows = record.robot, float(record.map.observer.gain), stretches[0].rows
     model = robot.model
     kept = rows.kept(model) if isinstance(rows, AllBut) else list(range(model.nv))
     joints = [joint for joint in record.driven if robot.v_index(joint) in kept]
-    at = [kept.index(robot.v_index(joint)) for joint in joints]
     every = max(sum(len(one.tau) for one in stretches) // MOST_INSTANTS, 1)
-    observer, parts, places = MomentumObserver(model, points, gain, rows), [], []
+    observer, parts, places = MomentumObserver(model, points_of(record.map), gain, rows), [], []
     for one in stretches:
         v, share = 0.5 * (one.v[1:] + one.v[:-1]), -np.expm1(-gain * typical_step(one.time))
         y = observer.run(one.time, one.q, one.v, one.tau, one.known).residual
-        sliding = np.tanh(v / expected.stiction_rate)
+        sliding = np.tanh(v / stiction_rate)
         settled = np.flatnonzero(one.time[:-1] - one.time[0] > TIME_CONSTANTS_TO_SETTLE / gain)
         chosen = settled[::every]
         table = np.stack([y, sliding, *(low_passed(values, share) for values in (-sliding, -v, one.tau))])
         parts.append(table[:, chosen])
         places.append(one.q[chosen + 1])
-    whole, q = np.concatenate(parts, axis=1), np.concatenate(places)
+    (y, sliding, *columns), q = np.concatenate(parts, axis=1), np.concatenate(places)
     jacobians = np.stack([observer.applications.jacobian(one) for one in q])
-    (y, sliding, *regressors), J = whole[:, :, kept], jacobians[:, :, kept]
-    (m, k), n = y.shape, len(at)
-    force, walks = np.broadcast_to(expected.force, J.shape[:2]), walks_on(robot, record.map)
-    if walks:
-        lifted, _ = lifted_feet(y, J, END_SHARE * robot.weight)
-        force, walks = force * np.where(np.repeat(lifted, 3, axis=1), 0.0, 1.0), bool(lifted.any())
-    if k * m <= np.count_nonzero(force) or m < FEWEST_INSTANTS:
-        return forces
-    sliding[:, [row for row in range(k) if row not in at]] = 1.0
-    sought = walks and kept[0] == 0  # factors, by rows of the base
-    X = np.concatenate([one.T[at, :, None] * np.eye(k)[at, None] for one in regressors[: 3 if sought else 2]])
+    own = [robot.v_index(joint) for joint in joints]
+    still = [row for row in range(model.nv) if row not in own]
+    sliding[:, still] = 1.0
+    at = [kept.index(row) for row in own]
+    return _Instants(q, y, jacobians, kept, joints, at, sliding[:, kept], np.stack(columns)[:, :, kept], every)
+
+
+def _fitted(forces: KnownForces, some: _Instants, expected: Expected, force: Array, lifts: bool) -> FittedValues:
+    """Return friction, errors of rows and, where feet lift, factors of efforts, for forces (m, c) of a size."""
+    record, robot, kept, at, n = forces.record, forces.record.robot, some.kept, some.at, len(some.at)
+    y, J, error = some.rows[:, kept], some.jacobians[:, :, kept], expected.row_error[kept]
+    k, sought = y.shape[1], lifts and kept[0] == 0  # factors, by rows of the base
+    X = np.concatenate([one.T[at, :, None] * np.eye(k)[at, None] for one in some.columns[: 3 if sought else 2]])
     known = np.repeat([np.inf, np.inf, EFFORT_ERROR], n)[: len(X)]
-    g = float(np.linalg.norm(model.gravity.linear))
+    g = float(np.linalg.norm(robot.model.gravity.linear))
     offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
-    tables = y, X, known, J, at, sliding, force, expected.row_error[kept]
+    tables = y, X, known, J, at, some.sliding, force, error
     b, size, unsure, left = most_likely(*tables, offset=robot.mass * offset if sought else 0.0)
-    level, names = 1.0 if walks else max(1.0, float(np.mean(size))), list(row_names(model))
     factors = b[2 * n :] if sought else np.zeros(n)
-    if walks and not sought:
-        whole[0][:, kept] -= np.einsum("pmi,p->mi", X, b)
-        least = robot.mass * row_scale(model)[:6] * (UNKNOWN_SPEED / (m * every * record.dt) + offset)
-        attitude = rotation_matrices(q[:, 3:7])
+    if lifts and not sought:
+        rows = some.rows.copy()
+        rows[:, kept] -= np.einsum("pmi,p->mi", X, b)
+        least = robot.mass * row_scale(robot.model)[:6] * (UNKNOWN_SPEED / (len(y) * some.every * record.dt) + offset)
         SJ = force[..., None] ** 2 * J
-        G = SJ @ np.linalg.inv(np.swapaxes(J, 1, 2) @ SJ + np.diag(size * expected.row_error[kept] ** 2))
-        factors, deviation = factors_by_balance(
-            whole[0], jacobians, G, kept, regressors[2], attitude, least, EFFORT_ERROR
-        )
-        unsure = np.mean((regressors[2] * deviation) ** 2, axis=0)
-    square = size * expected.row_error[kept] ** 2 + unsure
+        G = SJ @ np.linalg.inv(np.swapaxes(J, 1, 2) @ SJ + np.diag(size * error**2))
+        efforts, attitude = some.columns[2], rotation_matrices(some.q[:, 3:7])
+        factors, deviation = factors_by_balance(rows, some.jacobians, G, kept, efforts, attitude, least, EFFORT_ERROR)
+        unsure = np.mean((efforts * deviation) ** 2, axis=0)
+        factors = factors[at]
+    level = 1.0 if lifts else max(1.0, float(np.mean(size)))
+    noise = np.sqrt((size * error**2 + unsure) / level)
     before, zero, (coulomb, viscous) = column_rms(y), np.zeros(n), b[: 2 * n].reshape(2, n)
     fits = [
         Fit(
             f"friction of {joint}{BESIDE}",
             {"coulomb": float(coulomb[i]), "viscous": float(viscous[i])}
-            | ({"effort times": float(1.0 + factors[i])} if walks else {}),
+            | ({"effort times": float(1.0 + factors[i])} if lifts else {}),
             "N" if robot.slides(joint) else "N m",
             float(before[at[i]]),
             float(left[at[i]]),
             float("nan"),
         )
-        for i, joint in enumerate(joints)
+        for i, joint in enumerate(some.joints)
     ]
-    found = replace(
-        values,
-        joints=tuple(joints),
+    names = list(row_names(robot.model))
+    return replace(
+        forces.values,
+        joints=tuple(some.joints),
         friction=JointFriction(coulomb, viscous, zero, zero, float(expected.stiction_rate.max())),
         scale=1.0 + factors,
-        row_noise={names[row]: float(error) for row, error in zip(kept, np.sqrt(square / level), strict=True)},
+        row_noise=dict(zip([names[row] for row in kept], noise.tolist(), strict=True)),
         doubt=level,
-        fits=(*values.fits, *fits),
+        fits=(*forces.values.fits, *fits),
     )
-    return replace(forces, values=found)
 
 
 def most_likely(

@@ -21,7 +21,7 @@ from aerobat_pin.errors import AerobatError, MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.added_deviations import add_second_lag, tilt_of, with_tilt
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
-from aerobat_pin.estimation.contacts import END_SHARE, walks_on
+from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.moving_axes import change_of_axes
@@ -109,7 +109,6 @@ class OnlineEstimator:
         self._learns = expected is None and sizes is not None
         self._tilt = 0.0 if chosen.robot.wrenches else tilt_of(chosen)
         self._sizes, self._observers = sizes, list[Observer]()
-        self._shows_legs = self.walks and not chosen.robot.wrenches and bool(chosen.robot.points)
         count, nv = 3 * len(chosen.robot.points), self.robot.model.nv
         self._legs = np.zeros((LEGS_KEPT, count)), np.zeros((LEGS_KEPT, count, nv))  # forces, and their Jacobians
         self._leg_samples = 0
@@ -279,7 +278,7 @@ class OnlineEstimator:
                 now[ring_kernels.LAST] = np.nan
             else:
                 self._estimates += 1
-                first, legs = samples[0], self._learns and self._shows_legs
+                first, legs = samples[0], self._learns and self.walks
                 if first is not None and legs and self._estimates % LEGS_EVERY == 0:
                     at = self._leg_samples % LEGS_KEPT
                     self._legs[0][at], self._legs[1][at] = first.components, self._observers[0].applications.jacobian(q)
@@ -318,7 +317,7 @@ class OnlineEstimator:
             if expected is not None and self._leg_samples:
                 force, jacobians = (part[: self._leg_samples] for part in self._legs)
                 rows = np.einsum("mc,mcv->mv", force, jacobians)
-                lifted = lifted_errors(rows, jacobians, END_SHARE * self.robot.weight)
+                lifted = lifted_errors(rows, jacobians, self.robot.weight)
                 expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
             for observer in self._observers:
                 if expected is not None and observer.expected is not None:

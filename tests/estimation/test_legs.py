@@ -112,7 +112,7 @@ def test_a_leg_in_the_air_shows_the_errors_of_its_rows() -> None:
     force[: count // 2, :3] = force[count // 4 :, 3:6] = 0.0
     rows = np.einsum("mcv,mc->mv", jacobians, force)
     rows[:, 6:] += sizes * rng.standard_normal((count, 9))
-    found = lifted_errors(rows, jacobians, 6.0)
+    found = lifted_errors(rows, jacobians, 150.0)
     np.testing.assert_allclose(found[6:12], sizes[:6], rtol=0.03)
     assert not found[:6].any()
     assert not found[12:].any()
