@@ -123,7 +123,11 @@ def _built(table: RobotTable, folder: Path) -> PlainRobot:
             free = named_robot(table.name)[1]
         model, title = model_of_file(path, mjcf=table.mjcf is not None, free=free), table.name or path.stem
         free = has_free_base(model)
-    model.gravity.linear = np.array([0.0, 0.0, -table.gravity])
+    down = np.array(table.down)
+    if not np.any(down) or (free and np.any(down != (0.0, 0.0, -1.0))):
+        why = "the attitude of a free base says how it stands" if free else "a direction was expected"
+        raise LogError(f"map: robot.down = {list(table.down)}: {why}")
+    model.gravity.linear = table.gravity * down / np.linalg.norm(down)
     joints = tuple(model.names.tolist()[2 if free else 1 :])
     if len(joints) > MOST_JOINTS:
         raise LogError(f"robot {title}: {len(joints)} joints: at most {MOST_JOINTS} were expected")

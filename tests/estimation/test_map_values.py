@@ -53,6 +53,7 @@ def _changed(key: str, value: Any) -> dict[str, Any]:
         ("known.t", {"columns": ["px"], "law": "polynomial 1", "fit": {"part": [0.5, 0.1]}}, r"fit\.part = .*smaller"),
         ("payload", {"frame": "trunk", "mass": 1.0, "inertia": [-1.0, 0.0, 0.0]}, r"payload\.inertia\.0 = -1\.0"),
         ("robot.gravity", 1e-300, r"robot\.gravity = 1e-300"),
+        ("robot.down", [0.0, 1.0], r"robot\.down"),
         ("joints.effort.torque_per_unit", {"*": 0.0}, "another number than 0 was expected"),
     ],
 )

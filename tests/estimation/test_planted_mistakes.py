@@ -33,7 +33,7 @@ from aerobat_pin.estimation import effort_findings, record_findings
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.flight import simulate
-from aerobat_pin.records import PlainRobot, Record, open_record, parse_map
+from aerobat_pin.records import PlainRobot, Record, load_robot, open_record, parse_map
 from aerobat_pin.robot import JOINTS, believed_robot
 from aerobat_pin.scenario import load_scenario
 
@@ -48,11 +48,12 @@ def flight() -> Record:
     return flight_record(simulate(scenario), robot)
 
 
-def arm_table(folder: Path, swing: float = 1.0, pushed: bool = True) -> Record:
-    """Return the record of a table: an arm that swings, and is pushed at its tool."""
-    model, tool = arm()
+def arm_table(folder: Path, swing: float = 1.0, pushed: bool = True, known: PlainRobot | None = None) -> Record:
+    """Return the record of a table: an arm that swings, slowly one that is known, and is pushed at its tool."""
+    model, tool = arm() if known is None else (known.model, "tool0")
+    names = ARM_JOINTS if known is None else known.joints
     data, time, order = model.createData(), np.arange(1500) / 500.0, np.arange(model.nq)
-    pace, size = 2.0 * np.pi * (0.5 + 0.13 * order), swing * (0.3 + 0.05 * order)
+    pace, size = 2.0 * np.pi * (0.5 + 0.13 * order) * (0.3 if known else 1.0), swing * (0.3 + 0.05 * order)
     phase = pace * time[:, None] + order
     q, v, a = size * np.sin(phase), size * pace * np.cos(phase), -size * pace**2 * np.sin(phase)
     efforts = np.empty_like(q)
@@ -66,8 +67,8 @@ def arm_table(folder: Path, swing: float = 1.0, pushed: bool = True) -> Record:
     pd.DataFrame({"time": time, **table}).to_csv(folder / "arm.csv", index=False)
     joints = {part: {"columns": names} for part, names in columns.items()}
     use = {} if pushed else {"free": [0, 3]}
-    given = {"robot": {"points": [tool]}, "joints": {"names": list(ARM_JOINTS), **joints}, "use": use}
-    robot = PlainRobot(model, False, ARM_JOINTS, "arm")
+    given = {"robot": {"points": [tool]}, "joints": {"names": list(names), **joints}, "use": use}
+    robot = PlainRobot(model, False, names, "arm")
     return open_record(folder / "arm.csv", parse_map(given, "of the test"), folder, robot)
 
 
@@ -157,6 +158,32 @@ def test_swapped_legs_are_named(
     assert len(found) == 1
     first, second = (", ".join(LEGS[k : k + 3]) for k in (0, other))
     assert found[0].startswith(f"swapped joints: {columns} of {first} and {second} in exchanged places")
+
+
+@pytest.mark.parametrize(
+    ("angle", "noise", "friction", "within"),
+    [
+        (0, 0.1, 0.0, 0),
+        (0, 0.02, 0.1, 0),
+        (6, 0.0, 0.0, 0.02),
+        (20, 0.0, 0.0, 0.02),
+        (90, 0.02, 0.1, 0.15),
+        (180, 0.02, 0.1, 0.15),
+    ],
+)
+def test_an_arm_that_is_mounted_otherwise_is_told_how(
+    angle: float, noise: float, friction: float, within: float, tmp_path: Path
+) -> None:
+    """A UR5 is believed to be tilted, hung on a wall or from the ceiling: where gravity points is told."""
+    record = planted(arm_table(tmp_path, known=load_robot("ur5")), together(rubbing(friction), noisy(noise)))
+    believed, model = np.radians(angle), record.robot.model.copy()
+    model.gravity.linear = 9.81 * np.array([0.0, np.sin(believed), -np.cos(believed)])
+    found = warned(replace(record, robot=PlainRobot(model, False, record.robot.joints, "ur5")))
+    assert len(found) == (angle > 0)
+    for one in found:
+        told = re.match(r"mounting: gravity along \((.*), (.*), (.*)\) leaves", one)
+        assert told is not None, found
+        np.testing.assert_allclose([float(part) for part in told.groups()], [0.0, 0.0, -1.0], atol=within)
 
 
 def test_without_points_whatever_pushes_is_not_taken_for_a_wrong_effort(records: dict[str, Record]) -> None:

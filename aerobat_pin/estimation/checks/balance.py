@@ -36,6 +36,7 @@ class Balance:
         needed: (n,) what motion and weight need.
         reach: (n, joints) what an effort of 1 N m or N of each joint gives.
         base: (n,) what the mass of the base link needs.
+        weight: (n, 3) what gravity of 1 m/s2 along each axis of a fixed robot's root needs; 0 for a free one.
         at: (n,) the instant of each equation.
         effort: (instants, joints) efforts [N m, N].
         v: (instants, joints) rates.
@@ -46,6 +47,7 @@ class Balance:
     needed: Array
     reach: Array
     base: Array
+    weight: Array
     at: NDArray[np.intp]
     effort: Array
     v: Array
@@ -90,7 +92,8 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
     unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
     lighter = _heavier_base(model) if robot.free else None
     data, lighter_data = model.createData(), None if lighter is None else lighter.createData()
-    needed, reach, base, motion = [], [], [], []
+    falling = [] if robot.free else [_falling(model, axis) for axis in np.eye(3)]
+    needed, reach, base, motion, pulled = [], [], [], [], []
     most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
     step = max(1, most // INSTANTS)
     for stretch in record.spread(most, *(free or ())):
@@ -110,14 +113,25 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
             reach.append(project @ unit)
             motion.append((given.tau[k, at], v[at], a[k, at]))
             base.append(np.zeros(Q.shape[1]))
+            pulls = [pin.computeGeneralizedGravity(one, data, block.q[k])[rows] for one in falling] or 3 * [
+                0.0 * weight
+            ]
+            pulled.append(project @ np.stack(pulls, axis=1))
             if lighter is not None:
                 base[-1] = project @ pin.rnea(lighter, lighter_data, block.q[k], v, a[k])[rows]
     if not needed:
         return None
     instants = np.repeat(np.arange(len(needed)), [len(one) for one in needed])
     effort, rates, bends = np.array(motion).swapaxes(0, 1)
-    b, reached, heavier = (np.concatenate(one) for one in (needed, reach, base))
-    return Balance(b, reached, heavier, instants, effort, rates, bends, len(needed) * step * record.dt)
+    b, reached, heavier, weights = (np.concatenate(one) for one in (needed, reach, base, pulled))
+    return Balance(b, reached, heavier, weights, instants, effort, rates, bends, len(needed) * step * record.dt)
+
+
+def _falling(model: pin.Model, gravity: Array) -> pin.Model:
+    """Return a model with another gravity [m/s2]."""
+    copy = model.copy()
+    copy.gravity.linear = gravity
+    return copy
 
 
 def _heavier_base(model: pin.Model) -> pin.Model:

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.balance import Balance, Exchange, InputsBetween, balance_of, with_exchanged
+from aerobat_pin.estimation.checks.balance import RANK, Balance, Exchange, InputsBetween, balance_of, with_exchanged
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE
@@ -34,6 +34,7 @@ CLEAR = 0.9  # share of the imbalance that is explained, from which they are nam
 SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
 WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
 RIGHT_PLACES = 0.25  # of the needed square sum, that limbs in the right places leave at most
+TILTED = np.radians(5.0)  # by which a robot must be mounted otherwise than believed before that is said
 ABOVE_NOISE = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
 WORTH_SIGNS = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
 WHITE_SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
@@ -72,6 +73,10 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
         yield _swap(record, "efforts", pair, left, share)
         return
     factors, least = _least_squares(found)
+    mounting = None if record.robot.free else _mounting(record, found, found.imbalance(signs=signs))
+    if mounting is not None:
+        yield mounting
+        return
     if share > GOOD:
         others = ((pair, balance_of(record, with_exchanged(record, inputs, pair))) for pair in limbs)
         sizes = ((other.imbalance(), pair) for pair, other in others if other is not None)
@@ -80,6 +85,36 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
             yield _swap(record, "all columns", pair, left, share)
             return
     yield from _factors(record, found, signs, factors, least)
+
+
+def _mounting(record: Record, found: Balance, least: float) -> Finding | None:
+    """Return that gravity of another direction, beside friction, explains the efforts far better than friction alone.
+
+    Args:
+        record: the record.
+        found: the equations.
+        least: share of what is needed that something else leaves.
+    """
+    rest, believed = found.needed - found.given.sum(axis=1), record.robot.model.gravity.linear
+    v = found.v[found.at]
+    rubs = np.column_stack([found.reach * np.tanh(v / SMOOTH_RATE), found.reach * v])
+    table = np.column_stack([found.weight, rubs])
+    size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
+    fitted, friction = (np.linalg.lstsq(one, -rest, rcond=RANK)[0] for one in (table / size, rubs / size[3:]))
+    gravity = believed + fitted[:3] / size[:3]
+    down, moved = gravity / max(float(np.linalg.norm(gravity)), 1e-300), found.weight @ (gravity - believed)
+    before, left = (float(np.sum((rest + one) ** 2)) for one in (rubs / size[3:] @ friction, table / size @ fitted))
+    needed = float(np.sum((found.needed + moved) ** 2))
+    as_believed = float(down @ believed) > np.cos(TILTED) * np.linalg.norm(believed)
+    if as_believed or left > min(SWAP * before, least * found.size, RIGHT_PLACES * needed):
+        return None
+    x, y, z = down
+    what = (
+        f"gravity along ({x:.2f}, {y:.2f}, {z:.2f}) leaves {100.0 * np.sqrt(left / needed):.1f} % of what is "
+        f"needed, as mapped {100.0 * np.sqrt(before / needed):.1f} %: is the robot mounted so (robot.down), or are its "
+        "first joints off?"
+    )
+    return Finding("mounting", "warning", what, float(np.sqrt(left / needed)), "1")
 
 
 def _swap(record: Record, columns: str, pair: Exchange, left: float, share: float) -> Finding:
