@@ -40,6 +40,8 @@ MOST_INSTANTS, FEWEST_INSTANTS = 500, 50  # that are weighed
 EXPECTATION_ROUNDS = 30  # of expectation and maximisation; what a record tells has settled by then
 UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: something else explains the rows
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
+WORTH = 1.0  # independent instants that what is expected of a row's errors is worth
+LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
 
 
@@ -195,7 +197,8 @@ def most_likely(
     """
     (m, k), p, rubs = y.shape, len(X), np.isinf(known)
     forces = np.einsum("mci,mc,mcj->mij", J, force**2, J, optimize=True)
-    b, size, stiction = np.zeros(p), (column_rms(y) / error) ** 2, np.zeros(k)  # from below they would hardly move
+    b, stiction = np.zeros(p), np.zeros(k)
+    size = np.maximum((column_rms(y) / error) ** 2, LEAST_SIZE)  # from below they would hardly move
     for _ in range(EXPECTATION_ROUNDS):
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
         cov = forces.copy()
@@ -211,6 +214,21 @@ def most_likely(
         mean = R * np.einsum("mij,mj->mi", inverse, left)  # of e, given the rows
         square = mean**2 + R - R**2 * np.diagonal(inverse, axis1=1, axis2=2)
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
+        size = np.maximum(size, LEAST_SIZE)
+    size = np.maximum(size, (WORTH + (count := independent(mean)) * size) / (WORTH + count))
     pushed = weighed.reshape(p, m, k)[:, :, :3].sum(axis=1) * offset  # what an offset of each axis adds to the target
     moved = np.einsum("pmi,po->omi", X, np.linalg.solve(told, pushed))
     return b, size, np.sum(np.mean(moved**2, axis=1), axis=0), column_rms(mean)
+
+
+def independent(values: Array) -> Array:
+    """Return how many of the samples (m, k) in time are worth an independent one (k,), about 0: m for white noise, 1 for a constant.
+
+    m over 1 plus twice the sum of the autocorrelation up to where it is first negative (Geyer 1992, for chains).
+    """
+    m = len(values)
+    spectrum = np.abs(np.fft.rfft(values, 2 * m, axis=0)) ** 2
+    along = np.fft.irfft(spectrum, axis=0)[:m]
+    along /= np.maximum(along[0], np.finfo(float).tiny)
+    positive = np.cumprod(along > 0.0, axis=0)
+    return np.asarray(m / np.maximum(2.0 * np.sum(along * positive, axis=0) - 1.0, 1.0))

@@ -1,0 +1,135 @@
+"""Any robot by its name: its joints swing, an unknown force pushes at its last link; what its sensors would write.
+
+A fixed robot stands; a free one was dropped and falls. Motion and efforts follow from the equations of motion of a copy
+of the model, by small steps; the efforts are wrong by a factor each and contain friction that nobody tells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import PlainRobot, Record, load_robot, open_record, parse_map
+
+RATE, STEPS = 400.0, 4  # samples a second, and steps between two
+DURATION, GAIN = 3.0, 100.0  # [s], [1/s]
+PUSH = np.array([0.1, -0.15, 0.2])  # of what moves, by weight; world axes
+EDGES = np.array([0.8, 1.2, 1.6, 2.0, 2.4])  # [s] where it begins, turns round (twice, so that a free robot tumbles little), ends
+FACTOR, FRICTION, NOISE = 0.02, 0.03, 0.01  # of the efforts: error of each factor; of their rms: Coulomb friction, noise
+SWING = 0.15  # [rad, m], or that share of a smaller range
+ANGLE_NOISE, RATE_NOISE = 1e-5, 2e-3  # [rad, m], [rad/s, m/s]
+
+
+@dataclass(frozen=True)
+class Pushed:
+    """A log of a robot that was pushed.
+
+    Attributes:
+        robot: the robot.
+        point: frame at whose origin it was pushed.
+        weight: of what moves [N].
+        table: the log.
+        chosen: its map.
+    """
+
+    robot: PlainRobot
+    point: str
+    weight: float
+    table: pd.DataFrame
+    chosen: dict[str, Any]
+
+    def record(self, folder: Path) -> Record:
+        """Write the log into a folder and open it."""
+        self.table.to_csv(folder / "log.csv", index=False)
+        return open_record(folder / "log.csv", parse_map(self.chosen, "-"), folder)
+
+    def true(self, time: Array) -> Array:
+        """Return the force (m, 3) [N] at times (m,), world axes."""
+        return np.asarray(self.weight * PUSH * push_sign(time)[:, None])
+
+
+def push_sign(time: Array) -> Array:
+    """Return +1, -1 or 0: which way it is pushed."""
+    return np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])[np.searchsorted(EDGES, time, side="right")]
+
+
+def last_link(model: pin.Model) -> str:
+    """Return the frame of the body that comes last in the file."""
+    return str(next(frame.name for frame in reversed(model.frames.tolist()) if frame.type == pin.FrameType.BODY))
+
+
+def pushed_robot(name: str, seed: int = 0) -> Pushed:
+    """Return the log of a robot by its name."""
+    robot, rng = load_robot(name), np.random.default_rng(seed)
+    model = robot.model
+    point, weight = last_link(model), 9.81 * sum(link.mass for link in model.inertias.tolist()[1:])
+    log = Pushed(robot, point, weight, pd.DataFrame(), {})
+    at_q, at_v = ([index(joint) for joint in robot.joints] for index in (robot.q_index, robot.v_index))
+    low, high = (np.nan_to_num(limit[at_q], posinf=9.0, neginf=-9.0) for limit in (model.lowerPositionLimit, model.upperPositionLimit))
+    middle = np.clip(rng.uniform(-0.3, 0.3, len(at_q)), low + 0.2 * (high - low), high - 0.2 * (high - low))
+    size, omega, phase = np.minimum(SWING, SWING * (high - low)), rng.uniform(2.0, 6.0, len(at_q)), rng.uniform(0.0, 6.0, len(at_q))
+    q, v = pin.neutral(model), np.zeros(model.nv)
+    q[at_q], v[at_v] = middle + size * np.sin(phase), size * omega * np.cos(phase)
+    if robot.free:
+        v[:6] = 0.3 * rng.standard_normal(6)
+    data, frame, dt = model.createData(), model.getFrameId(point), 1.0 / (RATE * STEPS)
+    states, efforts, time = [], [], np.arange(round(DURATION * RATE)) / RATE
+    for t in time:
+        states.append(np.concatenate([q, v]))
+        for k in range(STEPS):
+            angle = omega * (t + k * dt) + phase
+            a = np.zeros(model.nv)
+            a[at_v] = -size * omega**2 * np.sin(angle) + 400.0 * (middle + size * np.sin(angle) - q[at_q])
+            a[at_v] += 40.0 * (size * omega * np.cos(angle) - v[at_v])
+            pushing = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3].T @ log.true(np.array([t]))[0]
+            if robot.free:
+                need = pin.rnea(model, data, q, v, a) - pushing
+                a[:6] -= np.linalg.solve(pin.crba(model, data, q)[:6, :6], need[:6])
+            efforts.append(pin.rnea(model, data, q, v, a) - pushing)
+            v = v + dt * a
+            q = pin.integrate(model, q, dt * v)
+    table = log_of(robot, time, np.array(states), np.array(efforts), rng)
+    return Pushed(robot, point, weight, table, map_of(name, robot, point))
+
+
+def log_of(robot: PlainRobot, time: Array, states: Array, efforts: Array, rng: np.random.Generator) -> pd.DataFrame:
+    """Return what sensors would write: samples of the state, and efforts as means around each sample."""
+    model, n = robot.model, len(robot.joints)
+    q, v = np.split(states, [model.nq], axis=1)
+    table = {"t": time}
+    if robot.free:
+        twist = v[:, :6] + RATE_NOISE * rng.standard_normal((len(time), 6))
+        table |= dict(zip("x y z qx qy qz qw vx vy vz wx wy wz".split(), np.column_stack([q[:, :7], twist]).T, strict=True))
+    means = efforts.reshape(len(time), STEPS, -1).mean(axis=1)
+    means[1:] = 0.5 * (means[1:] + means[:-1])
+    rms = np.sqrt(np.mean(means**2, axis=0))
+    factors = 1.0 + FACTOR * rng.standard_normal(n)
+    for joint, factor in zip(robot.joints, factors, strict=True):
+        i, j = robot.q_index(joint), robot.v_index(joint)
+        rate = v[:, j]
+        effort = factor * (means[:, j] + FRICTION * rms[j] * np.tanh(rate / 0.02))
+        table[f"q_{joint}"] = q[:, i] + ANGLE_NOISE * rng.standard_normal(len(time))
+        table[f"v_{joint}"] = rate + RATE_NOISE * rng.standard_normal(len(time))
+        table[f"e_{joint}"] = effort + NOISE * rms[j] * rng.standard_normal(len(time))
+    return pd.DataFrame(table)
+
+
+def map_of(name: str, robot: PlainRobot, point: str) -> dict[str, Any]:
+    """Return the map of such a log."""
+    values: dict[str, Any] = {"robot": {"name": name, "points": [point]}, "log": {"time": {"column": "t"}}}
+    values["observer"] = {"gain": GAIN}
+    if robot.joints:
+        channels = (("position", "q"), ("velocity", "v"), ("effort", "e"))
+        columns = {key: {"columns": [f"{letter}_{joint}" for joint in robot.joints]} for key, letter in channels}
+        values["joints"] = {"names": list(robot.joints), **columns}
+    if robot.free:
+        columns = {"position": "x y z", "quaternion": "qx qy qz qw", "velocity": "vx vy vz", "rate": "wx wy wz"}
+        values["base"] = {key: {"columns": names.split()} for key, names in columns.items()}
+        values["base"]["velocity"]["axes"] = "body"
+    return values
