@@ -69,6 +69,7 @@ evidence: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/broken_runs.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/learnt_error.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/legs.py
+	PYTHONPATH=tests $(BIN)/python benchmarks/named_robots.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/stream_faults.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/ros_node.py
 	$(BIN)/python benchmarks/extras.py

@@ -222,9 +222,9 @@ def most_likely(
 
 
 def independent(values: Array) -> Array:
-    """Return how many of the samples (m, k) in time are worth an independent one (k,), about 0: m for white noise, 1 for a constant.
+    """Return how many of the samples (m, k) are independent (k,), about 0: m for white noise, 1 for a constant.
 
-    m over 1 plus twice the sum of the autocorrelation up to where it is first negative (Geyer 1992, for chains).
+    They are m over 1 plus twice the sum of the autocorrelation, up to where this is first negative.
     """
     m = len(values)
     spectrum = np.abs(np.fft.rfft(values, 2 * m, axis=0)) ** 2

@@ -32,6 +32,7 @@ SECTIONS = {
         "docs/structural_error.md",
         "docs/learnt_error.md",
         "docs/legs.md",
+        "docs/named_robots.md",
         "docs/live.md",
         "docs/reliability.md",
         "docs/broken_runs.md",

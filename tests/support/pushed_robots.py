@@ -18,10 +18,10 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records import PlainRobot, Record, load_robot, open_record, parse_map
 
 RATE, STEPS = 400.0, 4  # samples a second, and steps between two
-DURATION, GAIN = 3.0, 100.0  # [s], [1/s]
+DURATION, GAIN = 2.4, 100.0  # [s], [1/s]
 PUSH = np.array([0.1, -0.15, 0.2])  # of what moves, by weight; world axes
-EDGES = np.array([0.8, 1.2, 1.6, 2.0, 2.4])  # [s] where it begins, turns round (twice, so that a free robot tumbles little), ends
-FACTOR, FRICTION, NOISE = 0.02, 0.03, 0.01  # of the efforts: error of each factor; of their rms: Coulomb friction, noise
+EDGES = np.array([0.8, 1.0, 1.2, 1.4, 1.6])  # [s]: it begins, turns round, so that a free robot tumbles little, ends
+FACTOR, FRICTION, NOISE = 0.02, 0.03, 0.01  # errors of factors; Coulomb friction and noise, of the effort's rms
 SWING = 0.15  # [rad, m], or that share of a smaller range
 ANGLE_NOISE, RATE_NOISE = 1e-5, 2e-3  # [rad, m], [rad/s, m/s]
 
@@ -60,8 +60,9 @@ def push_sign(time: Array) -> Array:
 
 
 def last_link(model: pin.Model) -> str:
-    """Return the frame of the body that comes last in the file."""
-    return str(next(frame.name for frame in reversed(model.frames.tolist()) if frame.type == pin.FrameType.BODY))
+    """Return the frame of the moving body that comes last in the file."""
+    bodies = (one for one in reversed(model.frames.tolist()) if one.type == pin.FrameType.BODY and one.parentJoint > 0)
+    return str(next(bodies).name)
 
 
 def pushed_robot(name: str, seed: int = 0) -> Pushed:
@@ -71,9 +72,16 @@ def pushed_robot(name: str, seed: int = 0) -> Pushed:
     point, weight = last_link(model), 9.81 * sum(link.mass for link in model.inertias.tolist()[1:])
     log = Pushed(robot, point, weight, pd.DataFrame(), {})
     at_q, at_v = ([index(joint) for joint in robot.joints] for index in (robot.q_index, robot.v_index))
-    low, high = (np.nan_to_num(limit[at_q], posinf=9.0, neginf=-9.0) for limit in (model.lowerPositionLimit, model.upperPositionLimit))
+    low, high = (
+        np.nan_to_num(limit[at_q], posinf=9.0, neginf=-9.0)
+        for limit in (model.lowerPositionLimit, model.upperPositionLimit)
+    )
     middle = np.clip(rng.uniform(-0.3, 0.3, len(at_q)), low + 0.2 * (high - low), high - 0.2 * (high - low))
-    size, omega, phase = np.minimum(SWING, SWING * (high - low)), rng.uniform(2.0, 6.0, len(at_q)), rng.uniform(0.0, 6.0, len(at_q))
+    size, omega, phase = (
+        np.minimum(SWING, SWING * (high - low)),
+        rng.uniform(2.0, 6.0, len(at_q)),
+        rng.uniform(0.0, 6.0, len(at_q)),
+    )
     q, v = pin.neutral(model), np.zeros(model.nv)
     q[at_q], v[at_v] = middle + size * np.sin(phase), size * omega * np.cos(phase)
     if robot.free:
@@ -87,7 +95,10 @@ def pushed_robot(name: str, seed: int = 0) -> Pushed:
             a = np.zeros(model.nv)
             a[at_v] = -size * omega**2 * np.sin(angle) + 400.0 * (middle + size * np.sin(angle) - q[at_q])
             a[at_v] += 40.0 * (size * omega * np.cos(angle) - v[at_v])
-            pushing = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3].T @ log.true(np.array([t]))[0]
+            pushing = (
+                pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3].T
+                @ log.true(np.array([t]))[0]
+            )
             if robot.free:
                 need = pin.rnea(model, data, q, v, a) - pushing
                 a[:6] -= np.linalg.solve(pin.crba(model, data, q)[:6, :6], need[:6])
@@ -105,7 +116,9 @@ def log_of(robot: PlainRobot, time: Array, states: Array, efforts: Array, rng: n
     table = {"t": time}
     if robot.free:
         twist = v[:, :6] + RATE_NOISE * rng.standard_normal((len(time), 6))
-        table |= dict(zip("x y z qx qy qz qw vx vy vz wx wy wz".split(), np.column_stack([q[:, :7], twist]).T, strict=True))
+        table |= dict(
+            zip("x y z qx qy qz qw vx vy vz wx wy wz".split(), np.column_stack([q[:, :7], twist]).T, strict=True)
+        )
     means = efforts.reshape(len(time), STEPS, -1).mean(axis=1)
     means[1:] = 0.5 * (means[1:] + means[:-1])
     rms = np.sqrt(np.mean(means**2, axis=0))

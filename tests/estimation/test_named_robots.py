@@ -1,0 +1,27 @@
+"""Robots by their names: a push at the last link is found as exactly as the estimate says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.pushed_robots import EDGES, GAIN, pushed_robot
+
+from aerobat_pin import estimate
+
+
+@pytest.mark.parametrize(
+    "name", ["ur10", "finger_edu", "kinova", "bolt", "borinot", "hector", "solo12", "b1_z1", "baxter"]
+)
+def test_a_push_is_found_as_exactly_as_is_said(name: str, tmp_path: Path) -> None:
+    """Wrong factors, friction and noise, none of them told: nine tenths within two deviations, where it is shown."""
+    log = pushed_robot(name, seed=1)
+    found = estimate(log.record(tmp_path)).estimates["force_level"]
+    middle = 0.5 * (found.time[1:] + found.time[:-1])
+    good = (middle > 0.15) & (np.abs(middle[:, None] - EDGES).min(axis=1) > 6.0 / GAIN)
+    error, shown = (found.components - log.true(middle))[good], found.shown[good]
+    assert found.standard_deviation is not None
+    assert shown.any()
+    assert np.mean((np.abs(error) < 2.0 * found.standard_deviation[good])[shown]) > 0.9
+    assert np.sqrt(np.mean(error[shown] ** 2)) < 0.05 * log.weight
