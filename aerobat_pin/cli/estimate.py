@@ -18,7 +18,7 @@ from aerobat_pin.cli.options import (
     Settings,
     out_option,
 )
-from aerobat_pin.cli.recordings import chosen_map, estimate_by_map
+from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, listed
 
 if TYPE_CHECKING:
     from aerobat_pin.scenario import Scenario
@@ -45,7 +45,10 @@ def estimate_command(
         Path | None, typer.Option("--map", help="What the log's columns mean (`aerobat describe map`).")
     ] = None,
     urdf: Annotated[
-        Path | None, typer.Option(help="Robot of the map; alone, with --points, for a bag or Aerobat-like log.")
+        Path | None,
+        typer.Option(
+            help="Robot of the map, a file or a name as ur5; alone, with --points, for a bag or Aerobat-like log."
+        ),
     ] = None,
     points: Annotated[str | None, typer.Option(metavar="A,B", help="Frames at which unknown forces act.")] = None,
     out_mcap: Annotated[Path | None, typer.Option(help="Also write the forces to this MCAP file.")] = None,
@@ -78,7 +81,7 @@ def estimate_command(
         from aerobat_pin.records import suggested_map
 
         with doing("looking at the log"):
-            text = suggested_map(log, urdf)
+            text = suggested_map(log, None if urdf is None else str(urdf), listed(points))
         typer.echo(text, nl=False)
         return
     if log is not None and (map_file is not None or urdf is not None):

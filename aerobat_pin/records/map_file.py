@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from aerobat_pin.errors import MapError
 from aerobat_pin.numerics import guarded
 from aerobat_pin.records.map_tables import Map
+from aerobat_pin.records.robot_files import option_of_robot
 from aerobat_pin.scenario import describe_tables, explain, read_toml
 
 HEAD = (
@@ -37,11 +38,19 @@ def parse_map(values: Mapping[str, Any], source: str) -> Map:
 
 
 @guarded()
-def with_options(chosen: Map, urdf: str | None, points: Sequence[str], observers: Sequence[str]) -> Map:
-    """Return a map with values of the command line laid over it; empty ones change nothing."""
+def with_options(chosen: Map, said: str | None, points: Sequence[str], observers: Sequence[str]) -> Map:
+    """Return a map with values of the command line laid over it; empty ones change nothing.
+
+    Args:
+        chosen: the map.
+        said: URDF file, or name, of another robot.
+        points: frames of it.
+        observers: their names.
+    """
     robot, observer = chosen.robot, chosen.observer
-    if urdf is not None:
-        robot = robot.model_copy(update={"urdf": urdf, "body": None, "mjcf": None, "name": None})
+    if said is not None:
+        other = dict.fromkeys(("body", "urdf", "mjcf", "name")) | option_of_robot(said)
+        robot = robot.model_copy(update=other)
     if points:
         robot = robot.model_copy(update={"points": tuple(points)})
     if observers:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -103,6 +104,11 @@ def urdf_of(table: RobotTable, folder: Path) -> Path | None:
     if table.name is not None:
         return named_robot(table.name)[0]
     return None if table.urdf is None else folder / table.urdf
+
+
+def option_of_robot(said: str) -> dict[str, str]:
+    """Return what a map says of a robot that an option gives: a URDF file, or, where there is none, a robot's name."""
+    return {"name": said} if said in FREE | FIXED and not os.path.exists(said) else {"urdf": os.path.abspath(said)}
 
 
 def _built(table: RobotTable, folder: Path) -> PlainRobot:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import SECONDS, header_of
 from aerobat_pin.records.map_tables import LogTable, TimeSection
 from aerobat_pin.records.read import BAGS, NETCDF, read_columns
-from aerobat_pin.records.robot_files import model_of_file, robot_of_map
+from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.suggest_joints import (
     UNITS_IN_NAMES,
@@ -45,10 +45,23 @@ GROUP_WORDS = {  # what a group of columns may be -> words in its name
 
 
 @guarded()
-def suggested_map(log: Path, urdf: Path | None) -> str:
-    """Return a map for a log as text, with questions as comments. Raises LogError if log or robot cannot be read."""
-    if urdf is not None:
-        robot_of_map(RobotTable(urdf=str(urdf.absolute()), points=()), urdf.parent)
+def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = ()) -> str:
+    """Return a map for a log as text, with questions as comments.
+
+    Args:
+        log: the log.
+        robot: its URDF file, or its name; None if it is unknown.
+        points: frames where something may push; ends of limbs are suggested when empty.
+
+    Raises:
+        LogError: log or robot cannot be read.
+    """
+    known = (
+        None if robot is None else RobotTable.model_validate({**option_of_robot(str(robot)), "points": tuple(points)})
+    )
+    urdf = None if known is None else urdf_of(known, Path())
+    if known is not None:
+        robot_of_map(known, Path())
     columns = _all_columns(log)
     groups = dict(_column_groups(columns))
     lines = [
@@ -57,7 +70,7 @@ def suggested_map(log: Path, urdf: Path | None) -> str:
         *(f"# {note}" for note in columns.notes),
         "",
     ]
-    lines += _robot(columns, urdf, "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform")))
+    lines += _robot(columns, known, "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform")))
     lines += ["", "[log]"]
     time, step = None, None
     if not columns.kinds and not str(log).endswith(NETCDF):
@@ -130,12 +143,13 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
                 break
 
 
-def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
-    if urdf is None:
+def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
+    urdf = None if known is None else urdf_of(known, Path())
+    if known is None or urdf is None:
         lines = [
             "[robot]",
-            "# Which robot? A file:",
-            '#   urdf = "robot.urdf"  (or mjcf = ...)',
+            "# Which robot? A file, or a name (--urdf FILE, or NAME, with --suggest):",
+            '#   urdf = "robot.urdf"  (or mjcf = ..., or name = "ur5")',
             "# or one rigid body by numbers, kg and kg m2:",
         ]
         lines += ["body = {mass = 1.0, inertia = [0.01, 0.01, 0.01]}", 'points = ["body"]  # where may something push?']
@@ -148,13 +162,17 @@ def _robot(columns: Columns, urdf: Path | None, free: bool) -> list[str]:
     moved = {model.getJointId(name) for name in joint_columns(columns, model.names.tolist()[1:])} or {model.njoints - 1}
     leaves = sorted(moved - {int(model.parents[joint]) for joint in moved})
     bodies = [frame for frame in model.frames.tolist()[1:] if frame.type == pin.FrameType.BODY]
-    ends = [[frame.name for frame in bodies if frame.parentJoint == joint][-1] for joint in leaves]
-    known = ", ".join(frame.name for frame in model.frames.tolist()[1:][:60])
+    ends = known.points or [[frame.name for frame in bodies if frame.parentJoint == joint][-1] for joint in leaves]
+    frames = ", ".join(frame.name for frame in model.frames.tolist()[1:][:60])
     return [
         "[robot]",
-        f"urdf = {json.dumps(str(urdf.absolute()), ensure_ascii=False)}",  # whole, as the map may be in another folder
+        # a file's whole path, as the map may be in another folder
+        *(
+            f"{key} = {json.dumps(value, ensure_ascii=False)}"
+            for key, value in known.model_dump(include={"name", "urdf"}, exclude_none=True).items()
+        ),
         f'root = "{"free_flyer" if free else "fixed"}"  # does its base move?',
-        f"points = {listed(ends)}  # where may something push? Its frames: {known}",
+        f"points = {listed(ends)}  # where may something push? Its frames: {frames}",
     ]
 
 

@@ -241,3 +241,5 @@ def test_a_suggestion_names_joints_that_need_a_robot_and_currents(folder: Path) 
     said = suggested_map(folder / "currents.csv", None)
     assert "# 6 joints? They need a robot, --urdf FILE: velocity v0, v1, v2, v3, v4, v5; effort i0" in said
     assert tomllib.loads(suggested_map(folder / "currents.csv", URDF))["joints"]["effort"]["unit"] == "A"
+    by_name = tomllib.loads(suggested_map(folder / "currents.csv", "ur5", ["tool0", "forearm_link"]))["robot"]
+    assert by_name == {"name": "ur5", "root": "fixed", "points": ["tool0", "forearm_link"]}

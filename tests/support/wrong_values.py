@@ -300,7 +300,7 @@ def _recordings(
         "load_map": (api.load_map, {"path": folder / "map.toml"}),
         "with_options": (
             api.with_options,
-            {"chosen": read, "urdf": None, "points": ["body"], "observers": ["momentum"]},
+            {"chosen": read, "said": None, "points": ["body"], "observers": ["momentum"]},
         ),
         "open_record": (
             api.open_record,
@@ -312,7 +312,7 @@ def _recordings(
         ),
         "stream_of": (api.stream_of, {"record": record}),
         "check_record": (api.check_record, {"record": record}),
-        "suggested_map": (api.suggested_map, {"log": folder / "drone.csv", "urdf": None}),
+        "suggested_map": (api.suggested_map, {"log": folder / "drone.csv", "robot": None}),
         "OnlineEstimator": (
             api.OnlineEstimator,
             {"chosen": read, "folder": folder, "heard": None, "calibration": None, "wait": 0.0, "expected": None},
