@@ -125,17 +125,17 @@ def _fitted(forces: KnownForces, some: _Instants, expected: Expected, force: Arr
     """Return friction, errors of rows and, where feet lift, factors of efforts, for forces (m, c) of a size."""
     record, robot, kept, at, n = forces.record, forces.record.robot, some.kept, some.at, len(some.at)
     y, J, error = some.rows[:, kept], some.jacobians[:, :, kept], expected.row_error[kept]
-    k, sought = y.shape[1], lifts and kept[0] == 0  # factors, by rows of the base
-    X = np.concatenate([one.T[at, :, None] * np.eye(k)[at, None] for one in some.columns[: 3 if sought else 2]])
-    known = np.repeat([np.inf, np.inf, EFFORT_ERROR], n)[: len(X)]
+    sought = lifts and kept[0] == 0  # factors, by rows of the base
+    x = some.columns[: 3 if sought else 2, :, at]
+    known = np.array([np.inf, np.inf, EFFORT_ERROR])[: len(x)]
     g = float(np.linalg.norm(robot.model.gravity.linear))
     offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
-    tables = y, X, known, J, at, some.sliding, force, error
+    tables = y, x, known, J, at, some.sliding, force, error
     b, size, unsure, left = most_likely(*tables, offset=robot.mass * offset if sought else 0.0)
-    factors = b[2 * n :] if sought else np.zeros(n)
+    coulomb, viscous, factors = *b[:2], b[2] if sought else np.zeros(n)
     if lifts and not sought:
         rows = some.rows.copy()
-        rows[:, kept] -= np.einsum("pmi,p->mi", X, b)
+        rows[:, np.array(kept)[at]] -= np.einsum("bmi,bi->mi", x, b)
         least = robot.mass * row_scale(robot.model)[:6] * (UNKNOWN_SPEED / (len(y) * some.every * record.dt) + offset)
         SJ = force[..., None] ** 2 * J
         G = SJ @ np.linalg.inv(np.swapaxes(J, 1, 2) @ SJ + np.diag(size * error**2))
@@ -145,7 +145,7 @@ def _fitted(forces: KnownForces, some: _Instants, expected: Expected, force: Arr
         factors = factors[at]
     level = 1.0 if lifts else max(1.0, float(np.mean(size)))
     noise = np.sqrt((size * error**2 + unsure) / level)
-    before, zero, (coulomb, viscous) = column_rms(y), np.zeros(n), b[: 2 * n].reshape(2, n)
+    before, zero = column_rms(y), np.zeros(n)
     fits = [
         Fit(
             f"friction of {joint}{BESIDE}",
@@ -172,7 +172,7 @@ def _fitted(forces: KnownForces, some: _Instants, expected: Expected, force: Arr
 
 def most_likely(
     y: Array,
-    X: Array,
+    x: Array,
     known: Array,
     J: Array,
     at: list[int],
@@ -182,43 +182,46 @@ def most_likely(
     *,
     offset: float = 0.0,
 ) -> tuple[Array, Array, Array, Array]:
-    """Return b (p,), the sizes r (k,), what an offset makes of b in the rows (k,), squared, and the errors' rms (k,).
+    """Return b (kinds, n), the sizes r (k,), what an offset makes of the rows (k,), squared, and the errors' rms (k,).
 
     Args:
         y: (m, k) rows.
-        X: (p, m, k) what each coefficient of size 1 does: Coulomb friction of the rows `at`, viscous friction, others.
-        known: (p,) B; infinite for friction, which is positive.
+        x: (kinds, m, n) what a coefficient of size 1 does in its own row: Coulomb friction, viscous friction, others.
+        known: (kinds,) B; infinite for friction, which is positive.
         J: (m, c, k) Jacobian of the components.
-        at: the rows that have friction.
+        at: these n rows.
         sliding: (m, k) tanh(v / v_s): at rest a row has stiction, and says nothing of its errors in motion.
         force: (m, c) S.
         error: (k,) square roots of R.
         offset: force [N] that a base's accelerometer with an offset may find in each of the first three rows for ever.
     """
-    (m, k), p, rubs = y.shape, len(X), np.isinf(known)
+    k, (kinds, _, n), rubs = y.shape[1], x.shape, np.isinf(known)
     forces = np.einsum("mci,mc,mcj->mij", J, force**2, J, optimize=True)
-    b, stiction = np.zeros(p), np.zeros(k)
+    b, stiction, every = np.zeros((kinds, n)), np.zeros(k), range(kinds * n)
     size = np.maximum((column_rms(y) / error) ** 2, LEAST_SIZE)  # from below they would hardly move
     for _ in range(EXPECTATION_ROUNDS):
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
         cov = forces.copy()
         cov[:, range(k), range(k)] += R
         inverse = np.linalg.inv(cov)
-        weighed = np.einsum("mij,pmj->pmi", inverse, X).reshape(p, -1)
-        told = weighed @ X.reshape(p, -1).T
-        told[range(p), range(p)] += LEAST_SHOWN * np.diag(told) + np.finfo(float).tiny + known**-2.0
-        b = np.linalg.solve(told, weighed @ y.ravel())
+        told = np.einsum("ami,mij,bmj->aibj", x, inverse[:, at][:, :, at], x, optimize=True).reshape(kinds * n, -1)
+        told[every, every] += LEAST_SHOWN * np.diag(told) + np.finfo(float).tiny + np.repeat(known, n) ** -2.0
+        white = np.einsum("mij,mj->mi", inverse, y, optimize=True)
+        b = np.linalg.solve(told, np.einsum("ami,mi->ai", x, white[:, at]).ravel()).reshape(kinds, n)
         b[rubs] = np.maximum(b[rubs], 0.0)
-        stiction[at] = b[: len(at)]
-        left = y - np.einsum("pmi,p->mi", X, b)
-        mean = R * np.einsum("mij,mj->mi", inverse, left)  # of e, given the rows
+        stiction[at] = b[0]
+        left = y.copy()
+        left[:, at] -= np.einsum("ami,ai->mi", x, b)
+        mean = R * np.einsum("mij,mj->mi", inverse, left, optimize=True)  # of e, given the rows
         square = mean**2 + R - R**2 * np.diagonal(inverse, axis1=1, axis2=2)
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
         size = np.maximum(size, LEAST_SIZE)
     size = np.maximum(size, (WORTH + (count := independent(mean)) * size) / (WORTH + count))
-    pushed = weighed.reshape(p, m, k)[:, :, :3].sum(axis=1) * offset  # what an offset of each axis adds to the target
-    moved = np.einsum("pmi,po->omi", X, np.linalg.solve(told, pushed))
-    return b, size, np.sum(np.mean(moved**2, axis=1), axis=0), column_rms(mean)
+    pushed = np.einsum("ami,mio->aio", x, inverse[:, at, :3]) * offset  # what an offset of each axis adds to the target
+    change = np.linalg.solve(told, pushed.reshape(kinds * n, -1)).reshape(kinds, n, -1)
+    unsure = np.zeros(k)
+    unsure[at] = np.sum(np.mean(np.einsum("ami,aio->omi", x, change) ** 2, axis=1), axis=0)
+    return b, size, unsure, column_rms(mean)
 
 
 def independent(values: Array) -> Array:

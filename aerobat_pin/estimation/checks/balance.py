@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -54,21 +55,26 @@ class Balance:
     a: Array
     span: float
 
-    @property
+    @cached_property
     def given(self) -> Array:
         """(n, joints) what each effort gives."""
         return np.asarray(self.reach * self.effort[self.at])
 
-    @property
+    @cached_property
+    def left(self) -> Array:
+        """(n,) what the efforts leave of what is needed."""
+        return np.asarray(self.needed - self.given.sum(axis=1))
+
+    @cached_property
     def size(self) -> float:
         """Sum of squares of what is needed."""
         return max(float(self.needed @ self.needed), 1e-300)
 
-    def imbalance(self, pair: Exchange = ((), ()), signs: Array | float = 1.0) -> float:
+    def imbalance(self, pair: Exchange = ((), ()), signs: Array | None = None) -> float:
         """Return the sum of squares that the efforts leave, those of a pair exchanged, over the needed one."""
-        order = np.arange(self.effort.shape[1])
-        order[[*pair[0], *pair[1]]] = [*pair[1], *pair[0]]
-        left = self.needed - np.einsum("nj,nj->n", self.reach, (signs * self.effort)[:, order][self.at])
+        left = self.left if signs is None else self.needed - self.given @ signs
+        for j, k in zip(*pair, strict=True):
+            left = left - (self.reach[:, j] - self.reach[:, k]) * (self.effort[:, k] - self.effort[:, j])[self.at]
         return float(left @ left) / self.size
 
     def of_joints(self, equations: Array) -> tuple[Array, Array]:

@@ -95,7 +95,7 @@ def _mounting(record: Record, found: Balance, least: float) -> Finding | None:
         found: the equations.
         least: share of what is needed that something else leaves.
     """
-    rest, believed = found.needed - found.given.sum(axis=1), record.robot.model.gravity.linear
+    rest, believed = found.left, record.robot.model.gravity.linear
     v = found.v[found.at]
     rubs = np.column_stack([found.reach * np.tanh(v / SMOOTH_RATE), found.reach * v])
     table = np.column_stack([found.weight, rubs])
@@ -187,7 +187,7 @@ def _factors(record: Record, found: Balance, signs: Array, fitted: Array, left: 
         )
         yield Finding("effort against motion", "warning", what, rest, "%")
         return
-    alone = -float(found.base @ (found.needed - found.given.sum(axis=1)))
+    alone = -float(found.base @ found.left)
     alone /= max(float(found.base @ found.base), 1e-300)
     if min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
         what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link"
@@ -211,7 +211,7 @@ def _factors(record: Record, found: Balance, signs: Array, fitted: Array, left: 
             what += f"their unit (A, N m), or all masses {c:.3g} times too large"
             yield Finding("effort unit or mass", "warning", what, c, "1")
         return
-    gain, unsure = _measured_per_needed(found, np.ones(n), found.needed - found.given.sum(axis=1))
+    gain, unsure = _measured_per_needed(found, np.ones(n), found.left)
     off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]
     yield from _reversed(record, ours, off[factors[off] < 0.0])
     for k in off[factors[off] > 0.0]:
