@@ -6,8 +6,9 @@ is named only if also the other way round, beside friction and a rotor, what is 
 
     x = g y + c1 + c2 tanh(v / v_s) + c3 v + c4 a + e,     c ~ N(0, t^2)
 
-where t is what is left of the typical joint, and y takes the other efforts as mapped, but for their signs. Where a
-joint carries less than its noise, g is unknown, and nothing is said.
+where t is what is left of the typical joint, at most the whole effort, and y takes the other efforts as mapped, but for
+their signs. Where a joint carries less than its noise, or friction and rotor turn g round, it is unknown, and nothing
+is said.
 """
 
 from __future__ import annotations
@@ -106,7 +107,8 @@ def _mounting(record: Record, found: Balance, least: float) -> Finding | None:
     before, left = (float(np.sum((rest + one) ** 2)) for one in (rubs / size[3:] @ friction, table / size @ fitted))
     needed = float(np.sum((found.needed + moved) ** 2))
     as_believed = float(down @ believed) > np.cos(TILTED) * np.linalg.norm(believed)
-    if as_believed or left > min(SWAP * before, least * found.size, RIGHT_PLACES * needed):
+    share = SWAP if before > GOOD * needed else 1.0 - CLEAR  # a little is also explained by wrong factors
+    if as_believed or left > min(share * before, least * found.size, RIGHT_PLACES * needed):
         return None
     x, y, z = down
     what = (
@@ -244,7 +246,8 @@ def _measured_per_needed(found: Balance, factors: Array, left: Array) -> tuple[A
     rest, weight = found.of_joints(left)
     weight = weight / np.maximum(weight.sum(axis=0), 1e-300)
     needed, count = found.effort * factors + rest, max(1.0, found.span / ERRORS_LAST)
-    prior = float(np.median(np.sqrt(np.sum(weight * rest**2, axis=0))))
+    whole = np.sqrt(np.mean(found.effort**2, axis=0))
+    priors = np.minimum(np.median(np.sqrt(np.sum(weight * rest**2, axis=0))), whole)  # no joint is all friction
     gain, deviation = np.zeros((2, len(factors)))
     for k, x in enumerate(found.effort.T):
         v, a, w = found.v[:, k], found.a[:, k], weight[:, k]
@@ -253,8 +256,12 @@ def _measured_per_needed(found: Balance, factors: Array, left: Array) -> tuple[A
         noise = x - X @ np.linalg.lstsq(X * np.sqrt(w)[:, None], x * np.sqrt(w), rcond=1e-9)[0]
         least = 1e-12 + 1e-12 * float(w @ x**2)
         share = count / (float(w @ noise**2) + least)
-        inverse = np.linalg.pinv(share * (X.T * w) @ X + np.diag([0.0, *(4 * [1.0 / (prior**2 + least)])]), rcond=1e-18)
+        inverse = np.linalg.pinv(
+            share * (X.T * w) @ X + np.diag([0.0, *(4 * [1.0 / (priors[k] ** 2 + least)])]), rcond=1e-18
+        )
         gain[k], deviation[k] = (inverse @ (share * (X.T * w) @ x))[0], np.sqrt(max(inverse[0, 0], 0.0))
+        if gain[k] * ((w * x) @ needed[:, k]) < 0.0:
+            deviation[k] = np.inf
     return gain, deviation
 
 
