@@ -49,7 +49,7 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
 
 
 def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tuple[Array, Array, Array]:
-    """Return starts (n,) [s] of times of `LEANS_FOR`, means of rows over their errors (n, k), and squares of v (n, nv)."""
+    """Return starts (n,) [s] of means of rows over their errors, these means (n, k), and squares of v (n, nv)."""
     model, piece, done = record.robot.model, max(1, round(LEANS_FOR * record.rate / PIECES)), 0
     believed = BelievedRows(model, rows_of(record.map, record.robot, record.joints, record.channels)[0])
     applications, found = Applications(model, points_of(record.map)), list[tuple[Array, Array, Array]]()
