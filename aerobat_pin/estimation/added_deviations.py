@@ -1,7 +1,8 @@
 """What a deviation contains beside the errors of rows: the lag of the filter, and a tilt of the attitude.
 
 A force that changes is ahead of its filter, by e^-Kt of a step. What a second filter of the same gain lags behind the
-first, K t e^-Kt of a step and all of a ramp, is how much that may be.
+first, K t e^-Kt of a step and all of a ramp, is how much that may be. `kalman` and `smoother` are faster, but errors of
+rows are known behind the same low-pass: what changes faster in their estimates may be one.
 
 A constant tilt cancels in the equations of motion: an accelerometer that is turned with gravity shows the same world,
 turned. So the forces are right in body axes, and in world axes horizontal ones get a share of the vertical one.

@@ -105,7 +105,7 @@ def estimate(
         smoothed=smoothed,
     )
     if smoothed is None:
-        findings += result_findings(result)
+        findings += result_findings(result, expected)
     if calibration is not None:
         findings.append(calibration.finding())
     if not trust:

@@ -33,7 +33,9 @@ LOOKED_AT = 2000  # intervals of a record that show the size of efforts and forc
 WEIGHED = 20  # of them, one in so many is weighed
 LEAST_LIFTED = 10  # of these, with a foot in the air
 FOOT_SHARE = 0.15  # of the weight: a point that never holds so much is no foot
-STRAIGHT = 0.1  # least over largest singular value of a leg's Jacobian, below which it does not show a force along it
+STRAIGHT_LEG = (
+    0.1  # least over largest singular value of a leg's Jacobian, below which it does not show a force along it
+)
 
 
 def expected_of(
@@ -113,7 +115,7 @@ def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Ar
             continue
         force = (np.linalg.pinv(np.swapaxes(J, 1, 2)) @ rows[:, own, None])[..., 0]
         size, shown = np.linalg.norm(force, axis=1) / weight, np.linalg.svd(J, compute_uv=False)
-        bent = shown[:, -1] > STRAIGHT * shown[:, 0]
+        bent = shown[:, -1] > STRAIGHT_LEG * shown[:, 0]
         lifted[:, foot] = bent & (size < END_SHARE) & (size.max(initial=0.0) > FOOT_SHARE)
     return lifted, legs
 

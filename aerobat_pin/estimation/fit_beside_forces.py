@@ -40,7 +40,7 @@ MOST_INSTANTS, FEWEST_INSTANTS = 500, 50  # that are weighed
 EXPECTATION_ROUNDS = 30  # of expectation and maximisation; what a record tells has settled by then
 UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: something else explains the rows
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
-WORTH = 1.0  # independent instants that what is expected of a row's errors is worth
+PRIOR_INSTANTS = 1.0  # independent instants that what is expected of a row's errors is worth
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
 
@@ -80,7 +80,7 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     expected = expected_of(record, inputs, values, points) if points and not told else None
     if expected is None:
         return forces
-    some = _instants(record, inputs, expected.stiction_rate)
+    some = _looked_at(record, inputs, expected.stiction_rate)
     y, J, robot = some.rows[:, some.kept], some.jacobians[:, :, some.kept], record.robot
     force, lifts = np.broadcast_to(expected.force, J.shape[:2]), False
     if walks_on(robot, record.map):
@@ -94,7 +94,7 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     return replace(forces, values=fitted)
 
 
-def _instants(record: Record, inputs: Callable[[int, int], KnownInputs], stiction_rate: Array) -> _Instants:
+def _looked_at(record: Record, inputs: Callable[[int, int], KnownInputs], stiction_rate: Array) -> _Instants:
     """Return instants of a record, spread evenly, none of which is at a start."""
     stretches = [inputs(*ends) for ends in record.spread(SEEN_INTERVALS)]
     robot, gain, rows = record.robot, float(record.map.observer.gain), stretches[0].rows
@@ -216,7 +216,7 @@ def most_likely(
         square = mean**2 + R - R**2 * np.diagonal(inverse, axis1=1, axis2=2)
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
         size = np.maximum(size, LEAST_SIZE)
-    size = np.maximum(size, (WORTH + (count := independent(mean)) * size) / (WORTH + count))
+    size = np.maximum(size, (PRIOR_INSTANTS + (count := independent(mean)) * size) / (PRIOR_INSTANTS + count))
     pushed = np.einsum("ami,mio->aio", x, inverse[:, at, :3]) * offset  # what an offset of each axis adds to the target
     change = np.linalg.solve(told, pushed.reshape(kinds * n, -1)).reshape(kinds, n, -1)
     unsure = np.zeros(k)

@@ -289,7 +289,7 @@ class OnlineEstimator:
                 if sample is None:
                     continue
                 deviation = of_rows = sample.standard_deviation
-                if deviation is not None and observer.expected is not None and not isinstance(observer, KalmanObserver):
+                if deviation is not None and observer.expected is not None:
                     deviation = deviation.copy()
                     add_second_lag(sample.components, kept, behind, deviation)
                 if deviation is not None and self._tilt > 0.0:

@@ -206,8 +206,6 @@ def with_expected(estimate: Estimate, observer: Observer, expected: Expected) ->
     if deviation is None:
         return estimate
     whole = replace(estimate, expected_force=expected.force, seen=expected.seen(deviation))
-    if isinstance(observer, KalmanObserver):  # which states its own
-        return whole
     lag = second_lag(estimate.components, np.diff(estimate.time), float(np.min(observer.gain)))
     return replace(whole, standard_deviation=np.hypot(deviation, lag))
 

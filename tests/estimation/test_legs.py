@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -79,6 +80,28 @@ def test_a_base_without_position_gives_the_forces_of_the_feet(folder: Path, sour
     for foot, one in enumerate(stances):  # a foot carries 3 % of the weight for a moment
         assert one.share == pytest.approx(touching(walk().force[:, foot, 2], record.robot.weight).mean(), abs=0.02)
     assert found.metrics()["contacts"]["force_level"]["FL_FOOT"]["contacts"][-1][1] is None
+
+
+def test_a_push_at_the_trunk_is_said_and_factors_are_none(folder: Path) -> None:
+    """20 N to the left for 0.3 s in a walk whose efforts err by 3 %, with friction and noise; without it, nothing."""
+    walked, log = walk(), table(walk())
+    model = pin.buildModelFromUrdf(str(folder / "quadruped.urdf"), pin.JointModelFreeFlyer())
+    values = {**table_map(folder / "quadruped.urdf"), "log": {"time": {"column": "t"}}}
+    data, rng = model.createData(), np.random.default_rng(17)
+    error = walked.tau * 0.03 * rng.standard_normal(12) + 0.1 * rng.standard_normal(walked.tau.shape)
+    error += 0.15 * np.tanh(walked.v[:, 6:] / 0.02)
+    for push in (0.0, 20.0):
+        tau = walked.tau + error
+        for k in np.flatnonzero((walked.time > 1.5) & (walked.time < 1.8)):
+            frames, axes = [model.getFrameId(foot) for foot in FEET], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            J = np.vstack([pin.computeFrameJacobian(model, data, walked.q[k], frame, axes)[:3] for frame in frames])
+            trunk = pin.Quaternion(walked.q[k, 3:7]).matrix().T @ [0.0, push, 0.0]  # at its origin, in its axes
+            tau[k] += (J.T @ np.linalg.pinv(J[:, :6].T) @ [*trunk, 0.0, 0.0, 0.0])[6:]  # which the feet bear
+        log[[f"{joint}_tau" for joint in walked.joints]] = tau
+        log.to_csv(folder / "pushed.csv", index=False)
+        found = estimate(open_record(folder / "pushed.csv", parse_map(values, "-"), folder))
+        assert any(one.check == "push elsewhere" for one in found.findings) == (push > 0.0), found.warnings
+    assert any(re.search("from 1.[56].*forces elsewhere, a moment, or a wrong model", one) for one in found.warnings)
 
 
 def test_a_change_of_axes_is_no_force(folder: Path) -> None:

@@ -17,6 +17,7 @@ from support.commands import call
 from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_log
 
 from aerobat_pin.estimation import Result, calibrate, check_record, estimate
+from aerobat_pin.estimation.added_deviations import second_lag
 from aerobat_pin.estimation.calibration.free_run import noise_where_known
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.observers import OBSERVERS
@@ -204,6 +205,8 @@ def test_each_observer_is_as_right_as_it_says(folder: Path) -> None:
             assert np.sqrt(np.mean(error[inside, k] ** 2)) < 7.0, name
             assert np.mean(np.abs(error[inside, k]) < 2.0 * whole.standard_deviation[inside, k]) > 0.95, name
         assert np.abs(whole.components).max() < 1.2 * whole.expected_force.max(), name
+        lag = second_lag(whole.components, np.diff(whole.time), 20.0)  # faster than the rows' errors are known
+        assert np.all(whole.standard_deviation >= np.abs(lag)), name
 
 
 def test_a_self_check_says_whether_pose_or_map_hides_a_force(folder: Path) -> None:

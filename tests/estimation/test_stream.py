@@ -135,14 +135,14 @@ def test_by_the_stamps_of_its_joints_a_stream_is_the_record(folder: Path) -> Non
 
 
 def test_a_leg_in_the_air_tells_a_stream_what_it_tells_a_record(folder: Path) -> None:
-    """A foot carries nothing, and its joints rub: a stream expects the errors of these rows that a record shows."""
+    """A foot carries nothing after 1 s, and its joints rub: a stream expects the errors of rows that a record shows."""
     walked, rub = walk(), np.array([0.4, 0.2, 0.1])  # [N m]
     model = pin.buildModelFromXML(urdf(), pin.JointModelFreeFlyer())
     data, foot = model.createData(), model.getFrameId(FEET[0])
     tau = walked.tau.copy()
     tau[:, :3] += rub * np.sign(np.sin(20.0 * walked.time))[:, None]
-    for k, q in enumerate(walked.q):
-        J = pin.computeFrameJacobian(model, data, q, foot, pin.LOCAL_WORLD_ALIGNED)[:3, 6:9]
+    for k in range(500, len(tau)):
+        J = pin.computeFrameJacobian(model, data, walked.q[k], foot, pin.LOCAL_WORLD_ALIGNED)[:3, 6:9]
         tau[k, :3] += J.T @ walked.force[k, 0]
     base = mapped(folder).base.model_dump(by_alias=True, exclude_none=True)
     chosen = mapped(folder, None, base={key: base[key] for key in ("quaternion", "rate")} | {"from": "joints"})

@@ -35,7 +35,7 @@ CLEAR = 0.9  # share of the imbalance that is explained, from which they are nam
 SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
 WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
 RIGHT_PLACES = 0.25  # of the needed square sum, that limbs in the right places leave at most
-TILTED = np.radians(5.0)  # by which a robot must be mounted otherwise than believed before that is said
+LEAST_TILT = np.radians(5.0)  # by which a robot must be mounted otherwise than believed before that is said
 ABOVE_NOISE = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
 WORTH_SIGNS = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
 WHITE_SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
@@ -106,7 +106,7 @@ def _mounting(record: Record, found: Balance, least: float) -> Finding | None:
     down, moved = gravity / max(float(np.linalg.norm(gravity)), 1e-300), found.weight @ (gravity - believed)
     before, left = (float(np.sum((rest + one) ** 2)) for one in (rubs / size[3:] @ friction, table / size @ fitted))
     needed = float(np.sum((found.needed + moved) ** 2))
-    as_believed = float(down @ believed) > np.cos(TILTED) * np.linalg.norm(believed)
+    as_believed = float(down @ believed) > np.cos(LEAST_TILT) * np.linalg.norm(believed)
     share = SWAP if before > GOOD * needed else 1.0 - CLEAR  # a little is also explained by wrong factors
     if as_believed or left > min(share * before, least * found.size, RIGHT_PLACES * needed):
         return None

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from aerobat_pin.estimation.against_reference import Compared
 from aerobat_pin.estimation.checks.agreement_findings import CONFUSED
 from aerobat_pin.estimation.checks.compare import FOLLOWS, compare
+from aerobat_pin.estimation.checks.elsewhere import elsewhere_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import BESIDE, KnownForces, command_sum, unit_direction
@@ -18,7 +19,7 @@ from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import rms_in, settled
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Applications
+from aerobat_pin.observers import Applications, Expected
 from aerobat_pin.records import Record
 
 LATE_COMMAND = 5.0e-3  # [s]
@@ -33,7 +34,7 @@ STRAIGHT_ARM = 0.3  # sine of the angle between an unseen force and the lines fr
 FAR = 0.3  # of the farthest joint's distance: joints nearer to the force have little lever anyhow
 
 
-def result_findings(result: Result) -> Iterator[Finding]:
+def result_findings(result: Result, expected: Expected | None = None) -> Iterator[Finding]:
     """Yield what the estimate itself shows, and the sensor beside it."""
     record, forces, estimates = result.record, result.forces, result.stored
     assert record is not None
@@ -54,6 +55,7 @@ def result_findings(result: Result) -> Iterator[Finding]:
     if estimate.head.are_world_forces:
         yield from _mean_force(record, forces, sums.reshape(-1, 3).sum(axis=0) / count)
         yield from _power(record, estimate)
+    yield from elsewhere_findings(record, estimate, expected)
     yield from seen_findings(record, forces, estimates)
     if record.map.use.free is not None:
         yield from _free_stretch(record, estimates)

@@ -1,0 +1,79 @@
+"""Whether something pushes for a moment where no force is sought: what no force explains then leans one way.
+
+Errors of a belief go with the motion. Over two tenths of a second those of sensors cancel, and so do those of feet that
+touch the ground in turn; what is left is alike whenever the robot moves. A push at another place does not cancel. So
+the largest of such means is compared with those that are usual in the same record. How large errors are need not be
+known: where that is found beside the forces, a push passes for one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.estimation.run_observers import points_of, rows_of, settled
+from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Applications, BelievedRows, Expected
+from aerobat_pin.records import Record
+
+LEANS_FOR = 0.2  # [s] over which rows are averaged
+PIECES = 4  # of this time, by which it moves on
+IN_MOTION = 0.25  # of the mean square speed: a robot that is slower rests, and friction hides its errors
+USUAL_SHARE = 0.8  # share of the time in motion in which a mean is not beyond what is usual
+TIMES_USUAL = 3.0  # times the usual: such a mean is no error of the belief
+FEWEST_MEANS = 40  # means in motion that tell what is usual
+
+
+def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expected | None) -> Iterator[Finding]:
+    """Yield when what no force explains leans one way, farther than errors of the belief do."""
+    if expected is None or estimate.redundancy.redundant < 1:
+        return
+    time, rest, speeds = _leaning(record, estimate, expected)
+    moves = settled(record, time) & (np.mean(speeds / np.maximum(speeds.mean(axis=0), 1e-12), axis=1) > IN_MOTION)
+    if moves.sum() < FEWEST_MEANS:
+        return
+    lean = np.linalg.norm(rest - np.median(rest[moves], axis=0), axis=1)
+    usual, worst = (
+        float(np.quantile(lean[moves], USUAL_SHARE)),
+        int(np.argmax(np.where(settled(record, time), lean, 0.0))),
+    )
+    if lean[worst] > max(TIMES_USUAL * usual, 1.0):
+        text = (
+            f"from {time[worst] - record.start:.2f} s on, what no force explains leans one way for {LEANS_FOR:g} s, "
+            f"{lean[worst] / usual:.2g} times as far as usual: forces elsewhere, a moment, or a wrong model"
+        )
+        yield Finding("push elsewhere", "warning", text, float(lean[worst] / usual), "1")
+
+
+def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tuple[Array, Array, Array]:
+    """Return starts (n,) [s] of means of rows over their errors, these means (n, k), and squares of v (n, nv)."""
+    model, piece, done = record.robot.model, max(1, round(LEANS_FOR * record.rate / PIECES)), 0
+    believed = BelievedRows(model, rows_of(record.map, record.robot, record.joints, record.channels)[0])
+    applications, found = Applications(model, points_of(record.map)), list[tuple[Array, Array, Array]]()
+    for first, last in record.parts:
+        pieces: list[tuple[Array, Array]] = []
+        for begin in range(first, last - piece + 1, size := max(ROWS_READ // piece, 1) * piece):
+            count = min(size, last - begin) // piece
+            block, own = record.block(begin, begin + count * piece), estimate.between(done, done + count * piece)
+            at, done = np.arange(count) * piece + piece // 2, done + count * piece
+            v, J = block.v[at], np.stack([applications.jacobian(q) for q in block.q[at]])
+            error = np.sqrt(believed.variance_of(expected.row_deviation(v) ** 2, v))
+            y = own.unexplained.reshape(count, piece, -1)[:, :, : believed.count].mean(axis=1) / error
+            B = believed.of(J, v) / error[:, None]
+            A = B @ np.swapaxes(B, 1, 2) + np.diag(expected.force**-2.0)
+            y -= np.einsum("mck,mc->mk", B, np.linalg.solve(A, np.einsum("mck,mk->mc", B, y)[..., None])[..., 0])
+            pieces.append((y, v**2))
+        done += (last - first) % piece
+        if sum(len(y) for y, _ in pieces) >= PIECES:
+            y, squares = (
+                np.lib.stride_tricks.sliding_window_view(np.concatenate(part), PIECES, axis=0).mean(axis=2)
+                for part in zip(*pieces, strict=True)
+            )
+            found.append((record.times(first, last)[: len(y) * piece : piece], y, squares))
+    if not found:
+        return np.zeros(0), *np.zeros((2, 0, 1))
+    times, rest, speeds = (np.concatenate(part) for part in zip(*found, strict=True))
+    return times, rest, speeds
