@@ -142,7 +142,9 @@ def check_command(
     morphology: BelievedMorphology = None,
     settings: Settings = None,
     map_file: Annotated[Path | None, typer.Option("--map", help="What the recording's columns mean.")] = None,
-    out: Annotated[Path, out_option("File of the figure, .png, .pdf or .svg.")] = Path("check.png"),
+    out: Annotated[
+        Path | None, out_option("File of the figure, .png, .pdf or .svg; default runs/<flight>-check.png, drawn anew.")
+    ] = None,
     force: Force = False,
 ) -> None:
     """Is a calibration still good? Print one line, draw one figure; exit code 0 if nothing changed, else 3.
@@ -153,18 +155,19 @@ def check_command(
     from aerobat_pin.estimation import estimate, read_calibration
     from aerobat_pin.visualization import draw_unexplained, render_figure
 
-    kind = out.suffix.removeprefix(".")
+    figure = out or Path("runs") / f"{flight.stem}-check.png"
+    kind = figure.suffix.removeprefix(".")
     if kind not in FIGURE_KINDS:
-        raise CalibrationError(f"check: --out {out}: a file .{' or .'.join(FIGURE_KINDS)} was expected")
-    check_file(out, force=force)
+        raise CalibrationError(f"check: --out {figure}: a file .{' or .'.join(FIGURE_KINDS)} was expected")
+    check_file(figure, force=force or out is None)
     learnt = read_calibration(calibration)
     with doing("estimating what the calibration leaves over"):
         [record] = opened([flight], map_file, morphology, settings or [], free=False)
         found = estimate(record, ["force_level"], learnt, trust=True)
     if found.model is None:
         raise CalibrationError(f"{calibration}: it does not say what it leaves over, so nothing can be checked")
-    write_files({out: render_figure(draw_unexplained(found), kind)})
-    typer.echo(f"{found.model}; figure: {out}")
+    write_files({figure: render_figure(draw_unexplained(found), kind)})
+    typer.echo(f"{found.model}; figure: {figure}")
     for line in learnt.warnings:
         typer.echo(f"warning: calibration: {line}", err=True)
     if found.model.verdict == "changed":

@@ -57,6 +57,9 @@ def test_a_free_run_calibrates_another_run_and_its_log(
     assert call(monkeypatch, "calibrate", "free.csv", "--out", "hall.nc", "--identify", "none", *robot) == 0
     assert call(monkeypatch, "estimate", "free.csv", "--calibration", "hall.nc", "--out", "hall", *robot) == 0
     assert json.loads((tmp_path / "hall" / "metrics.json").read_text())["model"]["verdict"] == "unchanged"
+    for _ in range(2):  # of a table, and again: the figure is drawn anew
+        assert call(monkeypatch, "check", "free.csv", "--calibration", "hall.nc", *robot) == 0
+    assert (tmp_path / "runs" / "free-check.png").is_file()
     assert fly(monkeypatch, "plain", *short) == 0
     assert json.loads((tmp_path / "plain" / "metrics.json").read_text())["calibration"] is None
     capsys.readouterr()
