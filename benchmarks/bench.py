@@ -202,7 +202,11 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
     yield figure("update, force_level, two points, sizes expected, over any size", above, "us", 8.0)
     parts = {kind: batch(one[0]) for kind, one in kinds.items()}
     parts["momentum, no points, one known"] = batch(kinds["momentum, no points"][0], {"aerodynamic": aerodynamic})
-    times = interleaved(rounds, bare=bare(len(samples)), **parts)
+    times = interleaved(
+        rounds, bare=bare(len(samples)), **parts, expected=batch(ForceLevelObserver(model, FRAMES, expected=sizes))
+    )
+    above = 1e6 * (times["expected"] - times["force_level, two points"])
+    yield figure("batch per sample, force_level, two points, sizes expected, over any size", above, "us", 50.0)
     for kind in parts:
         limit = kinds[kind][2] if kind in kinds else None
         yield figure(f"batch per sample, {kind}", times[kind] / times["bare"], "x", limit)

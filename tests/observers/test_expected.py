@@ -12,7 +12,8 @@ from support.arm import arm, push, rest
 from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.observers import OBSERVERS, Application, Estimate, Expected, ForceLevelObserver, Observer
+from aerobat_pin.observers import OBSERVERS, Application, Estimate, Expected, ForceLevelObserver, Observer, equations
+from aerobat_pin.observers import rows as believed_rows
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.rows import ROWS, Rows
 
@@ -47,6 +48,21 @@ def test_the_posterior_equals_its_twin_in_stream_and_batch(name: str, rows: Rows
         sample = observer.update(time[k + 1], q[k + 1], v[k + 1], tau[k], now)
     assert_equal(sample.components, estimate.components[-1], near)
     assert_equal(sample.standard_deviation, estimate.standard_deviation[-1], near)
+
+
+def test_tolerances_of_the_projection_do_not_touch_the_posterior(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Force, deviation and k with other constants, and another lever arm: the same to 1e-12."""
+    model, frames = MODELS["humanoid"]
+    found = []
+    for changed in (False, True):
+        if changed:
+            for name, value in (("DAMPING", 1e-3), ("SUSPECT", 0.0), ("UNSEEN_EIGENVALUE", 0.1)):
+                monkeypatch.setattr(equations, name, value)
+            monkeypatch.setattr(believed_rows, "MOMENT_ARM", 0.3)
+        observer = ForceLevelObserver(model, frames, 300.0, expected=some(model, 3 * len(frames)))
+        found.append(observer.run(*record(model)))
+    for name in ("components", "standard_deviation", "doubt"):
+        assert_equal(getattr(found[1], name), getattr(found[0], name), 1e-12)
 
 
 def held(model: pin.Model, frame: str, q: np.ndarray, force: np.ndarray, expected: Expected) -> Estimate:
