@@ -32,6 +32,7 @@ import copy
 import json
 import sys
 import warnings
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +47,7 @@ from aerobat_pin.scenario import Scenario, load_scenario
 GAINS = Path(__file__).with_name("closed_loop_gains.json")
 MOST_MS, LEAST_DELAY, MOST_SLEW = 2.4, 0.023, 27.0  # on wrong plants; of any axis [s]; by sensors' noise [N/s]
 LATE = 0.03  # [s]: the velocity may be late, as a wrong plant, too
+SINE, MOST_SINE = 5.0 * np.pi, 1.04  # [rad/s], 2.5 Hz; sideways, what it does may be so many times what it does with PD
 SCENARIO = "paper_left_closed_loop"
 PARTS = {
     "pd": ("control.feedforward=false", "control.integral=false"),
@@ -95,12 +97,25 @@ def room(pilot: Controller, scenario: Scenario) -> np.ndarray:
     turns = [np.unwrap(np.angle(one)) for one in (prompt, late)]  # Nyquist: as many turns, or an unstable pole more
     turned = abs(np.subtract(*[one[-1] - one[0] for one in turns])) > np.pi
     if not all(one.stable for one in margins) or not np.all(np.isfinite(wrong)) or turned:
-        return np.full(len(margins) + 2 + len(wrong), -1.0)
+        return np.full(len(margins) + 3 + len(wrong), -1.0)
     wrong.append(1.0 / np.min(np.abs(late)))
     other = copy.copy(pilot)
     other.scenario = scenario
     delays = [min(one.delay, 1.0) / LEAST_DELAY for one in margins]
-    return np.log([*delays, MOST_SLEW / noise_slew(other), *(MOST_MS / ms for ms in wrong)])
+    sine = MOST_SINE * of_sine_with_pd() / of_sine(scenario)
+    return np.log([*delays, MOST_SLEW / noise_slew(other), *(MOST_MS / ms for ms in wrong), sine])
+
+
+def of_sine(scenario: Scenario) -> float:
+    """Return the amplitude of y by an acceleration sideways of 1 m/s2 that is a sine of `SINE` [m]."""
+    return float(abs(Responses(scenario, "lateral", np.array([1j * SINE])).of_side()[0]))
+
+
+@cache
+def of_sine_with_pd() -> float:
+    """Return the same with the kept gains of PD."""
+    gains = json.loads(GAINS.read_text())["pd"]["gains"]
+    return of_sine(with_gains(load_scenario(SCENARIO, PARTS["pd"]), gains))
 
 
 class Responses:

@@ -18,7 +18,7 @@ from aerobat_pin.cli.options import (
     Settings,
     out_option,
 )
-from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, listed
+from aerobat_pin.cli.recordings import chosen_map, estimate_by_map, option_names
 
 if TYPE_CHECKING:
     from aerobat_pin.scenario import Scenario
@@ -81,7 +81,7 @@ def estimate_command(
         from aerobat_pin.records import suggested_map
 
         with doing("looking at the log"):
-            text = suggested_map(log, None if urdf is None else str(urdf), listed(points))
+            text = suggested_map(log, None if urdf is None else str(urdf), option_names(points))
         typer.echo(text, nl=False)
         return
     if log is not None and (map_file is not None or urdf is not None):

@@ -17,13 +17,13 @@ def chosen_map(file: Path | None, urdf: Path | None, points: str | None, observe
     """Return the map of a file, with the options laid over it, and the folder where its paths begin."""
     from aerobat_pin.records import load_map, parse_map, with_options
 
-    said, names = None if urdf is None else str(urdf), listed(points)
+    said, names = None if urdf is None else str(urdf), option_names(points)
     if file is not None:
         return with_options(load_map(file), said, names, observers), file.absolute().parent
     return with_options(parse_map({"robot": {}}, "of the options"), said, names, observers), Path.cwd()
 
 
-def listed(words: str | None) -> list[str]:
+def option_names(words: str | None) -> list[str]:
     """Return the names that an option lists, with commas between them."""
     return [word.strip() for word in (words or "").split(",") if word.strip()]
 

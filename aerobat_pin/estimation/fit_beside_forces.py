@@ -40,7 +40,7 @@ MOST_INSTANTS, FEWEST_INSTANTS = 500, 50  # that are weighed
 EXPECTATION_ROUNDS = 30  # of expectation and maximisation; what a record tells has settled by then
 UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: something else explains the rows
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
-PRIOR_INSTANTS = 1.0  # independent instants that what is expected of a row's errors is worth
+FEWEST_INDEPENDENT = 3.0  # instants that count at least: Student's distribution of fewer has no variance
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
 
@@ -216,7 +216,8 @@ def most_likely(
         square = mean**2 + R - R**2 * np.diagonal(inverse, axis1=1, axis2=2)
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
         size = np.maximum(size, LEAST_SIZE)
-    size = np.maximum(size, (PRIOR_INSTANTS + (count := independent(mean)) * size) / (PRIOR_INSTANTS + count))
+    count = np.maximum(independent(mean), FEWEST_INDEPENDENT)
+    size *= count / (count - 2.0)  # Student's variance: r follows from so few
     pushed = np.einsum("ami,mio->aio", x, inverse[:, at, :3]) * offset  # what an offset of each axis adds to the target
     change = np.linalg.solve(told, pushed.reshape(kinds * n, -1)).reshape(kinds, n, -1)
     unsure = np.zeros(k)
