@@ -18,26 +18,13 @@ from aerobat_pin.records import Map
 
 
 def second_lag(components: Array, dt: Array, gain: float) -> Array:
-    """Return by how much (m, c) a second filter lags behind components (m, c) of a first one.
-
-    Args:
-        components: (m, c) estimates, behind a filter.
-        dt: (m,) lengths of the intervals [s].
-        gain: K of both filters [1/s].
-    """
+    """Return by how much (m, c) a second filter of gain K [1/s] lags behind components, over intervals dt (m,) [s]."""
     return components - low_passed(components, -np.expm1(-gain * dt))
 
 
 @kernel
 def add_second_lag(components: Array, kept: float, behind: Array, deviation: Array) -> None:
-    """Take the next estimate of `second_lag`, in a stream: move a second filter, and add its lag to deviations.
-
-    Args:
-        components: (c,) estimate, behind a filter.
-        kept: e^-K dt, what the second filter keeps of its value.
-        behind: (c,) the second filter's value, moved in place.
-        deviation: (c,) standard deviations, enlarged in place.
-    """
+    """Do the same in a stream: move a second filter `behind` (c,), which keeps e^-K dt, and enlarge deviations (c,)."""
     for j in range(components.shape[0]):
         behind[j] = components[j] + kept * (behind[j] - components[j])
         deviation[j] = np.hypot(deviation[j], components[j] - behind[j])
@@ -52,13 +39,9 @@ def tilt_of(chosen: Map) -> float:
 def with_tilt(components: Array, deviation: Array, tilt: float) -> Array:
     """Return standard deviations (..., 3 n) [N] of forces in world axes, seen in axes with a random tilt.
 
-    A tilt (a, b, 0) changes F by (a, b, 0) x F, so by tilt Fz along x and y, and by tilt |(Fx, Fy)| along z. It comes
-    of an accelerometer's offset, which along z makes gravity, and with it all forces that bear it, larger by as much.
-
-    Args:
-        components: (..., 3 n) the forces [N].
-        deviation: (..., 3 n) their deviations in the axes of the attitude [N].
-        tilt: standard deviation of a and of b [rad].
+    A tilt (a, b, 0), each of deviation `tilt` [rad], changes F by (a, b, 0) x F, so by tilt Fz along x and y, and by
+    tilt |(Fx, Fy)| along z. It comes of an accelerometer's offset, which along z makes gravity, and with it all forces
+    that bear it, larger by as much. Without the tilt deviations are `deviation` (..., 3 n).
     """
     force = components.reshape(*components.shape[:-1], -1, 3)
     x, y, z = (force[..., k] ** 2 for k in range(3))

@@ -50,12 +50,9 @@ class Stance:
 
 
 def touching(force: Array, weight: float, before: bool = False) -> Array:
-    """Return whether a point with vertical forces (m,) [N] is in contact, by hysteresis in shares of the weight [N].
+    """Return whether a point is in contact, by hysteresis of vertical forces (m,) in shares of the weight [N].
 
-    Args:
-        force: (m,) force of the ground on the robot, up [N].
-        weight: of the robot [N].
-        before: whether it was in contact before.
+    `before` says whether it was in contact before.
     """
     above = force > END_SHARE * weight
     stretch = np.cumsum(np.diff(above, prepend=not above[:1].any()))  # its number is odd where the force is above
@@ -89,12 +86,7 @@ class ContactWatch:
 
 
 def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
-    """Return the contacts of every point, in blocks of an estimate one after the other; none for other components.
-
-    Args:
-        blocks: the estimate, of forces in world axes.
-        weight: of the robot [N].
-    """
+    """Return the contacts of every point, in blocks of an estimate in order; none where these are no world forces."""
     edges: dict[str, tuple[list[float], list[float]]] = {}
     state: dict[str, bool] = {}
     sums: dict[str, tuple[float, float]] = {}

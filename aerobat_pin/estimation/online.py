@@ -23,8 +23,8 @@ from aerobat_pin.estimation.added_deviations import add_second_lag, tilt_of, wit
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
+from aerobat_pin.estimation.inputs import change_of_axes
 from aerobat_pin.estimation.known_forces import FittedValues
-from aerobat_pin.estimation.moving_axes import change_of_axes
 from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth
 from aerobat_pin.estimation.run_observers import built_observers, points_of, rows_of
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE

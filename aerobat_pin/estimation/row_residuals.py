@@ -15,13 +15,9 @@ CONTACT_ENDS = 0.5  # of the threshold, where it begins and ends
 
 
 def rows_as_components(estimate: Estimate, observer: Observer, v: Array, expected: Expected | None) -> Estimate:
-    """Return an estimate whose components are the rows of its residual that are believed, such as `elbow.M`.
+    """Return an estimate, of an observer without points, whose components are its believed rows, such as `elbow.M`.
 
-    Args:
-        estimate: of an observer without points.
-        observer: the observer.
-        v: (m + 1, nv) velocities.
-        expected: how far the rows are off where nothing touches; None if that is not known.
+    Their deviations, at velocities v (m + 1, nv), are what is expected where nothing touches, if that is known.
     """
     names, rows = row_names(observer.model), observer.believed.rows
     kept = rows.kept(observer.model) if isinstance(rows, AllBut) else list(range(len(names)))

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.added_deviations import second_lag, tilt_of, with_tilt
-from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
+from aerobat_pin.estimation.inputs import KnownInputs, inputs_of, with_zeroed_velocity
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.moving_axes import with_zeroed_velocity
 from aerobat_pin.estimation.row_residuals import rows_as_components
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, TIME_CONSTANTS_TO_SETTLE, StoredEstimate
 from aerobat_pin.estimation.trust import local_noise

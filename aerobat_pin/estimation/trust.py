@@ -114,11 +114,9 @@ def _noisy_components(estimate: Estimate) -> list[str]:
 
 
 def worst_stretch(time: Array, doubt: Array) -> tuple[float, float]:
-    """Return the largest mean of k over `DOUBT_STRETCH`, and when that begins [s]; 0 if the record is not so long.
+    """Return the largest mean over `DOUBT_STRETCH` of k (m,), in which NaN counts as 0, and when that begins [s].
 
-    Args:
-        time: (m + 1,) edges of the intervals [s], without a hole.
-        doubt: (m,) k of each; NaN, where no row is to spare, counts as 0.
+    It is 0 if the edges of the intervals (m + 1,) [s], which have no hole, do not reach so far.
     """
     ends = np.searchsorted(time, time[:-1] + DOUBT_STRETCH - 1e-9)
     begins = np.flatnonzero(ends < len(time))

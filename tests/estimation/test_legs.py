@@ -23,7 +23,7 @@ from aerobat_pin.estimation.added_deviations import with_tilt
 from aerobat_pin.estimation.contacts import contact_probability, stances_of, touching
 from aerobat_pin.estimation.expected_of_record import lifted_errors
 from aerobat_pin.estimation.factors_by_balance import factors_by_balance
-from aerobat_pin.estimation.moving_axes import change_of_axes
+from aerobat_pin.estimation.inputs import change_of_axes
 from aerobat_pin.records import base_requests, open_record, parse_map
 
 PLACE, TURN = np.array([0.12, -0.05, 0.08]), np.array([10.0, -20.0, 90.0])  # [m], [deg]

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.agreement_findings import comparison_of
-from aerobat_pin.estimation.checks.compare import COMPARED_OVER
+from aerobat_pin.estimation.checks.compare import COMPARED_OVER, comparison_of
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Agreement, G, rotation_matrices

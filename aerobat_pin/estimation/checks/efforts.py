@@ -91,10 +91,7 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
 def _mounting(record: Record, found: Balance, least: float) -> Finding | None:
     """Return that gravity of another direction, beside friction, explains the efforts far better than friction alone.
 
-    Args:
-        record: the record.
-        found: the equations.
-        least: share of what is needed that something else leaves.
+    And better than what leaves the share `least` of what is needed.
     """
     rest, believed = found.left, record.robot.model.gravity.linear
     v = found.v[found.at]
@@ -238,10 +235,7 @@ def _reversed(record: Record, gain: Array, which: NDArray[np.intp]) -> Iterator[
 def _measured_per_needed(found: Balance, factors: Array, left: Array) -> tuple[Array, Array]:
     """Return what is measured of each effort per what the rows need of it, g (joints,), and its standard deviation.
 
-    Args:
-        found: the equations.
-        factors: (joints,) of the other efforts.
-        left: (n,) what all factors together leave.
+    `factors` (joints,) are those of the other efforts, `left` (n,) is what all together leave.
     """
     rest, weight = found.of_joints(left)
     weight = weight / np.maximum(weight.sum(axis=0), 1e-300)

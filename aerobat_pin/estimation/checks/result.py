@@ -9,8 +9,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.against_reference import Compared
-from aerobat_pin.estimation.checks.agreement_findings import CONFUSED
-from aerobat_pin.estimation.checks.compare import FOLLOWS, compare
+from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
 from aerobat_pin.estimation.checks.elsewhere import elsewhere_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.findings import Finding
@@ -169,10 +168,7 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:
 def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Iterator[Finding]:
     """Yield points that move where they carry force, though something that the map holds still may move instead.
 
-    Args:
-        record: the record.
-        frames: the points.
-        speeds: (k,) rms speed of each [m/s], weighted by the square of its force.
+    `speeds` (k,) are their rms [m/s], weighted by the squares of the forces.
     """
     model, held = record.robot.model, ["the base"] if record.map.base.held else []
     fast = [(frame, speed) for frame, speed in zip(frames, speeds.tolist(), strict=True) if speed > STANDS]

@@ -21,23 +21,9 @@ MEMORY_OF_K = 2.5  # [s]: how long errors of the rows last
 def estimate_posterior(
     observer: ObserverState, before: Array, after: Array, generalized: Array, dt: float, force: Array, doubt: Array
 ) -> None:
-    """Write the components `force` (c,) of y = J^T f + e, given what is expected, with y the generalised force (nv,).
+    """Write the components `force` (c,), given the generalised force (nv,), as `equations.posterior` does for a record.
 
-        e ~ N(0, k R),   f ~ N(0, S^2)           see `Expected`
-        P = (J R^-1 J^T / k + S^-2)^-1           their covariance, given y
-        f = (1 + N - N^3) P J R^-1 y / k,   N = P S^-2
-
-    P J R^-1 y / k is their mean given y. It is too small by the share P S^-2 of the force, a tenth where nine tenths
-    are seen, though R and S are guesses at times; the first factor leaves the square of this share, and adds
-    nothing where nothing is seen.
-
-    k is the square of the whitened rows that no force explains, for each row to spare, behind the low-pass of the
-    observer, as noise that this takes out does no harm. A few rows at one instant say little about their errors, which
-    last: k is no less than the mean over some seconds before, and than what is expected. Rows to spare are those
-    in use less the sum of the shares 1 - (P/S^2)^2 that the components take up.
-
-    To `doubt` (c + 1,) are written the standard deviations sqrt(P_ii), then k of this instant alone; NaN without a row
-    to spare.
+    To `doubt` (c + 1,) are written their standard deviations, then k of this instant alone; NaN without a row to spare.
     """
     c, span, remainder = force.shape[0], observer.span, observer.posterior[REMAINDER]
     information, levels = observer.posterior[INFORMATION], observer.posterior[LEVELS]

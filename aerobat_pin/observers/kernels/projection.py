@@ -124,11 +124,7 @@ def fit_forces(observer: ObserverState, before: Array, after: Array, generalized
 
 @inner
 def project_deficient(observer: ObserverState, after: Array, generalized: Array, force: Array) -> None:
-    """Do what `project` does if some pattern of forces leaves no trace; the result contains nothing of this pattern.
-
-    The mean of two rank-deficient Jacobians has nearly, but not exactly, deficient rank, and least squares with it
-    would magnify such patterns. They are therefore found with the exact Jacobian at the end of the interval.
-    """
+    """Do what `project` does if some pattern of forces leaves no trace, see `equations.Projection.of`."""
     A, size = observer.equations, force.shape[0]
     seen, V, unused = np.zeros((size, size)), np.empty((size, size)), np.empty(size)
     limit = UNSEEN_EIGENVALUE * normal_equations(observer, after[3:], after[2], generalized, seen, unused)
