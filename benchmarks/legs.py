@@ -29,7 +29,7 @@ DURATION = 42.0  # [s] of the trot; the other gaits have three tenths of it
 SEEDS = range(31, 39)  # of other sensors: biases, factors and noise, by which deviations are judged
 SETTLED = 1.0  # [s] after the start, in which the robot stands
 LONGEST_LATE = 0.06  # [s] between a touchdown and the one that is found for it
-PUSHES = (0.0, 6.0, 12.0, 25.0)  # [N] on the trunk
+PUSHES = (0.0, 12.0, 25.0)  # [N] on the trunk
 TRUE_CONTACT = 0.02  # of the weight: a foot that carries more touches the ground; before that it scrapes
 
 

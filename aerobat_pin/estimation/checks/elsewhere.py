@@ -3,7 +3,8 @@
 Errors of a belief go with the motion. Over two tenths of a second those of sensors cancel, and so do those of feet that
 touch the ground in turn; what is left is alike whenever the robot moves. A push at another place does not cancel. So
 the largest of such means is compared with those that are usual in the same record. How large errors are need not be
-known: where that is found beside the forces, a push passes for one.
+known: where that is found beside the forces, a push passes for one. But a mean must be as large as what is stated for
+an instant, too: as a robot that stood begins to move, errors are others for a moment, and smaller.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
         float(np.quantile(lean[moves], USUAL_SHARE)),
         int(np.argmax(np.where(settled(record, time), lean, 0.0))),
     )
-    if lean[worst] > max(TIMES_USUAL * usual, 1.0):
+    if lean[worst] > max(TIMES_USUAL * usual, np.sqrt(estimate.redundancy.redundant)):
         text = (
             f"from {time[worst] - record.start:.2f} s on, what no force explains leans one way for {LEANS_FOR:g} s, "
             f"{lean[worst] / usual:.2g} times as far as usual: forces elsewhere, a moment, or a wrong model"
