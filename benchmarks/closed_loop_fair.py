@@ -72,20 +72,21 @@ and PD with integral were tuned to the edge of the limits by `benchmarks/closed_
 The observer's law has gains of an earlier search by flights; the optimum of the new one is no better on other
 disturbances (that file says what was compared). The disturbances of the linear model were settled after a look at
 flights like these with another seed; weights and `control.bias` were compared on other disturbances, with other
-seeds, and stayed. **PD with integral has two limits more**, sines of 1.5 and 2.5 Hz, which are not flown here: without
-them a push is 11.5 mm and a side wind 8.7, but a sine of 2 Hz 11.2, 12 % more than the study has, and 90 ms of thrust
-lag cost 108 mm, not 11.
+seeds, and stayed. **PD with integral has two limits more**, sines of 1.5 and 2.5 Hz, which are not flown here:
+without them a push is 11.5 mm and a side wind 8.7, but a sine of 2 Hz 11.2, 12 % more than the study has, and 90 ms
+of thrust lag cost 108 mm, not 11.
 
-What the observer gives, beside PD with integral: 22 to 25 % less error of a push on a wing and of slow sines, 3 to 20 %
-of gusts of .4 s, a side wind, a weak thruster, turbulence sideways and faster sines. What it costs: it is behind in a
-long gust (by 15 %), in a gust upwards, in turbulence along all axes, in calm, under 2 mN, where the attitude is off,
-and where thrusters or the velocity are later than believed. **Plain PD, tuned as far, is as good in lateral gusts of .4
-s within 2 %, and best in turbulence sideways, in a gust upwards, in calm, and under sines of 1 and 2 Hz.** What it lacks
-is an answer to what stays: a side wind, a push, a wrong attitude. With the truth in the place of the estimate, filtered
-alike, a push and a gust change by 2 %: lag of the thrusters and authority bind, not estimation.
+What the observer gives, beside PD with integral: 22 to 25 % less error of a push on a wing and of slow sines, 3 to 20
+% of gusts of .4 s, a side wind, a weak thruster, turbulence sideways and a sine of 1 Hz. What it costs: it is behind in
+a long gust (by 15 %), in a gust upwards, in turbulence along all axes, in calm, under 2 mN, where the attitude is
+off, and where thrusters or the velocity are later than believed. **Plain PD, tuned as far, is as good in lateral
+gusts of .4 s within 2 %, and best in turbulence sideways, in a gust upwards, in calm, and under sines of 1 and 2
+Hz.** What it lacks is an answer to what stays: a side wind, a push, a wrong attitude. With the truth in the place of
+the estimate, filtered alike, a push and a gust change by 2 %: lag of the thrusters and authority bind, not
+estimation.
 
-Each wrong belief alone is borne by all three laws: 90 ms of lag for 45, thrusters 20 ms late, or a velocity 30 ms late
-cost the observer's law 10, 15 and 18 mm under the push. **Nobody bears all three at once.** Lag and delay of the
+Each wrong belief alone is borne by all three laws: 90 ms of lag for 45, thrusters 20 ms late, or a velocity 30 ms
+late cost the observer's law 10, 15 and 18 mm under the push. **Nobody bears all three at once.** Lag and delay of the
 thrusters suffice: in the linear model the roll loops are unstable with them.
 
 Two columns of a study say what was to be reached, within 5 %. PD with integral is; at 0.7 and at 2 Hz nothing is left
