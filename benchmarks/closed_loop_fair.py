@@ -3,7 +3,7 @@
     python benchmarks/closed_loop_fair.py --seeds 10 --page docs/control_results.md
 
 PD, PD with integral, and PD with integral and observer have the gains of `closed_loop_gains.json`, which
-`closed_loop_search.py` found within the same limits, by a linear model alone: no law has seen any of these flights.
+`closed_loop_search.py` found within the same limits, by a linear model alone: no flight of these seeds served any choice.
 The figures of finished flights are kept in `--kept`, so that a stopped run goes on.
 """
 
@@ -77,8 +77,8 @@ without them a push is 11.5 mm and a side wind 8.7, but a sine of 2 Hz 11.2, 12 
 of thrust lag cost 108 mm, not 11.
 
 What the observer gives, beside PD with integral: 22 to 25 % less error of a push on a wing and of slow sines, 3 to 20
-% of gusts of .4 s, a side wind, a weak thruster, turbulence sideways and a sine of 1 Hz. What it costs: it is behind in
-a long gust (by 15 %), in a gust upwards, in turbulence along all axes, in calm, under 2 mN, where the attitude is
+% of gusts of .4 s, a side wind, a weak thruster, turbulence sideways and a sine of 1 Hz. What it costs: it is behind
+in a long gust (by 15 %), in a gust upwards, in turbulence along all axes, in calm, under 2 mN, where the attitude is
 off, and where thrusters or the velocity are later than believed. **Plain PD, tuned as far, is as good in lateral
 gusts of .4 s within 2 %, and best in turbulence sideways, in a gust upwards, in calm, and under sines of 1 and 2
 Hz.** What it lacks is an answer to what stays: a side wind, a push, a wrong attitude. With the truth in the place of
