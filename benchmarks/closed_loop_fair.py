@@ -3,7 +3,7 @@
     python benchmarks/closed_loop_fair.py --seeds 10 --page docs/control_results.md
 
 PD, PD with integral, and PD with integral and observer have the gains of `closed_loop_gains.json`, which
-`closed_loop_search.py` found within the same limits, by a linear model alone: no flight of these seeds served any choice.
+`closed_loop_search.py` found within the same limits, by a linear model alone: no flight of these seeds served a choice.
 The figures of finished flights are kept in `--kept`, so that a stopped run goes on.
 """
 
@@ -72,9 +72,9 @@ and PD with integral were tuned to the edge of the limits by `benchmarks/closed_
 The observer's law has gains of an earlier search by flights; the optimum of the new one is no better on other
 disturbances (that file says what was compared). The disturbances of the linear model were settled after a look at
 flights like these with another seed; weights and `control.bias` were compared on other disturbances, with other
-seeds, and stayed. **PD with integral has two limits more**, sines of 1.5 and 2.5 Hz, which are not flown here:
-without them a push is 11.5 mm and a side wind 8.7, but a sine of 2 Hz 11.2, 12 % more than the study has, and 90 ms
-of thrust lag cost 108 mm, not 11.
+seeds, and stayed. **PD with integral has two limits more**, sines of 1.5 and 2.5 Hz, for what a study has at 2 Hz;
+the other rows are new to it. Without them a push is 11.5 mm and a side wind 8.7, but a sine of 2 Hz 11.2, 12 % more
+than the study has, and 90 ms of thrust lag cost 108 mm, not 11.
 
 What the observer gives, beside PD with integral: 22 to 25 % less error of a push on a wing and of slow sines, 3 to 20
 % of gusts of .4 s, a side wind, a weak thruster, turbulence sideways and a sine of 1 Hz. What it costs: it is behind
