@@ -26,8 +26,10 @@ CASES: dict[str, dict[str, Any]] = {
     "forces alone": {},
     "known force in doubt": {"known_error": {"air": 0.2}, "error_time": 0.05, "misfit": 0.3},
     "mass and two forces in doubt": {"known_error": {"other": 0.1, "air": 0.3}, "mass_error": 0.05},
+    "harmonics": {"frequency": 40.0},
+    "harmonics, all in doubt": {"frequency": 40.0, "known_error": {"air": 0.2}, "mass_error": 0.05},
     "no torque": {"rows": "base"},
-    "no torque, mass in doubt": {"rows": "base", "mass_error": 0.05},
+    "no torque, harmonics, mass in doubt": {"rows": "base", "frequency": 40.0, "mass_error": 0.05},
 }
 
 
@@ -260,6 +262,7 @@ def test_settings_that_make_no_sense_are_refused() -> None:
         ({"known_error": {"air": np.nan}}, "known_error of air"),
         ({"error_time": 0.0, "mass_error": 0.1}, "error_time"),
         ({"misfit": 0.0}, "misfit"),
+        ({"frequency": 0.0}, "frequency"),
     ):
         with pytest.raises(ObserverError, match=words):
             KalmanObserver(model, frames, **settings)

@@ -34,6 +34,7 @@ class KalmanTwin:
     mass_error: float = 0.0
     error_time: float = 1.0
     misfit: float = 0.01
+    frequency: float | None = None
     rows: str = "all"
 
     def run(
@@ -42,7 +43,8 @@ class KalmanTwin:
         """Return components and standard deviations (m, c)."""
         nv, c = self.model.nv, 3 * len(self.frames)
         spread = [*self.known_error.values(), *([self.mass_error] if self.mass_error else [])]
-        nz = c + len(spread)
+        blocks = 1 if self.frequency is None else 3
+        h, nz = blocks * c, blocks * c + len(spread)
         samples = [remembered(self.model, self.frames, *one) for one in zip(q, v, strict=True)]
         inertias = [pin.crba(self.model, self.model.createData(), one).copy() for one in q]
         slopes = [self.slope(*one) for one in zip(q, v, strict=True)]
@@ -51,7 +53,7 @@ class KalmanTwin:
         x = np.concatenate([samples[0][0], np.zeros(nz)])
         P = np.zeros((nv + nz, nv + nz))
         P[:nv, :nv] = inertias[0] @ np.diag(self.sensors**2) @ inertias[0]
-        P[nv:, nv:] = np.diag([*np.full(c, self.prior**2), *np.square(spread)])
+        P[nv:, nv:] = np.diag([*np.full(h, self.prior**2), *np.square(spread)])
         H, doubt, first = np.eye(nv, nv + nz), np.zeros(nv), True
         speeds, rests, misfit, count = [v[0]], [np.zeros((2, nv))], 0.0, 0
         ended: Vector | None = None
@@ -66,11 +68,13 @@ class KalmanTwin:
                 track.append(None)
                 continue
             mean = 0.5 * (samples[k] + samples[k + 1])
+            angle = 2.0 * np.pi * (self.frequency or 0.0) * (0.5 * (time[k] + time[k + 1]) - time[0])
+            basis = np.kron([1.0, np.cos(angle), np.sin(angle)][:blocks], np.eye(c))
             u = torque + sum((values[k] for values in known.values()), np.zeros(nv))
             speeds.append(samples[k + 1][2])
             count += 1
             repaired = u + sum(
-                (x[nv + c + i] * known[name][k] for i, name in enumerate(self.known_error)), np.zeros(nv)
+                (x[nv + h + i] * known[name][k] for i, name in enumerate(self.known_error)), np.zeros(nv)
             )
             if self.mass_error:
                 repaired = repaired + x[-1] * u
@@ -104,24 +108,24 @@ class KalmanTwin:
             if count <= 12:
                 disbelief = max(disbelief, self.prior**2)
             a = np.exp(-dt / self.error_time)
-            A = np.diag([*np.ones(c), *np.full(len(spread), a)])
+            A = np.diag([*np.ones(h), *np.full(len(spread), a)])
             seen = np.eye(nz)
-            seen[:c, :c] -= unseen @ unseen.T
+            seen[:h, :h] -= np.kron(np.eye(blocks), unseen @ unseen.T)
             A = seen @ A
-            W = np.diag([*np.full(c, self.force_walk**2 * dt), *((1.0 - a * a) * np.square(spread))])
+            W = np.diag([*np.full(h, self.force_walk**2 * dt), *((1.0 - a * a) * np.square(spread))])
             G = np.zeros((nz, nv))
-            G[:c] = mean[3:]
+            G[:h] = basis.T @ mean[3:]
             for i, name in enumerate(self.known_error):
-                G[c + i] = known[name][k]
+                G[h + i] = known[name][k]
             if self.mass_error:
-                G[-1] = u + G[:c].T @ (seen @ x[nv:])[:c]
+                G[-1] = u + G[:h].T @ (seen @ x[nv:])[:h]
             onward = (inertias[k] + half * slopes[k]) @ np.linalg.inv(inertias[k])
             bent = inertias[k + 1] - half * slopes[k + 1]
             own = np.eye(nv + nz)
             own[:nv, :nv] = inertias[k + 1] @ np.linalg.inv(bent)  # C^T v of the velocity sought
             F = np.block([[onward, dt * G.T @ A], [np.zeros((nz, nv)), A]])
             noise = np.vstack([dt * G.T, np.eye(nz)]) @ seen
-            square = np.sum((np.array(spread)[:, None] * G[c:]) ** 2, axis=0) if spread else np.zeros(nv)
+            square = np.sum((np.array(spread)[:, None] * G[h:]) ** 2, axis=0) if spread else np.zeros(nv)
             doubt = square if first else square + a * (doubt - square)
             first = False
             Q = noise @ W @ noise.T
@@ -138,14 +142,14 @@ class KalmanTwin:
             K = np.linalg.solve(H @ P_ahead @ H.T + R, H @ P_ahead).T
             x = ahead + K @ (samples[k + 1][0] - H @ ahead)
             P = (np.eye(nv + nz) - K @ H) @ P_ahead @ (np.eye(nv + nz) - K @ H).T + K @ R @ K.T  # Joseph
-            track.append((*earlier, x, P, unseen))
+            track.append((*earlier, x, P, basis, unseen))
         found, sure, later = [], [], None
         for step in reversed(track) if smooth else track:
             if step is None:
                 found.append(None)
                 sure.append(None)
                 continue
-            *earlier, x, P, unseen = step
+            *earlier, x, P, basis, unseen = step
             if smooth and later is not None:
                 after, P_after, next_F, next_ahead, next_P_ahead, next_own = later
                 back = np.linalg.inv(next_own)
@@ -161,8 +165,8 @@ class KalmanTwin:
                 )
                 x, P = x + C @ (after - next_ahead), P + C @ (P_after - next_P_ahead) @ C.T
             later = x, P, *earlier
-            found.append(x[nv : nv + c])
-            deviation = np.sqrt(np.diag(P)[nv : nv + c])
+            found.append(basis @ x[nv : nv + h])
+            deviation = np.sqrt(np.diag(basis @ P[nv : nv + h, nv : nv + h] @ basis.T))
             sure.append(np.where(np.any(np.abs(unseen) > 1e-3, axis=1), np.inf, deviation))
         if smooth:
             found, sure = found[::-1], sure[::-1]

@@ -72,6 +72,8 @@ class KalmanObserver(Observer):
         misfit: size of fast errors of the same forces [sqrt(s)]. Every row gets white noise of `misfit` times the
             running root mean square of the row's possible error, which is `known_error` and `mass_error` times the
             forces to which they apply.
+        frequency: flapping frequency [Hz]. If given, each force is a0 + a1 cos + b1 sin at this frequency, and all
+            three coefficients are random walks.
         expected: how large forces and lasting errors of the rows are. An error of a row that lasts is then not taken
             for noise, and a force that the pose does not show stays within its size; a given `force_walk` stays a walk.
 
@@ -93,6 +95,7 @@ class KalmanObserver(Observer):
         mass_error="any",
         error_time="any",
         misfit="any",
+        frequency="any",
     )
     def __init__(
         self,
@@ -108,6 +111,7 @@ class KalmanObserver(Observer):
         mass_error: float = 0.0,
         error_time: float = 1.0,
         misfit: float = 0.01,
+        frequency: float | None = None,
         expected: Expected | None = None,
     ) -> None:
         """Prepare the filter; `reset` starts it."""
@@ -120,10 +124,11 @@ class KalmanObserver(Observer):
             "mass_error": mass_error,
             "error_time": error_time,
             "misfit": misfit,
+            "frequency": frequency,
         }
         if self.gain.shape != ():
             raise ObserverError(f"gain of shape {self.gain.shape}: observer {self.name} takes one number")
-        nv, scale = self._nv, self.applications.scale
+        nv, scale, blocks = self._nv, self.applications.scale, 1 if frequency is None else 3
         noise = self._noise(sensor_noise)
         self._errors = tuple(known_error or ())
         errors = [_positive(f"known_error of {name}", size) for name, size in (known_error or {}).items()]
@@ -131,8 +136,8 @@ class KalmanObserver(Observer):
             errors.append(_positive("mass_error", mass_error))
         hidden, lasting = self._hidden(), 0 if expected is None else nv
         uncertain = len(self._errors) + lasting
-        coefficients = len(scale) + uncertain + int(mass_error != 0.0)
-        self._step_sizes = {"nv": nv, "c": len(scale), "nz": coefficients}
+        coefficients = blocks * len(scale) + uncertain + int(mass_error != 0.0)
+        self._step_sizes = {"nv": nv, "c": len(scale), "blocks": blocks, "nz": coefficients}
         sizes = {"ne": uncertain, "nr": lasting, "nh": len(hidden), "mass_in_doubt": mass_error != 0.0}
         sizes |= {"power_known": rows == "base+power", **self._step_sizes, **self._sizes._asdict()}
         self._memory = new_state(KalmanState, **sizes)
@@ -143,16 +148,19 @@ class KalmanObserver(Observer):
         filter_.inertias[:] = inertias_at(self.model, self.data)
         filter_.tree[:] = kinship_of(self.model)
         filter_.gravity[:] = self.model.gravity.vector
+        if frequency is not None:
+            filter_.pulsation[:] = 2.0 * np.pi * _positive("frequency", frequency)
         filter_.scale[:] = scale
+        self._walks = blocks * len(scale)
         factors = [*range(len(self._errors)), *range(len(self._errors) + lasting, len(errors) + lasting)]
-        filter_.variance[len(scale) :][factors] = np.square(errors)
-        filter_.rate[len(scale) :] = 1.0 / _positive("error_time", error_time)
+        filter_.variance[self._walks :][factors] = np.square(errors)
+        filter_.rate[self._walks :] = 1.0 / _positive("error_time", error_time)
         filter_.misfit[:] = _positive("misfit", misfit)
         self._by_gain, weight = isinstance(force_walk, str), moving_weight(model)
         first = _positive("prior", PRIOR * weight if prior is None else prior)
         filter_.doubtful[:] = first, LEAST_MISFIT * weight
         filter_.known_noise[:] = KNOWN_NOISE * weight / self.believed.weight
-        self._prior = np.square(first * scale)
+        self._prior = np.tile(np.square(first * scale), blocks)
         if isinstance(force_walk, str):
             if force_walk != "gain":
                 raise ObserverError(f"force_walk = {force_walk!r}: a number in N/sqrt(s) or 'gain' was expected")
@@ -188,12 +196,12 @@ class KalmanObserver(Observer):
         return super().update(time, q, v, tau, known)
 
     def _expect(self, expected: Expected) -> None:
-        filter_, first = self._kalman.filter, self._count + len(self._errors)
+        filter_, first = self._kalman.filter, self._walks + len(self._errors)
         filter_.rows[:] = expected.row_error**2, expected.stiction**2 / 3.0, expected.stiction_rate
         filter_.variance[first : first + self._nv] = expected.doubt
         if self._settings["force_walk"] is None:
-            filter_.rate[: self._count], filter_.walk[:] = filter_.rate[first], 0.0
-            filter_.variance[: self._count] = self._prior[:] = expected.force**2
+            filter_.rate[: self._walks], filter_.walk[:] = filter_.rate[first], 0.0
+            filter_.variance[: self._walks] = self._prior[:] = np.tile(expected.force**2, self._walks // self._count)
 
     @property
     def doubted_forces(self) -> tuple[str, ...]:
@@ -247,7 +255,7 @@ class KalmanObserver(Observer):
             filter_.head_start[:] = HEAD_START / pulsation
             filter_.walk_gain[:] = pulsation**4
         else:
-            spread[: self._count] = self._prior
+            spread[: self._walks] = self._prior
         filter_.x[:] = 0.0
         filter_.P[:] = np.diag(np.concatenate([np.square(filter_.noise), spread]))
 

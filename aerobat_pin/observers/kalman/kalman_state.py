@@ -13,7 +13,7 @@ from aerobat_pin.observers.kernels.observer_state import ObserverState
 class Step(NamedTuple):
     """Data of one interval that the smoother needs later; symbols as in `kernels`.
 
-    There are nv velocities, c components, and nz coefficients, first those. Arrays are padded with zeros and
+    There are nv velocities, c components in a number of blocks, and nz coefficients. Arrays are padded with zeros and
     widths rounded up to eight doubles, because products of whole processor vectors are faster. `rows` are S,
     [-B diag(s), X_pz], [1, 0], e; after the update, times L^-1: L^T, U, [L^-1, 0], L^-1 e, with S = L L^T.
     """
@@ -23,8 +23,9 @@ class Step(NamedTuple):
     decay: Annotated[Array, "nz"]  # a, decay factor of each coefficient
     e: Annotated[Array, "nv"]  # the innovation
     rows: Annotated[Array, "nv, (nv + 2 * (nv + nz) + 8) // 8 * 8"]  # see above
-    z: Annotated[Array, "c"]  # the components in x after the update
-    Z: Annotated[Array, "c, nv + nz"]  # rows of P for them after the update
+    basis: Annotated[Array, "blocks"]  # weight of each block of c coefficients in the forces
+    z: Annotated[Array, "blocks * c"]  # coefficients of the forces in x after the update
+    Z: Annotated[Array, "blocks * c, nv + nz"]  # rows of P for these coefficients after the update
     blind: Annotated[Array, "1"]  # number of patterns of forces that left no trace
     unseen: Annotated[Array, "c, c"]  # projector onto these patterns; valid if `blind` is not zero
 
@@ -40,6 +41,7 @@ class Filter(NamedTuple):
     power_known: int  # whether the joints' total power is known although their torques are not
     walk_gain: Annotated[Array, "1"]  # factor of the random walk if the gain sets it, 0 if the walk is given
     head_start: Annotated[Array, "1"]  # extra time of random walk added in the first interval [s]
+    pulsation: Annotated[Array, "1"]  # pulsation of the harmonics [rad/s], 0 for none
     misfit: Annotated[Array, "1"]  # the setting `misfit` of `KalmanObserver` [sqrt(s)]
     elapsed: Annotated[Array, "1"]  # time since the start [s]
     intervals: Annotated[Array, "1"]  # number of intervals since the start

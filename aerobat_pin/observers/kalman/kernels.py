@@ -1,8 +1,8 @@
 """Compiled kernels of the Kalman filter: one call for each sample, after Pinocchio has computed M.
 
 The state is the error y (nv,) of the measured velocity v (sought minus measured), and coefficients z (nz,): the forces,
-and the errors of the factors of known forces and mass. With G (nz, nv), the generalised force of each coefficient, and
-p = M v, an interval from sample 0 to sample 1 is
+their harmonics, and the errors of the factors of known forces and mass. With G (nz, nv), the generalised force of each
+coefficient, and p = M v, an interval from sample 0 to sample 1 is
 
     z <- a z + noise,    V y_1 = A y_0 + dt G^T z + noise - (p_1 - p_0 - dt (u + mean(C^T v - g)))
     A = M_0 + D_0 dt/2,  V = M_1 - D_1 dt/2
@@ -65,15 +65,21 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
     The estimate does not change yet. Returns False if the innovation is NaN or huge.
     """
     x, c, nv, errors, onward = filter_.x, filter_.walk.shape[0], u.shape[0], filter_.errors, step.onward
-    shear, e, nz, z = step.shear, step.e, step.shear.shape[0], filter_.x[u.shape[0] :]
+    shear, e, nz, h, z = step.shear, step.e, step.shear.shape[0], step.z.shape[0], filter_.x[u.shape[0] :]
+    angle = filter_.pulsation[0] * (filter_.elapsed[0] + 0.5 * dt)
+    step.basis[0] = 1.0
+    if step.basis.shape[0] == 3:
+        step.basis[1], step.basis[2] = np.cos(angle), np.sin(angle)
     shear[:, :] = 0.0
-    for a in range(c):
-        row, start, end = shear[a], before[3 + a], after[3 + a]
-        for i in range(nv):
-            row[i] = 0.5 * dt * (start[i] + end[i])
+    for block in range(step.basis.shape[0]):
+        half = 0.5 * dt * step.basis[block]
+        for a in range(c):
+            row, start, end = shear[block * c + a], before[3 + a], after[3 + a]
+            for i in range(nv):
+                row[i] = half * (start[i] + end[i])
     for a in range(errors.shape[0]):
         for i in range(nv):
-            shear[c + a, i] = dt * errors[a, i]
+            shear[h + a, i] = dt * errors[a, i]
     for a in range(nz):
         step.decay[a] = np.exp(-filter_.rate[a] * dt) if filter_.rate[a] > 0.0 else 1.0
     if step.blind[0] > 0.0:
@@ -81,7 +87,7 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
     if filter_.mass_in_doubt > 0:  # an error of the mass scales known and estimated forces
         for i in range(nv):
             shear[nz - 1, i] = dt * u[i]
-        for a in range(c):
+        for a in range(h):
             for i in range(nv):
                 shear[nz - 1, i] += shear[a, i] * z[a]
     for k in range(nv):
@@ -124,10 +130,11 @@ def predict_covariance(
             for j in range(n):
                 P[j, nv + a] *= decay
             P[nv + a, nv + a] += (1.0 - decay * decay) * filter_.variance[a]
-    for a in range(c):
-        row = P[nv + a, nv:]
-        for b in range(c):
-            row[b] += grown * filter_.walk[a, b]
+    for first in range(nv, nv + step.z.shape[0], c):
+        for a in range(c):
+            row = P[first + a, first:]
+            for b in range(c):
+                row[b] += grown * filter_.walk[a, b]
     if step.blind[0] > 0.0:
         drop_unseen(step, nv, P)
         drop_unseen(step, nv, P.T)
@@ -188,13 +195,18 @@ def report(step: Step, dt: float, out: Array) -> None:
 
     A component that is part of an unseen pattern has an infinite standard deviation.
     """
-    nv, c = step.rows.shape[0], step.z.shape[0]
+    nv, blocks = step.rows.shape[0], step.basis.shape[0]
+    c = step.z.shape[0] // blocks
     for i in range(nv):
         out[i] = 0.0
     for a in range(c):
-        force = step.z[a]
+        force, variance = 0.0, 0.0
+        for block in range(blocks):
+            force += step.basis[block] * step.z[block * c + a]
+            for other in range(blocks):
+                variance += step.basis[block] * step.basis[other] * step.Z[block * c + a, nv + other * c + a]
         out[nv + a] = force
-        out[nv + c + a] = np.sqrt(max(step.Z[a, nv + a], 0.0))
+        out[nv + c + a] = np.sqrt(max(variance, 0.0))
         if step.blind[0] > 0.0 and step.unseen[a, a] > UNSEEN_SHARE * UNSEEN_SHARE:
             out[nv + c + a] = np.inf
         for i in range(nv):

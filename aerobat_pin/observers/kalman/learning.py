@@ -117,18 +117,19 @@ def leak_of_noise(
 
 @inner
 def drop_unseen(step: Step, start: int, values: Array) -> None:
-    """Take out of rows of values (n, ...) what leaves no trace: f <- (1 - N N^T) f.
+    """Take out of rows of values (n, ...) what leaves no trace: f <- (1 - N N^T) f for every block of c coefficients.
 
-    The first of the components is row `start`. Of a covariance, the rows of its transpose follow.
+    The first of the coefficients is row `start`. Of a covariance, the rows of its transpose follow.
     """
     unseen, c = step.unseen, step.unseen.shape[0]
     kept = np.empty(c)
-    for j in range(values.shape[1]):
-        for a in range(c):
-            kept[a] = values[start + a, j]
-        for a in range(c):
-            for b in range(c):
-                values[start + a, j] -= unseen[a, b] * kept[b]
+    for first in range(start, start + step.z.shape[0], c):
+        for j in range(values.shape[1]):
+            for a in range(c):
+                kept[a] = values[first + a, j]
+            for a in range(c):
+                for b in range(c):
+                    values[first + a, j] -= unseen[a, b] * kept[b]
 
 
 @inlined

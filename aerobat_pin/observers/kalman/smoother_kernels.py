@@ -22,16 +22,25 @@ from aerobat_pin.observers.kalman.learning import drop_unseen
 
 @kernel
 def smooth(step: Step, adjoint: Array, N: Array, work: Array) -> None:
-    """Replace the components `z` of a step, and their variances in `Z`, by the smoothed values.
+    """Replace the coefficients `z` of a step, and their columns of `Z`, by the smoothed values.
 
-    The adjoint (n,) and its covariance N (n, n) are those after the step's update; `work` (c, n) is scratch.
+    The adjoint (n,) and its covariance N (n, n) are those after the step's update; `work` (h c, n + h c) is scratch.
     """
-    Z, nv = step.Z, step.rows.shape[0]
+    Z, h, n = step.Z, step.z.shape[0], adjoint.shape[0]
+    nv, c = step.rows.shape[0], h // step.basis.shape[0]
     work[:, :] = 0.0
-    add_product(work, Z, N, 1.0)
-    for a in range(step.z.shape[0]):
+    add_product(work[:, :n], Z, N, 1.0)
+    for a in range(h):
         step.z[a] += dot(Z[a], adjoint)
-        Z[a, nv + a] -= dot(work[a], Z[a])
+    for component in range(c):  # only covariances between coefficients of the same component are needed
+        for a in range(component, h, c):
+            row, reduction = work[a, :n], work[a, n:]
+            for b in range(component, h, c):
+                reduction[b] = dot(row, Z[b])
+    for component in range(c):
+        for a in range(component, h, c):
+            for b in range(component, h, c):
+                Z[a, nv + b] -= work[a, n + b]
 
 
 @kernel
@@ -109,9 +118,9 @@ def smooth_all(time: Array, memory: Array, steps: Array, out: Array) -> None:
         out: (m, ...) the first nv + 2 c columns are written: residual, components, standard deviations.
     """
     latest = fields_of(memory, KalmanState).step
-    n, nv, c = latest.shear.shape[1], latest.e.shape[0], latest.z.shape[0]
+    n, nv, h = latest.shear.shape[1], latest.e.shape[0], latest.z.shape[0]
     adjoint, N, K, work = np.zeros(n), np.zeros((n, n)), np.empty((n, n)), np.empty((nv, n))
-    smoothing, mirrored, old = np.empty((c, n)), np.zeros((nv, n)), np.empty((n, n))
+    smoothing, mirrored, old = np.empty((h, n + h)), np.zeros((nv, n)), np.empty((n, n))
     for k in range(out.shape[0] - 1, -1, -1):
         dt = time[k + 1] - time[k]
         if dt > 0.0:
