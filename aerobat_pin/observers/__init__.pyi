@@ -47,7 +47,6 @@ from .redundancy import typical_step as typical_step
 from .registry import OBSERVERS as OBSERVERS
 from .rows import MOMENT_ARM as MOMENT_ARM
 from .rows import AllBut as AllBut
-from .rows import BelievedRows as BelievedRows
 from .rows import Rows as Rows
 from .rows import Tie as Tie
 from .rows import has_free_base as has_free_base

@@ -242,7 +242,8 @@ def test_a_program_in_the_background_ignores_ctrl_c(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         time.sleep(0.02)
     _, errors = process.communicate()
-    assert (process.returncode, errors) == (0, b"")
+    assert process.returncode == 0
+    assert errors in (b"", b"starting\n")  # which is said on a machine that loads slowly
 
 
 SIZES = (1_000, 30_000, 120_000, 400_000)  # [bytes]: a short run writes files of up to 0.2 MB

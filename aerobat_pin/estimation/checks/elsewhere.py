@@ -17,7 +17,7 @@ from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.run_observers import points_of, rows_of, settled
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Applications, BelievedRows, Expected
+from aerobat_pin.observers import Expected, MomentumObserver
 from aerobat_pin.records import Record
 
 LEANS_FOR = 0.2  # [s] over which rows are averaged
@@ -33,6 +33,8 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
     if expected is None or estimate.redundancy.redundant < 1:
         return
     time, rest, speeds = _leaning(record, estimate, expected)
+    if not len(time):
+        return
     moves = settled(record, time) & (np.mean(speeds / np.maximum(speeds.mean(axis=0), 1e-12), axis=1) > IN_MOTION)
     if moves.sum() < FEWEST_MEANS:
         return
@@ -52,8 +54,9 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
 def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tuple[Array, Array, Array]:
     """Return starts (n,) [s] of means of rows over their errors, these means (n, k), and squares of v (n, nv)."""
     model, piece, done = record.robot.model, max(1, round(LEANS_FOR * record.rate / PIECES)), 0
-    believed = BelievedRows(model, rows_of(record.map, record.robot, record.joints, record.channels)[0])
-    applications, found = Applications(model, points_of(record.map)), list[tuple[Array, Array, Array]]()
+    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    observer = MomentumObserver(model, points_of(record.map), float(record.map.observer.gain), rows)
+    believed, applications, found = observer.believed, observer.applications, list[tuple[Array, Array, Array]]()
     for first, last in record.parts:
         pieces: list[tuple[Array, Array]] = []
         for begin in range(first, last - piece + 1, size := max(ROWS_READ // piece, 1) * piece):
