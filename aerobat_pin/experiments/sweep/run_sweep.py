@@ -122,17 +122,18 @@ def _started(pool: Any, tasks: list[Any]) -> Iterator[Outcomes]:
     """Start tasks and provide their outcomes as they come; close the generator of outcomes at the end.
 
     A terminal sends Ctrl-C to all processes, but only this process can handle it; the worker processes therefore start
-    with the signal blocked. Joblib's warnings about an interruption are not shown.
+    with the signal blocked. Joblib's warnings about an interruption are not shown, nor what a thread of its own raises
+    while its tasks are taken away; that begins inside its generator, before the caller hears of the interruption.
     """
     resource_tracker.ensure_running()  # otherwise it starts later, and unblocks the signal
+    report = threading.excepthook
+    threading.excepthook = partial(_unless_of_joblib, report)
     before, outcomes = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT}), None  # new processes inherit it
     try:
         outcomes = pool(tasks)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         yield outcomes
-    except BaseException:
-        threading.excepthook = partial(_unless_of_joblib, threading.excepthook)
-        raise
+        threading.excepthook = report
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         with warnings.catch_warnings():
