@@ -152,6 +152,28 @@ def test_ctrl_c_says_how_to_go_on(count: int, file: Path, uninterrupted: Path, t
     same_tables(tmp_path, uninterrupted)
 
 
+def test_what_a_thread_of_joblib_raises_at_an_interruption_is_not_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It can fail while joblib takes tasks away, before the loop over its generator hears of Ctrl-C."""
+    shown: list[object] = []
+    monkeypatch.setattr(threading, "excepthook", shown.append)
+
+    def raise_in(name: str) -> None:
+        thread = threading.Thread(target={}.__getitem__, args=(1,), name=name)
+        thread.start()
+        thread.join()
+
+    def outcomes(_: object) -> Iterator[None]:
+        yield
+        raise_in("ExecutorManagerThread")
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), executors._started(outcomes, []) as ends:
+        list(ends)
+    assert not shown
+    raise_in("another")
+    assert len(shown) == 1
+
+
 def test_a_killed_worker_costs_nothing_but_time(file: Path, uninterrupted: Path, tmp_path: Path) -> None:
     """A process of the pool dies, as if the machine had taken its memory: new ones fly what is left."""
 
