@@ -35,6 +35,7 @@ from aerobat_pin.records import Map, PlainRobot, Record, Spool
 BLOCK = 30_000  # intervals that are estimated at once
 LEAD = 15.0  # time constants 1/K by which a block begins before its first result: what is left of its start is e^-15
 LEAST_EXPECTED = 5.0e-4  # of the robot's weight, per spare row: no belief, and no step of a record, is more exact
+ADDED_MISFIT = 2.0e-4  # the same that a filter assumes of its model beside errors that a calibration states
 
 
 class ErrorOfBelief(Protocol):
@@ -98,7 +99,7 @@ def built_observers(
             settings = {**settings, "expected": expected}
         made.append(OBSERVERS[name](robot.model, points, section.gain, rows, **settings))
         if errors_known and isinstance(made[-1], KalmanObserver):
-            made[-1].trust_model(LEAST_EXPECTED * moving_weight(robot.model))
+            made[-1].trust_model(ADDED_MISFIT * moving_weight(robot.model))
     return made
 
 

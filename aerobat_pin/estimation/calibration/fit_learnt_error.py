@@ -3,8 +3,8 @@
 Every flight is turned by a discrete sine transform, in which the derivative of white noise of the velocity sensors has
 the independent variances a 4 sin^2(pi k / 2 (m + 1)), to which b is added: what follows neither phase nor state. a is
 read from frequencies in which no error of a belief is left, b from expectation and maximisation together with the
-weights. b is at least a twentieth of the error's size: no series is more exact, and evidence alone would believe that a
-few seconds of flight show everything.
+weights. For the weights b is at least a twentieth of the error's size: evidence alone would believe that a few seconds
+of flight show everything. What a flight is said to leave is what these were found to leave.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from aerobat_pin.estimation.calibration.learnt_error import (
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Condition
 
-LEAST_SERIES_NOISE = 0.05  # of the error's size: least rms of what a series leaves
+LEAST_SERIES_NOISE = 0.05  # of the error's size: least rms of what a series leaves, for its weights
 HIGHEST = 0.5  # cycles above the highest harmonic, up to which the flights are fitted
 NOISE_ABOVE = 150.0  # [Hz]: where nothing but noise of the sensors is left; of slow records the upper half
 MEDIAN_OF_SQUARE = 0.455  # of a normal variable of deviation 1
@@ -95,7 +95,10 @@ def fit_learnt_error(
 
 
 def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, float]:
-    """Return mean, covariance and b for unit prior variances, all over the size of the error."""
+    """Return mean, covariance and what is left, squared, for unit prior variances, all over the size of the error.
+
+    With H the hat matrix, the squared residuals are those of b times tr (I - H)^2 over their count.
+    """
     rest = LEAST_SERIES_NOISE**2
     for step in range(STEPS + 1):
         variance = noise + rest
@@ -106,7 +109,10 @@ def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, f
             square = (target - terms @ mean) ** 2 + np.sum((terms @ covariance) * terms, axis=1)
             share = rest / variance
             rest = max(float(np.mean(share**2 * square + rest * (1.0 - share))), LEAST_SERIES_NOISE**2)
-    return mean, covariance, rest
+    used = np.eye(len(mean)) - covariance  # tr H = tr used, tr H^2 = |used|^2
+    free = 1.0 - (2.0 * np.trace(used) - np.sum(used**2)) / len(target)
+    share = rest / variance
+    return mean, covariance, float(np.mean(share**2 * (target - terms @ mean) ** 2 / free + rest * (1.0 - share)))
 
 
 def _flight_terms(condition: Condition, target: Array, step: float, order: int, centre: Array, scale: Array) -> _Flight:

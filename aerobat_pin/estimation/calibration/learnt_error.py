@@ -27,7 +27,7 @@ from aerobat_pin.records import Condition
 BEND = 9.0  # square of the harmonic from which errors are expected to fall
 LINEAR = 1.6  # c: an error may change this often its own size where a state changes by its unit
 DAILY = 0.016  # kappa: share of the error that differs from flight to flight at the same state
-NEARLY_KNOWN = 2.0  # times the deviation where an error is known best: up to this thresholds stay as they are
+NEARLY_KNOWN = 2.7  # times what differs from day to day: up to this deviation thresholds stay as they are
 CURVED = 0.8  # q: share of it that goes with the square of a state, where this is 1
 
 
@@ -92,8 +92,7 @@ class LearntError:
     def widened(self, condition: Condition) -> Array:
         """Return the factor (m,) by which thresholds grow: 1 where the error is known nearly as well as anywhere."""
         rows = self.learnt_rows
-        least = DAILY**2 * self.size**2 + self.remainder**2
-        times = np.sqrt(np.mean(self.deviation(condition)[:, rows] ** 2 / least[rows], axis=1))
+        times = np.sqrt(np.mean((self.deviation(condition)[:, rows] / (DAILY * self.size[rows])) ** 2, axis=1))
         return np.asarray(np.maximum(times / NEARLY_KNOWN, 1.0))
 
 
