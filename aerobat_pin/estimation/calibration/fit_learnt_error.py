@@ -95,9 +95,10 @@ def fit_learnt_error(
 
 
 def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, float]:
-    """Return mean, covariance and what is left, squared, for unit prior variances, all over the size of the error.
+    """Return mean, covariance of its error and what is left, squared, for unit prior variances, over the error's size.
 
-    With H the hat matrix, the squared residuals are those of b times tr (I - H)^2 over their count.
+    With H the hat matrix, the squared residuals are those of b times tr (I - H)^2 over their count. The error of
+    weights that were found with more noise than there is has the covariance C (X^T W N W X + I) C, N the true noise.
     """
     rest = LEAST_SERIES_NOISE**2
     for step in range(STEPS + 1):
@@ -112,7 +113,9 @@ def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, f
     used = np.eye(len(mean)) - covariance  # tr H = tr used, tr H^2 = |used|^2
     free = 1.0 - (2.0 * np.trace(used) - np.sum(used**2)) / len(target)
     share = rest / variance
-    return mean, covariance, float(np.mean(share**2 * (target - terms @ mean) ** 2 / free + rest * (1.0 - share)))
+    left = float(np.mean(share**2 * (target - terms @ mean) ** 2 / free + rest * (1.0 - share)))
+    told = weighted.T @ ((noise + left)[:, None] * weighted) + np.eye(len(mean))
+    return mean, covariance @ told @ covariance, left
 
 
 def _flight_terms(condition: Condition, target: Array, step: float, order: int, centre: Array, scale: Array) -> _Flight:
