@@ -25,7 +25,7 @@ from closed_loop_search import GAINS, SCENARIO, settings_of
 from aerobat_pin.control import Controller, loop_margins, noise_slew, wrong_plant_ms
 from aerobat_pin.scenario import load_scenario
 
-FIRST_SEED = 711
+FIRST_SEED = 721
 GUST = "gust_closed_loop"
 CALM = "unknown_force=[]"
 FORCE = 'unknown_force=[{{frame="base_link", axes="world", direction=[0.0, 1.0, 0.0], {}}}]'
