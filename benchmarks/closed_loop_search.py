@@ -15,14 +15,25 @@ there, so it goes on where it was stopped (and a run for the observer's law repl
 minutes. What each start ends at is printed: where they agree there is one optimum.
 
 Kept is the optimum of PD (two starts: 2.3288, 2.3282), and for the observer's law gains of an earlier search by
-flights. For PD with integral gains are kept where a search stood with both `SINES` at .96 of what its optimum without
-them has (1.2650, 1.2672); `SINES` are what they make, rounded up. They have 1.2873; from them this search goes on to
-1.2839, which makes 1 % more of a sine of 2 Hz. Of .96, .93 and .90 the first was chosen by flights with the seeds 301
-and 302, of eight rows of the page (2 Hz and 1 Hz, push, 2 mN, side wind, two gusts, attitude) beside what a study has.
-The optimum for the observer's law here (three starts: 1.125 to 1.128) is as good, not better: with other disturbances
-and seeds (301 to 303) than those of the page, pushes on the right wing, gusts from the left and down, sines of .5, 1.5
-and 2.5 Hz, longer eddies and a weaker wind, the geometric mean of errors is 9.63 mm, of the kept gains 9.39. With
-twice the weight on the shortest push it is 9.23, but with a velocity that is 30 ms late a push is 28 mm, not 18.
+flights, but for one, see below. For PD with integral gains are kept where a search stood with both `SINES` at .96
+of what its optimum without them has (1.2650, 1.2672); `SINES` are what they make, rounded up. They have 1.2873;
+from them this search goes on to 1.2839, which makes 1 % more of a sine of 2 Hz. Of .96, .93 and .90 the first was
+chosen by flights with the seeds 301 and 302, of eight rows of the page (2 Hz and 1 Hz, push, 2 mN, side wind, two
+gusts, attitude) beside what a study has. The optimum for the observer's law here (three starts: 1.125 to 1.128) is
+as good, not better: with other disturbances and seeds (301 to 303) than those of the page, pushes on the right
+wing, gusts from the left and down, sines of .5, 1.5 and 2.5 Hz, longer eddies and a weaker wind, the geometric mean
+of errors is 9.63 mm, of the gains by flights 9.39. With twice the weight on the shortest push it is 9.23, but with
+a velocity that is 30 ms late a push is 28 mm, not 18.
+
+The height of the observer's law is raised by hand, from the 10.927 of the search by flights to 11.4, since a gust
+upwards was 6 % above what a study has (seeds 711 to 720). `--height` tunes the gains of height alone: from four starts
+it ends at 12.5, a damping of .685 and a `lift_gain` of 29.8 (1.3171 to 1.3172), at the limits of delay, slew and lag.
+With them that gust is 4.42 mm, not 4.76 (seeds 301 to 304), but a push leaves 16 % more where thrusters are 20 ms late,
+33 % more where the velocity is 30 ms late (301 to 303). So flights chose again, among heights up to 12, dampings from
+.75 to 1.1 and a `lift_gain` from 12 to 20: 11.4, all else as before, takes 1.5 % of the gust; of ten rows of the page
+no error grows by more than .5 %, and the slew of a push by .8 % (301 to 310). 11.5 and 12 cost 1.3 and 2.4 % where
+thrusters are late (301 to 304), and more with less damping.
+
 `SINES` are there because a study has 10 mm at 2 Hz. `bias` was chosen on those other disturbances, weaker and later
 thrusters and sensors among them: 15, 30, 45 and 70 1/s leave 7.10, 7.09, 7.20 and 8.19 mm, for both laws together.
 """
@@ -97,15 +108,16 @@ def room(pilot: Controller, scenario: Scenario) -> np.ndarray:
     prompt, late = (sideways.with_late_velocity(delay) for delay in (0.0, LATE))
     turns = [np.unwrap(np.angle(one)) for one in (prompt, late)]  # Nyquist: as many turns, or an unstable pole more
     turned = abs(np.subtract(*[one[-1] - one[0] for one in turns])) > np.pi
+    by_integral = scenario.control is not None and scenario.control.integral and not scenario.control.feedforward
+    most = SINES if by_integral else {}
     if not all(one.stable for one in margins) or not np.all(np.isfinite(wrong)) or turned:
-        return np.full(len(margins) + 2 + len(SINES) + len(wrong), -1.0)
+        return np.full(len(margins) + 2 + len(most) + len(wrong), -1.0)
     wrong.append(1.0 / np.min(np.abs(late)))
     other = copy.copy(pilot)
     other.scenario = scenario
     delays = [min(one.delay, 1.0) / LEAST_DELAY for one in margins]
-    by_integral = scenario.control is not None and scenario.control.integral and not scenario.control.feedforward
-    there = Responses(scenario, "lateral", 1j * np.array([*SINES])).of_side()
-    sines = np.array([*SINES.values()]) / np.abs(1e3 * there) if by_integral else np.ones(len(SINES))
+    there = Responses(scenario, "lateral", 1j * np.array([*most])).of_side()
+    sines = np.array([*most.values()]) / np.abs(1e3 * there)
     return np.log([*delays, MOST_SLEW / noise_slew(other), *(MOST_MS / ms for ms in wrong), *sines])
 
 
@@ -190,17 +202,20 @@ def cost(scenario: Scenario) -> float:
     return float(np.exp(np.average(np.log(errors(scenario)), weights=weights)))
 
 
-def free_gains(gains: dict[str, Any]) -> list[tuple[str, int]]:
-    """Return key and place of the gains that are looked for."""
+def free_gains(gains: dict[str, Any], height: bool = False) -> list[tuple[str, int]]:
+    """Return key and place of the gains that are looked for: all, or those of height alone."""
+    if height:
+        places = (("height", 0), ("damping", 2), ("position_integral", 2), ("lift_gain", 0))
+        return [(key, i) for key, i in places if key in gains]
     shared = ("forward", "forward_gain", "bias")
     first = {key: int(key in ("damping", "position_integral")) for key in gains if key not in shared}
     return [(key, i) for key, begin in first.items() for i in range(begin, np.size(gains[key]))]
 
 
-def changed(gains: dict[str, Any], x: np.ndarray, digits: int = 9) -> dict[str, Any]:
+def changed(gains: dict[str, Any], free: list[tuple[str, int]], x: np.ndarray, digits: int = 9) -> dict[str, Any]:
     """Return gains whose free ones are multiplied by exp(x)."""
     new = {key: list(value) if isinstance(value, list) else [value] for key, value in gains.items()}
-    for (key, i), one in zip(free_gains(gains), x, strict=True):
+    for (key, i), one in zip(free, x, strict=True):
         new[key][i] = round(float(new[key][i] * np.exp(one)), digits)
     return {key: value if isinstance(gains[key], list) else value[0] for key, value in new.items()}
 
@@ -212,16 +227,17 @@ def main() -> int:
     parser.add_argument("--starts", type=int, default=4)
     parser.add_argument("--scatter", type=float, default=0.15, help="standard deviation of the starts' logarithms")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--height", action="store_true", help="tune the gains of height alone, and keep none of them")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     law, rng = options.law, np.random.default_rng(options.seed)
     base = load_scenario(SCENARIO, PARTS[law])
     pilot, gains = Controller(base), json.loads(GAINS.read_text())[law]["gains"]
-    best, free = np.inf, free_gains(gains)
+    best, free = np.inf, free_gains(gains, options.height)
     most = np.log([MOST_GAIN / np.atleast_1d(gains[key])[i] for key, i in free])
 
     def at_gains(x: np.ndarray) -> Scenario:
-        return with_gains(base, changed(gains, x))
+        return with_gains(base, changed(gains, free, x))
 
     def left(x: np.ndarray) -> np.ndarray:
         return room(pilot, at_gains(x)) - CAUTION
@@ -243,12 +259,12 @@ def main() -> int:
             x = x + share * way
             if gained < LEAST:
                 break
-        tuned = changed(gains, x, digits=3)
+        tuned = changed(gains, free, x, digits=3)
         value, fits = cost(with_gains(base, tuned)), room(pilot, with_gains(base, tuned)).min() >= 0.0
         print(
             f"{law}, start {start}: {1e3 * value:.4f}, {'within' if fits else 'beyond'} the limits, {tuned}", flush=True
         )
-        if fits and value < best:
+        if fits and value < best and not options.height:
             best, known = value, json.loads(GAINS.read_text())
             known[law] = {"gains": tuned, "cost": value}
             GAINS.write_text(json.dumps(known, indent=1) + "\n")
