@@ -22,7 +22,7 @@ FORGOTTEN = 7.0  # periods of the filter after which e^-30 of a value is left: e
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
+class PairedEstimate:
     """An estimate and its reference at the same intervals, behind the same filter if the reference has one.
 
     Attributes:
@@ -40,7 +40,7 @@ class Compared:
     shown: Series | None = None
 
     @classmethod
-    def of(cls, estimate: StoredEstimate, reference: Reference, dt: float) -> Compared | None:
+    def of(cls, estimate: StoredEstimate, reference: Reference, dt: float) -> PairedEstimate | None:
         """Return an estimate beside a reference of its intervals; None if it does not estimate what this shows."""
         known = estimate.head.identifiability.components
         wanted = [f"{reference.frame}.{label}" for label in reference.labels]
@@ -176,3 +176,6 @@ def sensor_references(record: Record) -> tuple[Reference, ...]:
         raise MapError("map: check.wrench.part: less than three intervals are left to compare")
     labels = WRENCH_AXES[:count]
     return (Reference(point, "sensor", labels, values, None, section.filter, tuple(stretches), scored, used),)
+
+
+Compared = PairedEstimate  # its name in `calibration/`

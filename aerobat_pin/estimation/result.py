@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.against_reference import Compared
+from aerobat_pin.estimation.against_reference import PairedEstimate
 from aerobat_pin.estimation.calibration_use import CalibrationUse, ModelCheck
 from aerobat_pin.estimation.contacts import Stance, stances_on_ground
 from aerobat_pin.estimation.findings import Finding
@@ -87,9 +87,11 @@ class Result:
         return {name: estimate.whole() for name, estimate in self.stored.items()}
 
     @cached_property
-    def compared(self) -> dict[str, list[Compared]]:
+    def compared(self) -> dict[str, list[PairedEstimate]]:
         """Observer -> its estimate beside each reference of what it estimates."""
-        sides = {name: [Compared.of(own, one, self.dt) for one in self.references] for name, own in self.stored.items()}
+        sides = {
+            name: [PairedEstimate.of(own, one, self.dt) for one in self.references] for name, own in self.stored.items()
+        }
         return {name: [side for side in found if side is not None] for name, found in sides.items()}
 
     @cached_property

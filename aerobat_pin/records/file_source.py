@@ -79,12 +79,12 @@ def open_record(path: Path, chosen: Map | Path, folder: Path | None = None, robo
 
 def _with_held(chosen: Map, robot: PlainRobot) -> Map:
     """Return a map in which `held = {"*" = 0.0}` stands for every joint that `joints.names` does not name."""
-    held = chosen.joints.held
-    if "*" not in held:
+    fixed = chosen.joints.held
+    if "*" not in fixed:
         return chosen
     names = {*listed_joints(chosen.joints.names), *renamed_joints(chosen.joints.names).values()}
-    rest = {name: held["*"] for name in robot.joints if name not in names}
-    named = {name: place for name, place in held.items() if name != "*"}
+    rest = {name: fixed["*"] for name in robot.joints if name not in names}
+    named = {name: place for name, place in fixed.items() if name != "*"}
     joints = chosen.joints.model_copy(update={"held": {**rest, **named}})
     return chosen.model_copy(update={"joints": joints})
 
@@ -127,8 +127,8 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
     if table.passive:
         notes.append(f"without a motor, efforts known to be 0: {', '.join(table.passive)}")
     if table.held:
-        held = ", ".join(f"{name} at {place:g}" for name, place in table.held.items())
-        notes.append(f"held still, rows not believed: {held}")
+        fixed = ", ".join(f"{name} at {place:g}" for name, place in table.held.items())
+        notes.append(f"held still, rows not believed: {fixed}")
     return names, tuple(notes)
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord
+from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 
@@ -115,7 +115,7 @@ def _spline(time: Array, values: Array, step: float, degree: int = 5):  # type: 
     return make_lsq_spline(time, values, knots, k=degree)
 
 
-def _attitude(time: Array, seen_at: Array, seen: Array, gyro: RawChannel | None) -> Array:
+def _attitude(time: Array, seen_at: Array, seen: Array, gyro: SensorSamples | None) -> Array:
     """Return rotations (m + 1, 3, 3): the integrated gyro, turned slowly to those seen (n, 3, 3) by motion capture."""
     if gyro is None:
         return _slerped(time, seen_at, seen)

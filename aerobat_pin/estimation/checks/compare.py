@@ -45,7 +45,7 @@ UNIT_FACTORS = {  # second per first -> the slip that makes it
 
 
 @dataclass(frozen=True)
-class SeriesComparison:
+class CrossCorrelation:
     """How a second series (m, c) follows a first one.
 
     Attributes:
@@ -100,7 +100,7 @@ def slip_of(factor: float, correlation: float) -> str:
     return next((slip for known, slip in UNIT_FACTORS.items() if low < known < high), "")
 
 
-def compare_rates(values: Array, rates: Array, time: Array) -> SeriesComparison | None:
+def compare_rates(values: Array, rates: Array, time: Array) -> CrossCorrelation | None:
     """Compare values (m, c) with the integral of rates (m, c), both over windows."""
     step = float(time[-1] - time[0]) / (len(time) - 1)
     steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(time)[:, None]
@@ -111,7 +111,7 @@ def compare_rates(values: Array, rates: Array, time: Array) -> SeriesComparison 
     return compare((values[n:] - values[:-n])[whole], (integral[n:] - integral[:-n])[whole], time[n:][whole])
 
 
-def compare(first: Array, second: Array, time: Array) -> SeriesComparison | None:
+def compare(first: Array, second: Array, time: Array) -> CrossCorrelation | None:
     """Compare series (m, c) at increasing times (m,) [s]; None if they are too short."""
     if len(first) < FEWEST_POINTS:
         return None
@@ -156,7 +156,7 @@ def compare(first: Array, second: Array, time: Array) -> SeriesComparison | None
     swings = _root_mean_square(both)
     products = np.outer(*swings) * len(a)
     match = _divided(both[0].T @ both[1], products)
-    return SeriesComparison(
+    return CrossCorrelation(
         lag=-by if fits else 0.0,
         certain=fits and after < EXPLAINED_BY_SHIFT * power,
         sizes=_root_mean_square(np.stack([a, b])),
@@ -220,12 +220,12 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
         yield _whole_channel(pair, found)
 
 
-def comparison_of(pair: Agreement) -> SeriesComparison | None:
+def comparison_of(pair: Agreement) -> CrossCorrelation | None:
     """Return how the two series compare; None if they are too short."""
     return (compare_rates if pair.kind == "rates" else compare)(pair.first, pair.second, pair.time)
 
 
-def exchanged(found: SeriesComparison) -> list[tuple[int, int]]:
+def exchanged(found: CrossCorrelation) -> list[tuple[int, int]]:
     """Return pairs of columns that fit each other's far better than their own."""
     match = found.match
     return [
@@ -236,11 +236,11 @@ def exchanged(found: SeriesComparison) -> list[tuple[int, int]]:
     ]
 
 
-def _limits(pair: Agreement, found: SeriesComparison) -> Array:
+def _limits(pair: Agreement, found: CrossCorrelation) -> Array:
     return np.asarray(np.maximum(pair.floor, pair.share * found.sizes[0]))
 
 
-def _late(pair: Agreement, found: SeriesComparison) -> Iterator[Finding]:
+def _late(pair: Agreement, found: CrossCorrelation) -> Iterator[Finding]:
     if found.certain and abs(found.lag) > pair.latest:
         early, late = pair.names if found.lag > 0.0 else pair.names[::-1]
         yield Finding(
@@ -253,7 +253,7 @@ def _late(pair: Agreement, found: SeriesComparison) -> Iterator[Finding]:
         )
 
 
-def _sentence(pair: Agreement, found: SeriesComparison, limit: Array, columns: list[int], slip: str) -> str:
+def _sentence(pair: Agreement, found: CrossCorrelation, limit: Array, columns: list[int], slip: str) -> str:
     """Return what is wrong with columns that have the same slip: the figures of the worst of them."""
     worst = max(columns, key=lambda column: float(found.left[column] / limit[column]))
     others = [pair.labels[column] for column in columns if column != worst]
@@ -276,7 +276,7 @@ def _follows(pair: Agreement, factor: float, correlation: float) -> str:
     return f"{second} {verb} {factor:.3g} times what follows from {first}, correlation {correlation:.2f}"
 
 
-def _whole_channel(pair: Agreement, found: SeriesComparison) -> Finding:
+def _whole_channel(pair: Agreement, found: CrossCorrelation) -> Finding:
     """Return what all columns together say of two series of which no column is off."""
     first, second = (float(np.linalg.norm(swing)) for swing in found.swings)
     if (min(first, second) if second > 0.0 else first) < SEEN_MOTION:  # a sensor that shows nothing at all is seen

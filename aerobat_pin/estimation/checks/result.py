@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.against_reference import Compared
+from aerobat_pin.estimation.against_reference import PairedEstimate
 from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
 from aerobat_pin.estimation.checks.elsewhere import elsewhere_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
@@ -76,7 +76,7 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
             yield Finding("fit", "warning", f"{fit.name} does not hold: it {sizes}", fit.outside, fit.unit)
 
 
-def _sensor_findings(record: Record, side: Compared, estimate: StoredEstimate) -> Iterator[Finding]:
+def _sensor_findings(record: Record, side: PairedEstimate, estimate: StoredEstimate) -> Iterator[Finding]:
     """Yield sign and factor of the sensor against the estimate, on its liveliest component, if that is always seen."""
     k = side.liveliest
     name = f"{side.reference.frame}.{side.reference.labels[k]}"
@@ -170,17 +170,17 @@ def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Itera
 
     `speeds` (k,) are their rms [m/s], weighted by the squares of the forces.
     """
-    model, held = record.robot.model, ["the base"] if record.map.base.held else []
+    model, fixed = record.robot.model, ["the base"] if record.map.base.held else []
     fast = [(frame, speed) for frame, speed in zip(frames, speeds.tolist(), strict=True) if speed > STANDS]
     carrying = {
         joint for frame, _ in fast for joint in model.supports[model.frames[model.getFrameId(frame)].parentJoint]
     }
-    held += [name for name in record.map.joints.held if model.getJointId(name) in carrying]
-    if held and fast:
+    fixed += [name for name in record.map.joints.held if model.getJointId(name) in carrying]
+    if fixed and fast:
         words = ", ".join(f"{frame} at {speed:.2g} m/s" for frame, speed in fast)
         text = (
             f"points move where they carry force: {words}. A foot on the ground stands; does what the map holds still "
-            f"move in its place ({', '.join(held)})? Then its position belongs into the map"
+            f"move in its place ({', '.join(fixed)})? Then its position belongs into the map"
         )
         yield Finding("held still", "note", text, max(speed for _, speed in fast), "m/s")
 
