@@ -41,11 +41,12 @@ def flight_log_of(plant: Plant, time: Array, trajectory: Trajectory, record: Loo
         "time": channel(time, ("time",), "s", "sample time"),
         "interval": channel(time[:-1], ("interval",), "s", "start of the interval"),
     }
+    wind = plant.wind(time)[:, 0]
     measured = {
         "q": q,
         "v": v,
         "crank_angle": crank,
-        "airspeed": _airspeed(plant, time, trajectory),
+        "airspeed": trajectory.v[:, 0] - np.sum(rotations(trajectory.q)[:, :, 0] * wind, axis=1),
         "motor_torque": mean.motor,
         THRUSTERS: mean.thrusters,
     }
@@ -115,8 +116,3 @@ def flight_log_of(plant: Plant, time: Array, trajectory: Trajectory, record: Loo
     seen = {name: filled(name, values, table) for name, values in measured.items()}
     labels = {name: list(LABELS[name]) for name in ("q_axis", "v_axis")}
     return FlightLog(xr.Dataset(seen, coords={**coords, **labels}, attrs=attributes), truth)
-
-
-def _airspeed(plant: Plant, time: Array, trajectory: Trajectory) -> Array:
-    wind = plant.wind(time)[:, 0]
-    return np.asarray(trajectory.v[:, 0] - np.sum(rotations(trajectory.q)[:, :, 0] * wind, axis=1))

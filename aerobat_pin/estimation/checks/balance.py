@@ -119,7 +119,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
             reach.append(project @ unit)
             motion.append((given.tau[k, at], v[at], a[k, at]))
             base.append(np.zeros(Q.shape[1]))
-            pulls = [pin.computeGeneralizedGravity(one, data, block.q[k])[rows] for one in falling] or 3 * [
+            pulls = [pin.computeGeneralizedGravity(world, data, block.q[k])[rows] for world in falling] or 3 * [
                 0.0 * weight
             ]
             pulled.append(project @ np.stack(pulls, axis=1))
@@ -127,9 +127,9 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
                 base[-1] = project @ pin.rnea(lighter, lighter_data, block.q[k], v, a[k])[rows]
     if not needed:
         return None
-    instants = np.repeat(np.arange(len(needed)), [len(one) for one in needed])
+    instants = np.repeat(np.arange(len(needed)), [len(part) for part in needed])
     effort, rates, bends = np.array(motion).swapaxes(0, 1)
-    b, reached, heavier, weights = (np.concatenate(one) for one in (needed, reach, base, pulled))
+    b, reached, heavier, weights = (np.concatenate(part) for part in (needed, reach, base, pulled))
     return Balance(b, reached, heavier, weights, instants, effort, rates, bends, len(needed) * step * record.dt)
 
 

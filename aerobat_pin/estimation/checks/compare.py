@@ -199,7 +199,7 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
         text = f"{pair.names[1]} of {names} fit {pair.names[0]} the other way round"
         yield Finding("swapped joints", "warning", text)
     skip = {column for columns in swapped for column in columns}
-    limit = _limits(pair, found)
+    limit = np.maximum(pair.floor, pair.share * found.sizes[0])
     explained = (np.abs(found.factor - 1.0) > FACTOR_OFF) & (found.scaled < 0.5 * found.unlike)
     wrong = (found.left > limit) | (explained & (found.swings.max(axis=0) > LEAST_MOTION))
     slips: dict[str, list[int]] = {}
@@ -234,10 +234,6 @@ def exchanged(found: CrossCorrelation) -> list[tuple[int, int]]:
         if min(match[j, k], match[k, j]) > FOLLOWS
         and max(match[j, j], match[k, k]) < min(match[j, k], match[k, j]) - 0.1
     ]
-
-
-def _limits(pair: Agreement, found: CrossCorrelation) -> Array:
-    return np.asarray(np.maximum(pair.floor, pair.share * found.sizes[0]))
 
 
 def _late(pair: Agreement, found: CrossCorrelation) -> Iterator[Finding]:

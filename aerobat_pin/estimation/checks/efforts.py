@@ -54,38 +54,38 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
         inputs: what an observer is given between two indices of the common times.
         before: what was found before; efforts are not compared with a motion that is misread.
     """
-    if "joints.effort" not in record.channels or any(one.warns and one.check not in HARMLESS for one in before):
+    if "joints.effort" not in record.channels or any(each.warns and each.check not in HARMLESS for each in before):
         return
-    found = balance_of(record, inputs)
-    if found is None:
+    balance = balance_of(record, inputs)
+    if balance is None:
         free = "" if record.map.use.free else "; use.free names a stretch without contact"
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{free}")
         return
-    share = found.imbalance()
+    share = balance.imbalance()
     text = (
         f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
         "efforts and known forces"
     )
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
-    limbs, signs = _limb_pairs(record), _best_signs(found)
+    limbs, signs = _limb_pairs(record), _best_signs(balance)
     joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
-    left, pair = min(((found.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
-    if share > WORTH and left < min(SWAP * share, 1.0, found.imbalance(signs=signs)):
-        yield _swap(record, "efforts", pair, left, share)
+    least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
+    if share > WORTH and least_share < min(SWAP * share, 1.0, balance.imbalance(signs=signs)):
+        yield _swap(record, "efforts", pair, least_share, share)
         return
-    factors, least = _least_squares(found)
-    mounting = None if record.robot.free else _mounting(record, found, found.imbalance(signs=signs))
+    factors, least = _least_squares(balance)
+    mounting = None if record.robot.free else _mounting(record, balance, balance.imbalance(signs=signs))
     if mounting is not None:
         yield mounting
         return
     if share > GOOD:
         others = ((pair, balance_of(record, with_exchanged(record, inputs, pair))) for pair in limbs)
         sizes = ((other.imbalance(), pair) for pair, other in others if other is not None)
-        left, pair = min(sizes, default=(np.inf, ((), ())))
-        if left < min(SWAP * share, found.imbalance(signs=signs), RIGHT_PLACES):
-            yield _swap(record, "all columns", pair, left, share)
+        least_share, pair = min(sizes, default=(np.inf, ((), ())))
+        if least_share < min(SWAP * share, balance.imbalance(signs=signs), RIGHT_PLACES):
+            yield _swap(record, "all columns", pair, least_share, share)
             return
-    yield from _factors(record, found, signs, factors, least)
+    yield from _factors(record, balance, signs, factors, least)
 
 
 def _mounting(record: Record, found: Balance, least: float) -> Finding | None:

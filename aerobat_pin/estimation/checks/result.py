@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from aerobat_pin.estimation.against_reference import PairedEstimate
 from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
@@ -17,7 +16,7 @@ from aerobat_pin.estimation.known_forces import BESIDE, KnownForces, command_sum
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import rms_in, settled
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, runs_of_true
 from aerobat_pin.observers import Applications, Expected
 from aerobat_pin.records import Record
 
@@ -214,7 +213,8 @@ def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, S
             if size.seen is None or size.seen > ALWAYS or size.name in told:
                 continue
             told.add(size.name)
-            hidden = sorted(_stretches(estimate, k), key=lambda ends: ends[0] - ends[1])  # the longest first
+            unseen = np.concatenate([~block.shown[:, k] for block in estimate.blocks()])
+            hidden = sorted(runs_of_true(unseen), key=lambda ends: ends[0] - ends[1])  # the longest first
             begin, end = hidden[0]
             times = ", ".join(
                 f"{estimate.start[a] - record.start:.3g} to {estimate.start[b - 1] - record.start + record.dt:.3g} s"
@@ -234,13 +234,6 @@ def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, S
             told.add("bar")
             text = "error bar unverified: no row to spare shows how large the errors are, and no calibration says it"
             yield Finding("error bar", "note", text)
-
-
-def _stretches(estimate: StoredEstimate, k: int) -> list[tuple[int, int]]:
-    """Return first and last (exclusive) index of the stretches in which a component is not seen."""
-    shown: NDArray[np.bool_] = np.concatenate([[True], *(block.shown[:, k] for block in estimate.blocks()), [True]])
-    edges = np.flatnonzero(np.diff(shown.astype(int)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _reason(record: Record, estimate: StoredEstimate, at: int) -> str:
