@@ -61,7 +61,7 @@ class Balance:
         return np.asarray(self.reach * self.effort[self.at])
 
     @cached_property
-    def left(self) -> Array:
+    def residual(self) -> Array:
         """(n,) what the efforts leave of what is needed."""
         return np.asarray(self.needed - self.given.sum(axis=1))
 
@@ -72,10 +72,12 @@ class Balance:
 
     def imbalance(self, pair: Exchange = ((), ()), signs: Array | None = None) -> float:
         """Return the sum of squares that the efforts leave, those of a pair exchanged, over the needed one."""
-        left = self.left if signs is None else self.needed - self.given @ signs
+        residual = self.residual if signs is None else self.needed - self.given @ signs
         for j, k in zip(*pair, strict=True):
-            left = left - (self.reach[:, j] - self.reach[:, k]) * (self.effort[:, k] - self.effort[:, j])[self.at]
-        return float(left @ left) / self.size
+            residual = (
+                residual - (self.reach[:, j] - self.reach[:, k]) * (self.effort[:, k] - self.effort[:, j])[self.at]
+            )
+        return float(residual @ residual) / self.size
 
     def of_joints(self, equations: Array) -> tuple[Array, Array]:
         """Return what equations (n,) say about each effort [N m, N], and its weight, (instants, joints) both."""

@@ -56,7 +56,8 @@ def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
                 scores[(*here, points.index(point))] = np.array(values, float)
         for key, value in outcome.get("flight", {}).items():
             flight.setdefault(key, np.full((*sweep.shape, *np.shape(value)), np.nan))[at] = value
-    grid = xr.Dataset(attrs=_attributes(sweep))
+    notes = {"sweep": sweep.file.name, "description": sweep.file.description, "base": sweep.base.name}
+    grid = xr.Dataset(attrs={**notes, "versions": json.dumps(versions())})
     for dimension in sweep.dimensions:
         grid.coords[dimension.name] = (dimension.name, list(dimension.labels), _label_attributes(sweep, dimension.name))
         if dimension.name == DRAW:
@@ -119,15 +120,6 @@ def _label_attributes(sweep: Sweep, name: str) -> dict[str, str]:
         return {}
     references = ", ".join(f"{key} = {reference}" for key, reference in factors.of.items())
     return {"units": "1", "long_name": f"factor of {references}"}
-
-
-def _attributes(sweep: Sweep) -> dict[str, Any]:
-    return {
-        "sweep": sweep.file.name,
-        "description": sweep.file.description,
-        "base": sweep.base.name,
-        "versions": json.dumps(versions()),
-    }
 
 
 @dataclass(frozen=True)

@@ -67,18 +67,17 @@ class SteppedFlight:
     @property
     def crank_angle(self) -> float:
         """Absolute crank angle t1 [rad] after the last interval."""
-        tables, at = self.tables, self.done - self._window
-        if tables.free:
-            return float(tables.states[at, BASE_SIZE + self.plant.air.state_size])
-        return float(tables.crank_angle[2 * tables.parts * at])
+        return self._crank(0, self.tables.crank_angle)
 
     @property
     def crank_rate(self) -> float:
         """Rate of the crank [rad/s] after the last interval."""
+        return self._crank(1, self.tables.crank_rate)
+
+    def _crank(self, column: int, driven: Array) -> float:
         tables, at = self.tables, self.done - self._window
-        if tables.free:
-            return float(tables.states[at, BASE_SIZE + self.plant.air.state_size + 1])
-        return float(tables.crank_rate[2 * tables.parts * at])
+        free = tables.states[at, BASE_SIZE + self.plant.air.state_size :]
+        return float(free[column] if tables.free else driven[2 * tables.parts * at])
 
     @property
     def is_hopeless(self) -> bool:
