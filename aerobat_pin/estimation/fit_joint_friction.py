@@ -84,7 +84,9 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
         raise MapError(f"map: joints.friction.fit = {list(section.fit)}: {error}") from error
     fits = []
     for k, joint in enumerate(joints):
-        inside_residual, outside_residual = (_residual(section, part, friction)[:, k] for part in (inside, rest))
+        inside_residual, outside_residual = (
+            _friction_residual(section, part, friction)[:, k] for part in (inside, rest)
+        )
         before = rms_or_nan((plain.needed - plain.given - plain.tau)[:, k])
         coefficients = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": rate}
         if section.scale:
@@ -184,7 +186,7 @@ def _rotor(section: FrictionSection, rows: _Rows) -> Array:
     return rows.a if section.law.endswith("inertia") else np.zeros_like(rows.a)
 
 
-def _residual(section: FrictionSection, rows: _Rows, friction: JointFriction) -> Array:
+def _friction_residual(section: FrictionSection, rows: _Rows, friction: JointFriction) -> Array:
     return np.asarray(rows.needed - rows.given - rows.tau - friction.torque(rows.v, _rotor(section, rows)))
 
 
