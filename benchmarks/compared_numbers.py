@@ -125,7 +125,7 @@ def difference(one: Any, other: Any) -> float:
 
 
 @dataclass
-class Comparison:
+class FolderDifferences:
     """What differs between two folders of results.
 
     Args:
@@ -173,9 +173,9 @@ class Comparison:
             self.places.append((found, f"{name} {key}"))
 
 
-def compare(before: Path, after: Path, moved: Mapping[str, str | None]) -> Comparison:
+def compare(before: Path, after: Path, moved: Mapping[str, str | None]) -> FolderDifferences:
     """Compare two folders of results."""
-    found = Comparison(moved)
+    found = FolderDifferences(moved)
     for name, read in READERS.items():
         if (before / name).is_file():
             found.of_file(name, read(before / name), read(after / name) if (after / name).is_file() else {})

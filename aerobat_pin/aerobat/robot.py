@@ -52,7 +52,7 @@ from aerobat_pin.records import (
 from aerobat_pin.robot import JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
-OF_THE_DAY = {
+WEATHER_KEYS = {
     "wind",
     "gust",
     "turbulence",
@@ -122,7 +122,7 @@ class AerobatRobot(PlainRobot):
     @property
     def assumptions(self) -> Mapping[str, str]:
         """The believed air, but for what differs from flight to flight, and which torque is known."""
-        air = self.air.model_dump(exclude=OF_THE_DAY)
+        air = self.air.model_dump(exclude=WEATHER_KEYS)
         return {TORQUE: self.kind, **{f"air.{key}": str(value) for key, value in air.items()}}
 
     def condition(self, block: Block) -> CrankCondition:

@@ -38,6 +38,7 @@ from aerobat_pin.errors.foreign_files import (
     foreign_xml,
     plain_json,
 )
+from aerobat_pin.errors.old_names import old_names
 from aerobat_pin.errors.output_folder import claimed, output_folder, replace_results
 from aerobat_pin.errors.whole_files import (
     check_file,
@@ -82,6 +83,7 @@ __all__ = [
     "foreign_file",
     "foreign_xml",
     "locked",
+    "old_names",
     "opened_folder",
     "output_folder",
     "plain_json",

@@ -23,7 +23,7 @@ class _Now:
     def __init__(self) -> None:
         self.cleanups: list[Callable[[], object]] = []
         self.written: list[Path] = []
-        self.held = 0  # blocks `undisturbed` that are entered
+        self.depth = 0  # blocks `undisturbed` that are entered
         self.waiting = 0  # number of a signal that came in such a block
         self.raising = False
 
@@ -53,12 +53,12 @@ def cleaned(cleanup: Callable[[], object]) -> Iterator[None]:
 @contextmanager
 def undisturbed() -> Iterator[None]:
     """Let signals wait until the `with` block has ended."""
-    _now.held += 1
+    _now.depth += 1
     try:
         yield
     finally:
-        _now.held -= 1
-        if _now.waiting and not _now.held:
+        _now.depth -= 1
+        if _now.waiting and not _now.depth:
             waiting, _now.waiting = _now.waiting, 0
             _end(waiting, None)
 
@@ -83,7 +83,7 @@ def written(path: Path) -> None:
 
 def _end(number: int, frame: FrameType | None) -> None:
     """Handle a signal: end the program with exit code 128 + number, or do what the block around says."""
-    if _now.held:
+    if _now.depth:
         _now.waiting = number
         return
     if _now.raising:

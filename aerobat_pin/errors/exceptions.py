@@ -126,8 +126,8 @@ class SimulationError(AerobatError, ArithmeticError):
 
     Attributes:
         diverged_at: time of the first sample at which a limit was passed [s].
-        kept: what was flown before, in the form that the caller would have got (`Flown`, `FlightLog`, `Experiment`);
-            None if there is less than one interval.
+        kept: what was flown before, in the form that the caller would have got (`Trajectory`, `FlightLog`,
+            `Experiment`); None if there is less than one interval.
     """
 
     def __init__(self, message: str, diverged_at: float, kept: object = None) -> None:

@@ -1,4 +1,4 @@
-from .against_reference import Compared as Compared
+from .against_reference import PairedEstimate as PairedEstimate
 from .calibration.calibration import TORQUE as TORQUE
 from .calibration.calibration import Belief as Belief
 from .calibration.calibration import Calibration as Calibration

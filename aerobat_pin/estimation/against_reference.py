@@ -22,7 +22,7 @@ FORGOTTEN = 7.0  # periods of the filter after which e^-30 of a value is left: e
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
+class PairedEstimate:
     """An estimate and its reference at the same intervals, behind the same filter if the reference has one.
 
     Attributes:
@@ -40,7 +40,7 @@ class Compared:
     shown: Series | None = None
 
     @classmethod
-    def of(cls, estimate: StoredEstimate, reference: Reference, dt: float) -> Compared | None:
+    def of(cls, estimate: StoredEstimate, reference: Reference, dt: float) -> PairedEstimate | None:
         """Return an estimate beside a reference of its intervals; None if it does not estimate what this shows."""
         known = estimate.head.identifiability.components
         wanted = [f"{reference.frame}.{label}" for label in reference.labels]
@@ -143,7 +143,7 @@ def sensor_references(record: Record) -> tuple[Reference, ...]:
     point, spool = sensor_point(record), Spool()
     known = 6 if point in record.map.robot.wrenches else 3
     count = min(known, record.channels["check.wrench"].values.shape[1])
-    values, stretches, left = Series(spool, count), [], 0
+    values, stretches, compared = Series(spool, count), [], 0
     friction = record.map.joints.friction
 
     def scored(start: Array) -> NDArray[np.bool_]:
@@ -171,8 +171,11 @@ def sensor_references(record: Record) -> tuple[Reference, ...]:
             time, inside = record.times(low, high), slice(begin - low, end - low)
             axes = frame_axes(record, record.block(low, high), point) if section.axes == "frame" else None
             values.append(zero_phase(sensor_force(record, time, axes), section.filter, record.dt)[inside, :count])
-            left += int(scored(time[:-1][inside]).sum())
-    if left < 3:
+            compared += int(scored(time[:-1][inside]).sum())
+    if compared < 3:
         raise MapError("map: check.wrench.part: less than three intervals are left to compare")
     labels = WRENCH_AXES[:count]
     return (Reference(point, "sensor", labels, values, None, section.filter, tuple(stretches), scored, used),)
+
+
+Compared = PairedEstimate  # its name in `calibration/`

@@ -59,7 +59,7 @@ def estimate(
     given = fitted_forces(record) if calibration is None else calibration.forces(record)
     forces = _with_noise(given)
     record = forces.record  # whose robot carries what was found
-    names = [one for one in observers if isinstance(one, str)]
+    names = [entry for entry in observers if isinstance(entry, str)]
     inputs = inputs_between(record, forces)
     expected = expected_of(record, inputs, forces.values, points_of(record.map))
     times, model = record.times(*record.parts[0]), None
@@ -67,23 +67,24 @@ def estimate(
         model = check_model(calibration, forces, inputs)
         inputs = model.inputs
     known = model is not None and model.check is not None
-    made, notes = observers_of(record, names, expected, errors_known=known) if names or not observers else ([], ())
-    made += [one for one in observers if isinstance(one, Observer)]
-    if len({one.name for one in made}) < len(made):
-        raise ObserverError(f"estimate: observers = {[one.name for one in made]}: different ones were expected")
+    running, notes = observers_of(record, names, expected, errors_known=known) if names or not observers else ([], ())
+    running += [observer for observer in observers if isinstance(observer, Observer)]
+    if len({observer.name for observer in running}) < len(running):
+        raise ObserverError(f"estimate: observers = {[each.name for each in running]}: different ones were expected")
     watch = None if calibration is None else CalibrationWatch(calibration, None if model is None else model.check)
-    smoothed = record.robot.motion_from(times, record.channels, made, progress)
+    smoothed = record.robot.motion_from(times, record.channels, running, progress)
     if smoothed is not None:
-        stored = {one: StoredEstimate.of(estimate) for one, estimate in smoothed.estimates.items()}
+        stored = {name: StoredEstimate.of(estimate) for name, estimate in smoothed.estimates.items()}
         sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
     else:
         if record.robot.measures_effort:
-            told = list(effort_findings(record, inputs if forces is given else inputs_between(record, given), findings))
-            if forces is not given and any(map(_names_friction, told)):  # which was found beside the forces, and may do
-                left = {one.check for one in effort_findings(record, inputs, findings) if one.warns}
-                told = [one for one in told if not _names_friction(one) or one.check in left]
-            findings += told
-        stored = run_observers(record, inputs, made, progress, watch, expected, model)
+            before = inputs if forces is given else inputs_between(record, given)
+            doubted = list(effort_findings(record, before, findings))
+            if forces is not given and any(map(_names_friction, doubted)):  # found beside the forces, and may do
+                remaining = {finding.check for finding in effort_findings(record, inputs, findings) if finding.warns}
+                doubted = [finding for finding in doubted if not _names_friction(finding) or finding.check in remaining]
+            findings += doubted
+        stored = run_observers(record, inputs, running, progress, watch, expected, model)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
         use = None if watch is None else watch.use()

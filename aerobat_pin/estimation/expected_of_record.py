@@ -58,26 +58,26 @@ def expected_of(
         return None
     needed = [
         required_torque(record, block, accelerations(block, record))
-        for block in (Block(one.time, one.q, one.v, one.tau) for one in stretches)
+        for block in (Block(stretch.time, stretch.q, stretch.v, stretch.tau) for stretch in stretches)
     ]
-    efforts = np.concatenate([one.tau for one in stretches])
+    efforts = np.concatenate([stretch.tau for stretch in stretches])
     expected = expected_from(record.robot, values, points, column_rms(efforts), column_rms(np.concatenate(needed)))
     if not points:
         return expected
-    gain, found = float(record.map.observer.gain), []
+    gain, instants = float(record.map.observer.gain), []
     observer = MomentumObserver(record.robot.model, points, gain, stretches[0].rows)
-    for one in stretches:
-        residual = observer.run(one.time, one.q, one.v, one.tau, one.known).residual
-        at = np.flatnonzero(one.time[:-1] - one.time[0] > TIME_CONSTANTS_TO_SETTLE / gain)[::WEIGHED]
-        found += [(one.v[k], residual[k], observer.applications.jacobian(one.q[k])) for k in at]
-    if not found:
+    for stretch in stretches:
+        residual = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
+        at = np.flatnonzero(stretch.time[:-1] - stretch.time[0] > TIME_CONSTANTS_TO_SETTLE / gain)[::WEIGHED]
+        instants += [(stretch.v[k], residual[k], observer.applications.jacobian(stretch.q[k])) for k in at]
+    if not instants:
         return expected
-    v, rows, jacobians = (np.stack(part) for part in zip(*found, strict=True))
+    v, rows, jacobians = (np.stack(part) for part in zip(*instants, strict=True))
     if walks_on(record.robot, record.map) and not values.row_noise:
         lifted = lifted_errors(rows, jacobians, record.robot.weight)
         expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
-    found_k = with_record(expected, stretches[0].rows, record.robot.model, v, rows, jacobians)
-    return replace(found_k, doubt=max(found_k.doubt, values.doubt))
+    weighed = with_record(expected, stretches[0].rows, record.robot.model, v, rows, jacobians)
+    return replace(weighed, doubt=max(weighed.doubt, values.doubt))
 
 
 def expected_from(

@@ -101,23 +101,23 @@ def _looked_at(record: Record, inputs: Callable[[int, int], KnownInputs], sticti
     model = robot.model
     kept = rows.kept(model) if isinstance(rows, AllBut) else list(range(model.nv))
     joints = [joint for joint in record.driven if robot.v_index(joint) in kept]
-    every = max(sum(len(one.tau) for one in stretches) // MOST_INSTANTS, 1)
+    every = max(sum(len(stretch.tau) for stretch in stretches) // MOST_INSTANTS, 1)
     observer, parts, places = MomentumObserver(model, points_of(record.map), gain, rows), [], []
-    for one in stretches:
-        v, share = 0.5 * (one.v[1:] + one.v[:-1]), -np.expm1(-gain * typical_step(one.time))
-        y = observer.run(one.time, one.q, one.v, one.tau, one.known).residual
+    for stretch in stretches:
+        v, share = 0.5 * (stretch.v[1:] + stretch.v[:-1]), -np.expm1(-gain * typical_step(stretch.time))
+        y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
         sliding = np.tanh(v / stiction_rate)
-        settled = np.flatnonzero(one.time[:-1] - one.time[0] > TIME_CONSTANTS_TO_SETTLE / gain)
+        settled = np.flatnonzero(stretch.time[:-1] - stretch.time[0] > TIME_CONSTANTS_TO_SETTLE / gain)
         chosen = settled[::every]
-        table = np.stack([y, sliding, *(low_passed(values, share) for values in (-sliding, -v, one.tau))])
+        table = np.stack([y, sliding, *(low_passed(values, share) for values in (-sliding, -v, stretch.tau))])
         parts.append(table[:, chosen])
-        places.append(one.q[chosen + 1])
+        places.append(stretch.q[chosen + 1])
     (y, sliding, *columns), q = np.concatenate(parts, axis=1), np.concatenate(places)
-    jacobians = np.stack([observer.applications.jacobian(one) for one in q])
-    own = [robot.v_index(joint) for joint in joints]
-    still = [row for row in range(model.nv) if row not in own]
+    jacobians = np.stack([observer.applications.jacobian(q_k) for q_k in q])
+    driven = [robot.v_index(joint) for joint in joints]
+    still = [row for row in range(model.nv) if row not in driven]
     sliding[:, still] = 1.0
-    at = [kept.index(row) for row in own]
+    at = [kept.index(row) for row in driven]
     return _Instants(q, y, jacobians, kept, joints, at, sliding[:, kept], np.stack(columns)[:, :, kept], every)
 
 

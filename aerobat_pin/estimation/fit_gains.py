@@ -65,35 +65,35 @@ def fit_gains(forces: KnownForces, fit: tuple[float, float], rate: float = SMOOT
     if not inside.samples:
         raise MapError(f"map: fit = {list(fit)}: no used part of the record is there")
     precision, mass = _precision(values, joints, len(rows), inside.errors), None if sought is None else sought.mass
-    told, deviations, untold = np.ones(n, bool), dict[str, float](), dict[str, str]()
+    identified, deviations, untold = np.ones(n, bool), dict[str, float](), dict[str, str]()
     scaled = section is not None and section.scale
     if scaled:
         precision[range(n), range(n)] = 1.0 / FACTOR_ERROR**2
         x, covariance = inside.solve(precision, mass, robot.mass)
         unsure = np.sqrt(np.diag(covariance)[:n]) / x[:n] ** 2
-        told = unsure < UNSURE_FACTOR
-        precision[range(n), range(n)] = np.where(told, 0.0, 1.0 / FACTOR_ERROR**2)
+        identified = unsure < UNSURE_FACTOR
+        precision[range(n), range(n)] = np.where(identified, 0.0, 1.0 / FACTOR_ERROR**2)
     x, covariance = inside.solve(precision, mass, robot.mass, learn=scaled)
     if scaled:
-        scale, own = np.where(told, 1.0 / x[:n], 1.0), [*range(n), *range(len(rows), len(rows) + inside.errors)]
+        scale, at = np.where(identified, 1.0 / x[:n], 1.0), [*range(n), *range(len(rows), len(rows) + inside.errors)]
         values = replace(values, joints=joints, scale=scale)
         if not fits_to_sensor(record.map):  # whose own errors the links would take up
-            links = np.einsum("kij,kj->ki", link_errors(robot.stated_model), x[own[n:]].reshape(-1, 10))
+            links = np.einsum("kij,kj->ki", link_errors(robot.stated_model), x[at[n:]].reshape(-1, 10))
             turn = np.append(scale, np.ones(inside.errors))
-            spread = covariance[np.ix_(own, own)] * np.outer(turn, turn)
+            spread = covariance[np.ix_(at, at)] * np.outer(turn, turn)
             values, robot = replace(values, links=links, gain_covariance=spread), robot.with_links(links)
         exact = np.sqrt(np.diag(covariance)[:n]) * scale**2
-        deviations = {joint: float(exact[k]) for k, joint in enumerate(joints) if told[k]}
+        deviations = {joint: float(exact[k]) for k, joint in enumerate(joints) if identified[k]}
         units = ["N" if robot.slides(joint) else "N m" for joint in joints]
         untold = {
             joint: f"factor of {joint} cannot be told, it stays 1: its deviation would be {unsure[k]:.3g}, "
             f"{UNSURE_FACTOR:g} was expected; the motion needs {inside.needed(k):.2g} {units[k]} rms of it"
             for k, joint in enumerate(joints)
-            if not told[k]
+            if not identified[k]
         }
     if sought is not None:
-        found, one = _payload(sought, inside, rest, x, covariance[-10:-6, -10:-6])
-        values, robot = replace(values, fits=(*values.fits, one)), robot.carrying(found)
+        loaded, fitted = _payload(sought, inside, rest, x, covariance[-10:-6, -10:-6])
+        values, robot = replace(values, fits=(*values.fits, fitted)), robot.carrying(loaded)
     return Gains(replace(forces, record=replace(record, robot=robot), values=values), deviations, untold)
 
 
@@ -132,7 +132,7 @@ def _payload(
     without = x.copy()
     without[-10:] = 0.0
     names = ("mass", "x", "y", "z")
-    told = dict(zip(names, (float(mass), *centre.tolist()), strict=True))
-    told |= {f"deviation of {name}": float(one) for name, one in zip(names, deviation, strict=True)}
-    found = sought.model_copy(update={"mass": float(mass), "com": tuple(centre.tolist())})
-    return found, Fit(f"payload at {sought.frame}", told, "N, N m", rest.rms(without), inside.rms(x), rest.rms(x))
+    values = dict(zip(names, (float(mass), *centre.tolist()), strict=True))
+    values |= {f"deviation of {name}": float(error) for name, error in zip(names, deviation, strict=True)}
+    known = sought.model_copy(update={"mass": float(mass), "com": tuple(centre.tolist())})
+    return known, Fit(f"payload at {sought.frame}", values, "N, N m", rest.rms(without), inside.rms(x), rest.rms(x))

@@ -78,22 +78,24 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
         forces = gains.forces
         inside, rest = _fitted_samples(forces.record, forces, rows, section.fit)
     try:
-        left = inside.needed - inside.given - inside.tau
-        friction = fit_friction(inside.q, inside.v, _rotor(section, inside), left, rate)
+        residual = inside.needed - inside.given - inside.tau
+        friction = fit_friction(inside.q, inside.v, _rotor(section, inside), residual, rate)
     except ObserverError as error:
         raise MapError(f"map: joints.friction.fit = {list(section.fit)}: {error}") from error
     fits = []
     for k, joint in enumerate(joints):
-        kept, lost = (_left_over(section, part, friction)[:, k] for part in (inside, rest))
+        inside_residual, outside_residual = (
+            _friction_residual(section, part, friction)[:, k] for part in (inside, rest)
+        )
         before = rms_or_nan((plain.needed - plain.given - plain.tau)[:, k])
-        told = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": rate}
+        coefficients = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": rate}
         if section.scale:
-            told |= {"effort times": float(forces.values.scale[k])}
+            coefficients |= {"effort times": float(forces.values.scale[k])}
         if joint in gains.deviations:
-            told |= {"deviation of the factor": gains.deviations[joint]}
+            coefficients |= {"deviation of the factor": gains.deviations[joint]}
         unit = "N" if record.robot.slides(joint) else "N m"
-        sizes = (before, rms_or_nan(kept), rms_or_nan(lost))
-        fits.append(Fit(f"friction of {joint}", told, unit, *sizes, untold=gains.untold.get(joint, "")))
+        sizes = (before, rms_or_nan(inside_residual), rms_or_nan(outside_residual))
+        fits.append(Fit(f"friction of {joint}", coefficients, unit, *sizes, untold=gains.untold.get(joint, "")))
     values = replace(forces.values, friction=friction, fits=(*forces.values.fits, *fits))
     return replace(forces, values=values)
 
@@ -184,7 +186,7 @@ def _rotor(section: FrictionSection, rows: _Rows) -> Array:
     return rows.a if section.law.endswith("inertia") else np.zeros_like(rows.a)
 
 
-def _left_over(section: FrictionSection, rows: _Rows, friction: JointFriction) -> Array:
+def _friction_residual(section: FrictionSection, rows: _Rows, friction: JointFriction) -> Array:
     return np.asarray(rows.needed - rows.given - rows.tau - friction.torque(rows.v, _rotor(section, rows)))
 
 

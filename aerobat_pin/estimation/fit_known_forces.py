@@ -98,16 +98,16 @@ def _fit_thrust(record: Record, name: str, section: KnownSection) -> tuple[Array
         raise MapError(f"map: known.{name}.fit.part = {list(section.fit.part)}: {inside.sum()} samples are too few")
     table = np.stack([u**p for p in section.powers], axis=1)
     found = np.linalg.lstsq(table[inside], target[inside], rcond=None)[0]
-    left = target - table @ found
+    residual = target - table @ found
     rest = ~inside
     values = {f"of power {p}": float(c) for p, c in zip(section.powers, found, strict=True)}
     spread = target[rest] if rest.any() else target
-    outside = rms_or_nan(left[rest]) if rest.any() else float("nan")
+    outside = rms_or_nan(residual[rest]) if rest.any() else float("nan")
     return found, Fit(
         f"known.{name}",
         values,
         "N",
         rms_or_nan(spread - spread.mean()),
-        rms_or_nan(left[inside]),
+        rms_or_nan(residual[inside]),
         outside,
     )

@@ -229,12 +229,6 @@ def link_errors(model: pin.Model) -> Array:
     return table
 
 
-def block_diagonal(blocks: Array) -> Array:
-    """Return the matrix (10 n, 10 n) that has blocks (n, 10, 10) on its diagonal."""
-    spread = np.einsum("kij,kl->kilj", blocks, np.eye(len(blocks)))
-    return np.asarray(spread.reshape(2 * [10 * len(blocks)]))
-
-
 def regression(
     forces: KnownForces,
     rows: Sequence[int],
@@ -251,9 +245,11 @@ def regression(
         rate: at which Coulomb friction sets in.
         frame: to which a payload is fastened that is sought.
     """
+    from scipy.linalg import block_diag  # slow to import
+
     record, model = forces.record, forces.record.robot.model
     section, data = record.map.joints.friction, model.createData()
-    errors = block_diagonal(link_errors(record.robot.stated_model))
+    errors = block_diag(*link_errors(record.robot.stated_model))
     body = None if frame is None else model.frames[model.getFrameId(frame)]
     own = slice(0, 0) if body is None else slice(10 * body.parentJoint - 10, 10 * body.parentJoint)
     driven = {record.robot.v_index(joint) for joint in record.driven}

@@ -195,19 +195,12 @@ def unit_direction(section: KnownSection) -> Array:
 def frame_wrench(record: Record, section: KnownSection, block: Block, wrench: Array) -> Array:
     """Return the generalised force (m, nv) of a wrench (m, 6) at a frame, in its axes or those of the world."""
     model = record.robot.model
-    frame = model.getFrameId(section.frame) if section.frame is not None else _base_frame(record)
+    data, base = model.createData(), model.names[1] if record.robot.free else "universe"
+    frame = model.getFrameId(base if section.frame is None else section.frame)
     if section.frame is not None and not model.existFrame(section.frame):
         raise MapError(f"map: known: no frame '{section.frame}' in robot {record.robot.title}")
-    data, found = model.createData(), np.empty((len(wrench), model.nv))
     axes = pin.ReferenceFrame.LOCAL if section.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     if record.robot.free and model.frames[frame].parentJoint == 1 and section.axes == "frame":
         return wrench @ frame_jacobian(model, data, block.q[0], frame, axes)  # the same at every configuration
-    for k, q in enumerate(block.q[:-1]):
-        found[k] = frame_jacobian(model, data, q, frame, axes).T @ wrench[k]
-    return found
-
-
-def _base_frame(record: Record) -> int:
-    """Return the frame of the base: that of the free joint, or the universe."""
-    model = record.robot.model
-    return int(model.getFrameId(model.names[1])) if record.robot.free else 0
+    rows = zip(block.q[:-1], wrench, strict=True)
+    return np.array([frame_jacobian(model, data, q, frame, axes).T @ each for q, each in rows])

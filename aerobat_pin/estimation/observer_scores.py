@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.against_reference import Compared
+from aerobat_pin.estimation.against_reference import PairedEstimate
 from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, CalibrationUse, Contact
 from aerobat_pin.estimation.row_residuals import row_contacts
 from aerobat_pin.estimation.scores import Score, point_label, short_label
@@ -72,7 +72,7 @@ class ObserverScores:
 
     @classmethod
     def of(
-        cls, estimate: StoredEstimate, compared: Iterable[Compared] = (), use: CalibrationUse | None = None
+        cls, estimate: StoredEstimate, compared: Iterable[PairedEstimate] = (), use: CalibrationUse | None = None
     ) -> ObserverScores:
         """Score an estimate.
 

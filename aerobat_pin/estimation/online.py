@@ -138,9 +138,9 @@ class OnlineEstimator:
         """What became of the samples so far."""
         rings, keys = self._rings, list(self._requests)
         newest = {
-            key: float(rings.time[c, (rings.head[c] + rings.held[c] - 1) % ring_kernels.LENGTH])
+            key: float(rings.time[c, (rings.head[c] + rings.filled[c] - 1) % ring_kernels.LENGTH])
             for c, key in enumerate(keys)
-            if rings.held[c]
+            if rings.filled[c]
         }
         latest = max(newest.values(), default=0.0)
         stalled = [key for key in keys if key not in newest or latest - newest[key] > ring_kernels.STALL]
@@ -162,7 +162,7 @@ class OnlineEstimator:
     def reset(self) -> None:
         """Forget all samples and start again with the next ones; what is counted stays."""
         rings = self._rings
-        rings.head[:], rings.held[:], rings.usual[:], rings.pending[:] = 0, 0, 0.0, 0.0
+        rings.head[:], rings.filled[:], rings.usual[:], rings.pending[:] = 0, 0, 0.0, 0.0
         rings.now[: ring_kernels.COUNT] = np.nan
         rings.now[ring_kernels.BROKEN] = 0.0
         self._epoch = None

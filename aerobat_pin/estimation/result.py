@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.against_reference import Compared
+from aerobat_pin.estimation.against_reference import PairedEstimate
 from aerobat_pin.estimation.calibration_use import CalibrationUse, ModelCheck
 from aerobat_pin.estimation.contacts import Stance, stances_on_ground
 from aerobat_pin.estimation.findings import Finding
@@ -87,9 +87,11 @@ class Result:
         return {name: estimate.whole() for name, estimate in self.stored.items()}
 
     @cached_property
-    def compared(self) -> dict[str, list[Compared]]:
+    def compared(self) -> dict[str, list[PairedEstimate]]:
         """Observer -> its estimate beside each reference of what it estimates."""
-        sides = {name: [Compared.of(own, one, self.dt) for one in self.references] for name, own in self.stored.items()}
+        sides = {
+            name: [PairedEstimate.of(own, one, self.dt) for one in self.references] for name, own in self.stored.items()
+        }
         return {name: [side for side in found if side is not None] for name, found in sides.items()}
 
     @cached_property
@@ -233,25 +235,27 @@ class Result:
         lines = [self.verdict, self.title, *filter(None, [self.changes]), *(f"note: {note}" for note in self.notes)]
         sources = (f"{name} {source}" for name, source in self.inputs.items())
         lines += [f"inputs: {', '.join(sources)}"]
-        told = any(one.kind == "truth" for one in self.references)  # of a simulation, what is right is no news
-        lines += [f"{MARKS[one.verdict]} {one}" for one in self.findings if one.warns or not told]
+        simulated = any(
+            reference.kind == "truth" for reference in self.references
+        )  # of a simulation, what is right is no news
+        lines += [f"{MARKS[finding.verdict]} {finding}" for finding in self.findings if finding.warns or not simulated]
         lines += [f"fit: {fit}" for fit in self.fits]
         header, rows = score_table(self.observers)
         lines += text_table([header, *rows]) if rows else []
-        if sum(len(found.scored) for found in self.observers.values()) < sum(
-            len(found.components) for found in self.observers.values()
+        if sum(len(scores.scored) for scores in self.observers.values()) < sum(
+            len(scores.components) for scores in self.observers.values()
         ):
             lines += text_table(self.sizes)
         lines += self.hints
-        for name, found in self.observers.items():
-            lines += [f"{name}: rank {found.rank}; cannot be seen at all: {pattern}" for pattern in found.unseen]
-            if found.innovation is not None:
+        for name, scores in self.observers.items():
+            lines += [f"{name}: rank {scores.rank}; cannot be seen at all: {pattern}" for pattern in scores.unseen]
+            if scores.innovation is not None:
                 lines.append(
-                    f"{name}: innovations {found.innovation.nis:.2g} of their variance (1 if exact), correlation of "
-                    f"neighbours {found.innovation.whiteness:.2f} (0 if exact)"
+                    f"{name}: innovations {scores.innovation.nis:.2g} of their variance (1 if exact), correlation of "
+                    f"neighbours {scores.innovation.whiteness:.2f} (0 if exact)"
                 )
-            lines += [f"{name}: {line}" for line in [*found.warnings, *found.notes]]
-            events = found.events or []
+            lines += [f"{name}: {line}" for line in [*scores.warnings, *scores.notes]]
+            events = scores.events or []
             lines += [f"{name}: {event}" for event in events[:MOST_EVENTS]]
             if len(events) > MOST_EVENTS:
                 lines.append(f"{name}: {len(events) - MOST_EVENTS} more contacts, in metrics.json")

@@ -76,7 +76,7 @@ def mean_of_lines(rings: Rings, c: int, first: float, last: float, out: Array) -
     while begin < last:
         a, b = (rings.head[c] + i) & (LENGTH - 1), (rings.head[c] + i + 1) & (LENGTH - 1)
         start, step = rings.time[c, a], rings.time[c, b] - rings.time[c, a]
-        end = min(last, rings.time[c, b]) if i + 2 < rings.held[c] else last
+        end = min(last, rings.time[c, b]) if i + 2 < rings.filled[c] else last
         share = 0.5 * (begin + end - 2.0 * start) / step
         for j in range(count):
             mean = rings.value[c, a, j] + share * (rings.value[c, b, j] - rings.value[c, a, j])
@@ -116,7 +116,7 @@ def integrate_acceleration(rings: Rings, first: float, last: float) -> None:
     acceleration_at(rings, first, before)
     i = bracket(rings, c, first) + 1
     while begin < last:
-        end = min(stamp_at(rings, c, i), last) if i < rings.held[c] else last
+        end = min(stamp_at(rings, c, i), last) if i < rings.filled[c] else last
         if end > begin:
             acceleration_at(rings, end, after)
             for j in range(3):
@@ -207,7 +207,7 @@ def next_time(rings: Rings, leading: int, begin: float, ready: float) -> float:
             return np.nan
         now[INDEX] += 1.0
         return float(t)
-    count = rings.held[leading]
+    count = rings.filled[leading]
     after = (
         max(now[LAST_SEEN], np.nextafter(begin, -np.inf))
         if not np.isnan(now[LAST_SEEN])
@@ -235,7 +235,7 @@ def breaks(rings: Rings, t: float) -> int:
             if end <= t and end - stamp_at(rings, c, i) > longest:
                 found = 1
             i -= 1
-        if i < 0 and rings.held[c] == LENGTH and not np.isnan(last) and stamp_at(rings, c, 0) > last:
+        if i < 0 and rings.filled[c] == LENGTH and not np.isnan(last) and stamp_at(rings, c, 0) > last:
             found = 1  # what lies between has been overwritten
     return found
 
@@ -247,10 +247,10 @@ def build_interval(memory: Array, leading: int) -> int:
     now = rings.now
     begin, ready = -np.inf, np.inf
     for c in range(rings.channels):
-        if rings.held[c] < 2:
+        if rings.filled[c] < 2:
             return NO_ESTIMATE
         begin = max(begin, stamp_at(rings, c, 0))
-        ready = min(ready, stamp_at(rings, c, rings.held[c] - 1))
+        ready = min(ready, stamp_at(rings, c, rings.filled[c] - 1))
     ready -= rings.setting[1]
     while True:
         t = next_time(rings, leading, begin, ready)

@@ -50,7 +50,7 @@ class Rings(NamedTuple):
     nv: int
     rubbing: int  # number of joints with friction
     head: Annotated[Integers, "channels"]  # index of the oldest sample
-    held: Annotated[Integers, "channels"]  # number of samples
+    filled: Annotated[Integers, "channels"]  # number of samples
     columns: Annotated[Integers, "channels"]
     mixed: Annotated[Integers, "channels"]  # 1 if `mix` applies
     slot: Annotated[Integers, "8"]  # which channel is the joints' position and so on; -1 for none
@@ -90,7 +90,7 @@ def stamp_at(rings: Rings, c: int, i: int) -> float:
 @inner
 def bracket(rings: Rings, c: int, t: float) -> int:
     """Return the sample of a channel (two or more) at whose stamp the line through a time begins."""
-    low, high = 0, rings.held[c] - 1
+    low, high = 0, rings.filled[c] - 1
     while high - low > 1:
         middle = (low + high) // 2
         if stamp_at(rings, c, middle) <= t:
@@ -119,9 +119,9 @@ def write_cell(rings: Rings, c: int, i: int, at: float) -> None:
 @inner
 def make_room(rings: Rings, c: int) -> None:
     """Drop the oldest sample of a channel whose ring is full."""
-    if rings.held[c] == LENGTH:
+    if rings.filled[c] == LENGTH:
         rings.head[c] = (rings.head[c] + 1) & (LENGTH - 1)
-        rings.held[c] -= 1
+        rings.filled[c] -= 1
 
 
 @inner
@@ -155,10 +155,10 @@ def place_sample(rings: Rings, c: int, at: float) -> int:
     """Place the scratch sample with a stamp [s] in its ring; return what became of it."""
     if not abs(at) <= 1.0e12:
         return REFUSED
-    count = rings.held[c]
+    count = rings.filled[c]
     if count == 0:
         write_cell(rings, c, 0, at)
-        rings.held[c] = 1
+        rings.filled[c] = 1
         return TAKEN
     step = at - stamp_at(rings, c, count - 1)
     if abs(step) > CLOCK_JUMP:
@@ -167,7 +167,7 @@ def place_sample(rings: Rings, c: int, at: float) -> int:
         rings.pending[c, 1] = at
         if rings.pending[c, 0] < CONFIRM:
             return OUTLIER
-        rings.head[c], rings.held[c], rings.usual[c] = 0, 1, 0.0
+        rings.head[c], rings.filled[c], rings.usual[c] = 0, 1, 0.0
         write_cell(rings, c, 0, at)
         rings.pending[c, 0] = 0.0
         rings.now[LAST] = rings.now[LAST_SEEN] = rings.now[CLOCK_ORIGIN] = np.nan
@@ -180,8 +180,8 @@ def place_sample(rings: Rings, c: int, at: float) -> int:
         else:
             rings.usual[c] = min(max(step, usual / SETTLE_STEP), usual * SETTLE_STEP)
         make_room(rings, c)
-        write_cell(rings, c, rings.held[c], at)
-        rings.held[c] += 1
+        write_cell(rings, c, rings.filled[c], at)
+        rings.filled[c] += 1
         return TAKEN
     if step == 0.0:
         return DUPLICATE
@@ -191,18 +191,18 @@ def place_sample(rings: Rings, c: int, at: float) -> int:
 @inner
 def insert_sample(rings: Rings, c: int, at: float) -> int:
     """Place the scratch sample before newer ones, unless there has been an estimate behind its stamp [s]."""
-    i = rings.held[c]
+    i = rings.filled[c]
     while i > 0 and stamp_at(rings, c, i - 1) > at:
         i -= 1
     if i > 0 and stamp_at(rings, c, i - 1) == at:
         return DUPLICATE
-    if at <= rings.now[LAST_SEEN] or (i == 0 and rings.held[c] == LENGTH):
+    if at <= rings.now[LAST_SEEN] or (i == 0 and rings.filled[c] == LENGTH):
         return TOO_LATE
-    if rings.held[c] == LENGTH:
+    if rings.filled[c] == LENGTH:
         make_room(rings, c)
         i -= 1
-    rings.held[c] += 1
-    for k in range(rings.held[c] - 1, i, -1):
+    rings.filled[c] += 1
+    for k in range(rings.filled[c] - 1, i, -1):
         a, b = (rings.head[c] + k) & (LENGTH - 1), (rings.head[c] + k - 1) & (LENGTH - 1)
         rings.time[c, a] = rings.time[c, b]
         for j in range(rings.columns[c]):

@@ -49,7 +49,7 @@ class _Push:
 
 def verdict_of(
     estimate: StoredEstimate,
-    found: ObserverScores,
+    scores: ObserverScores,
     start: float,
     kind: str,
     findings: Iterable[Finding],
@@ -59,33 +59,33 @@ def verdict_of(
 
     Args:
         estimate: what it estimated.
-        found: its scores.
+        scores: its scores.
         start: time from which the sentence counts [s].
         kind: what the scores compare it with: `truth` or `sensor`.
         findings: what the checks found.
         model: whether the belief is still that of its calibration; None without one.
     """
     pushes = _pushes(estimate, start)
-    largest = {unit: max(one.peak for one in pushes if one.unit == unit) for unit in {one.unit for one in pushes}}
+    largest = {unit: max(push.peak for push in pushes if push.unit == unit) for unit in {push.unit for push in pushes}}
     least = {unit: CROSSTALK * size for unit, size in largest.items()}
     if estimate.head.expected_force is None:  # else the deviations contain the errors of the belief
         least["N"] = max(least.get("N", 0.0), estimate.redundancy.least)
-    certain = sorted((one for one in pushes if one.stands_out(least[one.unit])), key=lambda one: -one.peak)
-    rest = [one.place for one in pushes if one not in certain]
+    certain = sorted((push for push in pushes if push.stands_out(least[push.unit])), key=lambda push: -push.peak)
+    unsure = [push.place for push in pushes if push not in certain]
     what = "a push" if estimate.head.frames else "a torque that the motion does not explain"
-    said = f"{estimate.head.observer} finds " + (
+    sentence = f"{estimate.head.observer} finds " + (
         f"{what} at {_listed(certain)}" if certain else f"no {what[2:]} that stands out from its errors"
     )
-    if events := found.events:
+    if events := scores.events:
         many = f"{len(events)} contacts, the first" if len(events) > 1 else "one contact,"
-        said += f", in {many} at {events[0].onset - start:.2f} s"
-    if certain and rest:
-        said += f"; nothing at {_listed(dict.fromkeys(rest))} stands out from its errors"
-    doubts = [f"the record contradicts itself: {one.check}" for one in findings if one.verdict == "refused"]
-    words, wrong = found.judgement
+        sentence += f", in {many} at {events[0].onset - start:.2f} s"
+    if certain and unsure:
+        sentence += f"; nothing at {_listed(dict.fromkeys(unsure))} stands out from its errors"
+    doubts = [f"the record contradicts itself: {finding.check}" for finding in findings if finding.verdict == "refused"]
+    words, wrong = scores.judgement
     doubts += [words.removeprefix("belief: ").partition(";")[0]] * wrong
     doubts += ["something has changed since the calibration"] * (model is not None and model.verdict == "changed")
-    return "; ".join([said, _sureness(found, kind, certain or pushes), *doubts, _unseen(found)]) + "."
+    return "; ".join([sentence, _sureness(scores, kind, certain or pushes), *doubts, _unseen(scores)]) + "."
 
 
 def _listed(things: Iterable[object]) -> str:
@@ -127,30 +127,32 @@ def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
     return pushes
 
 
-def _sureness(found: ObserverScores, kind: str, pushes: list[_Push]) -> str:
+def _sureness(scores: ObserverScores, kind: str, pushes: list[_Push]) -> str:
     """Return how sure the forces are: errors against a reference, or as stated."""
-    if found.points:
-        forces = {label: score for label, score in found.scored.items() if label.rpartition(".")[2][0] == "F"}
-        error = float(np.linalg.norm([one.rmse for one in forces.values()]))
-        size = float(np.linalg.norm([one.rms or 0.0 for one in found.components if short_label(one.name) in forces]))
+    if scores.points:
+        forces = {label: score for label, score in scores.scored.items() if label.rpartition(".")[2][0] == "F"}
+        error = float(np.linalg.norm([score.rmse for score in forces.values()]))
+        size = float(
+            np.linalg.norm([part.rms or 0.0 for part in scores.components if short_label(part.name) in forces])
+        )
         share = f"{100.0 * error / size:.2g} % of it" if 0.99 * size > error else "as much as it finds"
-        where = f" at {_listed(found.points)}" if kind == "sensor" else ""
-        per_point = quantity(error / len(found.points) ** 0.5, "N")
+        where = f" at {_listed(scores.points)}" if kind == "sensor" else ""
+        per_point = quantity(error / len(scores.points) ** 0.5, "N")
         return f"it is off the {COMPARED_WITH[kind]}{where} by {per_point} rms, {share}"
-    if any(size.deviation is not None for size in found.components):
-        return f"its standard deviation, as stated, is {_listed(quantity(one.error, one.unit) for one in pushes)}"
+    if any(size.deviation is not None for size in scores.components):
+        return f"its standard deviation, as stated, is {_listed(quantity(push.error, push.unit) for push in pushes)}"
     return "how sure that is cannot be said: a calibration, kalman or smoother would state it"
 
 
-def _unseen(found: ObserverScores) -> str:
+def _unseen(scores: ObserverScores) -> str:
     """Return which parts of the forces the record does not show."""
-    never = [short_label(one.name) for one in found.components if one.seen == 0.0] + found.unseen
+    never = [short_label(size.name) for size in scores.components if size.seen == 0.0] + scores.unseen
     rarely = [
-        f"{short_label(one.name)} ({100.0 * one.seen:.0f} % of the time)"
-        for one in found.components
-        if one.seen and one.seen < SOMETIMES
+        f"{short_label(size.name)} ({100.0 * size.seen:.0f} % of the time)"
+        for size in scores.components
+        if size.seen and size.seen < SOMETIMES
     ]
     if not never and not rarely:
         return "every direction of these forces can be seen"
-    said = [f"it cannot see {_listed(never)}"] if never else []
-    return "; ".join([*said, *([f"it sees only at times {_listed(rarely)}"] if rarely else [])])
+    parts = [f"it cannot see {_listed(never)}"] if never else []
+    return "; ".join([*parts, *([f"it sees only at times {_listed(rarely)}"] if rarely else [])])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -116,9 +116,10 @@ def run(
         flight, control, seed = flight_summary(log, robot.mass), None, scenario.simulation.seed
         said: list[Finding] = []
         if pilot is not None:
+            said = [Finding("before the flight", "warning", line) for line in pilot.warnings]
             flight = replace(flight, rms=course_rms(scenario, log))
             control = control_summary(scenario, log, pilot).to_json()
-            said = [] if control["state"] == "OK" else [Finding("control", "warning", control["state_line"])]
+            said += [Finding("control", "warning", control["state_line"])] * (control["state"] != "OK")
         changed = changed_keys(scenario)
         more = {**made.scores.more, "seed": seed, "changed": changed, "log": None, "flight": flight.to_json()}
         scores = replace(
@@ -126,13 +127,14 @@ def run(
             title=f"{scenario.name}, seed {seed}: {made.note}; motor torque {scenario.observers.torque}",
             changes=changes_text(scenario.name, changed),
             advice=NOISE_ADVICE if scenario.sensors.sampled else "",
-            findings=(*_said_before(pilot), *said, *made.scores.findings),
+            findings=(*said, *made.scores.findings),
             more=more if control is None else {**more, "control": control},
         )
         return replace(made, robot=robot, scores=scores, flight=flight, control=control)
 
     try:
-        return judged(simulate(scenario, _stage(progress, "flying"), robot=robot, pilot=pilot, simulator=simulator))
+        flying = None if progress is None else partial(progress, "flying")
+        return judged(simulate(scenario, flying, robot=robot, pilot=pilot, simulator=simulator))
     except SimulationError as error:
         if isinstance(error.kept, FlightLog):
             error.kept = judged(error.kept)
@@ -189,15 +191,6 @@ def _motion(result: Result) -> tuple[Array, Array, Array | None]:
     assert result.record is not None
     block = result.record.block(*result.record.parts[0])
     return block.q, block.v, None
-
-
-def _said_before(pilot: Controller | None) -> list[Finding]:
-    """Return what the controller said before the flight."""
-    return [] if pilot is None else [Finding("before the flight", "warning", line) for line in pilot.warnings]
-
-
-def _stage(progress: Progress | None, name: str) -> Callable[[float], None] | None:
-    return None if progress is None else lambda share: progress(name, share)
 
 
 def _observer_stages(progress: Progress, names: Sequence[str]) -> Callable[[float], None]:

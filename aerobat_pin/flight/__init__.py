@@ -5,6 +5,7 @@ from aerobat_pin.aerobat import LABELS as LABELS
 from aerobat_pin.aerobat import FlightLog as FlightLog
 from aerobat_pin.aerobat import read_log as read_log
 from aerobat_pin.aerobat import write_csv as write_csv
+from aerobat_pin.errors import old_names
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp
 from aerobat_pin.flight.log_channels import flight_log_of
 from aerobat_pin.flight.loop import ClosedLoop, LoopRecord, Pilot
@@ -12,7 +13,7 @@ from aerobat_pin.flight.mujoco_robot import MujocoRobot
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.simulated_elsewhere import SimulatedMotion, Simulator
-from aerobat_pin.flight.plant.tables import Flown
+from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import Sensing
 from aerobat_pin.flight.shown import Wake, log_with_motion, wake_of
@@ -24,7 +25,6 @@ __all__ = [
     "ClosedLoop",
     "ConstantRate",
     "CrankDrive",
-    "Flown",
     "LaggedThrust",
     "LoopRecord",
     "MujocoRobot",
@@ -36,6 +36,7 @@ __all__ = [
     "Simulator",
     "SpinUp",
     "ThrusterSet",
+    "Trajectory",
     "Trim",
     "Wake",
     "advance_stage",
@@ -47,3 +48,5 @@ __all__ = [
     "thrusters_of",
     "wake_of",
 ]
+
+__getattr__ = old_names(__name__, {"Flown": "Trajectory"})

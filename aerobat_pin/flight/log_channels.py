@@ -13,7 +13,7 @@ from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.loop import LoopRecord
 from aerobat_pin.flight.plant.elastic_joints import as_measured
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.plant.tables import Flown
+from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import rotations
 
@@ -27,23 +27,26 @@ LOGGED = {  # channel of the truth -> row of the strip loads
 }
 
 
-def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | None = None) -> FlightLog:
+def flight_log_of(plant: Plant, time: Array, trajectory: Trajectory, record: LoopRecord | None = None) -> FlightLog:
     """Return the log of a flight simulated by a plant, with exact channels at times (n + 1,) [s].
 
     If thrusters flew it, `record` is what happened in the loop: the log's known force is then the wrench that the
     controller's model of the thrusters gave, the only one that is known beside a robot; the real one is in the truth.
     """
-    scenario, mean, strips = plant.scenario, flown.forces, strips_of(flown.loads)
-    q, v, crank = as_measured(scenario, plant.robot, flown.q, flown.v, flown.crank_angle, flown.crank_rate)
+    scenario, mean, strips = plant.scenario, trajectory.forces, strips_of(trajectory.loads)
+    q, v, crank = as_measured(
+        scenario, plant.robot, trajectory.q, trajectory.v, trajectory.crank_angle, trajectory.crank_rate
+    )
     coords = {
         "time": channel(time, ("time",), "s", "sample time"),
         "interval": channel(time[:-1], ("interval",), "s", "start of the interval"),
     }
+    wind = plant.wind(time)[:, 0]
     measured = {
         "q": q,
         "v": v,
         "crank_angle": crank,
-        "airspeed": _airspeed(plant, time, flown),
+        "airspeed": trajectory.v[:, 0] - np.sum(rotations(trajectory.q)[:, :, 0] * wind, axis=1),
         "motor_torque": mean.motor,
         THRUSTERS: mean.thrusters,
     }
@@ -72,14 +75,14 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | 
     }
     more = []
     if scenario.plant.shows_joints:
-        true |= {"q": flown.q, "v": flown.v, "crank_angle": flown.crank_angle}
+        true |= {"q": trajectory.q, "v": trajectory.v, "crank_angle": trajectory.crank_angle}
         more.append("q_axis")
     if plant.elastic.count:
-        true["deflection"] = flown.deflection
+        true["deflection"] = trajectory.deflection
         more.append("joint")
     if isinstance(plant.drive, RateControlledMotor):
         true |= {
-            "crank_rate": flown.crank_rate,
+            "crank_rate": trajectory.crank_rate,
             "crank_torque": mean.crank_torque,
             "drive_torque": mean.drive_torque,
             "drive_power": mean.drive_power,
@@ -101,8 +104,8 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | 
     truth = xr.Dataset(
         {name: filled(name, values, TRUE_CHANNELS) for name, values in true.items()}, coords={**coords, **axes}
     )
-    if flown.air.size:
-        truth["air_state"] = filled("air_state", flown.air, TRUE_CHANNELS)
+    if trajectory.air.size:
+        truth["air_state"] = filled("air_state", trajectory.air, TRUE_CHANNELS)
     events = [(force.frame, *force.signal.event) for force in plant.forces if force.signal.event is not None]
     if events:
         points, names, starts, ends = zip(*events, strict=True)
@@ -113,8 +116,3 @@ def flight_log_of(plant: Plant, time: Array, flown: Flown, record: LoopRecord | 
     seen = {name: filled(name, values, table) for name, values in measured.items()}
     labels = {name: list(LABELS[name]) for name in ("q_axis", "v_axis")}
     return FlightLog(xr.Dataset(seen, coords={**coords, **labels}, attrs=attributes), truth)
-
-
-def _airspeed(plant: Plant, time: Array, flown: Flown) -> Array:
-    wind = plant.wind(time)[:, 0]
-    return np.asarray(flown.v[:, 0] - np.sum(rotations(flown.q)[:, :, 0] * wind, axis=1))

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.plant.tables import Flown
+from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.flight.sensors import Sensing
 from aerobat_pin.flight.thrusters import LaggedThrust, ThrusterSet, thrusters_of
 from aerobat_pin.numerics import Array
@@ -74,7 +74,7 @@ class ClosedLoop:
     Args:
         plant: the plant; its robot has thrusters.
         pilot: the controller.
-        held: (2, f, n) mean noise and mean signal of each unknown force [N]; when omitted, the scenario's.
+        step_means: (2, f, n) mean noise and mean signal of each unknown force [N]; when omitted, the scenario's.
         endless: whether the flight goes on after n intervals, see `Plant.start`; the record begins anew with them.
 
     Attributes:
@@ -82,7 +82,7 @@ class ClosedLoop:
         done: number of intervals flown.
     """
 
-    def __init__(self, plant: Plant, pilot: Pilot, held: Array | None = None, *, endless: bool = False) -> None:
+    def __init__(self, plant: Plant, pilot: Pilot, step_means: Array | None = None, *, endless: bool = False) -> None:
         """Begin the flight."""
         scenario, robot = plant.scenario, plant.robot
         self.plant, self.pilot = plant, pilot
@@ -90,7 +90,7 @@ class ClosedLoop:
         self.thrusters = thrusters_of(robot.morphology)
         self.dt = scenario.simulation.dt
         self.thrust = LaggedThrust(self.thrusters, scenario.thrusters, self.dt, pilot.trim)
-        self.q, self.v = plant.start(held, endless=endless)
+        self.q, self.v = plant.start(step_means, endless=endless)
         assert plant.flight is not None
         self.flight = plant.flight
         count = self.flight.tables.intervals
@@ -121,14 +121,14 @@ class ClosedLoop:
             rows[at] = values
         self.done = k + 1
 
-    def fly(self, count: int, progress: Callable[[float], None] | None = None) -> Flown:
+    def fly(self, count: int, progress: Callable[[float], None] | None = None) -> Trajectory:
         """Fly n intervals and return the flight, as `Plant.fly` does."""
         every = max(1, count // 100)
         for k in range(count):
             self.step()
             if progress is not None and k % every == 0:
                 progress((k + 1) / count)
-        return self.flight.flown()
+        return self.flight.trajectory()
 
     def record(self, intervals: int | None = None) -> LoopRecord:
         """Return what happened so far, or in the first intervals."""

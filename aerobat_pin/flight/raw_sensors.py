@@ -27,7 +27,7 @@ from aerobat_pin.robot import Aerobat, rotations
 from aerobat_pin.scenario import InertialSection, MotionCaptureSection, SampledSection, SensorSection, SensorsSection
 
 
-def recorded_raw(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) -> FlightLog:
+def measure_raw(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) -> FlightLog:
     """Return a log of raw samples; the exact q, v, crank angle and motor torque are moved to its truth.
 
     Args:

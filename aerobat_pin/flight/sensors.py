@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat import FlightLog
-from aerobat_pin.flight.raw_sensors import recorded_raw
+from aerobat_pin.flight.raw_sensors import measure_raw
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import SensorSection, SensorsSection
@@ -31,7 +31,7 @@ ChannelColumns = slice | list[int]
 ORIGIN = np.zeros(3)
 
 
-def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) -> FlightLog:
+def measure(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) -> FlightLog:
     """Return a log as its sensors recorded it; the exact values of each changed channel stay in its truth.
 
     Each sensor has its own stream of random numbers, seeded by the sensor's name, so adding one sensor does not change
@@ -44,7 +44,7 @@ def recorded(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int)
         seed: seed of all random numbers.
     """
     if sensors.raw:
-        return recorded_raw(log, robot, sensors, seed)
+        return measure_raw(log, robot, sensors, seed)
     if not sensors.fitted:
         return log
     assert log.truth is not None

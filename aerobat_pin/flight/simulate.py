@@ -14,9 +14,9 @@ from aerobat_pin.flight.loop import ClosedLoop, Pilot
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.simulated_elsewhere import Simulator
-from aerobat_pin.flight.plant.tables import Flown
+from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.flight.point_forces import interval_means
-from aerobat_pin.flight.sensors import recorded
+from aerobat_pin.flight.sensors import measure
 from aerobat_pin.numerics import announce_compilation, guarded
 from aerobat_pin.robot import Aerobat, flown_robot
 from aerobat_pin.scenario import Scenario
@@ -63,21 +63,21 @@ def simulate(
 
     loop: ClosedLoop | None = None
 
-    def log_of(flown: Flown) -> FlightLog:
-        samples = len(flown.q)
+    def log_of(trajectory: Trajectory) -> FlightLog:
+        samples = len(trajectory.q)
         record = None if loop is None else loop.record(samples - 1)
-        log = flight_log_of(plant, time[:samples], flown, record)
+        log = flight_log_of(plant, time[:samples], trajectory, record)
         plant.flight = None  # the two know each other, so its tables would stay until the garbage collector comes
-        return recorded(log, plant.robot, scenario.sensors, settings.seed)
+        return measure(log, plant.robot, scenario.sensors, settings.seed)
 
-    held = interval_means(plant.forces, time, settings.seed)
+    step_means = interval_means(plant.forces, time, settings.seed)
     try:
         if pilot is None:
-            return log_of(plant.fly(count, dt, held, progress))
-        loop = ClosedLoop(plant, pilot, held)
+            return log_of(plant.fly(count, dt, step_means, progress))
+        loop = ClosedLoop(plant, pilot, step_means)
         return log_of(loop.fly(count, progress))
     except SimulationError as error:
-        if isinstance(error.kept, Flown):
+        if isinstance(error.kept, Trajectory):
             error.kept = log_of(error.kept)
             error.kept.measured.attrs["diverged_at"] = error.diverged_at
         raise

@@ -41,16 +41,18 @@ class ThrusterSet:
 @guarded()
 def thrusters_of(morphology: Morphology) -> ThrusterSet:
     """Return the thrusters of a robot. Raises ScenarioError if it has none."""
-    found = morphology.thrusters
-    if not found:
+    thrusters = morphology.thrusters
+    if not thrusters:
         raise ScenarioError(f"control: robot '{morphology.name}' has no thrusters; 'aerobat_guard' has six")
-    direction, place = (np.array([getattr(one, key) for one in found]) for key in ("direction", "position"))
-    reaction = np.array([one.torque / one.thrust for one in found])[:, None]
+    direction, place = (
+        np.array([getattr(thruster, key) for thruster in thrusters]) for key in ("direction", "position")
+    )
+    reaction = np.array([thruster.torque / thruster.thrust for thruster in thrusters])[:, None]
     moment = np.cross(place, direction) + reaction * direction
     return ThrusterSet(
-        names=tuple(one.name for one in found),
+        names=tuple(thruster.name for thruster in thrusters),
         map=np.concatenate([direction, moment], axis=1).T.copy(),
-        limit=np.array([one.thrust for one in found]),
+        limit=np.array([thruster.thrust for thruster in thrusters]),
     )
 
 

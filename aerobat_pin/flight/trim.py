@@ -167,8 +167,8 @@ def _flap(plant: Plant, start: State) -> State:
     """Simulate one flap and return the state at its end."""
     period = 1.0 / plant.scenario.crank.frequency
     count = max(20, round(period / plant.scenario.simulation.dt))
-    flown = plant.fly(count, period / count, np.zeros((2, len(plant.forces), count)), start=start)
-    return State(flown.q[-1, :7], flown.v[-1, :6], flown.air[-1])
+    trajectory = plant.fly(count, period / count, np.zeros((2, len(plant.forces), count)), start=start)
+    return State(trajectory.q[-1, :7], trajectory.v[-1, :6], trajectory.air[-1])
 
 
 def _flap_miss(scenario: Scenario, unknowns: Array) -> Array:

@@ -5,6 +5,7 @@ from .arrays import Array as Array
 from .arrays import checked as checked
 from .arrays import checked_shape as checked_shape
 from .arrays import real_numbers as real_numbers
+from .arrays import runs_of_true as runs_of_true
 from .arrays import shaped as shaped
 from .arrays import shown as shown
 from .arrays import together as together

@@ -35,6 +35,12 @@ def shown(value: Any) -> str:
     return f"an object of {type(value).__name__}"
 
 
+def runs_of_true(mask: ArrayLike) -> list[tuple[int, int]]:
+    """Return first index and last index + 1 of each run of True in a mask (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.asarray(mask, bool), [False]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
 def checked_shape(array: Array, shape: Any, name: str, sizes: dict[Any, Any] | None = None) -> None:
     """Raise ShapeError unless an array has a shape.
 

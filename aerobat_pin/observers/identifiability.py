@@ -11,6 +11,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers.applications import Applications
 from aerobat_pin.observers.rows import UNSEEN_SHARE, BelievedRows
 
+EXAMINED = 64  # worst instants of a run that are examined closely
 RANK_TOLERANCE = 1.0e-6  # share of the largest singular value, below which a singular value counts as zero
 
 
@@ -68,7 +69,6 @@ def judge(
     velocities: Array,
     believed: BelievedRows,
     pivots: Array | None = None,
-    worst: int = 64,
 ) -> Identifiability:
     """Return the identifiability at the worst instant of a run.
 
@@ -78,15 +78,14 @@ def judge(
         velocities: (m, nv) velocities; their joint part is the direction of the power row.
         believed: rows of the generalised residual that the observer uses.
         pivots: (m - 1,) smallest pivot of the equations of each interval, over their trace. The smallest ones say which
-            instants are worst. When omitted, every instant is examined.
-        worst: how many of the worst instants to examine closely, if `pivots` are given.
+            instants are worst, of which `EXAMINED` are. When omitted, every instant is.
     """
     count = len(applications.components)
     if not count:
         return Identifiability((), 0, np.zeros(0), np.zeros((0, 0)), np.zeros(0))
     at = np.arange(len(jacobians))
-    if pivots is not None and len(pivots) > worst:
-        last = np.sort(np.argpartition(pivots, worst)[:worst])
+    if pivots is not None and len(pivots) > EXAMINED:
+        last = np.sort(np.argpartition(pivots, EXAMINED)[:EXAMINED])
         at = np.unique([last, last + 1])  # both ends of these intervals
     scale = applications.scale
     maps = [believed.map(velocities[i]) for i in (at if believed.name == "base+power" else at[:1])]

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.numerics import guarded, runs_of_true
 from aerobat_pin.records.block import Channel
 from aerobat_pin.records.channels import base_requests, channel_of, further_requests, named_columns
 from aerobat_pin.records.columns import Columns
@@ -79,12 +79,12 @@ def open_record(path: Path, chosen: Map | Path, folder: Path | None = None, robo
 
 def _with_held(chosen: Map, robot: PlainRobot) -> Map:
     """Return a map in which `held = {"*" = 0.0}` stands for every joint that `joints.names` does not name."""
-    held = chosen.joints.held
-    if "*" not in held:
+    fixed = chosen.joints.held
+    if "*" not in fixed:
         return chosen
     names = {*listed_joints(chosen.joints.names), *renamed_joints(chosen.joints.names).values()}
-    rest = {name: held["*"] for name in robot.joints if name not in names}
-    named = {name: place for name, place in held.items() if name != "*"}
+    rest = {name: fixed["*"] for name in robot.joints if name not in names}
+    named = {name: place for name, place in fixed.items() if name != "*"}
     joints = chosen.joints.model_copy(update={"held": {**rest, **named}})
     return chosen.model_copy(update={"joints": joints})
 
@@ -127,8 +127,8 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
     if table.passive:
         notes.append(f"without a motor, efforts known to be 0: {', '.join(table.passive)}")
     if table.held:
-        held = ", ".join(f"{name} at {place:g}" for name, place in table.held.items())
-        notes.append(f"held still, rows not believed: {held}")
+        fixed = ", ".join(f"{name} at {place:g}" for name, place in table.held.items())
+        notes.append(f"held still, rows not believed: {fixed}")
     return names, tuple(notes)
 
 
@@ -266,12 +266,12 @@ def _parts(
             good = height >= (-np.inf if when.above is None else when.above)
             good &= height <= (np.inf if when.below is None else when.below)
         covered, used = covered + len(good), used + int(np.sum(good))
-        for first, last in _runs(good):
+        for first, last in runs_of_true(good):
             near = knots is None or (first == 0 and time[0] - time_of(max(low - 1, 0)) <= chosen.log.longest_gap)
             if near and runs and runs[-1][1] == low + first - 1:
-                runs[-1] = (runs[-1][0], low + last)
+                runs[-1] = (runs[-1][0], low + last - 1)
             else:
-                runs.append((low + first, low + last))
+                runs.append((low + first, low + last - 1))
     trim = (0.0, 0.0)
     if level is not None and when is not None:
         trim = when.trim
@@ -300,9 +300,3 @@ def _outside(
         for low in range(first, last, EXTENT):
             yield low, min(low + EXTENT, last)
         first = max(first, bisect_left(times, finish, key=time_of))
-
-
-def _runs(good: Array) -> list[tuple[int, int]]:
-    """Return (first, last) of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -6,13 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from aerobat_pin.errors import MapError
 from aerobat_pin.numerics import guarded
 from aerobat_pin.records.map_tables import Map
 from aerobat_pin.records.robot_files import option_of_robot
-from aerobat_pin.scenario import describe_tables, explain, read_toml
+from aerobat_pin.scenario import describe_tables, read_toml, validated
 
 HEAD = (
     "A map is a TOML file that says what the columns of a recording mean: `aerobat estimate LOG --map map.toml`. "
@@ -30,11 +28,7 @@ def load_map(path: Path) -> Map:
 @guarded()
 def parse_map(values: Mapping[str, Any], source: str) -> Map:
     """Build a map from nested plain values. Raises MapError, which names every broken rule."""
-    try:
-        return Map.model_validate(dict(values))
-    except ValidationError as error:
-        lines = dict.fromkeys(explain(dict(item), Map) for item in error.errors())
-        raise MapError(f"map {source}: " + "; ".join(lines)) from error
+    return validated(Map, values, f"map {source}", MapError)
 
 
 @guarded()

@@ -21,12 +21,12 @@ POINT, TURN = "xyz", "xyzw"
 def entries(message: Any) -> dict[str, float] | None:
     """Return column -> number of a message; None for a type that has no columns."""
     if hasattr(message, "name") and hasattr(message, "effort"):
-        found: dict[str, float] = {}
+        columns: dict[str, float] = {}
         for part in ("position", "velocity", "effort"):
             values = getattr(message, part)
             if len(values) == len(message.name):
-                found |= {f"{part}.{joint}": float(x) for joint, x in zip(message.name, values, strict=True)}
-        return found
+                columns |= {f"{part}.{joint}": float(x) for joint, x in zip(message.name, values, strict=True)}
+        return columns
     if hasattr(message, "linear_acceleration"):
         return {
             **_axes("orientation", message.orientation, TURN),
@@ -35,18 +35,18 @@ def entries(message: Any) -> dict[str, float] | None:
         }
     if hasattr(message, "wrench"):
         return {**_axes("force", message.wrench.force), **_axes("torque", message.wrench.torque)}
-    found = {}
+    columns = {}
     if hasattr(message, "pose"):
         pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-        found |= {**_axes("position", pose.position), **_axes("orientation", pose.orientation, TURN)}
+        columns |= {**_axes("position", pose.position), **_axes("orientation", pose.orientation, TURN)}
     if hasattr(message, "transform"):
         place = message.transform
-        found |= {**_axes("position", place.translation), **_axes("orientation", place.rotation, TURN)}
+        columns |= {**_axes("position", place.translation), **_axes("orientation", place.rotation, TURN)}
     if hasattr(message, "twist"):
         twist = message.twist.twist if hasattr(message.twist, "twist") else message.twist
-        found |= {**_axes("linear", twist.linear), **_axes("angular", twist.angular)}
-    if found:
-        return found
+        columns |= {**_axes("linear", twist.linear), **_axes("angular", twist.angular)}
+    if columns:
+        return columns
     data: Any = getattr(message, "data", None)
     if isinstance(data, int | float) and not isinstance(data, bool):
         return {"data": float(data)}

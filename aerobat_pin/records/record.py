@@ -103,7 +103,8 @@ class Record:
             v[:, rows_v] = self.at("joints.velocity", time)
         elif self.joints and self.knots is None:
             window = 0.02 if self.map.joints.velocity is None else self.map.joints.velocity.window
-            v[:, rows_v] = self._slope("joints.position", first, last, window)
+            wide, inside = self._wide(first, last)
+            v[:, rows_v] = slopes(self.at("joints.position", wide), self.dt, window)[inside]
         if "joints.effort" in self.channels:
             tau[:, [robot.v_index(joint) for joint in self.driven]] = self.means("joints.effort", time)
         if robot.free and not self.map.base.held:
@@ -188,10 +189,6 @@ class Record:
             after = math.ceil((end - self.start) * self.rate - ROUNDED)
             low, high = (after if low < after <= first else low), (before if last <= before < high else high)
         return self.times(low, high), slice(first - low, last - low + 1)
-
-    def _slope(self, key: str, first: int, last: int, window: float) -> Array:
-        time, inside = self._wide(first, last)
-        return slopes(self.at(key, time), self.dt, window)[inside]
 
     def turns(self, time: Array) -> Array:
         """Return the attitude (m, 4) at times (m,) [s]: body to world, z up, x, y, z, w."""

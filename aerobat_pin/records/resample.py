@@ -17,6 +17,7 @@ import pinocchio as pin
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.spool import Series, typical_spacing
+from aerobat_pin.robot import rotation_matrices as rotation_matrices
 
 SLOW = 2.5  # usual steps of a channel slower than `log.longest_gap`, beyond which it has a hole
 
@@ -51,34 +52,23 @@ def line_means(time: Array, values: Array, wanted: Array) -> Array:
     return np.asarray(np.diff(integral, axis=0) / np.diff(wanted)[:, None])
 
 
-def slopes(values: Array, dt: float, window: float, order: int = 1) -> Array:
+def slopes(values: Array, dt: float, window: float) -> Array:
     """Return the derivative (m, k) of evenly spaced values: slopes of parabolas over a window [s].
 
     Args:
         values: (m, k) values.
         dt: spacing [s].
-        window: length of the parabolas [s]; at least three samples are used.
-        order: 1 for the first derivative, 2 for the second.
+        window: length of the parabolas [s]; an odd number of samples, at least three.
     """
-    count = window_length(window, dt, len(values))
+    count = min(max(3, 2 * round(0.5 * window / dt) + 1), (len(values) - 1) // 2 * 2 + 1)
     if count < 3:
         return np.zeros_like(values)
     half = count // 2  # as scipy's savgol_filter, whose import would take longer than a short flight
     places = np.arange(-half, half + 1.0) / half
     fit = np.linalg.pinv(np.vander(places, 3, increasing=True))  # (3, count): from values to coefficients of a parabola
-    inner = np.stack([np.convolve(column, fit[order, ::-1], "valid") for column in values.T], axis=1)
-    ends = [
-        fit[order] @ one + (2 - order) * 2.0 * places[:, None] * (fit[2] @ one)
-        for one in (values[:count], values[-count:])
-    ]
-    ends = [np.broadcast_to(one, (count, values.shape[1])) for one in ends]
-    return order * np.concatenate([ends[0][:half], inner, ends[1][half + 1 :]]) / (half * dt) ** order
-
-
-def window_length(window: float, dt: float, most: int) -> int:
-    """Return the odd number of samples of a window [s], at least 3 and at most `most`."""
-    count = max(3, 2 * round(0.5 * window / dt) + 1)
-    return min(count, most if most % 2 == 1 else most - 1)
+    inner = np.stack([np.convolve(column, fit[1, ::-1], "valid") for column in values.T], axis=1)
+    first, last = (fit[1] @ end + 2.0 * places[:, None] * (fit[2] @ end) for end in (values[:count], values[-count:]))
+    return np.concatenate([first[:half], inner, last[half + 1 :]]) / (half * dt)
 
 
 def neighbour_rates(model: pin.Model, time: Array, q: Array) -> Array:
@@ -109,17 +99,6 @@ def turn_rates(quaternions: Array, dt: float, window: float) -> Array:
     return 2.0 * np.stack(
         [w * a - x * d - y * c + z * b, w * b - y * d - z * a + x * c, w * c - z * d - x * b + y * a], axis=1
     )
-
-
-def rotation_matrices(quaternions: Array) -> Array:
-    """Return the matrices (m, 3, 3), body to world, of unit quaternions (m, 4) x, y, z, w."""
-    x, y, z, w = quaternions.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def holes(time: Series, longest: float) -> list[tuple[float, float]]:

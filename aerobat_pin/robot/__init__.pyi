@@ -14,6 +14,7 @@ from .closing_bars import visual_model_with_bars as visual_model_with_bars
 from .frames import euler_angles as euler_angles
 from .frames import external_forces as external_forces
 from .frames import joint_wrench as joint_wrench
+from .frames import rotation_matrices as rotation_matrices
 from .frames import rotations as rotations
 from .frames import world_velocity as world_velocity
 from .link_kernels import Tree as Tree

@@ -45,16 +45,21 @@ def joint_wrench(
     return joint, item.placement.act(local)
 
 
-@guarded(q=("m", "nq"))
-def rotations(q: Array) -> Array:
-    """Return the base's rotation matrices (m, 3, 3), body to world, for configurations (m, nq)."""
-    x, y, z, w = q[:, 3:7].T
+def rotation_matrices(quaternions: Array) -> Array:
+    """Return the matrices (m, 3, 3), body to world, of unit quaternions (m, 4) x, y, z, w."""
+    x, y, z, w = quaternions.T
     rows = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
         [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
         [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
     ]
     return np.moveaxis(np.array(rows), -1, 0)
+
+
+@guarded(q=("m", "nq"))
+def rotations(q: Array) -> Array:
+    """Return the base's rotation matrices (m, 3, 3), body to world, for configurations (m, nq)."""
+    return rotation_matrices(q[:, 3:7])
 
 
 @guarded()

@@ -18,6 +18,7 @@ from .feedback_tables import SensorsSection as SensorsSection
 from .feedback_tables import ThrustersSection as ThrustersSection
 from .messages import explain as explain
 from .messages import explain_plainly as explain_plainly
+from .messages import validated as validated
 from .scenario import MOST_SECONDS as MOST_SECONDS
 from .scenario import SECONDS_PER_STEP as SECONDS_PER_STEP
 from .scenario import Scenario as Scenario

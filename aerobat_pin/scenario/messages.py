@@ -2,15 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, get_args
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar, get_args
+
+from pydantic import ValidationError
 
 from aerobat_description.reading import did_you_mean
+from aerobat_pin.errors import AerobatError
 from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario.tables import Section, sections_of
 from aerobat_pin.scenario.toml import parsed_value, scenario_value
 
+Validated = TypeVar("Validated", bound=Section)
 LONGEST_SHOWN = 200  # characters of a wrong value in an error message
+
+
+def validated(section: type[Validated], values: Mapping[str, Any], source: str, error: type[AerobatError]) -> Validated:
+    """Return the table that nested plain values make. Raises `error`, which names every broken rule of `source`."""
+    try:
+        return section.model_validate(dict(values))
+    except ValidationError as invalid:
+        # A short list gives one error for each missing number, all with the same message: the keys keep one of them.
+        lines = dict.fromkeys(explain(dict(item), section) for item in invalid.errors())
+        raise error(f"{source}: " + "; ".join(lines)) from invalid
 
 
 def explain(error: dict[str, Any], root: type[Section]) -> str:
@@ -46,13 +60,10 @@ def explain_plainly(error: dict[str, Any], where: str, known: Sequence[str]) -> 
         return f"missing key '{where}'"
     if error["type"] == "value_error":
         return f"{where}: {error['ctx']['error']}" if where else str(error["ctx"]["error"])
-    return f"{where} = {_shown(error['input'])}: {error['msg'][:1].lower()}{error['msg'][1:]}"
-
-
-def _shown(value: object) -> str:
-    """Return a value as an error message shows it: its Python text, or the beginning of a long one."""
-    text = repr(value)
-    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}... ({len(text)} characters)"
+    text = repr(error["input"])
+    if len(text) > LONGEST_SHOWN:
+        text = f"{text[:LONGEST_SHOWN]}... ({len(text)} characters)"
+    return f"{where} = {text}: {error['msg'][:1].lower()}{error['msg'][1:]}"
 
 
 def _fixed_length(section: type[Section], key: str) -> int:

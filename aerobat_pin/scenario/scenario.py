@@ -21,7 +21,7 @@ from aerobat_pin.errors import ScenarioError
 from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario.air_tables import AirSection
 from aerobat_pin.scenario.feedback_tables import ControlSection, SensorsSection, ThrustersSection
-from aerobat_pin.scenario.messages import explain
+from aerobat_pin.scenario.messages import explain, validated
 from aerobat_pin.scenario.tables import (
     BelievedSection,
     CrankSection,
@@ -252,9 +252,4 @@ def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:
 @guarded()
 def parse_scenario(values: Mapping[str, Any], source: str) -> Scenario:
     """Build a scenario from nested plain values. Raises ScenarioError, which names every broken rule."""
-    try:
-        return Scenario.model_validate(dict(values))
-    except ValidationError as error:
-        # A short list gives one error for each missing number, all with the same message: the keys keep one of them.
-        lines = dict.fromkeys(explain(dict(item), Scenario) for item in error.errors())
-        raise ScenarioError(f"scenario {source}: " + "; ".join(lines)) from error
+    return validated(Scenario, values, f"scenario {source}", ScenarioError)

@@ -96,7 +96,7 @@ def _force_scores(path: Path) -> dict[tuple[str, str, str], tuple[float | None, 
 
 
 @dataclass(frozen=True, repr=False)
-class Comparison:
+class RunComparison:
     """Two runs side by side; `print` shows what differs and the scores, `write` writes tables, figures and a page."""
 
     FILES: ClassVar = ("comparison.html", "comparison.csv", "forces.png", "forces.pdf", "replay.html")
@@ -222,11 +222,13 @@ class Comparison:
         (folder / "replay.html").write_text(flights, encoding="utf-8")
 
 
-def compare_runs(first: Path, second: Path) -> Comparison:
+def compare_runs(first: Path, second: Path) -> RunComparison:
     """Read the folders of two runs. Raises LogError if one is none, or if they share no point of a force."""
     names = [Path(os.path.realpath(folder)).name for folder in (first, second)]  # of links in a circle, too
     labels = names if names[0] != names[1] else ["first", "second"]
-    return Comparison(*(ComparedRun.load(folder, label) for folder, label in zip((first, second), labels, strict=True)))
+    return RunComparison(
+        *(ComparedRun.load(folder, label) for folder, label in zip((first, second), labels, strict=True))
+    )
 
 
 def side_by_side(first: Replay, second: Replay, labels: tuple[str, str], rate: float) -> str:

@@ -106,6 +106,9 @@ def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
     if flown is not None and flown.flight is not None and flown.scenario.crank.frequency > 0.0:
         linkage = Markup(linkage_animation(flown.robot.linkage, SLOWER / flown.scenario.crank.frequency))
     scenario = None if flown is None else described(flown.scenario)
+    shape = ""
+    if scenario is not None:
+        shape = f"{Path(scenario.robot.morphology).stem}{' with changes' if scenario.robot.changes else ''}"
     return fill_template(
         "report.html",
         result=result,
@@ -113,7 +116,7 @@ def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
         scenario=scenario,
         shipped="" if scenario is None else shipped_description(scenario.name),
         repeated=map_toml(result) if scenario is None else scenario_toml(scenario),
-        shape="" if scenario is None else _shape(scenario),
+        shape=shape,
         gains=_names_and_gains(made),
         heads={name: estimate.head for name, estimate in result.stored.items()},
         words={name: (OBSERVERS[name].__doc__ or "").split("\n")[0] for name in result.stored},
@@ -123,11 +126,6 @@ def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
         linkage=linkage,
         slower=SLOWER,
     )
-
-
-def _shape(scenario: Scenario) -> str:
-    """Return the name of a scenario's morphology."""
-    return f"{Path(scenario.robot.morphology).stem}{' with changes' if scenario.robot.changes else ''}"
 
 
 def _names_and_gains(made: Experiment | Result) -> str:

@@ -168,11 +168,10 @@ def test_numbers_that_do_not_explain_the_flights_are_fudge_and_not_used() -> Non
     assert not replace(asked.identified, kept=False).used
 
 
-def part_of(log: FlightLog, seconds: float, *, truth: bool = False) -> FlightLog:
+def part_of(log: FlightLog, seconds: float) -> FlightLog:
     """Return the beginning of a flight, without its truth."""
     count = round(seconds * 1e3)
-    measured = log.measured.isel(time=slice(0, count + 1), interval=slice(0, count))
-    return FlightLog(measured, log.truth.isel(time=slice(0, count + 1), interval=slice(0, count)) if truth else None)
+    return FlightLog(log.measured.isel(time=slice(0, count + 1), interval=slice(0, count)))
 
 
 def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
@@ -193,10 +192,10 @@ def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
     assert 2.0 < widths[1] < 0.5 * widths[2]
 
 
-def checked_flight(found: Calibration, free: FreeFlight, more: tuple[str, ...] = (), flight: str = "no force") -> Any:
+def checked_flight(found: Calibration, free: FreeFlight, more: tuple[str, ...] = ()) -> Any:
     """Return a flight beside a calibration: what no force explains, and what was predicted."""
-    record = found.applied(flight_record(flown(flight, 1, more)[0], free.plugged()))
-    return part_to_check(found, record, seen_with(found, free, flight, 1, more).inputs)
+    record = found.applied(flight_record(flown("no force", 1, more)[0], free.plugged()))
+    return part_to_check(found, record, seen_with(found, free, "no force", 1, more).inputs)
 
 
 def test_the_motors_torque_alone_is_calibrated_at_the_crank() -> None:

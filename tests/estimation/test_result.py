@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from support.walking_log import table, table_map, urdf, walk
 
-from aerobat_pin.estimation import Compared, Moments, StoredEstimate, estimate
+from aerobat_pin.estimation import Moments, PairedEstimate, StoredEstimate, estimate
 from aerobat_pin.experiments import Experiment, write
 from aerobat_pin.records import open_record, parse_map, series_of
 
@@ -41,7 +41,7 @@ def test_a_sensor_that_shows_the_truth_gives_the_scores_of_the_truth(paper: Expe
     for truth in paper.scores.references:
         rows = np.asarray(truth.noise_free)
         sensor = replace(truth, kind="sensor", values=series_of(stored.start.spool, rows), noise_free=None)
-        own, other = (Compared.of(stored, one, paper.scores.dt) for one in (truth, sensor))
+        own, other = (PairedEstimate.of(stored, one, paper.scores.dt) for one in (truth, sensor))
         assert own is not None
         assert other is not None
         shown = other.scores()
@@ -50,7 +50,7 @@ def test_a_sensor_that_shows_the_truth_gives_the_scores_of_the_truth(paper: Expe
             assert shown[axis].lag_s == pytest.approx(score.lag_s, abs=1e-14)
             assert score.factor is None
             assert shown[axis].factor == pytest.approx(1.0, abs=0.02)
-        noisy = Compared.of(stored, replace(truth, kind="sensor", noise_free=None), paper.scores.dt)
+        noisy = PairedEstimate.of(stored, replace(truth, kind="sensor", noise_free=None), paper.scores.dt)
         assert noisy is not None
         for axis, score in noisy.scores().items():
             assert score.rmse == pytest.approx(own.scores()[axis].rmse, abs=1e-14)

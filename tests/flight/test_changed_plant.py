@@ -16,7 +16,7 @@ import pytest
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.plant.tables import Flown
+from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.linkage.joint_series import SeriesSculpture
 from aerobat_pin.robot.aerobat import JOINTS, believed_robot, flown_robot
@@ -36,7 +36,7 @@ def plant_of(name: str, *settings: str) -> Plant:
     return Plant(flown_robot(scenario), scenario)
 
 
-def still(plant: Plant, duration: float, bent: list[float], dt: float = 1e-3) -> Flown:
+def still(plant: Plant, duration: float, bent: list[float], dt: float = 1e-3) -> Trajectory:
     """Fly without unknown forces from given deflections and rates."""
     count = round(duration / dt)
     start = replace(plant.initial, bent=np.array(bent))

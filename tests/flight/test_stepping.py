@@ -13,7 +13,7 @@ import pytest
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import CrankError, ShapeError, SimulationError
 from aerobat_pin.flight import Plant, Sensing, interval_means, simulate
-from aerobat_pin.flight.sensors import recorded
+from aerobat_pin.flight.sensors import measure
 from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import load_scenario
 
@@ -40,7 +40,7 @@ def test_single_steps_make_the_same_flight_to_the_bit(settings: tuple[str, ...])
     for _ in range(2):
         samples = [plant.start(held, DT), *(plant.step() for _ in range(STEPS))]
         assert plant.flight is not None
-        made = plant.flight.flown()
+        made = plant.flight.trajectory()
         for name in ("q", "v", "air", "crank_angle", "crank_rate", "loads"):
             np.testing.assert_array_equal(getattr(made, name), getattr(whole, name), strict=True)
         for one, other in zip(made.forces, whole.forces, strict=True):
@@ -57,12 +57,12 @@ def test_a_wrench_on_the_body_is_a_known_force_and_replaces_the_hold() -> None:
     plant.step(wrench)
     plant.step()
     assert plant.flight is not None
-    flown = plant.flight.flown()
+    flown = plant.flight.trajectory()
     np.testing.assert_allclose(flown.forces.thrusters[:, :6], [wrench, wrench], rtol=0.0, atol=1e-15)
     assert not np.any(flown.forces.thrusters[:, 6:])
     plant.start(held_of(plant), DT)
     plant.step()
-    before = plant.flight.flown().forces.thrusters[0, :6]
+    before = plant.flight.trajectory().forces.thrusters[0, :6]
     assert np.linalg.norm(before - wrench) > 0.1  # a new flight begins with the hold
 
 
@@ -101,7 +101,7 @@ def test_a_motor_on_the_crank_follows_a_commanded_rate() -> None:
     for k in range(700):
         plant.step(crank_rate=2.0 * np.pi * 3.0 if k == 0 else None)
     assert plant.flight is not None
-    rate = plant.flight.flown().crank_rate
+    rate = plant.flight.trajectory().crank_rate
     assert rate[0] == pytest.approx(2.0 * np.pi * 4.0)
     assert np.mean(rate[-333:]) == pytest.approx(2.0 * np.pi * 3.0, rel=0.03)
 
@@ -153,7 +153,7 @@ def test_a_controller_sees_to_the_bit_what_the_log_shows(settings: list[str]) ->
     scenario = load_scenario("paper", ["simulation.duration=0.15", "simulation.seed=7", *settings])
     robot = flown_robot(scenario)
     exact = simulate(scenario.model_copy(update={"sensors": load_scenario("paper").sensors}), robot=robot)
-    log = recorded(exact, robot, scenario.sensors, 7)
+    log = measure(exact, robot, scenario.sensors, 7)
     sensing = Sensing(robot, scenario.sensors, exact.time, 7)
     q, v = exact.measured["q"].values, exact.measured["v"].values
     crank, seen, turned = exact.measured["crank_angle"].values, [], []

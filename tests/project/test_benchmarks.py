@@ -31,9 +31,9 @@ print("\\n".join(lines(
 DIFFERENCES = """
 import sys
 sys.path.insert(0, sys.argv[1])
-from compared_numbers import Comparison
+from compared_numbers import FolderDifferences
 
-found = Comparison({"^metrics.json .given_up$": None, "[.]was[.]": ".is."})
+found = FolderDifferences({"^metrics.json .given_up$": None, "[.]was[.]": ".is."})
 found.of_file(
     "metrics.json",
     {".given_up": 1.0, ".was.r2": 0.5, ".same": [1.0, 2.0], ".gone": 1, ".verdict": "good", ".text": "about 2.5 N",

@@ -11,7 +11,6 @@ from aerobat_pin.estimation import (
     Finding,
     KnownForces,
     KnownInputs,
-    effort_findings,
     inputs_of,
     record_findings,
 )
@@ -30,10 +29,6 @@ def flight_inputs(record: Record, calibration: Calibration | None) -> KnownInput
     return replace(inputs, calibration=watch.use())
 
 
-def flight_findings(log: FlightLog, robot: AerobatRobot, inputs: KnownInputs | None = None) -> list[Finding]:
-    """Return what a log shows of itself; with the inputs of its observers, also what its motor torques show."""
-    record = flight_record(log, robot)
-    found = list(record_findings(record))
-    if inputs is not None:
-        found += effort_findings(record, inputs.between, found)
-    return found
+def flight_findings(log: FlightLog, robot: AerobatRobot) -> list[Finding]:
+    """Return what a log shows of itself."""
+    return list(record_findings(flight_record(log, robot)))

@@ -18,7 +18,7 @@ from aerobat_pin.aerodynamics import RobotAir
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.plant_state import Forces
-from aerobat_pin.flight.plant.tables import Flown
+from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.flight.point_forces import PointForce
 from aerobat_pin.robot.prescribed_joints import joint_table
 from aerobat_pin.robot.wing import LINKS
@@ -131,7 +131,7 @@ def plant_rates(
     return acceleration[:6], air_rate, Forces(*parts), loads
 
 
-def fly(plant: Plant, count: int, dt: float, held: Vector) -> Flown:
+def fly(plant: Plant, count: int, dt: float, held: Vector) -> Trajectory:
     """Fly by `stepping.step`: the base on SE(3), the joints prescribed, one evaluation after the other."""
     robot, retract = plant.robot, pin.liegroups.SE3().integrate
     closed = plant.closure(np.arange(2 * count + 1) * 0.5 * dt)
@@ -152,7 +152,7 @@ def fly(plant: Plant, count: int, dt: float, held: Vector) -> Flown:
         means.append([stage_mean(parts) for parts in zip(*(forces for forces, _ in outputs), strict=True)])
         loads.append(outputs[0][1])
     flown, joints = np.array(states), motion[::2]
-    return Flown(
+    return Trajectory(
         crank_angle=closed.crank_angle[::2],
         crank_rate=closed.crank_velocity[::2],
         q=robot.configuration(np.array(placements), joints[:, 0, 0], joints[:, 0, 1]),

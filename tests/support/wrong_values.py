@@ -212,10 +212,10 @@ def calls() -> dict[str, Call]:
         (paper.unknown_force[0].interval_means, {"edges": edges[:2], "rng": np.random.default_rng(1)}),
         *((method, {}) for method in (bat.wing.attach, bat.wing.chord, bat.wing.leading_edge, bat.wing.outline)),
         *((method, {"time": edges[:3]}) for method in (plant.closure, plant.wind)),
-        (plant.start, {"held": np.zeros((2, 2, 3)), "start": None, "endless": False}),
+        (plant.start, {"step_means": np.zeros((2, 2, 3)), "start": None, "endless": False}),
         (_stepped(plant), {"command": np.zeros(6), "crank_rate": None}),
         (plant.rates, {"joints": np.zeros((3, 2)), "air": plant.initial.air, "held": np.zeros((2, 2)), "time": 0.0}),
-        (plant.fly, {"count": 2, "held": np.zeros((2, 2, 2)), "start": None}),
+        (plant.fly, {"count": 2, "step_means": np.zeros((2, 2, 2)), "start": None}),
         (api.Wake(edges[:2], zeros, wake, still).mean_trailing, {"start": 0.0, "end": 1.0}),
     ]
     found: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
@@ -340,12 +340,12 @@ def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
 SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
 
 
-RESULTS = """AirConstants LiveSource LiveRow Flown
+RESULTS = """AirConstants LiveSource LiveRow Trajectory
 Belief Calibration CalibrationUse CalibrationWatch Condition Extras Parameter
 Applications Bias Crossing Estimate Event Identifiability LevelDetector CusumDetector LineOfAction
 PointOfAction Prediction Sample Closure Sensitivity Halves LineFlight RobotState StateSpace StripLoads Trim Wake Tree
 FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
-Redundancy JointFriction OnlineSample Result StoredEstimate Compared Channel
+Redundancy JointFriction OnlineSample Result StoredEstimate PairedEstimate Channel
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent InnovationScore ComponentSize
 Contact Cause Effect ModelCheck Suspect Finding Agreement Moments Check KnownForces StreamHealth Stance
 ObserversTogether LoopState SimulatedMotion"""  # made by other functions

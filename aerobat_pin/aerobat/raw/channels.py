@@ -34,7 +34,7 @@ LATE_PART, EARLY_PART = 0.6, 0.3  # [s] at the end of a part that are given up, 
 
 
 @dataclass(frozen=True)
-class RawChannel:
+class SensorSamples:
     """Samples of one sensor.
 
     Attributes:
@@ -66,7 +66,7 @@ class RawRecord:
     """
 
     time: Array
-    channels: dict[str, RawChannel]
+    channels: dict[str, SensorSamples]
     known: Array
     torque: Torque
 
@@ -114,19 +114,19 @@ def raw_record(
     return RawRecord(time, channels, known, torque)
 
 
-def _samples_of(name: str, channel: Channel, stated: float | None) -> RawChannel:
+def _samples_of(name: str, channel: Channel, stated: float | None) -> SensorSamples:
     """Return a channel with its noise: the stated one, else the one noted in the log, else that of a good sensor."""
     noise = stated if stated is not None else channel.deviation
     if noise is None or not 0.0 < noise < np.inf:
         noise = NOISE[name]
     place = np.zeros(3) if channel.place is None else channel.place
     turn = np.eye(3) if channel.turn is None else channel.turn
-    return RawChannel(name, channel.time[:], channel.values[:], float(noise), place, turn)
+    return SensorSamples(name, channel.time[:], channel.values[:], float(noise), place, turn)
 
 
 def _motor_alone(
-    measured: Mapping[str, Channel], robot: Aerobat, crank: RawChannel, stated: float | None
-) -> RawChannel:
+    measured: Mapping[str, Channel], robot: Aerobat, crank: SensorSamples, stated: float | None
+) -> SensorSamples:
     """Return the motor's torque at the crank: measured there, or as four joint torques do work on the crank."""
     if f"{EXTRA}crank_torque" in measured:
         return _samples_of("torque", measured[f"{EXTRA}crank_torque"], stated)
@@ -140,7 +140,7 @@ def _motor_alone(
     torque = closure.crank_torque(joints.values[:, 0], joints.values[:, 1])
     both = torque + closure.crank_torque(joints.values[:, 2], joints.values[:, 3])
     slope = np.sqrt(2.0 * np.mean(closure.dtheta_s**2 + closure.dtheta_e**2))
-    return RawChannel("torque", joints.time, both[:, None], joints.noise * float(slope), joints.place, joints.turn)
+    return SensorSamples("torque", joints.time, both[:, None], joints.noise * float(slope), joints.place, joints.turn)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord
+from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
 from aerobat_pin.aerobat.raw.choose_walk import JUMP, LEAST_JUMP_GAIN
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR, first_prior
@@ -73,7 +73,7 @@ class JointFilter:
     """
 
     def __init__(
-        self, smoother: JointSmoother, tuning: Tuning, sensors: Mapping[str, RawChannel], torque: Torque
+        self, smoother: JointSmoother, tuning: Tuning, sensors: Mapping[str, SensorSamples], torque: Torque
     ) -> None:
         """Wait for the first samples."""
         self.smoother, self.tuning, self.sensors, self.torque = smoother, tuning, dict(sensors), torque

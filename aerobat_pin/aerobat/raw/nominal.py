@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord
+from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 
@@ -97,7 +97,8 @@ def first_guess(record: RawRecord) -> NominalMotion:
     seen = position.values - body @ position.place
     path = _spline(position.time, seen, POSITION_KNOTS)
     where, velocity = path(time), path.derivative()(time)
-    rate = _rates(time, rotation)
+    steps = np.array([pin.log3(a.T @ b) for a, b in itertools.pairwise(rotation)]) / np.diff(time)[:, None]
+    rate = np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
     twist = np.concatenate([np.einsum("kji,kj->ki", rotation, velocity), rate], axis=1)
     angle = _spline(crank.time, np.unwrap(crank.values[:, 0]), CRANK_KNOTS)
     turned = np.column_stack([angle(time), angle.derivative()(time), angle.derivative(2)(time)])
@@ -115,7 +116,7 @@ def _spline(time: Array, values: Array, step: float, degree: int = 5):  # type: 
     return make_lsq_spline(time, values, knots, k=degree)
 
 
-def _attitude(time: Array, seen_at: Array, seen: Array, gyro: RawChannel | None) -> Array:
+def _attitude(time: Array, seen_at: Array, seen: Array, gyro: SensorSamples | None) -> Array:
     """Return rotations (m + 1, 3, 3): the integrated gyro, turned slowly to those seen (n, 3, 3) by motion capture."""
     if gyro is None:
         return _slerped(time, seen_at, seen)
@@ -140,14 +141,6 @@ def _attitude(time: Array, seen_at: Array, seen: Array, gyro: RawChannel | None)
 
 def _slerped(time: Array, at: Array, rotation: Array) -> Array:
     """Interpolate rotations (n, 3, 3) given at times `at` (n,) at `time` (m,), each interval at a constant rate."""
-    first = np.clip(np.searchsorted(at, time, side="right") - 1, 0, len(at) - 2)
-    share = np.clip((time - at[first]) / (at[first + 1] - at[first]), 0.0, 1.0)
-    steps = np.array([pin.log3(a.T @ b) for a, b in itertools.pairwise(rotation)])
-    return np.array([rotation[k] @ pin.exp3(s * steps[k]) for k, s in zip(first.tolist(), share.tolist(), strict=True)])
+    from scipy.spatial.transform import Rotation, Slerp  # slow to import
 
-
-def _rates(time: Array, rotation: Array) -> Array:
-    """Return body rates (m + 1, 3) of rotations at the knots."""
-    steps = np.array([pin.log3(a.T @ b) for a, b in itertools.pairwise(rotation)])
-    steps /= np.diff(time)[:, None]
-    return np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
+    return np.asarray(Slerp(at, Rotation.from_matrix(rotation))(np.clip(time, at[0], at[-1])).as_matrix())

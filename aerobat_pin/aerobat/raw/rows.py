@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.raw.channels import RawChannel, RawRecord
+from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
 from aerobat_pin.aerobat.raw.dynamics import cross_matrices
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
@@ -46,7 +46,7 @@ class Sensed(NamedTuple):
         values: (k, c) samples.
     """
 
-    sensor: RawChannel
+    sensor: SensorSamples
     layout: Layout
     nominal: NominalMotion
     d: LinearDynamics

@@ -71,7 +71,7 @@ def _words(reading: Reading) -> str:
 def _shares(pairs: list[Agreement]) -> Array:
     """Return what an attitude leaves of gyro and velocity (k,), over windows and over their own size."""
     found = [one for one in map(comparison_of, pairs) if one is not None]
-    return np.array([np.linalg.norm(one.left) / max(float(np.linalg.norm(one.sizes[1])), 1e-12) for one in found])
+    return np.array([np.linalg.norm(one.residual) / max(float(np.linalg.norm(one.sizes[1])), 1e-12) for one in found])
 
 
 def _upward(attitude: Array, specific_force: Array | None) -> float:

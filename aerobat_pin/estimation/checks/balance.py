@@ -61,7 +61,7 @@ class Balance:
         return np.asarray(self.reach * self.effort[self.at])
 
     @cached_property
-    def left(self) -> Array:
+    def residual(self) -> Array:
         """(n,) what the efforts leave of what is needed."""
         return np.asarray(self.needed - self.given.sum(axis=1))
 
@@ -72,10 +72,12 @@ class Balance:
 
     def imbalance(self, pair: Exchange = ((), ()), signs: Array | None = None) -> float:
         """Return the sum of squares that the efforts leave, those of a pair exchanged, over the needed one."""
-        left = self.left if signs is None else self.needed - self.given @ signs
+        residual = self.residual if signs is None else self.needed - self.given @ signs
         for j, k in zip(*pair, strict=True):
-            left = left - (self.reach[:, j] - self.reach[:, k]) * (self.effort[:, k] - self.effort[:, j])[self.at]
-        return float(left @ left) / self.size
+            residual = (
+                residual - (self.reach[:, j] - self.reach[:, k]) * (self.effort[:, k] - self.effort[:, j])[self.at]
+            )
+        return float(residual @ residual) / self.size
 
     def of_joints(self, equations: Array) -> tuple[Array, Array]:
         """Return what equations (n,) say about each effort [N m, N], and its weight, (instants, joints) both."""
@@ -119,7 +121,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
             reach.append(project @ unit)
             motion.append((given.tau[k, at], v[at], a[k, at]))
             base.append(np.zeros(Q.shape[1]))
-            pulls = [pin.computeGeneralizedGravity(one, data, block.q[k])[rows] for one in falling] or 3 * [
+            pulls = [pin.computeGeneralizedGravity(world, data, block.q[k])[rows] for world in falling] or 3 * [
                 0.0 * weight
             ]
             pulled.append(project @ np.stack(pulls, axis=1))
@@ -127,9 +129,9 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
                 base[-1] = project @ pin.rnea(lighter, lighter_data, block.q[k], v, a[k])[rows]
     if not needed:
         return None
-    instants = np.repeat(np.arange(len(needed)), [len(one) for one in needed])
+    instants = np.repeat(np.arange(len(needed)), [len(part) for part in needed])
     effort, rates, bends = np.array(motion).swapaxes(0, 1)
-    b, reached, heavier, weights = (np.concatenate(one) for one in (needed, reach, base, pulled))
+    b, reached, heavier, weights = (np.concatenate(part) for part in (needed, reach, base, pulled))
     return Balance(b, reached, heavier, weights, instants, effort, rates, bends, len(needed) * step * record.dt)
 
 

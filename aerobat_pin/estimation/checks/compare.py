@@ -45,14 +45,14 @@ UNIT_FACTORS = {  # second per first -> the slip that makes it
 
 
 @dataclass(frozen=True)
-class SeriesComparison:
+class CrossCorrelation:
     """How a second series (m, c) follows a first one.
 
     Attributes:
         lag: how late the second is [s]; 0 where no shift makes it fit better.
         certain: whether the lag explains the difference.
         sizes: (2, c) rms of both series.
-        left: (c,) rms of their difference after the shift.
+        residual: (c,) rms of their difference after the shift.
         swings: (2, c) rms of both series about their means.
         unlike: (c,) rms about its mean of their difference.
         match: (c, c) correlation of each column of the first with each of the second, about their means.
@@ -62,7 +62,7 @@ class SeriesComparison:
     lag: float
     certain: bool
     sizes: Array
-    left: Array
+    residual: Array
     swings: Array
     unlike: Array
     match: Array
@@ -100,7 +100,7 @@ def slip_of(factor: float, correlation: float) -> str:
     return next((slip for known, slip in UNIT_FACTORS.items() if low < known < high), "")
 
 
-def compare_rates(values: Array, rates: Array, time: Array) -> SeriesComparison | None:
+def compare_rates(values: Array, rates: Array, time: Array) -> CrossCorrelation | None:
     """Compare values (m, c) with the integral of rates (m, c), both over windows."""
     step = float(time[-1] - time[0]) / (len(time) - 1)
     steps = 0.5 * (rates[1:] + rates[:-1]) * np.diff(time)[:, None]
@@ -111,7 +111,7 @@ def compare_rates(values: Array, rates: Array, time: Array) -> SeriesComparison 
     return compare((values[n:] - values[:-n])[whole], (integral[n:] - integral[:-n])[whole], time[n:][whole])
 
 
-def compare(first: Array, second: Array, time: Array) -> SeriesComparison | None:
+def compare(first: Array, second: Array, time: Array) -> CrossCorrelation | None:
     """Compare series (m, c) at increasing times (m,) [s]; None if they are too short."""
     if len(first) < FEWEST_POINTS:
         return None
@@ -156,11 +156,11 @@ def compare(first: Array, second: Array, time: Array) -> SeriesComparison | None
     swings = _root_mean_square(both)
     products = np.outer(*swings) * len(a)
     match = _divided(both[0].T @ both[1], products)
-    return SeriesComparison(
+    return CrossCorrelation(
         lag=-by if fits else 0.0,
         certain=fits and after < EXPLAINED_BY_SHIFT * power,
         sizes=_root_mean_square(np.stack([a, b])),
-        left=_root_mean_square(difference),
+        residual=_root_mean_square(difference),
         swings=swings,
         unlike=_root_mean_square(centred(difference)),
         match=match,
@@ -189,45 +189,45 @@ def _root_mean_square(series: Array) -> Array:
 
 def agreement_findings(pair: Agreement) -> Iterator[Finding]:
     """Yield a delay between the two series, exchanged columns, and columns that are off; or that they agree."""
-    found = comparison_of(pair)
-    if found is None:
+    comparison = comparison_of(pair)
+    if comparison is None:
         return
-    yield from _late(pair, found)
-    swapped = exchanged(found) if pair.apart else []
+    yield from _late(pair, comparison)
+    swapped = exchanged(comparison) if pair.apart else []
     for j, k in swapped:
         names = " and ".join(pair.labels[i].removeprefix("at ") for i in (j, k))
         text = f"{pair.names[1]} of {names} fit {pair.names[0]} the other way round"
         yield Finding("swapped joints", "warning", text)
     skip = {column for columns in swapped for column in columns}
-    limit = _limits(pair, found)
-    explained = (np.abs(found.factor - 1.0) > FACTOR_OFF) & (found.scaled < 0.5 * found.unlike)
-    wrong = (found.left > limit) | (explained & (found.swings.max(axis=0) > LEAST_MOTION))
+    limit = np.maximum(pair.floor, pair.share * comparison.sizes[0])
+    explained = (np.abs(comparison.factor - 1.0) > FACTOR_OFF) & (comparison.scaled < 0.5 * comparison.unlike)
+    wrong = (comparison.residual > limit) | (explained & (comparison.swings.max(axis=0) > LEAST_MOTION))
     slips: dict[str, list[int]] = {}
     for column in np.flatnonzero(wrong).tolist():
         if column not in skip:
-            slips.setdefault(slip_of(*found.follows(column)), []).append(column)
-    moving = int(np.sum(found.swings.max(axis=0) > LEAST_MOTION))
+            slips.setdefault(slip_of(*comparison.follows(column)), []).append(column)
+    moving = int(np.sum(comparison.swings.max(axis=0) > LEAST_MOTION))
     for slip, columns in slips.items():
         certain = bool(slip) and (pair.apart or len(columns) >= max(moving, 1))
         yield Finding(
             pair.check,
             "refused" if certain else "warning",
-            _sentence(pair, found, limit, columns, slip),
-            float(found.factor[columns[0]]),
+            _sentence(pair, comparison, limit, columns, slip),
+            float(comparison.factor[columns[0]]),
             "1",
         )
     if not slips and pair.kind == "rates":
-        yield _whole_channel(pair, found)
+        yield _whole_channel(pair, comparison)
 
 
-def comparison_of(pair: Agreement) -> SeriesComparison | None:
+def comparison_of(pair: Agreement) -> CrossCorrelation | None:
     """Return how the two series compare; None if they are too short."""
     return (compare_rates if pair.kind == "rates" else compare)(pair.first, pair.second, pair.time)
 
 
-def exchanged(found: SeriesComparison) -> list[tuple[int, int]]:
+def exchanged(comparison: CrossCorrelation) -> list[tuple[int, int]]:
     """Return pairs of columns that fit each other's far better than their own."""
-    match = found.match
+    match = comparison.match
     return [
         (j, k)
         for j, k in itertools.combinations(range(len(match)), 2)
@@ -236,36 +236,32 @@ def exchanged(found: SeriesComparison) -> list[tuple[int, int]]:
     ]
 
 
-def _limits(pair: Agreement, found: SeriesComparison) -> Array:
-    return np.asarray(np.maximum(pair.floor, pair.share * found.sizes[0]))
-
-
-def _late(pair: Agreement, found: SeriesComparison) -> Iterator[Finding]:
-    if found.certain and abs(found.lag) > pair.latest:
-        early, late = pair.names if found.lag > 0.0 else pair.names[::-1]
+def _late(pair: Agreement, comparison: CrossCorrelation) -> Iterator[Finding]:
+    if comparison.certain and abs(comparison.lag) > pair.latest:
+        early, late = pair.names if comparison.lag > 0.0 else pair.names[::-1]
         yield Finding(
             "late channel",
             "warning",
-            f"{late} come{'s' if late[-1] != 's' else ''} {1e3 * abs(found.lag):.1f} ms after {early}, "
-            f"{1e3 * pair.latest:g} ms are allowed; shift one of them (in a map: delay = {abs(found.lag):.4f})",
-            found.lag,
+            f"{late} come{'s' if late[-1] != 's' else ''} {1e3 * abs(comparison.lag):.1f} ms after {early}, "
+            f"{1e3 * pair.latest:g} ms are allowed; shift one of them (in a map: delay = {abs(comparison.lag):.4f})",
+            comparison.lag,
             "s",
         )
 
 
-def _sentence(pair: Agreement, found: SeriesComparison, limit: Array, columns: list[int], slip: str) -> str:
+def _sentence(pair: Agreement, comparison: CrossCorrelation, limit: Array, columns: list[int], slip: str) -> str:
     """Return what is wrong with columns that have the same slip: the figures of the worst of them."""
-    worst = max(columns, key=lambda column: float(found.left[column] / limit[column]))
+    worst = max(columns, key=lambda column: float(comparison.residual[column] / limit[column]))
     others = [pair.labels[column] for column in columns if column != worst]
     place = pair.labels[worst] + (f" (and {', '.join(others)})" if others else "")
-    left, allowed = float(found.left[worst]), float(limit[worst])
+    residual, allowed = float(comparison.residual[worst]), float(limit[worst])
     if pair.kind == "values":
-        return f"{place} is {left:.2f} {pair.unit} (rms) off, {allowed:.2f} are allowed; {pair.expected}"
-    if left < allowed:
-        allowed = FACTOR_OFF * float(found.sizes[0, worst])
-    follows = _follows(pair, *found.follows(worst))
+        return f"{place} is {residual:.2f} {pair.unit} (rms) off, {allowed:.2f} are allowed; {pair.expected}"
+    if residual < allowed:
+        allowed = FACTOR_OFF * float(comparison.sizes[0, worst])
+    follows = _follows(pair, *comparison.follows(worst))
     return (
-        f"in {COMPARED_OVER:g} s they differ by {left:.3g} {pair.unit} (rms) {place}, {allowed:.2g} are allowed; "
+        f"in {COMPARED_OVER:g} s they differ by {residual:.3g} {pair.unit} (rms) {place}, {allowed:.2g} are allowed; "
         f"{follows}{f': {slip}' if slip else ''}; {pair.expected}"
     )
 
@@ -276,12 +272,12 @@ def _follows(pair: Agreement, factor: float, correlation: float) -> str:
     return f"{second} {verb} {factor:.3g} times what follows from {first}, correlation {correlation:.2f}"
 
 
-def _whole_channel(pair: Agreement, found: SeriesComparison) -> Finding:
+def _whole_channel(pair: Agreement, comparison: CrossCorrelation) -> Finding:
     """Return what all columns together say of two series of which no column is off."""
-    first, second = (float(np.linalg.norm(swing)) for swing in found.swings)
+    first, second = (float(np.linalg.norm(swing)) for swing in comparison.swings)
     if (min(first, second) if second > 0.0 else first) < SEEN_MOTION:  # a sensor that shows nothing at all is seen
         return Finding(pair.check, "note", "hardly any motion to compare")
-    cross = float(np.sum(found.correlation * found.swings[0] * found.swings[1]))
+    cross = float(np.sum(comparison.correlation * comparison.swings[0] * comparison.swings[1]))
     factor, correlation = cross / max(first**2, 1e-300), cross / max(first * second, 1e-300)
     text = _follows(pair, factor, correlation)
     if abs(correlation) < CONFUSED:

@@ -54,38 +54,38 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
         inputs: what an observer is given between two indices of the common times.
         before: what was found before; efforts are not compared with a motion that is misread.
     """
-    if "joints.effort" not in record.channels or any(one.warns and one.check not in HARMLESS for one in before):
+    if "joints.effort" not in record.channels or any(each.warns and each.check not in HARMLESS for each in before):
         return
-    found = balance_of(record, inputs)
-    if found is None:
+    balance = balance_of(record, inputs)
+    if balance is None:
         free = "" if record.map.use.free else "; use.free names a stretch without contact"
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{free}")
         return
-    share = found.imbalance()
+    share = balance.imbalance()
     text = (
         f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
         "efforts and known forces"
     )
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
-    limbs, signs = _limb_pairs(record), _best_signs(found)
+    limbs, signs = _limb_pairs(record), _best_signs(balance)
     joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
-    left, pair = min(((found.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
-    if share > WORTH and left < min(SWAP * share, 1.0, found.imbalance(signs=signs)):
-        yield _swap(record, "efforts", pair, left, share)
+    least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
+    if share > WORTH and least_share < min(SWAP * share, 1.0, balance.imbalance(signs=signs)):
+        yield _swap(record, "efforts", pair, least_share, share)
         return
-    factors, least = _least_squares(found)
-    mounting = None if record.robot.free else _mounting(record, found, found.imbalance(signs=signs))
+    factors, least = _least_squares(balance)
+    mounting = None if record.robot.free else _mounting(record, balance, balance.imbalance(signs=signs))
     if mounting is not None:
         yield mounting
         return
     if share > GOOD:
         others = ((pair, balance_of(record, with_exchanged(record, inputs, pair))) for pair in limbs)
         sizes = ((other.imbalance(), pair) for pair, other in others if other is not None)
-        left, pair = min(sizes, default=(np.inf, ((), ())))
-        if left < min(SWAP * share, found.imbalance(signs=signs), RIGHT_PLACES):
-            yield _swap(record, "all columns", pair, left, share)
+        least_share, pair = min(sizes, default=(np.inf, ((), ())))
+        if least_share < min(SWAP * share, balance.imbalance(signs=signs), RIGHT_PLACES):
+            yield _swap(record, "all columns", pair, least_share, share)
             return
-    yield from _factors(record, found, signs, factors, least)
+    yield from _factors(record, balance, signs, factors, least)
 
 
 def _mounting(record: Record, found: Balance, least: float) -> Finding | None:
@@ -93,7 +93,7 @@ def _mounting(record: Record, found: Balance, least: float) -> Finding | None:
 
     And better than what leaves the share `least` of what is needed.
     """
-    rest, believed = found.left, record.robot.model.gravity.linear
+    rest, believed = found.residual, record.robot.model.gravity.linear
     v = found.v[found.at]
     rubs = np.column_stack([found.reach * np.tanh(v / SMOOTH_RATE), found.reach * v])
     table = np.column_stack([found.weight, rubs])
@@ -101,28 +101,28 @@ def _mounting(record: Record, found: Balance, least: float) -> Finding | None:
     fitted, friction = (np.linalg.lstsq(one, -rest, rcond=RANK)[0] for one in (table / size, rubs / size[3:]))
     gravity = believed + fitted[:3] / size[:3]
     down, moved = gravity / max(float(np.linalg.norm(gravity)), 1e-300), found.weight @ (gravity - believed)
-    before, left = (float(np.sum((rest + one) ** 2)) for one in (rubs / size[3:] @ friction, table / size @ fitted))
+    before, after = (float(np.sum((rest + one) ** 2)) for one in (rubs / size[3:] @ friction, table / size @ fitted))
     needed = float(np.sum((found.needed + moved) ** 2))
     as_believed = float(down @ believed) > np.cos(LEAST_TILT) * np.linalg.norm(believed)
     share = SWAP if before > GOOD * needed else 1.0 - CLEAR  # a little is also explained by wrong factors
-    if as_believed or left > min(share * before, least * found.size, RIGHT_PLACES * needed):
+    if as_believed or after > min(share * before, least * found.size, RIGHT_PLACES * needed):
         return None
     x, y, z = down
     what = (
-        f"gravity along ({x:.2f}, {y:.2f}, {z:.2f}) leaves {100.0 * np.sqrt(left / needed):.1f} % of what is "
+        f"gravity along ({x:.2f}, {y:.2f}, {z:.2f}) leaves {100.0 * np.sqrt(after / needed):.1f} % of what is "
         f"needed, as mapped {100.0 * np.sqrt(before / needed):.1f} %: is the robot mounted so (robot.down), or are its "
         "first joints off?"
     )
-    return Finding("mounting", "warning", what, float(np.sqrt(left / needed)), "1")
+    return Finding("mounting", "warning", what, float(np.sqrt(after / needed)), "1")
 
 
-def _swap(record: Record, columns: str, pair: Exchange, left: float, share: float) -> Finding:
+def _swap(record: Record, columns: str, pair: Exchange, share_after: float, share: float) -> Finding:
     names = " and ".join(", ".join(record.driven[k] for k in limb) for limb in pair)
     what = (
-        f"{columns} of {names} in exchanged places leave {100.0 * np.sqrt(left):.1f} %, as mapped "
+        f"{columns} of {names} in exchanged places leave {100.0 * np.sqrt(share_after):.1f} %, as mapped "
         f"{100.0 * np.sqrt(share):.1f} %"
     )
-    return Finding("swapped joints", "warning", what, float(np.sqrt(left)), "1")
+    return Finding("swapped joints", "warning", what, float(np.sqrt(share_after)), "1")
 
 
 def _limb_pairs(record: Record) -> list[Exchange]:
@@ -166,32 +166,32 @@ def _least_squares(found: Balance) -> tuple[Array, Array]:
     return fitted, found.needed - table @ fitted
 
 
-def _factors(record: Record, found: Balance, signs: Array, fitted: Array, left: Array) -> Iterator[Finding]:
+def _factors(record: Record, found: Balance, signs: Array, fitted: Array, residual: Array) -> Iterator[Finding]:
     """Yield efforts that are reversed, and factors of efforts and of the base's mass that the map does not say."""
     n = len(record.driven)
     gain, unsure = _measured_per_needed(found, signs, found.needed - found.given @ signs)
     if np.any(turned := gain + SURE * unsure < 0.0):
         yield from _reversed(record, gain, np.flatnonzero(turned))
         return
-    explained = 1.0 - float(left @ left) / max(found.imbalance() * found.size, 1e-300)
+    explained = 1.0 - float(residual @ residual) / max(found.imbalance() * found.size, 1e-300)
     if explained < EXPLAINED or found.imbalance() < ABOVE_NOISE * _white_share(found):
         return
-    if float(left @ left) > UNFIT * found.size and explained < CLEAR:
+    if float(residual @ residual) > UNFIT * found.size and explained < CLEAR:
         if found.imbalance() * found.size < UNFIT * float(np.sum(found.given**2)):
             return  # what is needed is small beside efforts that hold each other
-        rest = 100.0 * float(np.sqrt(left @ left / found.size))
+        rest = 100.0 * float(np.sqrt(residual @ residual / found.size))
         what = (
             f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
             "another order of joints, another robot"
         )
         yield Finding("effort against motion", "warning", what, rest, "%")
         return
-    alone = -float(found.base @ found.left)
+    alone = -float(found.base @ found.residual)
     alone /= max(float(found.base @ found.base), 1e-300)
     if min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
         what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link"
         yield Finding("mass", "warning", what, 1.0 + float(fitted[n]), "1")
-    ours, doubt = _measured_per_needed(found, fitted[:n], left)
+    ours, doubt = _measured_per_needed(found, fitted[:n], residual)
     factors = 1.0 / np.where(ours == 0.0, np.inf, ours)
     sure = doubt * SURE < np.abs(ours) * np.minimum(1.0, np.maximum(np.abs(1.0 - ours), NAMED))
     off = np.flatnonzero(sure & (np.abs(factors - 1.0) > NAMED))
@@ -210,7 +210,7 @@ def _factors(record: Record, found: Balance, signs: Array, fitted: Array, left: 
             what += f"their unit (A, N m), or all masses {c:.3g} times too large"
             yield Finding("effort unit or mass", "warning", what, c, "1")
         return
-    gain, unsure = _measured_per_needed(found, np.ones(n), found.left)
+    gain, unsure = _measured_per_needed(found, np.ones(n), found.residual)
     off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]
     yield from _reversed(record, ours, off[factors[off] < 0.0])
     for k in off[factors[off] > 0.0]:
@@ -232,12 +232,12 @@ def _reversed(record: Record, gain: Array, which: NDArray[np.intp]) -> Iterator[
         yield Finding("effort sign", "warning", what, factor, "1")
 
 
-def _measured_per_needed(found: Balance, factors: Array, left: Array) -> tuple[Array, Array]:
+def _measured_per_needed(found: Balance, factors: Array, residual: Array) -> tuple[Array, Array]:
     """Return what is measured of each effort per what the rows need of it, g (joints,), and its standard deviation.
 
-    `factors` (joints,) are those of the other efforts, `left` (n,) is what all together leave.
+    `factors` (joints,) are those of the other efforts, `residual` (n,) is what all together leave.
     """
-    rest, weight = found.of_joints(left)
+    rest, weight = found.of_joints(residual)
     weight = weight / np.maximum(weight.sum(axis=0), 1e-300)
     needed, count = found.effort * factors + rest, max(1.0, found.span / ERRORS_LAST)
     whole = np.sqrt(np.mean(found.effort**2, axis=0))

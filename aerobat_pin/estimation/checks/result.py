@@ -6,9 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
-from aerobat_pin.estimation.against_reference import Compared
+from aerobat_pin.estimation.against_reference import PairedEstimate
 from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
 from aerobat_pin.estimation.checks.elsewhere import elsewhere_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
@@ -17,7 +16,7 @@ from aerobat_pin.estimation.known_forces import BESIDE, KnownForces, command_sum
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import rms_in, settled
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, runs_of_true
 from aerobat_pin.observers import Applications, Expected
 from aerobat_pin.records import Record
 
@@ -76,7 +75,7 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
             yield Finding("fit", "warning", f"{fit.name} does not hold: it {sizes}", fit.outside, fit.unit)
 
 
-def _sensor_findings(record: Record, side: Compared, estimate: StoredEstimate) -> Iterator[Finding]:
+def _sensor_findings(record: Record, side: PairedEstimate, estimate: StoredEstimate) -> Iterator[Finding]:
     """Yield sign and factor of the sensor against the estimate, on its liveliest component, if that is always seen."""
     k = side.liveliest
     name = f"{side.reference.frame}.{side.reference.labels[k]}"
@@ -170,17 +169,17 @@ def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Itera
 
     `speeds` (k,) are their rms [m/s], weighted by the squares of the forces.
     """
-    model, held = record.robot.model, ["the base"] if record.map.base.held else []
+    model, fixed = record.robot.model, ["the base"] if record.map.base.held else []
     fast = [(frame, speed) for frame, speed in zip(frames, speeds.tolist(), strict=True) if speed > STANDS]
     carrying = {
         joint for frame, _ in fast for joint in model.supports[model.frames[model.getFrameId(frame)].parentJoint]
     }
-    held += [name for name in record.map.joints.held if model.getJointId(name) in carrying]
-    if held and fast:
+    fixed += [name for name in record.map.joints.held if model.getJointId(name) in carrying]
+    if fixed and fast:
         words = ", ".join(f"{frame} at {speed:.2g} m/s" for frame, speed in fast)
         text = (
             f"points move where they carry force: {words}. A foot on the ground stands; does what the map holds still "
-            f"move in its place ({', '.join(held)})? Then its position belongs into the map"
+            f"move in its place ({', '.join(fixed)})? Then its position belongs into the map"
         )
         yield Finding("held still", "note", text, max(speed for _, speed in fast), "m/s")
 
@@ -214,7 +213,8 @@ def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, S
             if size.seen is None or size.seen > ALWAYS or size.name in told:
                 continue
             told.add(size.name)
-            hidden = sorted(_stretches(estimate, k), key=lambda ends: ends[0] - ends[1])  # the longest first
+            unseen = np.concatenate([~block.shown[:, k] for block in estimate.blocks()])
+            hidden = sorted(runs_of_true(unseen), key=lambda ends: ends[0] - ends[1])  # the longest first
             begin, end = hidden[0]
             times = ", ".join(
                 f"{estimate.start[a] - record.start:.3g} to {estimate.start[b - 1] - record.start + record.dt:.3g} s"
@@ -234,13 +234,6 @@ def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, S
             told.add("bar")
             text = "error bar unverified: no row to spare shows how large the errors are, and no calibration says it"
             yield Finding("error bar", "note", text)
-
-
-def _stretches(estimate: StoredEstimate, k: int) -> list[tuple[int, int]]:
-    """Return first and last (exclusive) index of the stretches in which a component is not seen."""
-    shown: NDArray[np.bool_] = np.concatenate([[True], *(block.shown[:, k] for block in estimate.blocks()), [True]])
-    edges = np.flatnonzero(np.diff(shown.astype(int)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _reason(record: Record, estimate: StoredEstimate, at: int) -> str:

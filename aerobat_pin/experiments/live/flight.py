@@ -14,7 +14,7 @@ from aerobat_pin.errors import AerobatError, ScenarioError, SimulationError
 from aerobat_pin.experiments.experiment import Experiment, Progress, run_recorded
 from aerobat_pin.experiments.flight_summary import flight_summary
 from aerobat_pin.experiments.live.source import KEPT, PUSH_SHARE, LiveRow, LiveSource
-from aerobat_pin.flight import ClosedLoop, Flown, LoopRecord, Plant, Sensing, flight_log_of
+from aerobat_pin.flight import ClosedLoop, LoopRecord, Plant, Sensing, Trajectory, flight_log_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.robot import BASE_SIZE, believed_robot, flown_robot
@@ -86,7 +86,7 @@ class LiveFlight(LiveSource):
         self._loop = ClosedLoop(self.plant, self._pilot, endless=True)
         self._air = AirStream(self._believed, self.scenario.believed_air, self.dt)
         self._pilot.samples = np.zeros((self._count, len(self.q) + self.model.nv + 1))
-        self._past: tuple[Flown, LoopRecord, Array] | None = None
+        self._past: tuple[Trajectory, LoopRecord, Array] | None = None
         self._before, self._true, self._started = self.time, None, False
         self.changed(tuned=True)
 
@@ -122,10 +122,10 @@ class LiveFlight(LiveSource):
             return self._lost()
         return rows
 
-    def _window(self, samples: int) -> tuple[Flown, LoopRecord, Array]:
+    def _window(self, samples: int) -> tuple[Trajectory, LoopRecord, Array]:
         """Return the first samples of the window: the flight, what happened in the loop, what the sensors showed."""
         loop = self._loop
-        return loop.flight.flown(samples), loop.record(samples - 1), self._pilot.samples[:samples]
+        return loop.flight.trajectory(samples), loop.record(samples - 1), self._pilot.samples[:samples]
 
     def _step(self) -> list[LiveRow]:
         loop, pilot = self._loop, self._pilot
@@ -166,11 +166,11 @@ class LiveFlight(LiveSource):
         if count * self.dt >= LEAST_SAVED or self._past is None:
             if count < 10:
                 raise SimulationError("nothing has been flown yet that could be saved", self.time)
-            flown, record, shown = self._window(count)
+            trajectory, record, shown = self._window(count)
         else:
-            flown, record, shown = self._past
+            trajectory, record, shown = self._past
         time = np.arange(len(shown)) * self.dt
-        exact = flight_log_of(self.plant, time, flown, record)
+        exact = flight_log_of(self.plant, time, trajectory, record)
         assert exact.truth is not None
         measured, truth = exact.measured.copy(deep=True), exact.truth.copy()
         nq, nv = self.model.nq, self.model.nv

@@ -37,9 +37,9 @@ def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
     """
     dims = tuple(dimension.name for dimension in sweep.dimensions)
     entries = {number: _observers(outcome) for number, outcome in outcomes.items()}
-    observers = list(dict.fromkeys(name for found in entries.values() for name in found))
+    observers = list(dict.fromkeys(name for scored in entries.values() for name in scored))
     points = list(
-        dict.fromkeys(point for found in entries.values() for entry in found.values() for point in entry.points)
+        dict.fromkeys(point for scored in entries.values() for entry in scored.values() for point in entry.points)
     )
     scores = np.full((len(SCORES), *sweep.shape, len(observers), len(points), len(FORCE_AXES)), np.nan)
     judged = np.full((len(JUDGED), *sweep.shape, len(observers)), np.nan)
@@ -48,15 +48,16 @@ def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
     for number, outcome in outcomes.items():
         at = sweep.indices[number]
         failed[at] = outcome.get("failed", "")
-        for name, found in entries[number].items():
+        for name, scored in entries[number].items():
             here: tuple[Any, ...] = (slice(None), *at, observers.index(name))
-            judged[here] = np.array([getattr(found, key) for key in JUDGED], float)  # None becomes NaN
-            for point, axes in found.points.items():
+            judged[here] = np.array([getattr(scored, key) for key in JUDGED], float)  # None becomes NaN
+            for point, axes in scored.points.items():
                 values = [[getattr(axes[axis], score) for axis in FORCE_AXES] for score in SCORES]
                 scores[(*here, points.index(point))] = np.array(values, float)
         for key, value in outcome.get("flight", {}).items():
             flight.setdefault(key, np.full((*sweep.shape, *np.shape(value)), np.nan))[at] = value
-    grid = xr.Dataset(attrs=_attributes(sweep))
+    notes = {"sweep": sweep.file.name, "description": sweep.file.description, "base": sweep.base.name}
+    grid = xr.Dataset(attrs={**notes, "versions": json.dumps(versions())})
     for dimension in sweep.dimensions:
         grid.coords[dimension.name] = (dimension.name, list(dimension.labels), _label_attributes(sweep, dimension.name))
         if dimension.name == DRAW:
@@ -119,15 +120,6 @@ def _label_attributes(sweep: Sweep, name: str) -> dict[str, str]:
         return {}
     references = ", ".join(f"{key} = {reference}" for key, reference in factors.of.items())
     return {"units": "1", "long_name": f"factor of {references}"}
-
-
-def _attributes(sweep: Sweep) -> dict[str, Any]:
-    return {
-        "sweep": sweep.file.name,
-        "description": sweep.file.description,
-        "base": sweep.base.name,
-        "versions": json.dumps(versions()),
-    }
 
 
 @dataclass(frozen=True)

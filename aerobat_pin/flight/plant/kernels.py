@@ -30,7 +30,7 @@ from aerobat_pin.robot import climb
 def push(
     unknown: UnknownForces,
     elbow: float,
-    held: Array,
+    step_means: Array,
     k: int,
     world: Array,
     rotation: Array,
@@ -43,7 +43,7 @@ def push(
     Args:
         unknown: the forces.
         elbow: elbow angle [rad].
-        held: (2, f, intervals) mean noise and mean signal of each force [N].
+        step_means: (2, f, intervals) mean noise and mean signal of each force [N].
         k: index of the interval.
         world: (12,) placement of the body: rotation by columns, then position.
         rotation: (5, 3, 3) rotations from link axes to body axes.
@@ -59,8 +59,8 @@ def push(
     clean[:] = 0.0
     for i in range(point_of.shape[0]):
         point, axes = point_of[i], axes_of[i]
-        signal = amplitude[i] * np.sin(elbow) + held[1, i, k]
-        with_noise = signal + held[0, i, k]
+        signal = amplitude[i] * np.sin(elbow) + step_means[1, i, k]
+        with_noise = signal + step_means[0, i, k]
         x, y, z = table[i, 0], table[i, 1], table[i, 2]
         if axes == 0:
             R = rotation[link_of[i]]
@@ -95,7 +95,7 @@ def push(
 
 @inlined
 def equations_of_motion(
-    plant: PlantState, joints: Array, wind: Array, held: Array, k: int, state: Array, rate: Array
+    plant: PlantState, joints: Array, wind: Array, step_means: Array, k: int, state: Array, rate: Array
 ) -> None:
     """Evaluate the equations of motion from Pinocchio's M, nle, placements and twists.
 
@@ -104,7 +104,7 @@ def equations_of_motion(
         joints: (3, 2) angle, rate and acceleration of shoulder and elbow as the linkage drives them. If the crank is
             free, the acceleration is written.
         wind: (2, 3) wind velocity and its rate of change, world axes.
-        held: (2, f, intervals) mean noise and mean signal of each unknown force [N].
+        step_means: (2, f, intervals) mean noise and mean signal of each unknown force [N].
         k: index of the interval.
         state: base twist in body axes (6,), aerodynamic state, the crank's state (4,) if the crank is free, and the
             deflections of elastic joints and their rates (2 e,). Without the last two, all joints follow `joints`.
@@ -137,7 +137,7 @@ def equations_of_motion(
             joints[2, angle] = closed[2, angle] * crank[1] * crank[1]
     place_links(tree, found, robot.gravity, wind, links)
     air_loads(robot.air, links.twists, state[6:end], wrenches, rate[6:end], robot.loads)
-    push(unknown, joints[0, 1], held, k, world, rotation, pushes, forces.force_W, forces.force_noise_free_W)
+    push(unknown, joints[0, 1], step_means, k, world, rotation, pushes, forces.force_W, forces.force_noise_free_W)
     climb(tree, liMi, pushes, pushed)
     air_power = 0.0
     for link in range(count):
@@ -228,9 +228,9 @@ def equations_of_motion(
 
 
 @kernel
-def evaluate(memory: Array, joints: Array, wind: Array, held: Array, k: int, state: Array, rate: Array) -> None:
+def evaluate(memory: Array, joints: Array, wind: Array, step_means: Array, k: int, state: Array, rate: Array) -> None:
     """Evaluate the equations of motion in a plant's state; the other arguments are those of `equations_of_motion`."""
-    equations_of_motion(fields_of(memory, PlantState), joints, wind, held, k, state, rate)
+    equations_of_motion(fields_of(memory, PlantState), joints, wind, step_means, k, state, rate)
 
 
 @kernel
@@ -238,7 +238,7 @@ def advance_stage(
     memory: Array,
     motion: Array,
     wind: Array,
-    held: Array,
+    step_means: Array,
     dt: float,
     k: int,
     stage: int,
@@ -253,7 +253,7 @@ def advance_stage(
         motion: (2 n + 1, 3, 2) angle, rate and acceleration of shoulder and elbow at every half step. If the crank is
             free, rows after the first are written.
         wind: (2 n + 1, 2, 3) wind velocity and its rate of change at every half step, world axes.
-        held: (2, f, n / parts) mean noise and mean signal of each unknown force over each interval [N].
+        step_means: (2, f, n / parts) mean noise and mean signal of each unknown force over each interval [N].
         dt: time step [s].
         k: index of the step.
         stage: index of the stage, 0 to 3.
@@ -270,7 +270,7 @@ def advance_stage(
     bends, deflections = elastic.shape[0], start.shape[0] - 2 * elastic.shape[0]
     here = 2 * k + HALF_STEPS[stage]
     interval = k // parts
-    equations_of_motion(plant, motion[here], wind[here], held, interval, state, rates[stage])
+    equations_of_motion(plant, motion[here], wind[here], step_means, interval, state, rates[stage])
     add_stage(stage, forces, means[interval])
     if stage == 0 and k == interval * parts:
         for row in range(loads.shape[1]):

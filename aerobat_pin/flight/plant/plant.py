@@ -34,7 +34,7 @@ from aerobat_pin.flight.plant.kernels import evaluate
 from aerobat_pin.flight.plant.plant_state import Forces, PlantState, unknown_forces
 from aerobat_pin.flight.plant.simulated_elsewhere import FlightElsewhere, Simulator
 from aerobat_pin.flight.plant.stepping import SteppedFlight
-from aerobat_pin.flight.plant.tables import Flown, State
+from aerobat_pin.flight.plant.tables import State, Trajectory
 from aerobat_pin.flight.point_forces import interval_means, point_forces
 from aerobat_pin.linkage import Closure, joint_series
 from aerobat_pin.numerics import Array, fields_of, fill, guarded, new_state, number, shaped
@@ -150,7 +150,9 @@ class Plant:
         self.evaluate(q, v, joints, self.wind(np.array([time]))[0], held, state, rate)
         return rate[:BASE_SIZE], rate[BASE_SIZE:], Forces(*(part[None].copy() for part in self.fields.forces))
 
-    def evaluate(self, q: Array, v: Array, joints: Array, wind: Array, held: Array, state: Array, rate: Array) -> None:
+    def evaluate(
+        self, q: Array, v: Array, joints: Array, wind: Array, step_means: Array, state: Array, rate: Array
+    ) -> None:
         """Evaluate the equations of motion without allocating; write the result to `rate` and `fields.forces`.
 
         The arguments are not checked, as `rates` does. Arrays must be contiguous, of doubles and of the shapes below;
@@ -162,23 +164,28 @@ class Plant:
             joints: (3, 2) angle, rate and acceleration of shoulder and elbow; angle and rate as in q and v. With the
                 crank's state, the acceleration is written.
             wind: (2, 3) wind velocity and its rate of change, world axes.
-            held: (2, f, 1) mean noise and mean signal of each unknown force [N].
+            step_means: (2, f, 1) mean noise and mean signal of each unknown force [N].
             state: (6 + 3N,) base twist in body axes, as in v, then the aerodynamic state; for a motor's flight four
                 more with the state of its crank, for one on e elastic joints 2 e more, see `State`.
             rate: as `state`, written: base acceleration, and the rates of all other states.
         """
         pin.crba(self.model, self.data, q)
         pin.nonLinearEffects(self.model, self.data, q, v)
-        evaluate(self.memory, joints, wind, held, 0, state, rate)
+        evaluate(self.memory, joints, wind, step_means, 0, state, rate)
 
-    @guarded(held=(2, "f", "n"), dt="positive")
+    @guarded(step_means=(2, "f", "n"), dt="positive")
     def start(
-        self, held: Array | None = None, dt: float | None = None, start: State | None = None, *, endless: bool = False
+        self,
+        step_means: Array | None = None,
+        dt: float | None = None,
+        start: State | None = None,
+        *,
+        endless: bool = False,
     ) -> tuple[Array, Array]:
         """Begin a flight of single steps; a plant flies one flight at a time.
 
         Args:
-            held: (2, f, n) mean noise and mean signal of each unknown force over each of n intervals [N]; when
+            step_means: (2, f, n) mean noise and mean signal of each unknown force over each of n intervals [N]; when
                 omitted, those of the scenario.
             dt: length of an interval [s]; when omitted, the scenario's.
             start: initial state; when omitted, the scenario's start with its aerodynamic state warmed up.
@@ -189,18 +196,18 @@ class Plant:
             Configuration q (nq,) and velocity v (nv,).
 
         Raises:
-            ShapeError: `held` or `start` has the wrong shape.
+            ShapeError: `step_means` or `start` has the wrong shape.
         """
         settings = self.scenario.simulation
         dt = settings.dt if dt is None else dt
-        if held is None:
-            held = interval_means(self.forces, np.arange(settings.count + 1) * dt, settings.seed)
-        held = shaped(held, (2, len(self.forces), held.shape[-1]), "held")
+        if step_means is None:
+            step_means = interval_means(self.forces, np.arange(settings.count + 1) * dt, settings.seed)
+        step_means = shaped(step_means, (2, len(self.forces), step_means.shape[-1]), "step_means")
         begin = self.initial if start is None else start
         self.flight = (
-            SteppedFlight(self, held, dt, begin, endless)
+            SteppedFlight(self, step_means, dt, begin, endless)
             if self.simulator is None
-            else FlightElsewhere(self, held, dt, begin, endless, self.simulator)
+            else FlightElsewhere(self, step_means, dt, begin, endless, self.simulator)
         )
         return self.flight.q, self.flight.v
 
@@ -236,24 +243,24 @@ class Plant:
         self,
         count: int,
         dt: float,
-        held: Array,
+        step_means: Array,
         progress: Callable[[float], None] | None = None,
         start: State | None = None,
-    ) -> Flown:
+    ) -> Trajectory:
         """Integrate the equations of motion over n steps and return the flight.
 
         Args:
             count: number n of steps.
             dt: time step [s].
-            held: (2, f, n) mean noise and mean signal of each unknown force over each step [N].
+            step_means: (2, f, n) mean noise and mean signal of each unknown force over each step [N].
             progress: called about a hundred times with the completed share, 0..1.
             start: initial state; when omitted, the scenario's start with its aerodynamic state warmed up.
 
         Raises:
-            ShapeError: `held` or `start` has the wrong shape.
+            ShapeError: `step_means` or `start` has the wrong shape.
             SimulationError: the flight diverged; its attribute `kept` is the flight before that.
         """
-        self.start(shaped(held, (2, len(self.forces), count), "held"), dt, start)
+        self.start(shaped(step_means, (2, len(self.forces), count), "step_means"), dt, start)
         flight, every = self.flight, max(1, count // 100)
         assert flight is not None
         for k in range(count):
@@ -263,7 +270,7 @@ class Plant:
                     break
                 if progress is not None:
                     progress((k + 1) / count)
-        return flight.flown(count + 1)
+        return flight.trajectory(count + 1)
 
     def as_measured(self) -> tuple[Array, Array, float]:
         """Return what exact sensors show now of q (nq,), v (nv,) and crank angle [rad], see `as_measured`."""

@@ -22,7 +22,7 @@ import pinocchio as pin
 from aerobat_pin.errors import ScenarioError, SimulationError
 from aerobat_pin.flight.plant.kernels import evaluate
 from aerobat_pin.flight.plant.stepping import SteppedFlight
-from aerobat_pin.flight.plant.tables import Flyer, State
+from aerobat_pin.flight.plant.tables import SimulatedPlant, State
 from aerobat_pin.numerics import Array, shaped
 from aerobat_pin.robot import BASE_SIZE
 
@@ -73,14 +73,16 @@ class FlightElsewhere(SteppedFlight):
         ScenarioError: the scenario has a motor, elastic joints or a payload, of which the simulator knows nothing.
     """
 
-    def __init__(self, plant: Flyer, held: Array, dt: float, start: State, endless: bool, simulator: Simulator) -> None:
+    def __init__(
+        self, plant: SimulatedPlant, step_means: Array, dt: float, start: State, endless: bool, simulator: Simulator
+    ) -> None:
         """Begin the flight in the simulator."""
         if len(plant.crank_start) or plant.elastic.count or plant.scenario.plant.payload is not None or endless:
             raise ScenarioError(
                 f"scenario {plant.scenario.name}: a simulator flies it: no crank.motor, plant.elbow, plant.shoulder, "
                 "plant.payload or endless flight were expected"
             )
-        super().__init__(plant, held, dt, start, endless)
+        super().__init__(plant, step_means, dt, start, endless)
         self.simulator, tables = simulator, self.tables
         tables.crank_angle, tables.crank_rate = tables.crank_angle.copy(), tables.crank_rate.copy()
         self._moved = SimulatedMotion(self.q, self.v, self.crank_angle, self.crank_rate, np.zeros(4))
@@ -113,7 +115,7 @@ class FlightElsewhere(SteppedFlight):
         joints[2] = closed.theta_s_ddot, closed.theta_e_ddot
         pin.crba(plant.model, plant.data, now.q)
         pin.nonLinearEffects(plant.model, plant.data, now.q, now.v)
-        evaluate(plant.memory, joints, tables.wind[half], tables.held, k, state, rate)
+        evaluate(plant.memory, joints, tables.wind[half], tables.step_means, k, state, rate)
         if part == 0:
             tables.loads[k] = fields.robot.loads
         blown = np.array([forces.aerodynamic, forces.added_mass])

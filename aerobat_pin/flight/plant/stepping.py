@@ -13,7 +13,7 @@ from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant_state import Forces, split_forces
-from aerobat_pin.flight.plant.tables import HOPELESS, FlightTables, Flown, Flyer, State, checked_flight
+from aerobat_pin.flight.plant.tables import HOPELESS, FlightTables, SimulatedPlant, State, Trajectory, checked_flight
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.numerics import Array, checked, lie_step, shaped
 from aerobat_pin.robot import BASE_SIZE
@@ -24,7 +24,7 @@ class SteppedFlight:
 
     Args:
         plant: the plant that flies.
-        held: (2, f, n) mean noise and mean signal of each unknown force [N].
+        step_means: (2, f, n) mean noise and mean signal of each unknown force [N].
         dt: length of an interval [s].
         start: the state at the beginning.
         endless: whether the flight goes on after n intervals, see `Plant.start`.
@@ -35,10 +35,10 @@ class SteppedFlight:
         tables: the tables of the last n intervals, or of all of them.
     """
 
-    def __init__(self, plant: Flyer, held: Array, dt: float, start: State, endless: bool) -> None:
+    def __init__(self, plant: SimulatedPlant, step_means: Array, dt: float, start: State, endless: bool) -> None:
         """Lay out the tables, and put the state into the kernel's memory."""
         self.plant, self.endless, self.done, self._window = plant, endless, 0, 0
-        self._force: Array = np.zeros(held.shape[1])
+        self._force: Array = np.zeros(step_means.shape[1])
         self._wind: Array = np.zeros(3)
         fields = plant.fields
         begin = np.concatenate([start.twist, start.air, start.crank, start.bent])
@@ -46,7 +46,7 @@ class SteppedFlight:
         fields.command[:], fields.holds[...] = 0.0, plant.hold is not None
         if isinstance(plant.drive, RateControlledMotor):
             fields.motor.rate[...] = plant.drive.rate  # a flight before may have changed it
-        self.tables = FlightTables(plant, held, dt, start)
+        self.tables = FlightTables(plant, step_means, dt, start)
         self.q = plant.robot.configuration(start.placement, *self.tables.motion[0, 0])
         fields.v[:] = plant.robot.velocity(start.twist, *self.tables.motion[0, 1])
         deflection, rate = plant.elastic.spread(start.bent.reshape(2, -1))
@@ -67,22 +67,21 @@ class SteppedFlight:
     @property
     def crank_angle(self) -> float:
         """Absolute crank angle t1 [rad] after the last interval."""
-        tables, at = self.tables, self.done - self._window
-        if tables.free:
-            return float(tables.states[at, BASE_SIZE + self.plant.air.state_size])
-        return float(tables.crank_angle[2 * tables.parts * at])
+        return self._crank(0, self.tables.crank_angle)
 
     @property
     def crank_rate(self) -> float:
         """Rate of the crank [rad/s] after the last interval."""
+        return self._crank(1, self.tables.crank_rate)
+
+    def _crank(self, column: int, driven: Array) -> float:
         tables, at = self.tables, self.done - self._window
-        if tables.free:
-            return float(tables.states[at, BASE_SIZE + self.plant.air.state_size + 1])
-        return float(tables.crank_rate[2 * tables.parts * at])
+        free = tables.states[at, BASE_SIZE + self.plant.air.state_size :]
+        return float(free[column] if tables.free else driven[2 * tables.parts * at])
 
     @property
     def is_hopeless(self) -> bool:
-        """Whether the state has left all limits; the flight can end, and `flown` says where it left the first one."""
+        """Whether the state has left all limits; the flight can end; `trajectory` says where it left the first one."""
         return not np.all(np.abs(self.plant.fields.start) <= HOPELESS)
 
     def push(self, wrench: Array) -> None:
@@ -99,7 +98,7 @@ class SteppedFlight:
 
     def _add(self, force: Array, wind: Array) -> None:
         tables, at = self.tables, self.done - self._window
-        tables.held[1, :, at:] += force[:, None]
+        tables.step_means[1, :, at:] += force[:, None]
         tables.wind[2 * tables.parts * at :, 0] += wind
 
     def advance(self) -> None:
@@ -119,10 +118,10 @@ class SteppedFlight:
         self.advance()
         v = self.v
         if not v @ v < HOPELESS * HOPELESS:
-            self.flown(self.done - self._window + 1)
+            self.trajectory(self.done - self._window + 1)
         return self.q, v
 
-    def flown(self, samples: int | None = None) -> Flown:
+    def trajectory(self, samples: int | None = None) -> Trajectory:
         """Return the flight so far, or its first samples. Raises SimulationError if it diverged."""
         return checked_flight(self.tables, self.done - self._window + 1 if samples is None else samples)
 
@@ -136,13 +135,19 @@ class SteppedFlight:
         plant, tables = self.plant, self.tables
         model, data, memory, fields, v = plant.model, plant.data, plant.memory, plant.fields, plant.fields.v
         crba, nle, tangents = pin.crba, pin.nonLinearEffects, (fields.tangent[0], fields.tangent[1])
-        motion, wind, held, means, loads = tables.motion, tables.wind, tables.held, tables.means, tables.loads
+        motion, wind, step_means, means, loads = (
+            tables.motion,
+            tables.wind,
+            tables.step_means,
+            tables.means,
+            tables.loads,
+        )
         dt, parts, k = tables.step, tables.parts, 0
 
         def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
             crba(model, data, here)
             nle(model, data, here, v)
-            advance_stage(memory, motion, wind, held, dt, k, number, parts, means, loads)
+            advance_stage(memory, motion, wind, step_means, dt, k, number, parts, means, loads)
             return tangents
 
         def stages(step: int) -> Callable[[int, Array], tuple[Array, Array]]:
@@ -161,10 +166,10 @@ class SteppedFlight:
         plant, tables = self.plant, self.tables
         edges = (self.done + np.arange(tables.intervals + 1)) * tables.dt
         settings = plant.scenario.simulation
-        held = interval_means(plant.forces, edges, settings.seed + self.done)
+        step_means = interval_means(plant.forces, edges, settings.seed + self.done)
         air = BASE_SIZE + plant.air.state_size
         crank, bent = np.split(np.array(plant.fields.start[air:]), [len(plant.crank_start)])
         state = State(self.q[:7], plant.fields.start[:BASE_SIZE], np.zeros(0), crank, bent)
-        self.tables, self._window = FlightTables(plant, held, tables.dt, state, self.done), self.done
+        self.tables, self._window = FlightTables(plant, step_means, tables.dt, state, self.done), self.done
         self._add(self._force, self._wind)
         self._lay_out()

@@ -34,7 +34,7 @@ LIMITS = {
 HOPELESS = max(limit for limit, _ in LIMITS.values())  # no number of a state within the limits is larger
 
 
-class Flyer(Protocol):
+class SimulatedPlant(Protocol):
     """What a flight needs of the plant that flies: see `aerobat_pin.flight.plant.plant.Plant`."""
 
     robot: Aerobat
@@ -79,7 +79,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Flown:
+class Trajectory:
     """A simulated flight of n equal intervals, as arrays: samples at the n + 1 edges, means over the n intervals.
 
     Attributes:
@@ -106,7 +106,7 @@ class FlightTables:
 
     Args:
         plant: the plant that flies.
-        held: (2, f, n) mean noise and mean signal of each unknown force [N].
+        step_means: (2, f, n) mean noise and mean signal of each unknown force [N].
         dt: length of an interval [s].
         start: state at the beginning.
         before: intervals flown before; the drive and the wind are tabulated for the time after them.
@@ -122,10 +122,10 @@ class FlightTables:
         bent: columns of the elastic joints' deflections in `states`.
     """
 
-    def __init__(self, plant: Flyer, held: Array, dt: float, start: State, before: int = 0) -> None:
+    def __init__(self, plant: SimulatedPlant, step_means: Array, dt: float, start: State, before: int = 0) -> None:
         """Tabulate crank and wind, and make room for the rest."""
-        self.plant, self.held, self.dt = plant, held, dt
-        self.intervals, self.parts = held.shape[2], plant.substeps(dt)
+        self.plant, self.step_means, self.dt = plant, step_means, dt
+        self.intervals, self.parts = step_means.shape[2], plant.substeps(dt)
         steps, self.step = self.intervals * self.parts, dt / self.parts
         first = 2 * before * self.parts
         halves = np.arange(first, first + 2 * steps + 1) * 0.5 * self.step
@@ -144,7 +144,7 @@ class FlightTables:
         self.placement, self.states = np.zeros((self.intervals + 1, 7)), np.zeros((self.intervals + 1, size))
         self.bent = slice(size - 2 * plant.elastic.count, size - plant.elastic.count)
 
-    def flown(self, kept: int) -> Flown:
+    def trajectory(self, kept: int) -> Trajectory:
         """Return the first samples of the flight, of which there are `kept`."""
         robot, free = self.plant.robot, self.free
         placement, states, air = self.placement[:kept], self.states[:kept], BASE_SIZE + self.plant.air.state_size
@@ -155,7 +155,7 @@ class FlightTables:
         deflection = elastic.spread(states[:, self.bent])
         q[:, list(robot.idx_q)] += deflection
         v[:, list(robot.idx_v)] += elastic.spread(states[:, self.bent.stop :])
-        return Flown(
+        return Trajectory(
             crank_angle=states[:, air] if free else self.crank_angle[samples],
             crank_rate=states[:, air + 1] if free else self.crank_rate[samples],
             q=q,
@@ -167,7 +167,7 @@ class FlightTables:
         )
 
 
-def checked_flight(tables: FlightTables, samples: int) -> Flown:
+def checked_flight(tables: FlightTables, samples: int) -> Trajectory:
     """Return the first samples of a flight, of which there are `samples`.
 
     Raises:
@@ -182,14 +182,14 @@ def checked_flight(tables: FlightTables, samples: int) -> Flown:
     inside = [size <= limit for size, (limit, _) in zip(sizes, LIMITS.values(), strict=True)]
     outside = ~np.all(inside, axis=0)
     kept = int(np.argmax(outside)) if outside.any() else samples
-    flown = tables.flown(kept)
+    trajectory = tables.trajectory(kept)
     if kept < samples:
         name = next(name for name, fine in zip(LIMITS, inside, strict=True) if not fine[kept])
         value, when, last = dict(zip(LIMITS, sizes, strict=True))[name][kept], kept * tables.dt, max(kept - 1, 0)
         told = _divergence(when, name, value, tables.placement[last], tables.states[last])
         title = f"scenario {tables.plant.scenario.name}: {told}"
-        raise SimulationError(title, when, flown if kept > 1 else None)
-    return flown
+        raise SimulationError(title, when, trajectory if kept > 1 else None)
+    return trajectory
 
 
 def _divergence(time: float, name: str, value: float, placement: Array, state: Array) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.numerics import Array, guarded, runs_of_true
 from aerobat_pin.observers.analysis.noise_and_lag import bias_of
 
 FEWEST = 100  # smallest number of excursions in a free run that is long enough
@@ -79,7 +79,7 @@ class Detector:
         edges, series = self._series(time, values)
         statistic, size = self._statistic(edges, series), _deviation(series, self.bias)
         events = []
-        for first, last in _excursions(statistic, self.floor):
+        for first, last in runs_of_true(statistic > self.floor):
             beyond = first + np.flatnonzero(statistic[first:last] >= self.threshold)
             if len(beyond):
                 end = float(edges[beyond[-1] + 1]) if last < len(series) else None
@@ -203,15 +203,9 @@ def _deviation(series: Array, bias: Array) -> Array:
     return np.asarray(np.abs(series - bias) if series.ndim == 1 else np.linalg.norm(series - bias, axis=1))
 
 
-def _excursions(statistic: Array, floor: float) -> list[tuple[int, int]]:
-    """Return the first index, and the last index + 1, of every stretch above the floor."""
-    edges = np.diff(np.concatenate([[0], statistic > floor, [0]]).astype(int))
-    return list(zip(np.flatnonzero(edges > 0).tolist(), np.flatnonzero(edges < 0).tolist(), strict=True))
-
-
 def _maxima(statistic: Array, floor: float) -> Array:
     """Return the largest value of every excursion."""
-    return np.array([statistic[first:last].max() for first, last in _excursions(statistic, floor)])
+    return np.array([statistic[first:last].max() for first, last in runs_of_true(statistic > floor)])
 
 
 def _tail_level(maxima: Array, edges: Array, rate: float, advice: str) -> float:

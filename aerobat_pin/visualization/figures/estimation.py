@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from aerobat_pin.estimation import Compared, Result, StoredEstimate, point_label
+from aerobat_pin.estimation import PairedEstimate, Result, StoredEstimate, point_label
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Reference, TrueEvent
@@ -192,7 +192,7 @@ def _band(part: Estimate, _: int, k: int) -> Array:
     return np.column_stack([force, force - half, force + half])
 
 
-def _error(part: Estimate, at: int, side: Compared, k: int) -> Array:
+def _error(part: Estimate, at: int, side: PairedEstimate, k: int) -> Array:
     rows = slice(at, at + len(part.components))
     difference = 1e3 * (side.estimate[rows][:, k] - side.reference.values[rows][:, k])
     return np.where(side.reference.scored(part.time[:-1]), difference, np.nan)[:, None]
