@@ -118,7 +118,7 @@ def test_the_package_is_the_command_line() -> None:
 
 @pytest.mark.parametrize("page", [README, RECORDINGS.partition("## A map")[0]])
 def test_what_a_recording_that_nobody_touched_is_good_for_is_said_at_once(page: str) -> None:
-    """Beside the commands that estimate: the line of the map, which needs no stretch, and the two commands that use it."""
+    """Beside the commands that estimate: the line of the map, without a stretch, and two commands that use it."""
     [line] = re.findall(r"friction = \{law[^}]*\}", page)
     robot = {"name": "ur5", "points": ["tool0"]}
     assert parse_map({"robot": robot, "joints": tomllib.loads(line)}, "of the page").joints.friction
