@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from aerobat_pin.estimation import Result, versions
+from aerobat_pin.estimation import Result, one_unit, versions
 from aerobat_pin.experiments import Experiment, Progress, map_toml, read_map
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.records import TrueEvent
@@ -106,6 +106,7 @@ def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
     if flown is not None and flown.flight is not None and flown.scenario.crank.frequency > 0.0:
         linkage = Markup(linkage_animation(flown.robot.linkage, SLOWER / flown.scenario.crank.frequency))
     scenario = None if flown is None else described(flown.scenario)
+    judged = [found.redundancy for found in result.observers.values()]
     return fill_template(
         "report.html",
         result=result,
@@ -115,6 +116,7 @@ def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
         repeated=map_toml(result) if scenario is None else scenario_toml(scenario),
         shape="" if scenario is None else _shape(scenario),
         gains=_names_and_gains(made),
+        say=one_unit(size for one in judged for size in (one.rms, one.sensors, one.belief, one.allowed)),
         heads={name: estimate.head for name, estimate in result.stored.items()},
         words={name: (OBSERVERS[name].__doc__ or "").split("\n")[0] for name in result.stored},
         versions=versions(),
