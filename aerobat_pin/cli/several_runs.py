@@ -86,13 +86,17 @@ def seeds_of(text: str) -> list[int]:
 
 def summary(table: pd.DataFrame) -> str:
     """Return mean and least R2 and the mean error of each axis over the seeds, as text."""
+    from aerobat_pin.estimation import one_unit
+
     lines = [
         f"{'observer':<12} {'point':<12} {'axis':<4} {'seeds':>5} {'R2 mean':>9} {'R2 least':>9} {'error rms':>10}"
     ]
+    errors = table.groupby(AXIS, sort=False)["rmse"].mean()
+    say = one_unit(errors)
     for (observer, point, axis), group in table.groupby(AXIS, sort=False):
         r2 = group["r2"].dropna()
         shown = f"{r2.mean():9.5f} {r2.min():9.5f}" if len(r2) else "no signal no signal"
-        error = f"{1e3 * group['rmse'].mean():.2f} mN"
+        error = say(group["rmse"].mean(), "N")
         lines.append(f"{observer:<12} {point:<12} {axis:<4} {len(group):>5} {shown} {error:>10}")
     return "\n".join(lines)
 

@@ -37,6 +37,7 @@ from .scores import TRUTH_SCORES as TRUTH_SCORES
 from .scores import Moments as Moments
 from .scores import Score as Score
 from .scores import lag as lag
+from .scores import one_unit as one_unit
 from .scores import point_label as point_label
 from .scores import quantity as quantity
 from .scores import r_squared as r_squared

@@ -176,6 +176,3 @@ def sensor_references(record: Record) -> tuple[Reference, ...]:
         raise MapError("map: check.wrench.part: less than three intervals are left to compare")
     labels = WRENCH_AXES[:count]
     return (Reference(point, "sensor", labels, values, None, section.filter, tuple(stretches), scored, used),)
-
-
-Compared = PairedEstimate  # its name in `calibration/`

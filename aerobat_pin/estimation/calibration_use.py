@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from aerobat_pin.estimation.scores import quantity
+from aerobat_pin.observers import force_size
 
 CHANGED = 1.3  # of what was expected: what no force explains is larger only if something has changed
 CHANGED_NEAR = 2.0  # the same over a tenth of a second; unchanged flights of another simulator reach 1.65
@@ -119,7 +120,7 @@ class ModelCheck:
         """Return the verdict in a line."""
         if self.ratio is None:
             return "model: unverified, as no row is to spare for the forces sought"
-        sizes = f"{1e3 * self.size:.2g} mN a row that no force explains, {self.ratio:.2g} times what was expected"
+        sizes = f"{force_size(self.size)} a row that no force explains, {self.ratio:.2g} times what was expected"
         if self.verdict == "unchanged":
             return f"model: unchanged since the calibration ({sizes})"
         if self.peak > max(CHANGED_NEAR, self.ratio):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from aerobat_pin.estimation.against_reference import PairedEstimate
 from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, CalibrationUse, Contact
 from aerobat_pin.estimation.row_residuals import row_contacts
-from aerobat_pin.estimation.scores import Score, point_label, short_label
+from aerobat_pin.estimation.scores import Score, one_unit, point_label, short_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import DOUBT_STRETCH, ComponentSize, InnovationScore, warnings_about
 from aerobat_pin.observers import DOUBTFUL, Redundancy
@@ -194,7 +195,7 @@ def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list
 def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
     """Return the table of scores, without columns that say nothing, and rows of a truth that is no force."""
     some = any(score.tells for found in observers.values() for score in found.scored.values())
-    rows = []
+    say, rows = one_unit(_sizes_of(observers.values())), []
     for name, found in observers.items():
         sizes = {short_label(size.name): size for size in found.components}
         for point, axes in found.points.items():
@@ -202,8 +203,13 @@ def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
                 if some and not score.tells:
                     continue
                 own = sizes[f"{point}.{axis}"]
-                cells = {"observer": name, "point": point, "axis": axis, **_score_cells(score, own.unit)}
-                rows.append({**cells, "deviation": own.certainty})
+                cells = {
+                    "observer": name,
+                    "point": point,
+                    "axis": axis,
+                    **_score_cells(score, partial(say, unit=own.unit)),
+                }
+                rows.append({**cells, "deviation": own.certainty(say)})
     always = all(row.get("rms where seen") == row["error rms"] for row in rows)
     hidden = {"R2 where seen", "rms where seen"} if always else set()
     header = tuple(dict.fromkeys(key for row in rows for key, cell in row.items() if cell != "-" and key not in hidden))
@@ -211,14 +217,19 @@ def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
     return header, [tuple(row.get(key, "-") for key in header) for row in rows]
 
 
-def _score_cells(score: Score, unit: str) -> dict[str, str]:
+def _sizes_of(observers: Iterable[ObserverScores]) -> Iterator[float | None]:
+    """Yield the sizes [N, N m] in a table of scores."""
+    for found in observers:
+        yield from (size.deviation for size in found.components if short_label(size.name) in found.scored)
+        for score in found.scored.values():
+            yield from (score.rmse, score.rmse_seen, score.rmse_outside_fit, score.offset)
+
+
+def _score_cells(score: Score, size: Callable[[float], str]) -> dict[str, str]:
     """Return the cells of a score, without those that have no meaning."""
 
     def r2(value: float | None) -> str:
         return "no signal" if value is None else f"{value:.5f}"
-
-    def size(value: float) -> str:
-        return f"{1e3 * value:.2f} m{unit}"
 
     cells = {"R2": r2(score.r2)}
     if score.factor is None and score.offset is None:
@@ -234,6 +245,10 @@ def _score_cells(score: Score, unit: str) -> dict[str, str]:
     return {**cells, "lag": "-" if score.lag_s is None else f"{1e3 * score.lag_s:.2f} ms"}
 
 
+def _as_they_are(value: float, unit: str) -> str:
+    return f"{value:.4g} {unit}"
+
+
 def size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
     """Return the header, and a row for each component."""
     rows: list[tuple[str, ...]] = [SIZE_HEADER]
@@ -241,8 +256,18 @@ def size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
         least, most = estimate.extremes
         sizes = zip(estimate.component_sizes(), estimate.mean, least, most, strict=True)
         for size, mean, low, high in sizes:
-            numbers = ("" if size.rms is None else f"{value:.4g} {size.unit}" for value in (mean, size.rms, low, high))
-            rows.append((name, size.name, *numbers, size.certainty, "-" if size.seen is None else f"{size.seen:.0%}"))
+            numbers = (
+                "" if size.rms is None else _as_they_are(value, size.unit) for value in (mean, size.rms, low, high)
+            )
+            rows.append(
+                (
+                    name,
+                    size.name,
+                    *numbers,
+                    size.certainty(_as_they_are),
+                    "-" if size.seen is None else f"{size.seen:.0%}",
+                )
+            )
     return rows
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
@@ -117,6 +118,17 @@ def quantity(value: float, unit: str) -> str:
     """Return a size with three digits, in thousandths of the unit below 1, as `238 mN`."""
     factor, prefix = (1e3, "m") if value < 1.0 else (1.0, "") if value < 1e3 else (1e-3, "k")
     return f"{factor * value:.3g} {prefix}{unit}"
+
+
+def one_unit(sizes: Iterable[float | None]) -> Callable[[float, str], str]:
+    """Return what says the sizes [N, N m] of a table in one unit: `238.00 mN`, or `1.506 N` if one is 1 or more.
+
+    Args:
+        sizes: those of the table; None and infinite ones do not count.
+    """
+    if max((abs(size) for size in sizes if size is not None and np.isfinite(size)), default=0.0) < 1.0:
+        return lambda value, unit: f"{1e3 * value:.2f} m{unit}"
+    return lambda value, unit: f"{value:.3f} {unit}"
 
 
 def short_label(component: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb, sqrt
 
@@ -40,12 +41,15 @@ class ComponentSize:
     unseen: bool = False
     seen: float | None = None
 
-    @property
-    def certainty(self) -> str:
-        """The deviation as text: `infinite` if the component is unseen, `-` if the observer states none."""
+    def certainty(self, say: Callable[[float, str], str]) -> str:
+        """Return the deviation as text: `infinite` if the component is unseen, `-` if the observer states none.
+
+        Args:
+            say: function from a size [N, N m] and its unit to text.
+        """
         if self.unseen:
             return "infinite" if self.seen is None else "not seen"
-        return "-" if self.deviation is None else f"{1e3 * self.deviation:.2f} m{self.unit}"
+        return "-" if self.deviation is None else say(self.deviation, self.unit)
 
 
 @dataclass(frozen=True)

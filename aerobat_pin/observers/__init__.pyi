@@ -40,6 +40,7 @@ from .momentum import SuperTwistingObserver as SuperTwistingObserver
 from .observer import DEFAULT_GAIN as DEFAULT_GAIN
 from .observer import Observer as Observer
 from .redundancy import Redundancy as Redundancy
+from .redundancy import force_size as force_size
 from .redundancy import low_passed as low_passed
 from .redundancy import redundancy_of as redundancy_of
 from .redundancy import slow_part as slow_part

@@ -74,9 +74,9 @@ class Redundancy:
             return f"belief: cannot be judged, as {self.rows} rows have no redundancy for the forces sought"
         unseen = f"blind to errors that look like forces at {', '.join(self.points)}"
         if self.verdict == "consistent":
-            return f"belief: consistent within {_millinewtons(self.allowed)} a row; {unseen}"
-        size = f"belief off by about {_millinewtons(self.belief)} a row"
-        return f"{size}: forces below {_millinewtons(self.least)} are not to be trusted; {unseen}"
+            return f"belief: consistent within {force_size(self.allowed)} a row; {unseen}"
+        size = f"belief off by about {force_size(self.belief)} a row"
+        return f"{size}: forces below {force_size(self.least)} are not to be trusted; {unseen}"
 
     def to_json(self) -> dict[str, Any]:
         """Return plain values, with the verdict and its words."""
@@ -158,5 +158,8 @@ def typical_step(time: Array) -> float:
     return float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else SLOW_TIME
 
 
-def _millinewtons(force: float) -> str:
-    return f"{1e3 * force:.2g} mN" if force < 0.0095 else f"{1e3 * force:.0f} mN"
+def force_size(force: float) -> str:
+    """Return a force [N] with two digits or more, as `4.6 mN`, `238 mN` and `30.1 N`."""
+    if force < 0.9995:
+        return f"{1e3 * force:.2g} mN" if force < 0.0995 else f"{1e3 * force:.0f} mN"
+    return f"{force:.3g} N" if force < 999.5 else f"{force:.0f} N"

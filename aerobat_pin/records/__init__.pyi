@@ -65,4 +65,5 @@ from .spool import series_of as series_of
 from .spool import spread_stretches as spread_stretches
 from .spool import typical_spacing as typical_spacing
 from .suggest import suggested_map as suggested_map
+from .suggest_joints import said_unit as said_unit
 from .write_netcdf import netcdf_bytes as netcdf_bytes

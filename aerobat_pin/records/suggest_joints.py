@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -12,20 +13,28 @@ import pinocchio as pin
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_names import as_names, nearest_joints
 
-NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)\]?$", re.IGNORECASE)
+NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)(?P<tail>(?:\D.*)?)$", re.IGNORECASE)
 PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
     "velocity": {"v", "vel", "velocity", "velocities", "qd", "dq", "rate", "speed"},
     "effort": {"tau", "torque", "effort", "efforts", "current", "cur", "i", "moment"},
     "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
 }
 CURRENT_WORDS = {"current", "cur", "i"}
+WANTED_WORDS = {"target", "desired", "des", "cmd", "command", "commanded", "setpoint", "goal", "ref", "reference"}
+OTHER_WORDS = {"voltage", "volt", "temp", "temperature", "acc", "accel", "acceleration", "ext", "external", "error"}
 UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
     "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
     "length": {"mm": "mm", "cm": "cm", "m": "m"},
     "angle": {"deg": "deg", "degrees": "deg", "rad": "rad"},
-    "rate": {"dps": "deg/s", "deg": "deg/s", "rad": "rad/s", "rads": "rad/s", "rpm": "rpm"},
-    "torque": {"a": "A", "ma": "mA", "nm": "N m"},
+    "rate": {"dps": "deg/s", "degs": "deg/s", "deg": "deg/s", "rads": "rad/s", "rad": "rad/s", "rpm": "rpm"},
+    "torque": {"a": "A", "ma": "mA", "nm": "N m", "mnm": "mN m"},
     "acceleration": {"g": "g", "mg": "mg", "ms2": "m/s2"},
+}
+KIND_OF = {"position": "angle", "velocity": "rate", "effort": "torque"}
+BEHIND_NUMBERS = {  # words that a numbered joint's column may end in
+    *("", "j", "joint", "motor", "actual", "act", "measured", "meas", "per", "s", "sec", "n", "m", *WANTED_WORDS),
+    *(word for words in PART_WORDS.values() for word in words),
+    *(word for kind in KIND_OF.values() for word in UNITS_IN_NAMES[kind]),
 }
 LARGEST_RADIANS = 7.0  # of an angle; beyond, degrees are suggested
 
@@ -65,29 +74,32 @@ def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = Non
         return
     whole = {part: [found[name][part] for name in there if part in found[name]] for part in PART_WORDS}
     size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
-    angle = named_unit("angle", whole["position"]) or ("deg" if size > LARGEST_RADIANS else "rad")
+    angle = said_unit("position", whole["position"]) or ("deg" if size > LARGEST_RADIANS else "rad")
     if found != _named_columns(columns, names):
         yield "# the columns are not called like the joints: are they in this order?"
     yield f"names = {listed(there)}"
     yield f'position = {{columns = {listed(whole["position"])}, unit = "{angle}"}}  # the largest is {size:.3g}'
     if len(whole["velocity"]) == len(there):
-        rate = named_unit("rate", whole["velocity"]) or _rate_unit(columns, whole, angle, step)
+        rate = said_unit("velocity", whole["velocity"]) or _rate_unit(columns, whole, angle, step)
         yield f'velocity = {{columns = {listed(whole["velocity"])}, unit = "{rate}"}}'
     else:
         yield 'velocity = {from = "position", window = 0.02}'
     if len(whole["effort"]) == len(there):
-        unit = named_unit("torque", whole["effort"]) or ("A" if all(map(_is_current, whole["effort"])) else None)
+        unit = said_unit("effort", whole["effort"])
         if unit in ("A", "mA"):
-            yield f"# how many N m for each {unit} (torque constant times gear ratio, with its sign)? Or joint by joint"
-            columns_of, torque = listed(whole["effort"]), 1.0 if unit == "A" else 0.001
-            yield f'effort = {{columns = {columns_of}, unit = "{unit}", torque_per_unit = {{"*" = {torque}}}}}'
+            yield f"effort.columns = {listed(whole['effort'])}"
+            yield f'effort.unit = "{unit}"'
+            yield f"# How many N m at the joint for each {unit} (torque constant times gear, with its sign)? Fill in:"
+            yield f"# effort.torque_per_unit = {{{', '.join(f'{toml_key(name)} = ...' for name in there)}}}"
         else:
-            yield f'effort = {{columns = {listed(whole["effort"])}, unit = "N m"}}  # or a current, unit = "A"?'
+            yield f'effort = {{columns = {listed(whole["effort"])}, unit = "{unit or "N m"}"}}  # or a current, "A"?'
     if len(there) < len(names):
         rest = ", ".join(name for name in names if name not in there)
         yield f'held = {{"*" = 0.0}}  # do they stand still? {rest}'
     if len(whole["effort"]) == len(there):
-        yield "# When does nothing touch the robot [s]? There friction can be fitted, and the error bar is seen:"
+        yield ""
+        yield "# When does nothing touch the robot [s]? There friction can be fitted, and the error bar is seen; or,"
+        yield "# without fit, by `aerobat calibrate` of a recording that nobody touched, as all of it:"
         yield '# friction = {law = "coulomb+viscous", fit = [0, 2]}'
         yield ""
         yield "[use]"
@@ -123,8 +135,27 @@ def _is_current(name: str) -> bool:
 
 def joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
     """Return joint -> position, velocity, effort -> column, by names or, where that finds less, in their order."""
-    named, ordered = _named_columns(columns, names), _ordered_columns(columns, names)
-    return ordered if len(ordered) > len(named) else named or _numbered_columns(columns, names)
+    named, numbered, ordered = (find(columns, names) for find in (_named_columns, _numbered_columns, _ordered_columns))
+    other = max(numbered, ordered, key=len)
+    return other if not named or len(other) == len(names) > len(named) else named
+
+
+def _described(columns: Columns) -> list[str]:
+    """Return the columns that may be a joint's, what was measured of it before what was wanted."""
+    words = {name: set(_words(name)) for name in columns.values}
+    likely = [name for name in words if not words[name] & OTHER_WORDS]
+    return sorted(likely, key=lambda name: bool(words[name] & WANTED_WORDS))
+
+
+def _words(name: str) -> list[str]:
+    return re.split(r"[^a-z0-9]+", name.lower())
+
+
+def _part_of(text: str) -> str | None:
+    """Return whether a column's name, without its joint's, says position, velocity or effort, by a word or its unit."""
+    words = set(_words(text))
+    part = next((part for part, known in PART_WORDS.items() if words & (known - {""})), None)
+    return part or next((part for part, kind in KIND_OF.items() if named_unit(kind, [text])), None)
 
 
 def _named_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
@@ -133,11 +164,10 @@ def _named_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, st
     for joint in names:
         short = joint.lower().removesuffix("_joint")
         here = re.compile(rf"(?<![a-z0-9]){re.escape(short)}(_joint)?(?![a-z0-9])")
-        for name in columns.values:
+        for name in _described(columns):
             if here.search(name.lower()):
-                words = set(re.split(r"[^a-z0-9]+", here.sub(" ", name.lower())))
-                part = next((part for part, known in PART_WORDS.items() if words & (known - {""})), None)
-                part = "position" if part is None and words <= {""} else part
+                rest = here.sub(" ", name.lower())
+                part = _part_of(rest) or ("position" if {*_words(rest)} <= {""} else None)
                 if part is not None:
                     found.setdefault(joint, {}).setdefault(part, name)
     return found
@@ -145,29 +175,27 @@ def _named_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, st
 
 def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
     """Return joint -> part -> column of names such as base_pos_deg, base_speed, if they are as many as the joints."""
-    units = {word for words in UNITS_IN_NAMES.values() for word in words} | {"joint"}
+    units = {word for words in UNITS_IN_NAMES.values() for word in words} | {"", "joint", "per"}
     found: dict[str, dict[str, str]] = {}
-    for name in columns.values:
-        words = re.split(r"[^a-z0-9]+", name.lower())
-        part = next((part for part, known in PART_WORDS.items() if set(words) & (known - {""})), None)
+    for name in _described(columns):
+        part = _part_of(name)
         if part is not None:
-            stem = "_".join(word for word in words if word not in PART_WORDS[part] | units)
+            stem = "_".join(word for word in _words(name) if word not in PART_WORDS[part] | units | WANTED_WORDS)
             found.setdefault(stem, {}).setdefault(part, name)
     whole = [parts for stem, parts in found.items() if stem and "position" in parts and len(parts) > 1]
     return dict(zip(names, whole, strict=True)) if len(whole) == len(names) else {}
 
 
 def _numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
-    """Return joint -> part -> column of names such as q1, q2 and tau_J1, tau_J2: the first joints in their order."""
-    series: dict[str, dict[int, str]] = {}
-    for name in columns.values:
+    """Return joint -> part -> column of names as q1, q2 and A1_vel_deg_s, A2_vel_deg_s: first joints in their order."""
+    series: dict[tuple[str, str], dict[int, str]] = {}
+    for name in _described(columns):
         match = NUMBERED.match(name)
-        if match is not None:
-            series.setdefault(match["stem"].lower(), {})[int(match["number"])] = name
+        if match is not None and BEHIND_NUMBERS.issuperset(_words(match["tail"])):
+            series.setdefault((match["stem"].lower(), match["tail"].lower()), {})[int(match["number"])] = name
     found: dict[str, dict[str, str]] = {}
-    for stem, listed in series.items():
-        words = set(re.split(r"[^a-z0-9]+", stem)) - {"j", "joint", "joints"}
-        part = next((part for part, known in PART_WORDS.items() if words & (known - {""})), None)
+    for (stem, tail), listed in series.items():
+        part = _part_of(f"{stem} {tail}")
         first, count = min(listed), len(listed)
         if count == 4 and _are_turns(columns, list(listed.values())):
             continue
@@ -184,9 +212,23 @@ def _are_turns(columns: Columns, names: list[str]) -> bool:
 
 
 def named_unit(kind: str, names: Sequence[str]) -> str | None:
-    """Return the unit that the last words of columns' names say, if they all say the same."""
-    found = {UNITS_IN_NAMES[kind].get(re.split(r"[^a-z0-9]+", name.lower().rstrip(")] "))[-1]) for name in names}
+    """Return the unit that the last words of columns' names say, if they all say the same: A1_vel_deg_s is in deg/s."""
+    found, known = set(), UNITS_IN_NAMES[kind]
+    for name in names:
+        words = [word for word in _words(name.rstrip(")] ")) if word != "per"]
+        found.add(known.get("".join(words[-2:])) or known.get(words[-1] if words else ""))
     return found.pop() if len(found) == 1 else None
+
+
+def said_unit(part: str, names: Sequence[str]) -> str | None:
+    """Return the unit of a part of joints that columns' names say, as current or A1_deg, if they all say the same.
+
+    Args:
+        part: position, velocity or effort.
+        names: of its columns.
+    """
+    currents = part == "effort" and bool(names) and all(map(_is_current, names))
+    return named_unit(KIND_OF[part], names) or ("A" if currents else None)
 
 
 def topic_of(columns: Columns, *kinds: str) -> str | None:
@@ -197,3 +239,8 @@ def topic_of(columns: Columns, *kinds: str) -> str | None:
 def listed(names: Iterable[str]) -> str:
     """Return names as an array of TOML."""
     return "[" + ", ".join(f'"{name}"' for name in names) + "]"
+
+
+def toml_key(name: str) -> str:
+    """Return a name as a key of TOML."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)

@@ -39,6 +39,9 @@ def explain(error: dict[str, Any], root: type[Section]) -> str:
         return f"{'.'.join(parts[:-1])} = {list(error['input'])}: {count or 'more'} numbers were expected"
     if kind == "value_error":
         return str(error["ctx"]["error"])
+    if kind in ("dict_type", "model_type"):
+        keys = _as_table(error["input"], section, parts[-1]) if kind == "dict_type" else _keys_of(section)
+        return f"{where} = {_shown(error['input'])}: a table {keys} was expected"
     message = explain_plainly(error, where, list(section.model_fields)).replace("tuple", "list")
     return message + (
         f", such as {_as_list(error['input'], _fixed_length(section, parts[-1]))}" if kind == "tuple_type" else ""
@@ -77,6 +80,20 @@ def _as_list(given: Any, count: int) -> str:
     """Suggest a list for a value that is not one: split text at commas, and fill up with zeros to `count` entries."""
     entries = [parsed_value(part.strip()) for part in given.split(",")] if isinstance(given, str) else [given]
     return scenario_value(entries + [0.0] * (count - len(entries)))
+
+
+def _as_table(given: Any, section: type[Section], key: str) -> str:
+    """Suggest a table of named values for a value that is none: by the key's description, such as `joint -> torque`."""
+    field = section.model_fields.get(key)
+    name, arrow, _ = ((field.description if field is not None else None) or "").partition(" -> ")
+    first = given[0] if isinstance(given, list) and given else given
+    value = scenario_value(first) if isinstance(first, int | float) else "..."
+    return f"{{{name if arrow else 'name'} = {value}, ...}}"
+
+
+def _keys_of(section: type[Section]) -> str:
+    """Return the keys of a table in words."""
+    return f"of {', '.join(field.alias or key for key, field in section.model_fields.items())}"
 
 
 def _place(loc: tuple[Any, ...], root: type[Section]) -> tuple[list[str], type[Section]]:

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from aerobat_pin.aerobat import FlightLog, true_force
 from aerobat_pin.errors import LogError, content_of, plain_json
-from aerobat_pin.estimation import point_label, quantity
+from aerobat_pin.estimation import one_unit, point_label, quantity
 from aerobat_pin.experiments import RESULTS, read_run
 from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
@@ -116,10 +116,12 @@ class RunComparison:
 
     def rows(self) -> Iterator[tuple[str, ...]]:
         """Yield the rows of the table with the columns of `header`: the scores that both runs have."""
-        for key in (key for key in self.first.scores if key in self.second.scores):
+        shared = [key for key in self.first.scores if key in self.second.scores]
+        say = one_unit(run.scores[key][1] for run in (self.first, self.second) for key in shared)
+        for key in shared:
             pair = self.first.scores[key], self.second.scores[key]
             r2 = ("no signal" if score[0] is None else f"{score[0]:.5f}" for score in pair)
-            yield *key, *r2, *(f"{1e3 * score[1]:.2f} mN" for score in pair)
+            yield *key, *r2, *(say(score[1], "N") for score in pair)
 
     @property
     def verdict(self) -> str:

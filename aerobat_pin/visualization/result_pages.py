@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from aerobat_pin.estimation import Result, versions
+from aerobat_pin.estimation import Result, one_unit, versions
 from aerobat_pin.experiments import Experiment, Progress, map_toml, read_map
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.records import TrueEvent
@@ -109,6 +109,7 @@ def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
     shape = ""
     if scenario is not None:
         shape = f"{Path(scenario.robot.morphology).stem}{' with changes' if scenario.robot.changes else ''}"
+    judged = [found.redundancy for found in result.observers.values()]
     return fill_template(
         "report.html",
         result=result,
@@ -118,6 +119,7 @@ def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
         repeated=map_toml(result) if scenario is None else scenario_toml(scenario),
         shape=shape,
         gains=_names_and_gains(made),
+        say=one_unit(size for one in judged for size in (one.rms, one.sensors, one.belief, one.allowed)),
         heads={name: estimate.head for name, estimate in result.stored.items()},
         words={name: (OBSERVERS[name].__doc__ or "").split("\n")[0] for name in result.stored},
         versions=versions(),

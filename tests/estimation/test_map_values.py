@@ -55,6 +55,9 @@ def _changed(key: str, value: Any) -> dict[str, Any]:
         ("robot.gravity", 1e-300, r"robot\.gravity = 1e-300"),
         ("robot.down", [0.0, 1.0], r"robot\.down"),
         ("joints.effort.torque_per_unit", {"*": 0.0}, "another number than 0 was expected"),
+        ("joints.effort.torque_per_unit", [6.1, 5.2], r"\[6\.1, 5\.2\]: a table \{joint = 6\.1, \.\.\.\} was expected"),
+        ("joints.friction", "coulomb+viscous", r"joints\.friction = .*: a table of law, fit, to, scale was expected"),
+        ("joints.coupling", {"knee": [1, 2]}, r"joints\.coupling\.knee = \[1, 2\]: a table \{name = 1, \.\.\.\} was"),
     ],
 )
 def test_a_value_that_cannot_be_is_refused_by_its_key(key: str, value: Any, said: str) -> None:

@@ -19,6 +19,7 @@ from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_lo
 from aerobat_pin.estimation import Result, calibrate, check_record, estimate
 from aerobat_pin.estimation.added_deviations import second_lag
 from aerobat_pin.estimation.calibration.free_run import noise_where_known
+from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.records import open_record, parse_map, suggested_map
@@ -246,3 +247,29 @@ def test_a_suggestion_names_joints_that_need_a_robot_and_currents(folder: Path) 
     assert tomllib.loads(suggested_map(folder / "currents.csv", URDF))["joints"]["effort"]["unit"] == "A"
     by_name = tomllib.loads(suggested_map(folder / "currents.csv", "ur5", ["tool0", "forearm_link"]))["robot"]
     assert by_name == {"name": "ur5", "root": "fixed", "points": ["tool0", "forearm_link"]}
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "unit", "said"),
+    [
+        ("effort", "{}_current", {}, r"look like A and are taken for N m.*: unit = .A. and torque_per_"),
+        ("effort", "{} [mA]", {}, r"look like mA and are taken for N m"),
+        ("effort", "{}_A", {"torque_per_unit": {"*": 1.0}}, None),
+        ("effort", "{}_current", {"unit": "N m"}, None),
+        ("effort", "{}_Nm", {}, None),
+        ("position", "{}_deg", {}, r"look like deg and are taken for rad.*: unit = .deg."),
+    ],
+)
+def test_names_that_say_another_unit_than_they_are_taken_for_are_warned_of(
+    part: str, name: str, unit: dict[str, Any], said: str | None, folder: Path, tmp_path: Path
+) -> None:
+    """Where the map states no unit."""
+    chosen, joints = arm_map(["tool0"]), ("base", "shoulder", "elbow", "wrist1", "wrist2", "wrist3")
+    names = [name.format(joint) for joint in joints]
+    own = dict(zip(chosen["joints"][part]["columns"], names, strict=True))
+    pd.read_csv(folder / "free.csv").rename(columns=own).to_csv(tmp_path / "log.csv", index=False)
+    chosen["joints"][part] = {"columns": names, **unit}
+    found = record_findings(open_record(tmp_path / "log.csv", parse_map(chosen, "of the test"), tmp_path))
+    told = [one.text for one in found if one.check == f"unit of joints.{part}" and one.warns]
+    assert len(told) == (said is not None)
+    assert all(re.search(said or "", text) for text in told)

@@ -57,6 +57,44 @@ def test_numbered_columns_are_suggested_for_the_joints_in_order(tmp_path: Path) 
     assert "# the columns are not called like the joints" in text
 
 
+ARM = """<robot name="arm"><link name="b"/>{}</robot>"""
+LINK = """<link name="l{0}"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="joint{0}" type="revolute"><parent link="{1}"/><child link="l{0}"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="9" velocity="9"/></joint>"""
+
+
+@pytest.mark.parametrize("joints", [3, 5])  # the log's, or a gripper's beside them
+@pytest.mark.parametrize(
+    ("position", "velocity", "effort", "units"),
+    [
+        ("A{}_deg", "A{}_vel_deg_s", "A{}_current_A", ["deg", "deg/s", "A"]),
+        ("axis {} (rad)", "axis {} (rad/s)", "axis {} (mNm)", ["rad", "rad/s", "mN m"]),
+        ("J{} [deg]", "J{} [deg/s]", "J{} [N m]", ["deg", "deg/s", "N m"]),
+        ("m{}_actual_pos_rad", "m{}_actual_rad_per_s", "m{}_mA", ["rad", "rad/s", "mA"]),
+    ],
+)
+def test_numbers_and_units_within_names_say_whose_columns_these_are(
+    position: str, velocity: str, effort: str, units: list[str], joints: int, tmp_path: Path
+) -> None:
+    """Whatever their order; what was asked of a joint, its voltage and its external torque are not what it did."""
+    links = "".join(LINK.format(k, f"l{k - 1}" if k > 1 else "b") for k in range(1, joints + 1))
+    (tmp_path / "arm.urdf").write_text(ARM.format(links))
+    stem = position.split("_")[0].split("}")[0] + "}"
+    more = [f"{stem}{tail}" for tail in ("_target_deg", "_voltage_V", "_ext_torque_Nm", "_tcp_x")]
+    wave = np.sin(np.arange(50) / 10.0)
+    columns = {name.format(k): k * wave for name in (*more, effort, velocity, position) for k in (3, 1, 2)}
+    pd.DataFrame({"t": np.arange(50) / 100.0, **columns}).to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    table = tomllib.loads(text)["joints"]
+    assert table["names"] == ["joint1", "joint2", "joint3"]
+    for part, name, unit in zip(("position", "velocity", "effort"), (position, velocity, effort), units, strict=True):
+        assert table[part] == {"columns": [name.format(k) for k in (1, 2, 3)], "unit": unit}
+    assert "# friction = {" in text
+    torques = "# effort.torque_per_unit = {joint1 = ..., joint2 = ..., joint3 = ...}"
+    assert (torques in text) == (units[2] in ("A", "mA"))
+
+
 def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> None:
     """Half of its samples repeat a force of exactly zero, and no check calls the channel held."""
     (tmp_path / "quadruped.urdf").write_text(urdf())

@@ -11,10 +11,12 @@ import pytest
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.estimation import Result, StoredEstimate, estimate
+from aerobat_pin.estimation.observer_scores import score_table
 from aerobat_pin.estimation.verdict import quantity
 from aerobat_pin.experiments import Experiment
-from aerobat_pin.observers import Estimate
+from aerobat_pin.observers import Estimate, force_size
 from aerobat_pin.records import open_record, parse_map
+from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.result_pages import report_html
 
 SEEN = "every direction of these forces can be seen."
@@ -113,6 +115,30 @@ def test_a_recording_is_judged_by_its_sensor(tmp_path: Path) -> None:
     found = estimate(open_record(tmp_path / "walk.csv", chosen, tmp_path))
     assert " and 2 more; it is off the force sensor at FL_FOOT by " in found.verdict
     assert json.loads(json.dumps(found.metrics()))["verdict"] == found.verdict
+
+
+@pytest.mark.parametrize(("size", "unit"), [(0.01, "mN"), (20.0, "N")])
+def test_a_table_is_in_one_unit(size: float, unit: str, paper: Experiment) -> None:
+    """Of errors and their deviations, of mean, least and largest; what no force explains is in N from 1 N on."""
+    large = {"momentum": StoredEstimate.of(noisy(paper, size))}
+    header, rows = score_table(replace(paper.scores, stored=large).observers)
+    cells = [row[header.index(name)] for row in rows for name in ("error rms", "deviation")]
+    assert {cell.split()[1] for cell in cells} == {unit}
+    sizes = judged(paper, noisy(paper, size)).sizes
+    assert {cell.split()[1] for row in sizes[1:] for cell in row[2:-1]} == {"N"}
+    assert [force_size(force) for force in (0.0046, 0.238, 3.671, 30140.0)] == ["4.6 mN", "238 mN", "3.67 N", "30140 N"]
+    [axis] = {axis.get_ylabel() for axis in draw_estimation(replace(paper.scores, stored=large)).axes[2:3]}
+    assert axis == f"error [{unit}]"
+
+
+def test_every_observer_is_drawn(paper: Experiment) -> None:
+    """Also the fifth and the sixth, each in a line of its own."""
+    stored = {f"observer {k}": StoredEstimate.of(paper.estimates["momentum"]) for k in range(6)}
+    figure = draw_estimation(replace(paper.scores, stored=stored))
+    lines = [line for line in figure.axes[0].lines if str(line.get_label()).startswith("estimated: ")]
+    assert [line.get_label() for line in lines] == [f"estimated: {name}" for name in stored]
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 6
+    assert {f"estimated: {name}" for name in stored} <= {text.get_text() for text in figure.legends[0].get_texts()}
 
 
 def test_sizes_are_read_at_a_glance() -> None:

@@ -6,6 +6,7 @@ import importlib
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,11 @@ from PIL import Image
 import aerobat_pin
 from aerobat_pin import load_aerobat, load_scenario, run, simulate
 from aerobat_pin.aerobat import known_inputs
+from aerobat_pin.records import parse_map
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text()
+RECORDINGS = (ROOT / "docs" / "recordings.md").read_text()
 NAMES = ("load_aerobat", "Aerobat", "load_scenario", "Scenario", "simulate", "run", "FlightLog")
 DOORS = (
     "aerobat_pin",
@@ -111,3 +114,17 @@ def test_the_package_is_the_command_line() -> None:
     """`python -m aerobat_pin` is `aerobat`."""
     done = subprocess.run([sys.executable, "-m", "aerobat_pin", "list"], capture_output=True, text=True, check=True)
     assert "aerobat_guard" in done.stdout
+
+
+@pytest.mark.parametrize("page", [README, RECORDINGS.partition("## A map")[0]])
+def test_what_a_recording_that_nobody_touched_is_good_for_is_said_at_once(page: str) -> None:
+    """Beside the commands that estimate: the line of the map, without a stretch, and two commands that use it."""
+    [line] = re.findall(r"friction = \{law[^}]*\}", page)
+    robot = {"name": "ur5", "points": ["tool0"]}
+    assert parse_map({"robot": robot, "joints": tomllib.loads(line)}, "of the page").joints.friction
+    words = [line.split() for line in re.findall(r"^aerobat (.*)", page, re.MULTILINE)]
+    made = [
+        command[command.index("--out") + 1] for command in words if command[0] == "calibrate" and "--map" in command
+    ]
+    used = [command[command.index("--calibration") + 1] for command in words if "--calibration" in command]
+    assert made == used == ["robot.nc"]

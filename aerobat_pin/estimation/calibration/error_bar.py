@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from aerobat_pin.estimation.against_reference import Compared, sensor_references
+from aerobat_pin.estimation.against_reference import PairedEstimate, sensor_references
 from aerobat_pin.estimation.calibration.map_fits import held_out_stretch
 from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.gain_regression import fits_to_sensor
@@ -40,7 +40,7 @@ def _sizes_where_free(known: KnownForces | None) -> dict[str, float]:
     estimate = run_observers(record, inputs, [chosen], expected=expected)[chosen.name]
     if fits_to_sensor(record.map):
         [sensor] = sensor_references(record)  # the fit had it
-        side = Compared.of(estimate, sensor, record.dt)
+        side = PairedEstimate.of(estimate, sensor, record.dt)
         return {
             f"{sensor.frame}.{label}": score.rmse if score.rmse_outside_fit is None else score.rmse_outside_fit
             for label, score in (side.scores() if side is not None else {}).items()

@@ -21,6 +21,7 @@ from aerobat_pin.observers import (
     ForceLevelObserver,
     MomentumObserver,
     Redundancy,
+    force_size,
     low_passed,
     moving_weight,
     redundancy_of,
@@ -183,7 +184,7 @@ def unexpected(run: FreeRun) -> Iterator[str]:
     told = run.judged()
     if told.verdict == "inconsistent":
         yield (
-            f"{run.name}: {1e3 * told.belief:.0f} mN a row are left unexplained: did the motion change, or are the "
+            f"{run.name}: {force_size(told.belief)} a row are left unexplained: did the motion change, or are the "
             "torques so noisy? A free run was expected"
         )
 
@@ -206,7 +207,7 @@ def pushes(run: FreeRun) -> Iterator[str]:
             f"{time[a]:.2f} to {time[b + 1]:.2f} s" for a, b in zip(firsts[:MOST_TOLD], lasts, strict=False)
         )
         more = f" and {len(firsts) - MOST_TOLD} more times" if len(firsts) > MOST_TOLD else ""
-        yield f"{run.name}: something pushed, most from {times}{more}, with up to {1e3 * size.max():.0f} mN a row"
+        yield f"{run.name}: something pushed, most from {times}{more}, with up to {force_size(float(size.max()))} a row"
 
 
 def _lasts(run: FreeRun) -> bool:

@@ -19,7 +19,7 @@ import numpy as np
 
 from aerobat_pin.estimation.calibration.free_run import HELD_OUT, FreeRun
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import slow_part
+from aerobat_pin.observers import force_size, slow_part
 from aerobat_pin.records import Parameter
 
 SPACING = 0.005  # [s] between samples that count
@@ -91,7 +91,7 @@ class Identified:
         """Return the result in lines of text."""
         lines = [
             f"belief off by {_both(self.before)}; with other parameters {_both(self.after)} "
-            f"({1e3 * self.allowed:.2g} mN count as explained)"
+            f"({force_size(self.allowed)} count as explained)"
         ]
         hidden = self.unidentifiable
         for (name, parameter), value, deviation in zip(
@@ -204,4 +204,4 @@ def _rms_of_both(runs: Sequence[Array]) -> tuple[float, float]:
 
 
 def _both(errors: tuple[float, float]) -> str:
-    return f"{1e3 * errors[0]:.2g} mN a row, {1e3 * errors[1]:.2g} mN where held out"
+    return f"{force_size(errors[0])} a row, {force_size(errors[1])} where held out"

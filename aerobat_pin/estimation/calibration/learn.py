@@ -42,7 +42,7 @@ from aerobat_pin.estimation.gain_regression import fits_to_sensor
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces, mean_motion
 from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.numerics import guarded, shown
-from aerobat_pin.observers import JointFriction, fit_friction, typical_step
+from aerobat_pin.observers import JointFriction, fit_friction, force_size, typical_step
 from aerobat_pin.records import Condition, Extras, Record
 
 HARMONICS, MOST_HARMONICS = 8, 40
@@ -320,4 +320,4 @@ def _sizes(runs: Sequence[FreeRun]) -> str:
 
 
 def _size_of(force: float) -> str:
-    return f"{1e3 * force:.2g} mN a row" if force < 0.0995 else f"{1e3 * force:.0f} mN a row"
+    return f"{force_size(force)} a row"

@@ -41,8 +41,8 @@ WORTH_SIGNS = 0.25  # of the square sum of what efforts give: what other signs m
 WHITE_SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
 MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if for A and N m
 HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some ms
-    "held channel, interpolated channel, late channel, gap, repeated stamps, time goes back, recorder clock, "
-    "duplicate file, accelerometer against gravity".split(", ")
+    "unit of joints.effort, held channel, interpolated channel, late channel, gap, repeated stamps, time goes back, "
+    "recorder clock, duplicate file, accelerometer against gravity".split(", ")
 )
 
 

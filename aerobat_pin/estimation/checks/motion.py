@@ -22,6 +22,7 @@ from aerobat_pin.records import (
     as_attitude,
     body_turn,
     rotation_matrices,
+    said_unit,
     sampled_turns,
     sensor_turn,
     world_turn,
@@ -35,6 +36,7 @@ RARE = 0.05  # share of the samples on either side that may be a sensor's faults
 SLIGHT = 0.25  # of the range: so far beyond its file's limits a real joint may be
 A_TURN, TEN_RANGES = 2.0 * np.pi, 10.0  # [rad], ranges beyond them: no joint that has limits ever is there
 UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, is none
+TAKEN = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # part of joints -> its unit where a map states none
 SMALLER = {"rad": ("deg", np.pi / 180.0), "m": ("mm", 1e-3)}  # unit -> what may have been meant
 
 BASE_CHANNELS = ("base.position", "base.rate", "base.velocity", "check.specific_force")
@@ -51,7 +53,21 @@ def checked_part(record: Record) -> tuple[int, int]:
 def record_findings(record: Record) -> Iterator[Finding]:
     """Yield what a record shows of itself, before any force is known: its samples and its motion."""
     yield from sample_findings(record)
+    yield from unit_findings(record.map)
     yield from motion_findings(record)
+
+
+def unit_findings(chosen: Map) -> Iterator[Finding]:
+    """Yield columns of joints whose names say another unit than the one they are taken for, as the map states none."""
+    table = chosen.joints
+    for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
+        if section is None or section.unit is not None or getattr(section, "torque_per_unit", None):
+            continue
+        said, taken = said_unit(part, section.columns), TAKEN[part]
+        if said not in (None, taken):
+            torque = " and torque_per_unit" if said in ("A", "mA") else ""
+            what = f"{', '.join(section.columns)} look like {said} and are taken for {taken}, as the map states no unit"
+            yield Finding(f"unit of joints.{part}", "warning", f'{what}: unit = "{said}"{torque}')
 
 
 def motion_findings(record: Record) -> Iterator[Finding]:

@@ -110,6 +110,12 @@ class _Panels:
         labels = tuple(dict.fromkeys(label for frame, _, label in places if frame in frames))
         return cls(result, frames, labels, (first.start[0] - result.start, first.end - result.start))
 
+    @property
+    def factor(self) -> float:
+        """Of errors [N, N m]: they are drawn in thousandths, unless one of them has an rms of 1 or more."""
+        scores = (score for found in self.result.observers.values() for score in found.scored.values())
+        return 1e3 if max((score.rmse for score in scores), default=0.0) < 1.0 else 1.0
+
     def reference(self, frame: str, label: str) -> tuple[Reference, int] | None:
         """Return the reference of a component and its column there; None without one."""
         references = [
@@ -160,17 +166,25 @@ class _Panels:
     def draw_errors(self, axis: Axes, frame: str, label: str) -> None:
         """Draw estimates minus reference, where this is scored, both behind its filter; nothing without a reference."""
         known = self.reference(frame, label)
-        axis.set(xlim=self.span, visible=known is not None, ylabel=f"error [m{'N' if label[0] == 'F' else 'N m'}]")
+        axis.set(
+            xlim=self.span,
+            visible=known is not None,
+            ylabel=f"error [{'' if self.factor == 1.0 else 'm'}{'N' if label[0] == 'F' else 'N m'}]",
+        )
         for name, estimate, colour, line in self._estimates():
             for side in self.result.compared[name]:
                 if known is not None and side.reference is known[0]:
-                    time, error = self._lines(estimate, partial(_error, side=side, k=known[1]), EVERYWHERE)
+                    time, error = self._lines(
+                        estimate, partial(_error, side=side, k=known[1], factor=self.factor), EVERYWHERE
+                    )
                     axis.plot(time, error, line, color=colour, linewidth=0.6)
 
     def _estimates(self) -> Iterator[tuple[str, StoredEstimate, str, str]]:
         """Yield name, estimate, colour and line of each observer."""
         stored = self.result.stored
-        yield from zip(stored, stored.values(), style.ESTIMATES, ESTIMATE_LINES, strict=False)
+        n = len(ESTIMATE_LINES)
+        for i, (name, estimate) in enumerate(stored.items()):  # behind the fourth, each colour has another line
+            yield name, estimate, style.ESTIMATES[i % n], ESTIMATE_LINES[(i + i // n) % n]
 
     def _lines(
         self, estimate: StoredEstimate, values_of: Callable[[Estimate, int], Array], span: tuple[float, float]
@@ -192,9 +206,9 @@ def _band(part: Estimate, _: int, k: int) -> Array:
     return np.column_stack([force, force - half, force + half])
 
 
-def _error(part: Estimate, at: int, side: PairedEstimate, k: int) -> Array:
+def _error(part: Estimate, at: int, side: PairedEstimate, k: int, factor: float) -> Array:
     rows = slice(at, at + len(part.components))
-    difference = 1e3 * (side.estimate[rows][:, k] - side.reference.values[rows][:, k])
+    difference = factor * (side.estimate[rows][:, k] - side.reference.values[rows][:, k])
     return np.where(side.reference.scored(part.time[:-1]), difference, np.nan)[:, None]
 
 
