@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -207,7 +206,7 @@ def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
                     "observer": name,
                     "point": point,
                     "axis": axis,
-                    **_score_cells(score, partial(say, unit=own.unit)),
+                    **_score_cells(score, own.unit, say),
                 }
                 rows.append({**cells, "deviation": own.certainty(say)})
     always = all(row.get("rms where seen") == row["error rms"] for row in rows)
@@ -225,11 +224,14 @@ def _sizes_of(observers: Iterable[ObserverScores]) -> Iterator[float | None]:
             yield from (score.rmse, score.rmse_seen, score.rmse_outside_fit, score.offset)
 
 
-def _score_cells(score: Score, size: Callable[[float], str]) -> dict[str, str]:
+def _score_cells(score: Score, unit: str, say: Callable[[float, str], str]) -> dict[str, str]:
     """Return the cells of a score, without those that have no meaning."""
 
     def r2(value: float | None) -> str:
         return "no signal" if value is None else f"{value:.5f}"
+
+    def size(value: float) -> str:
+        return say(value, unit)
 
     cells = {"R2": r2(score.r2)}
     if score.factor is None and score.offset is None:
@@ -256,9 +258,7 @@ def size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
         least, most = estimate.extremes
         sizes = zip(estimate.component_sizes(), estimate.mean, least, most, strict=True)
         for size, mean, low, high in sizes:
-            numbers = (
-                "" if size.rms is None else _as_they_are(value, size.unit) for value in (mean, size.rms, low, high)
-            )
+            numbers = ("" if size.rms is None else f"{value:.4g} {size.unit}" for value in (mean, size.rms, low, high))
             rows.append(
                 (
                     name,

@@ -142,18 +142,18 @@ def joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str
 
 def _described(columns: Columns) -> list[str]:
     """Return the columns that may be a joint's, what was measured of it before what was wanted."""
-    words = {name: set(_words(name)) for name in columns.values}
+    words = {name: set(_words_of_name(name)) for name in columns.values}
     likely = [name for name in words if not words[name] & OTHER_WORDS]
     return sorted(likely, key=lambda name: bool(words[name] & WANTED_WORDS))
 
 
-def _words(name: str) -> list[str]:
+def _words_of_name(name: str) -> list[str]:
     return re.split(r"[^a-z0-9]+", name.lower())
 
 
-def _part_of(text: str) -> str | None:
+def _part_in(text: str) -> str | None:
     """Return whether a column's name, without its joint's, says position, velocity or effort, by a word or its unit."""
-    words = set(_words(text))
+    words = set(_words_of_name(text))
     part = next((part for part, known in PART_WORDS.items() if words & (known - {""})), None)
     return part or next((part for part, kind in KIND_OF.items() if named_unit(kind, [text])), None)
 
@@ -167,7 +167,7 @@ def _named_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, st
         for name in _described(columns):
             if here.search(name.lower()):
                 rest = here.sub(" ", name.lower())
-                part = _part_of(rest) or ("position" if {*_words(rest)} <= {""} else None)
+                part = _part_in(rest) or ("position" if {*_words_of_name(rest)} <= {""} else None)
                 if part is not None:
                     found.setdefault(joint, {}).setdefault(part, name)
     return found
@@ -178,9 +178,11 @@ def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, 
     units = {word for words in UNITS_IN_NAMES.values() for word in words} | {"", "joint", "per"}
     found: dict[str, dict[str, str]] = {}
     for name in _described(columns):
-        part = _part_of(name)
+        part = _part_in(name)
         if part is not None:
-            stem = "_".join(word for word in _words(name) if word not in PART_WORDS[part] | units | WANTED_WORDS)
+            stem = "_".join(
+                word for word in _words_of_name(name) if word not in PART_WORDS[part] | units | WANTED_WORDS
+            )
             found.setdefault(stem, {}).setdefault(part, name)
     whole = [parts for stem, parts in found.items() if stem and "position" in parts and len(parts) > 1]
     return dict(zip(names, whole, strict=True)) if len(whole) == len(names) else {}
@@ -191,11 +193,11 @@ def _numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str,
     series: dict[tuple[str, str], dict[int, str]] = {}
     for name in _described(columns):
         match = NUMBERED.match(name)
-        if match is not None and BEHIND_NUMBERS.issuperset(_words(match["tail"])):
+        if match is not None and BEHIND_NUMBERS.issuperset(_words_of_name(match["tail"])):
             series.setdefault((match["stem"].lower(), match["tail"].lower()), {})[int(match["number"])] = name
     found: dict[str, dict[str, str]] = {}
     for (stem, tail), listed in series.items():
-        part = _part_of(f"{stem} {tail}")
+        part = _part_in(f"{stem} {tail}")
         first, count = min(listed), len(listed)
         if count == 4 and _are_turns(columns, list(listed.values())):
             continue
@@ -215,7 +217,7 @@ def named_unit(kind: str, names: Sequence[str]) -> str | None:
     """Return the unit that the last words of columns' names say, if they all say the same: A1_vel_deg_s is in deg/s."""
     found, known = set(), UNITS_IN_NAMES[kind]
     for name in names:
-        words = [word for word in _words(name.rstrip(")] ")) if word != "per"]
+        words = [word for word in _words_of_name(name.rstrip(")] ")) if word != "per"]
         found.add(known.get("".join(words[-2:])) or known.get(words[-1] if words else ""))
     return found.pop() if len(found) == 1 else None
 

@@ -36,7 +36,11 @@ RARE = 0.05  # share of the samples on either side that may be a sensor's faults
 SLIGHT = 0.25  # of the range: so far beyond its file's limits a real joint may be
 A_TURN, TEN_RANGES = 2.0 * np.pi, 10.0  # [rad], ranges beyond them: no joint that has limits ever is there
 UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, is none
-TAKEN = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # part of joints -> its unit where a map states none
+TAKEN_FOR = {
+    "position": "rad",
+    "velocity": "rad/s",
+    "effort": "N m",
+}  # part of joints -> its unit where a map states none
 SMALLER = {"rad": ("deg", np.pi / 180.0), "m": ("mm", 1e-3)}  # unit -> what may have been meant
 
 BASE_CHANNELS = ("base.position", "base.rate", "base.velocity", "check.specific_force")
@@ -63,7 +67,7 @@ def unit_findings(chosen: Map) -> Iterator[Finding]:
     for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
         if section is None or section.unit is not None or getattr(section, "torque_per_unit", None):
             continue
-        said, taken = said_unit(part, section.columns), TAKEN[part]
+        said, taken = said_unit(part, section.columns), TAKEN_FOR[part]
         if said not in (None, taken):
             torque = " and torque_per_unit" if said in ("A", "mA") else ""
             what = f"{', '.join(section.columns)} look like {said} and are taken for {taken}, as the map states no unit"
