@@ -63,10 +63,13 @@ def explain_plainly(error: dict[str, Any], where: str, known: Sequence[str]) -> 
         return f"missing key '{where}'"
     if error["type"] == "value_error":
         return f"{where}: {error['ctx']['error']}" if where else str(error["ctx"]["error"])
-    text = repr(error["input"])
-    if len(text) > LONGEST_SHOWN:
-        text = f"{text[:LONGEST_SHOWN]}... ({len(text)} characters)"
-    return f"{where} = {text}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+    return f"{where} = {_shown(error['input'])}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+
+
+def _shown(value: object) -> str:
+    """Return a value as an error message shows it: its Python text, or the beginning of a long one."""
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}... ({len(text)} characters)"
 
 
 def _fixed_length(section: type[Section], key: str) -> int:
