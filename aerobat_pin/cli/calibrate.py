@@ -37,8 +37,9 @@ def calibrate_command(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="Identify this parameter and use it in any case; `none` identifies nothing; repeatable. Default: the "
-            "usual ones, used if they explain the flights (docs/calibration.md).",
+            help="Identify this parameter and use it in any case; `none` identifies nothing, nor friction that a map "
+            "does not name; repeatable. Default: the usual ones, used if they explain the flights "
+            "(docs/calibration.md).",
         ),
     ] = None,
     map_file: Annotated[

@@ -10,6 +10,7 @@ import typer
 from aerobat_pin.cli.console import write_results
 
 if TYPE_CHECKING:
+    from aerobat_pin.estimation import Calibration
     from aerobat_pin.records import Map, Record
 
 
@@ -28,11 +29,11 @@ def option_names(words: str | None) -> list[str]:
     return [word.strip() for word in (words or "").split(",") if word.strip()]
 
 
-def _print_self_check(record: Record) -> None:
+def _print_self_check(record: Record, calibration: Calibration | None) -> None:
     """Play known forces into a recording, and print how well each is recovered."""
     from aerobat_pin.estimation import check_record
 
-    checks = check_record(record)
+    checks = check_record(record, calibration)
     for check in checks:
         typer.echo(str(check))
     found = sum(check.ok for check in checks)
@@ -63,7 +64,7 @@ def estimate_by_map(
     learnt = None if calibration is None else read_calibration(calibration)
     record = open_record(log, chosen, folder) if self_check else None  # else only once the folder is known to be free
     if record is not None:
-        _print_self_check(record)
+        _print_self_check(record, learnt)
     write_results(
         lambda show: estimate(
             record or open_record(log, chosen, folder),

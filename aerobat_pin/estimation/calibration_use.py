@@ -10,6 +10,7 @@ from aerobat_pin.observers import force_size
 
 CHANGED = 1.3  # of what was expected: what no force explains is larger only if something has changed
 CHANGED_NEAR = 2.0  # the same over a tenth of a second; unchanged flights of another simulator reach 1.65
+LEAST_START = 5e-4  # [s] from which a log's stamps are told beside times after its start
 SURE_OF_CONTACT = 5.0  # stated deviations, errors of the belief among them, which noise alone does not reach
 
 
@@ -43,8 +44,17 @@ class Contact:
 
     def __str__(self) -> str:
         """Return the contact in words."""
-        until = "to the end" if self.end is None else f"to {self.end:.3f} s"
-        return f"contact at {self.point} from {self.onset:.3f} s {until}, up to {quantity(self.size, self.unit)}"
+        return self.told(0.0)
+
+    def told(self, start: float) -> str:
+        """Return the contact in words, with its times after a start [s] and, where they differ, those of the log."""
+
+        def times(zero: float) -> str:
+            until = "to the end" if self.end is None else f"to {self.end - zero:.3f} s"
+            return f"from {self.onset - zero:.3f} s {until}"
+
+        stamps = f" (by the log's stamps {times(0.0)})" if abs(start) >= LEAST_START else ""
+        return f"contact at {self.point} {times(start)}{stamps}, up to {quantity(self.size, self.unit)}"
 
 
 @dataclass(frozen=True)
@@ -110,6 +120,11 @@ class ModelCheck:
             return "unverified"
         larger = self.ratio > CHANGED or self.peak > CHANGED_NEAR
         return "changed" if larger or self.cause is not None else "unchanged"
+
+    @property
+    def limit(self) -> float:
+        """Largest root mean square of what no force explains, per redundant row, of an unchanged belief [N]."""
+        return CHANGED * self.expected
 
     @property
     def factor(self) -> float:

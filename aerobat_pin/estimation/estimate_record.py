@@ -13,7 +13,7 @@ from aerobat_pin.estimation.calibration.free_run import noise_where_known
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
-from aerobat_pin.estimation.fit_beside_forces import fit_beside_forces
+from aerobat_pin.estimation.fit_beside_forces import fit_beside_forces, knows_friction
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.online import OnlineEstimator
@@ -24,6 +24,10 @@ from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Observer
 from aerobat_pin.records import Record
 
+WITHOUT_FRICTION = (
+    "it knows no friction, but this record shows some, which was found beside the forces; contacts are not sought. "
+    'Calibrate again with friction = {law = "coulomb+viscous"} under [joints]'
+)
 ShareDone = Callable[[float], None]
 
 
@@ -58,15 +62,20 @@ def estimate(
         refuse_if_certain(name, findings)
     given = fitted_forces(record) if calibration is None else calibration.forces(record)
     forces = _with_noise(given)
+    beside = knows_friction(forces) and not knows_friction(given)  # found in this record, of which no calibration knew
     record = forces.record  # whose robot carries what was found
     names = [entry for entry in observers if isinstance(entry, str)]
     inputs = inputs_between(record, forces)
     expected = expected_of(record, inputs, forces.values, points_of(record.map))
     times, model = record.times(*record.parts[0]), None
     if calibration is not None and not record.robot.smooths(record.channels):
-        model = check_model(calibration, forces, inputs)
-        inputs = model.inputs
-    known = model is not None and model.check is not None
+        if beside:  # what the calibration expects has friction in it, as what it is compared with
+            model = check_model(calibration, given, inputs_between(record, given))
+            calibration = replace(calibration, detection=None)
+        else:
+            model = check_model(calibration, forces, inputs)
+            inputs = model.inputs
+    known = model is not None and model.check is not None and not beside
     running, notes = observers_of(record, names, expected, errors_known=known) if names or not observers else ([], ())
     running += [observer for observer in observers if isinstance(observer, Observer)]
     if len({observer.name for observer in running}) < len(running):
@@ -109,6 +118,8 @@ def estimate(
         findings += result_findings(result, expected)
     if calibration is not None:
         findings.append(calibration.finding())
+        if beside:
+            findings.append(Finding("calibration", "warning", WITHOUT_FRICTION))
     if not trust:
         refuse_if_certain(name, findings)
     return replace(result, findings=tuple(findings))
@@ -128,9 +139,10 @@ def stream_of(record: Record) -> OnlineEstimator:
 
 def _with_noise(forces: KnownForces) -> KnownForces:
     """Return known forces with the errors of the rows where nothing touches, or else as the record tells them."""
-    if not forces.record.robot.limits_forces or forces.values.row_noise:
+    if not forces.record.robot.limits_forces:
         return forces
-    return fit_beside_forces(replace(forces, values=replace(forces.values, row_noise=noise_where_known(forces))))
+    noise = forces.values.row_noise or noise_where_known(forces)
+    return fit_beside_forces(replace(forces, values=replace(forces.values, row_noise=noise)))
 
 
 def _names_friction(finding: Finding) -> bool:

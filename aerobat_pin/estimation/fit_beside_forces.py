@@ -18,7 +18,7 @@ least k, which the output judges, and the sizes of the rows over it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,7 +28,7 @@ from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.expected_of_record import EFFORT_ERROR, column_rms, expected_of, lifted_feet, row_scale
 from aerobat_pin.estimation.factors_by_balance import factors_by_balance
 from aerobat_pin.estimation.inputs import KnownInputs
-from aerobat_pin.estimation.known_forces import BESIDE, Fit, FittedValues, KnownForces
+from aerobat_pin.estimation.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces
 from aerobat_pin.estimation.run_observers import inputs_between, points_of
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array
@@ -73,9 +73,13 @@ class _Instants:
 
 
 def fit_beside_forces(forces: KnownForces) -> KnownForces:
-    """Return known forces with the friction of a record's joints and the errors of its rows, if it tells them."""
+    """Return known forces with the friction of a record's joints and the errors of its rows, if it tells them.
+
+    Errors of rows that are known count where friction is known, too, or where friction and errors by the record itself
+    are no smaller: what was learnt without friction, where nothing touches, has it among the errors.
+    """
     record, values, points = forces.record, forces.values, points_of(forces.record.map)
-    told = values.row_noise or record.map.joints.friction is not None or "joints.effort" not in record.channels
+    told = knows_friction(forces) or "joints.effort" not in record.channels
     inputs = inputs_between(record, forces)
     expected = expected_of(record, inputs, values, points) if points and not told else None
     if expected is None:
@@ -91,7 +95,18 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     fitted = _fitted(forces, some, expected, force, lifts)
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
         fitted = _fitted(forces, some, expected, np.broadcast_to(expected.force, J.shape[:2]), False)
-    return replace(forces, values=fitted)
+    return replace(forces, values=fitted) if _smaller_errors(fitted, values.row_noise) else forces
+
+
+def knows_friction(forces: KnownForces) -> bool:
+    """Return whether a map or a calibration says what friction the joints have."""
+    return forces.values.friction is not None or forces.record.map.joints.friction is not None
+
+
+def _smaller_errors(fitted: FittedValues, known: Mapping[str, float]) -> bool:
+    """Return whether errors of rows beside friction are smaller than those that are known; if none are, they are."""
+    shares = [fitted.doubt**0.5 * fitted.row_noise[row] / known[row] for row in known if known[row] > 0.0]
+    return not shares or float(np.exp(np.mean(np.log(np.maximum(shares, LEAST_SIZE))))) < FRICTION_SHOWN
 
 
 def _looked_at(record: Record, inputs: Callable[[int, int], KnownInputs], stiction_rate: Array) -> _Instants:

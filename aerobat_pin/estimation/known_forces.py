@@ -22,6 +22,7 @@ from aerobat_pin.records import Block, KnownSection, PlainRobot, Record, world_t
 
 CALIBRATION, FRICTION = "calibration", "friction"  # names of the known forces that are learnt
 BESIDE = ", beside the forces"  # ends the name of a fit that was made while unknown forces pushed
+FRICTION_SHOWN = 0.9  # of errors of rows, geometric mean: where friction leaves as much or more, none is believed
 SLIDING_RATE = 2.0 * SMOOTH_RATE  # below it friction falls with the speed (Stribeck): no fitted law holds there
 
 

@@ -137,9 +137,15 @@ class ObserverScores:
         return f"{words}: forces elsewhere, a moment, or a wrong model" if doubtful else words, doubtful
 
     def to_json(self) -> dict[str, Any]:
-        """Return the entry of `metrics.json`, in which the points are keys beside the other attributes."""
-        rest = asdict(self)
-        rest |= {"components": list(rest["components"]), "redundancy": self.redundancy.to_json()}
+        """Return the entry of `metrics.json`, in which the points are keys beside the other attributes.
+
+        Where the errors of the rows are stated, the verdict of the redundancy is by these, as everywhere.
+        """
+        rest, redundancy = asdict(self), self.redundancy.to_json()
+        if self.states_seen and redundancy["verdict"] != "blind":
+            words, wrong = self.judgement
+            redundancy |= {"words": words, "verdict": "inconsistent" if wrong else "consistent"}
+        rest |= {"components": list(rest["components"]), "redundancy": redundancy}
         points = {name: {axis: score.to_json() for axis, score in axes.items()} for name, axes in self.points.items()}
         return {**points, **{key: value for key, value in rest.items() if key != "points"}}
 

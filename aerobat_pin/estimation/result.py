@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cache, cached_property
@@ -35,6 +36,9 @@ WORSE_THAN_NOTHING = "R2 below 0 is worse than no estimate, as the mean of the t
 def versions() -> dict[str, str]:
     """Return the versions of the packages that can change the results: package -> version."""
     return {name: metadata.version(name) for name in VERSIONED_PACKAGES}
+
+
+NUMBERS = re.compile(r"[-+]?\d[\d.e+-]*")
 
 
 @dataclass(frozen=True, repr=False)
@@ -149,7 +153,7 @@ class Result:
         """Lines of text about what spoils the estimates: a log that contradicts itself, a wrong belief, an observer."""
         lines = [str(finding) for finding in self.findings if finding.warns]
         if self.calibration is not None:
-            lines += [f"calibration: {line}" for line in self.calibration.warnings]
+            lines += [f"calibration: {line}" for line in self._of_calibration]
             if self.model is not None and self.model.verdict == "changed":
                 lines.append(str(self.model))
         lines += [
@@ -161,6 +165,16 @@ class Result:
             lines += [f"{name}: {line}" for line in found.warnings]
             lines += [f"{name} cannot see: {pattern}" for pattern in found.unseen]
         return lines
+
+    @property
+    def _of_calibration(self) -> list[str]:
+        """Warnings of the calibration, but those that a finding says in the same words, with numbers of its own."""
+        said = {NUMBERS.sub("", str(one)) for one in self.findings if one.warns}
+        return [
+            line
+            for line in (self.calibration.warnings if self.calibration else ())
+            if NUMBERS.sub("", line) not in said
+        ]
 
     def metrics(self) -> dict[str, Any]:
         """Return the content of `metrics.json`."""
@@ -256,12 +270,12 @@ class Result:
                 )
             lines += [f"{name}: {line}" for line in [*scores.warnings, *scores.notes]]
             events = scores.events or []
-            lines += [f"{name}: {event}" for event in events[:MOST_EVENTS]]
+            lines += [f"{name}: {event.told(self.start)}" for event in events[:MOST_EVENTS]]
             if len(events) > MOST_EVENTS:
                 lines.append(f"{name}: {len(events) - MOST_EVENTS} more contacts, in metrics.json")
         if self.calibration is not None:
             lines.append(self.calibration.words)
-            lines += [f"warning: calibration: {line}" for line in self.calibration.warnings]
+            lines += [f"warning: calibration: {line}" for line in self._of_calibration]
         lines += [str(self.model)] * (self.model is not None)
         for words, names in self.judgements.items():
             lines.append(words if len(self.judgements) == 1 else f"{', '.join(names)}: {words}")

@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import LogError
+from aerobat_pin.estimation.calibration.calibration import Calibration
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.run_observers import observers_of, rows_of
@@ -78,13 +79,15 @@ class Check:
 
 
 @guarded()
-def check_record(record: Record) -> list[Check]:
+def check_record(record: Record, calibration: Calibration | None = None) -> list[Check]:
     """Play a tenth of the weight into a record, at each of its points and along each world axis.
 
     Args:
         record: the record; its map names points and observers.
+        calibration: what other records showed; its values are used in place of the map's fits.
 
     Raises:
+        CalibrationError: the calibration belongs to another robot, or to a map that means something else.
         LogError: the map names no point of a force, or no part is long enough for the observers to settle.
     """
     frames = record.map.robot.points
@@ -97,7 +100,7 @@ def check_record(record: Record) -> list[Check]:
             "intervals in one part, were expected"
         )
     rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
-    forces = fitted_forces(record)
+    forces = fitted_forces(record) if calibration is None else calibration.forces(calibration.applied(record))
     record = forces.record  # whose robot carries what was found
     inputs = inputs_of(record, first, last, forces, rows)
     size = PUSHED_SHARE * moving_weight(record.robot.model)

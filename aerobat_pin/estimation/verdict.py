@@ -6,45 +6,75 @@ robot nobody knows which one is.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, ModelCheck
+from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, Contact, ModelCheck
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.observer_scores import ObserverScores
 from aerobat_pin.estimation.scores import point_label, quantity, short_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import burst_noise
+from aerobat_pin.numerics import Array
 
 LASTING = 1.5  # or its rms: noise alone has one error
 CROSSTALK = 0.02  # share of the largest force that its estimate leaves elsewhere
 SAID_AT_MOST = 2  # pushes, or components, that a sentence names
 MOSTLY = 0.8  # share of a force that is along an axis before the axis is named
 SOMETIMES = 0.95  # share of the time below which a component is not always seen
+TINY = 1e-12  # [N, N m]
+ROW_TORQUE, ROW_TORQUES = "a torque that the motion does not explain", "torques that the motion does not explain"
 WAYS = {"Fx": ("along x", "against x"), "Fy": ("along y", "against y"), "Fz": ("upward", "downward")}
 COMPARED_WITH = {"truth": "true force", "sensor": "force sensor"}
 
 
 @dataclass(frozen=True)
 class _Push:
-    """Force or moment at one place: largest size, its time after the start [s] and direction; rms and error."""
+    """Force or moment at one place.
+
+    Attributes:
+        place: where.
+        unit: N or N m.
+        peak: its largest size that errors at its time cannot make up; without one, where it is largest beside them.
+        at: when that was, after the start [s].
+        way: its direction then, in words.
+        deviation: its standard deviation then, along it; None if none is stated.
+        sure: the peak over what errors make up at its time.
+        rms: of the size.
+        lasting: root mean square of the size over its error at each time.
+        error: typical error.
+        ends: from and to of a contact, after the start [s]; None where contacts are not sought, or if it lasts.
+    """
 
     place: str
     unit: str
     peak: float
     at: float
     way: str
-    rms: float
-    error: float
+    deviation: float | None
+    sure: float
+    rms: float = 0.0
+    lasting: float = 0.0
+    error: float = 0.0
+    ends: tuple[float, float | None] | None = None
 
     def stands_out(self, least: float) -> bool:
         """Whether errors, or an error of the belief that looks like `least`, cannot make it up."""
-        return self.peak > max(SURE_OF_CONTACT * self.error, least) or self.rms > max(LASTING * self.error, least)
+        return (self.sure > 1.0 and self.peak > least) or (self.lasting > LASTING and self.rms > least)
 
     def __str__(self) -> str:
-        return f"{self.place} (up to {quantity(self.peak, self.unit)}{self.way}, at {self.at:.2f} s)"
+        size = quantity(self.peak, self.unit)
+        if self.deviation is not None:  # in the unit of the size
+            number, _, unit = size.partition(" ")
+            factor = {"m": 1e3, "k": 1e-3}.get(unit.removesuffix(self.unit), 1.0)
+            size = f"{number} +-{factor * self.deviation:.2g} {unit}"
+        when = f"at {self.at:.2f} s"
+        if self.ends is not None:
+            begin, end = self.ends
+            when = f"from {begin:.2f} s to {'the end' if end is None else f'{end:.2f} s'}"
+        return f"{self.place} (up to {size}{self.way}, {when})"
 
 
 def verdict_of(
@@ -65,33 +95,38 @@ def verdict_of(
         findings: what the checks found.
         model: whether the belief is still that of its calibration; None without one.
     """
-    pushes = _pushes(estimate, start)
-    largest = {unit: max(push.peak for push in pushes if push.unit == unit) for unit in {push.unit for push in pushes}}
+    pushes, events = _pushes(estimate, start), scores.events
+    largest = {unit: max(one.peak for one in pushes if one.unit == unit) for unit in {one.unit for one in pushes}}
     least = {unit: CROSSTALK * size for unit, size in largest.items()}
     if estimate.head.expected_force is None:  # else the deviations contain the errors of the belief
         least["N"] = max(least.get("N", 0.0), estimate.redundancy.least)
-    certain = sorted((push for push in pushes if push.stands_out(least[push.unit])), key=lambda push: -push.peak)
-    unsure = [push.place for push in pushes if push not in certain]
-    what = "a push" if estimate.head.frames else "a torque that the motion does not explain"
-    sentence = f"{estimate.head.observer} finds " + (
-        f"{what} at {_listed(certain)}" if certain else f"no {what[2:]} that stands out from its errors"
+    certain = sorted((one for one in pushes if one.stands_out(least[one.unit])), key=lambda one: -one.peak)
+    one_push, many = ("a push", "pushes") if estimate.head.frames else (ROW_TORQUE, ROW_TORQUES)
+    what = f"{one_push} at"
+    if events is not None and (estimate.head.are_world_forces or not estimate.head.frames):  # they were sought
+        told = sorted(events, key=lambda one: -one.size)[:SAID_AT_MOST]
+        certain = [_contact(estimate, one, start) for one in sorted(told, key=lambda one: one.onset)]
+        what, count = what if len(events) == 1 else f"{len(events)} {many}, at", len(events)
+        places = {one.point if estimate.head.frames else point_label(one.point.rpartition(".")[0]) for one in events}
+    else:
+        count, places = len(certain), {one.place for one in certain}
+    rest = [one.place for one in pushes if one.place not in places]
+    said = f"{estimate.head.observer} finds " + (
+        f"{what} {_listed(certain, count)}" if certain else f"no {one_push[2:]} that stands out from its errors"
     )
-    if events := scores.events:
-        many = f"{len(events)} contacts, the first" if len(events) > 1 else "one contact,"
-        sentence += f", in {many} at {events[0].onset - start:.2f} s"
-    if certain and unsure:
-        sentence += f"; nothing at {_listed(dict.fromkeys(unsure))} stands out from its errors"
-    doubts = [f"the record contradicts itself: {finding.check}" for finding in findings if finding.verdict == "refused"]
+    if certain and rest:
+        said += f"; nothing at {_listed(dict.fromkeys(rest))} stands out from its errors"
+    doubts = [f"the record contradicts itself: {one.check}" for one in findings if one.verdict == "refused"]
     words, wrong = scores.judgement
     doubts += [words.removeprefix("belief: ").partition(";")[0]] * wrong
     doubts += ["something has changed since the calibration"] * (model is not None and model.verdict == "changed")
-    return "; ".join([sentence, _sureness(scores, kind, certain or pushes), *doubts, _unseen(scores)]) + "."
+    return "; ".join([said, _sureness(scores, kind, certain, pushes), *doubts, _unseen(scores)]) + "."
 
 
-def _listed(things: Iterable[object]) -> str:
-    """Return the first few things, and how many more there are."""
+def _listed(things: Iterable[object], count: int = 0) -> str:
+    """Return the first few things, and how many more there are, of `count` if they are not all."""
     texts = [str(one) for one in things]
-    more = len(texts) - SAID_AT_MOST
+    more = max(len(texts), count) - SAID_AT_MOST
     texts = [*texts[:SAID_AT_MOST], f"{more} more"] if more > 0 else texts
     return " and ".join(filter(None, [", ".join(texts[:-1]), texts[-1]]))
 
@@ -102,32 +137,86 @@ def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
     groups = dict[tuple[str, str], list[int]]()
     for k, ((place, _, axis), unit) in enumerate(zip(labels, estimate.head.units, strict=True)):
         groups.setdefault((place or axis, unit), []).append(k)
-    largest = {key: (0.0, start, np.zeros(len(columns))) for key, columns in groups.items()}
-    squares, count = dict.fromkeys(groups, 0.0), 0
+    noise, sizes = burst_noise(next(estimate.blocks()).components), estimate.component_sizes()
+    typical = [noise[k] if one.deviation is None else one.deviation for k, one in enumerate(sizes)]
+    chosen: dict[tuple[str, str], tuple[bool, float, float, Array, Array]] = {
+        key: (False, -1.0, start, np.zeros(len(own)), np.ones(len(own))) for key, own in groups.items()
+    }
+    squares, shares, count = dict.fromkeys(groups, 0.0), dict.fromkeys(groups, 0.0), 0
     for block in estimate.blocks():
-        after = block.time[:-1, None] > estimate.risen - 1e-9
-        values = np.where(block.shown & after, block.components, 0.0)
-        count += int(after.sum())
-        for key, columns in groups.items():
-            sizes = np.linalg.norm(values[:, columns], axis=1)
-            at = int(np.argmax(sizes))
-            squares[key] += float(np.sum(sizes**2))
-            if sizes[at] > largest[key][0]:
-                largest[key] = float(sizes[at]), float(block.time[at]), values[at, columns]
-    noise = burst_noise(next(estimate.blocks()).components)
-    errors = [noise[k] if one.deviation is None else one.deviation for k, one in enumerate(estimate.component_sizes())]
+        shown = block.shown & (block.time[:-1, None] > estimate.risen - 1e-9)
+        values, sure = np.where(shown, block.components, 0.0), np.broadcast_to(noise, block.components.shape)
+        if block.standard_deviation is not None:
+            sure = np.where(np.isfinite(block.standard_deviation), block.standard_deviation, noise)
+        count += int(np.sum(shown.any(axis=1)))
+        for key, own in groups.items():
+            force, size = values[:, own], np.linalg.norm(values[:, own], axis=1)
+            error = np.maximum(_along(force, sure[:, own]) * len(own) ** 0.5, TINY)
+            squares[key] += float(np.sum(size**2))
+            shares[key] += float(np.sum((size / np.maximum(np.linalg.norm(sure[:, own], axis=1), TINY)) ** 2))
+            beyond = size > SURE_OF_CONTACT * error
+            weighed = np.where(beyond, size, 0.0) if beyond.any() else size / error
+            at = int(np.argmax(weighed))
+            better = bool(beyond[at]), float(weighed[at])
+            if better > chosen[key][:2]:
+                chosen[key] = *better, float(block.time[at]), force[at], sure[at, own]
     pushes = []
-    for (place, unit), columns in groups.items():
-        peak, time, vector = largest[place, unit]
-        at = int(np.argmax(np.abs(vector)))
-        ways = WAYS.get(labels[columns[at]][2]) if abs(vector[at]) > MOSTLY * peak else None
-        way = f" {ways[int(vector[at] < 0.0)]}" if ways else ""
-        rms, error = (squares[place, unit] / max(count, 1)) ** 0.5, float(np.linalg.norm([errors[k] for k in columns]))
-        pushes.append(_Push(point_label(place), unit, peak, time - start, way, rms, error))
+    for (place, unit), own in groups.items():
+        _, _, time, vector, sure = chosen[place, unit]
+        peak, along = float(np.linalg.norm(vector)), float(_along(vector[None], sure[None])[0])
+        pushes.append(
+            _Push(
+                point_label(place),
+                unit,
+                peak,
+                time - start,
+                _way(vector, [labels[k][2] for k in own]),
+                along if any(sizes[k].deviation is not None for k in own) else None,
+                peak / (SURE_OF_CONTACT * max(along * len(own) ** 0.5, TINY)),
+                (squares[place, unit] / max(count, 1)) ** 0.5,
+                (shares[place, unit] / max(count, 1)) ** 0.5,
+                float(np.linalg.norm([typical[k] for k in own])),
+            )
+        )
     return pushes
 
 
-def _sureness(scores: ObserverScores, kind: str, pushes: list[_Push]) -> str:
+def _along(force: Array, deviation: Array) -> Array:
+    """Return the deviation (m,) of forces (m, n) along themselves, with deviations (m, n) of their components."""
+    squares = np.sum((force * deviation) ** 2, axis=1) / np.maximum(np.sum(force**2, axis=1), TINY**2)
+    return np.asarray(np.sqrt(squares))
+
+
+def _way(force: Array, axes: Sequence[str]) -> str:
+    """Return the direction of a force (n,) along axes such as `Fx`, in words; nothing of a moment, or of one axis."""
+    size, at = float(np.linalg.norm(force)), int(np.argmax(np.abs(force)))
+    if len(force) == 1 or size == 0.0 or axes[at] not in WAYS:
+        return ""
+    if abs(force[at]) > MOSTLY * size:
+        return f" {WAYS[axes[at]][int(force[at] < 0.0)]}"
+    return f" along ({', '.join(f'{part:.2f}' for part in force / size)})"
+
+
+def _contact(estimate: StoredEstimate, event: Contact, start: float) -> _Push:
+    """Return a contact that a calibration found, at its largest."""
+    head, components = estimate.head, estimate.head.identifiability.components
+    frames = [point_label(frame) for frame in head.frames]
+    own = [3 * frames.index(event.point) + k for k in range(3)] if frames else [components.index(event.point)]
+    place = event.point if frames else point_label(event.point.rpartition(".")[0])
+    ends = event.onset - start, None if event.end is None else event.end - start
+    last = len(estimate) if event.end is None else estimate.start.index(event.end)
+    during = estimate.between(max(estimate.start.index(event.onset, "right") - 1, 0), last)
+    force = np.where(during.shown, during.components, 0.0)[:, own]
+    if not len(force):
+        return _Push(place, event.unit, event.size, ends[0], "", None, np.inf, ends=ends)
+    at, sure = int(np.argmax(np.linalg.norm(force, axis=1))), during.standard_deviation
+    way = _way(force[at], [components[k].rpartition(".")[2] for k in own])
+    along = None if sure is None else float(_along(force[[at]], sure[[at]][:, own])[0])
+    along = along if along is not None and np.isfinite(along) else None
+    return _Push(place, event.unit, event.size, float(during.time[at]) - start, way, along, np.inf, ends=ends)
+
+
+def _sureness(scores: ObserverScores, kind: str, certain: list[_Push], pushes: list[_Push]) -> str:
     """Return how sure the forces are: errors against a reference, or as stated."""
     if scores.points:
         forces = {label: score for label, score in scores.scored.items() if label.rpartition(".")[2][0] == "F"}
@@ -139,8 +228,10 @@ def _sureness(scores: ObserverScores, kind: str, pushes: list[_Push]) -> str:
         where = f" at {_listed(scores.points)}" if kind == "sensor" else ""
         per_point = quantity(error / len(scores.points) ** 0.5, "N")
         return f"it is off the {COMPARED_WITH[kind]}{where} by {per_point} rms, {share}"
+    if any(one.deviation is not None for one in certain):
+        return "+- is one standard deviation at that time, as stated"
     if any(size.deviation is not None for size in scores.components):
-        return f"its standard deviation, as stated, is {_listed(quantity(push.error, push.unit) for push in pushes)}"
+        return f"its standard deviation, as stated, is {_listed(quantity(one.error, one.unit) for one in pushes)}"
     return "how sure that is cannot be said: a calibration, kalman or smoother would state it"
 
 

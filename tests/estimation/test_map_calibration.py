@@ -37,6 +37,7 @@ from aerobat_pin.estimation import (
     OnlineEstimator,
     calibrate,
     calibration_bytes,
+    check_record,
     estimate,
     read_calibration,
 )
@@ -155,6 +156,25 @@ def test_the_file_keeps_all_that_was_learnt(arms: tuple[Path, np.ndarray]) -> No
         (folder / "damaged.nc").write_bytes(damaged)
         with pytest.raises(CalibrationError):
             read_calibration(folder / "damaged.nc")
+
+
+def test_a_self_check_takes_a_calibration(arms: tuple[Path, np.ndarray]) -> None:
+    """In place of a fit of which the map does not say where; without either it is refused."""
+    folder, _ = arms
+    record = open_record(folder / "pushed.csv", parse_map(arm_map(), "of the test"), folder)
+    with pytest.raises(MapError, match="--calibration FILE"):
+        check_record(record)
+    assert [one.axis for one in check_record(record, calibrated(folder, "free", arm_map())) if one.ok]
+
+
+def test_a_fit_that_explains_hardly_anything_is_named(arms: tuple[Path, np.ndarray]) -> None:
+    """A joint that counts the other way round, which friction cannot explain."""
+    folder, _ = arms
+    values = arm_map()
+    assert not [line for line in calibrated(folder, "free", values).warnings if "hardly anything" in line]
+    values["joints"]["factor"] = {"bend": -1}
+    warnings = calibrated(folder, "free", values).warnings
+    assert [line for line in warnings if "explains hardly anything" in line and "sign, order, zero" in line]
 
 
 def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(arms: tuple[Path, np.ndarray]) -> None:

@@ -135,7 +135,7 @@ def test_a_calibration_belongs_to_its_encoders(folder: Path) -> None:
         estimate(opened(folder, "motors", changed(**AT_MOTORS)), calibration=learnt)
 
 
-def limits(folder: Path, urdf: str, change: float = 1.0, shift: float = 0.0) -> list[str]:
+def limits(folder: Path, urdf: str, change: float = 1.0, shift: float = 0.0, unit: str = "rad") -> list[str]:
     """Return what is found about limits of an arm whose positions and velocities are written times a factor."""
     table = pd.read_csv(folder / "joints.csv")
     table[[f"{joint}_q" for joint in JOINTS]] *= change
@@ -143,7 +143,13 @@ def limits(folder: Path, urdf: str, change: float = 1.0, shift: float = 0.0) -> 
     table["lift_q"] += shift
     table.to_csv(folder / "limits.csv", index=False)
     (folder / "limited.urdf").write_text(urdf)
-    values = changed() | {"robot": {"urdf": "limited.urdf", "root": "fixed", "points": ["tool"]}}
+    position, velocity = (
+        {"columns": [f"{joint}_{what}" for joint in JOINTS], "unit": own}
+        for what, own in (("q", unit), ("v", f"{unit}/s"))
+    )
+    values = changed(position=position, velocity=velocity) | {
+        "robot": {"urdf": "limited.urdf", "root": "fixed", "points": ["tool"]}
+    }
     found = record_findings(opened(folder, "limits", values))
     return [f"{one.verdict} {one}" for one in found if one.check == "joint limits"]
 
@@ -160,6 +166,17 @@ def test_joints_far_beyond_their_limits_are_refused_by_name(folder: Path) -> Non
     assert re.search(r"refused joint limits: lift is at 4\d.* to 4\d.* rad", far)
     [zero] = limits(folder, close, shift=3.0)
     assert re.search(r"warning joint limits: lift is at .*", zero)
+    assert "factor = {" not in zero
+
+
+def test_what_is_in_force_is_not_proposed_and_a_sign_that_would_do_is(folder: Path) -> None:
+    """A joint at -3 rad or so, whose limits are 0 to 6, by a map that says degrees."""
+    before, lift, after = arm().partition('<joint name="lift"')
+    high = before + lift + after.replace('lower="-99" upper="99"', 'lower="-0.2" upper="6"', 1)
+    [found] = limits(folder, high, np.degrees(1.0), np.degrees(-3.0), "deg")
+    assert found.startswith("warning joint limits: lift is at -")
+    assert 'unit = "deg"' not in found
+    assert "factor = {lift = -1} under [joints] would leave all within them" in found
 
 
 def test_slight_overshoots_and_joints_without_limits_do_not_alarm(folder: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 import tomli_w
 import xarray as xr
 from support.commands import call
-from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_log
+from support.strange_arm import COULOMB, JOINTS, URDF, arm_map, nothing, pushed, write_log
 
 from aerobat_pin.estimation import Result, calibrate, check_record, estimate
 from aerobat_pin.estimation.added_deviations import second_lag
@@ -23,6 +23,7 @@ from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.records import open_record, parse_map, suggested_map
+from aerobat_pin.visualization.figures.record import unexplained_limit
 
 pytestmark = pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
 LOAD = {"frame": "tool0", "mass": 2.0, "com": [0.0, 0.05, 0.08]}
@@ -179,6 +180,34 @@ def test_without_points_each_joint_has_its_residual(folder: Path) -> None:
         sum(event.end is None or event.end - event.onset > 0.5 for event in found("free").observers["momentum"].events)
         == 0
     )
+
+
+def test_a_calibration_that_knows_no_friction_makes_nothing_worse(folder: Path) -> None:
+    """Friction that no map names is fitted where a free record shows it; else it is found beside the forces."""
+    record, free = opened(folder / "push.csv", ["tool0"]), opened(folder / "free.csv", ["tool0"])
+    plain = estimate(record)
+    bare = calibrate([free], parameters=[])
+    assert bare.fitted.friction is None
+    found = estimate(record, calibration=bare)
+    assert found.inputs["friction"] == "reconstructed"
+    np.testing.assert_allclose(
+        found.observers["force_level"].deviation["tool0"], plain.observers["force_level"].deviation["tool0"]
+    )
+    assert found.verdict == plain.verdict
+    assert found.observers["force_level"].events is None
+    assert found.model.verdict == "unchanged"
+    assert any("it knows no friction, but this record shows some" in line for line in found.warnings)
+    learnt = calibrate([free])
+    assert any("the map names no friction" in line for line in learnt.notes)
+    np.testing.assert_allclose(learnt.fitted.friction.coulomb, COULOMB, rtol=0.5)
+    metrics, limit = found.metrics()["observers"]["force_level"], unexplained_limit(found, "force_level")[0]
+    assert metrics["redundancy"]["verdict"] == "consistent"
+    assert metrics["redundancy"]["words"] == found.observers["force_level"].judgement[0]
+    assert limit > found.stored["force_level"].redundancy.belief
+    assert unexplained_limit(plain, "force_level")[0] > plain.stored["force_level"].redundancy.belief
+    told = calibrate([free, free])
+    assert told.fitted.friction is None
+    assert any("none was fitted" in line for line in told.warnings)
 
 
 def test_rest_says_nothing_of_the_errors_in_motion(folder: Path) -> None:

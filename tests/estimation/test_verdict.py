@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from support.walking_log import table, table_map, urdf, walk
 
-from aerobat_pin.estimation import Result, StoredEstimate, estimate
+from aerobat_pin.estimation import CalibrationUse, Contact, Result, StoredEstimate, estimate
 from aerobat_pin.estimation.observer_scores import score_table
 from aerobat_pin.estimation.verdict import quantity
 from aerobat_pin.experiments import Experiment
@@ -73,6 +74,7 @@ def test_noise_is_no_push_and_a_push_in_noise_is_one(paper: Experiment, stated: 
         components[where, 5] += size
         found = judged(paper, replace(made, components=components)).verdict
         assert found.startswith("momentum finds a push at right (up to ")
+        assert (" +-10 mN" in found) == ("+- is one standard deviation" in found) == stated
         assert "; nothing at left stands out from its errors; " in found
         assert f"{words}, at " in found
         if words:
@@ -92,6 +94,41 @@ def test_what_an_observer_states_before_it_knows_anything_counts_nowhere(paper: 
     filtered = StoredEstimate.of(paper.estimates["momentum"])
     assert filtered.deviation is None
     assert filtered.risen == pytest.approx(5.0 / float(np.min(filtered.head.gain)), abs=1.1e-3)
+
+
+def test_a_push_is_judged_by_the_deviation_at_its_time(paper: Experiment) -> None:
+    """What is large where little is known is no push; a smaller one where much is known is."""
+    made = noisy(paper)
+    assert made.standard_deviation is not None
+    made.standard_deviation[600:650, 3:] = 1.0  # fifty samples, of which the median knows nothing
+    made.components[600:650, 5] += 1.0
+    assert "no push" in judged(paper, made).verdict
+    made.components[700, 3:5] += 0.2
+    found = judged(paper, made).verdict
+    assert re.search(r"right \(up to \d+ \+-10 mN along \(0\.\d\d, 0\.\d\d, -?0\.0\d\)", found)
+    assert f", at {made.time[700]:.2f} s)" in found
+
+
+def test_contacts_are_the_pushes_where_they_are_sought(paper: Experiment) -> None:
+    """Each with its times, size, deviation and direction, on the record's clock; without one there is no push."""
+    made = noisy(paper)
+    made.components[600:650, 5] -= 0.5
+    made.components[700:720, 2] += 0.25
+    ends = [(float(made.time[begin]), float(made.time[end])) for begin, end in ((600, 650), (700, 720))]
+    places = made.frames[::-1]
+    contacts = [Contact(place, begin, begin, end) for place, (begin, end) in zip(places, ends, strict=True)]
+    use = CalibrationUse("calibration: of the test", tuple(contacts))
+    found = replace(judged(paper, made), calibration=use)
+    first, second = (f"from {begin:.2f} s to {end:.2f} s)" for begin, end in ends)
+    assert found.verdict.startswith("momentum finds 2 pushes, at right (up to 5")
+    assert f" +-10 mN downward, {first} and left (up to 2" in found.verdict
+    assert f" +-10 mN upward, {second}; +- is one standard deviation at that time" in found.verdict
+    assert "no push" in replace(found, calibration=CalibrationUse("calibration: of the test", ())).verdict
+    told = contacts[0].told(0.25)
+    assert (
+        f"from {ends[0][0] - 0.25:.3f} s to {ends[0][1] - 0.25:.3f} s (by the log's stamps from {ends[0][0]:.3f} s"
+        in told
+    )
 
 
 def test_what_cannot_be_seen_is_said(paper: Experiment) -> None:

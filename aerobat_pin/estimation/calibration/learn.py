@@ -34,6 +34,7 @@ from aerobat_pin.estimation.calibration.map_fits import (
     fitted_by_map,
     kept_of,
     taken_as_free,
+    with_friction,
 )
 from aerobat_pin.estimation.checks import effort_findings, fit_findings, record_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
@@ -67,7 +68,8 @@ def calibrate(
         harmonics: highest harmonic of the error that is left, of a robot that has a phase; -1 learns nothing of it.
         parameters: parameters to identify, and `friction`; of a robot that knows no parameters `mass`. They are used
             even if they do not explain the records. When omitted, the usual parameters are sought where the belief is
-            not consistent, and used only if they explain the records.
+            not consistent, and used only if they explain the records. Where a map names no friction of its joints, that
+            is fitted, too, if one recording shows it; an empty sequence seeks nothing.
         trust: calibrate also what the checks would refuse, and flights in which something pushes; the calibration
             then says so.
         progress: called with the share that is done.
@@ -84,13 +86,14 @@ def calibrate(
     if extras is not None:
         return _of_extras(records, belief, extras, parameters)
     mass = _check_names(records, belief, harmonics, parameters)
-    records = [taken_as_free(one) for one in records]
+    records, notes, warnings = [taken_as_free(one) for one in records], list[str](), list[str]()
+    if parameters is None or parameters:
+        records, notes, warnings = with_friction(records, mass=mass)
     findings = _findings(records, trust=trust)
     plain = [None if fits_thrust(one.map) else given_forces(one) for one in records]
     forces = [fitted_by_map(one, mass=mass) for one in records]
     runs = [] if fits_to_sensor(records[0].map) else [run for one in forces for run in free_runs(one.record, one)]
     _check_runs(runs)
-    warnings, notes = list[str](), list[str]()
     if runs:
         notes.append(f"as {'fitted' if fits_anything(records[0].map) else 'believed'}: {_sizes(runs)} unexplained")
     found = _identified(runs, parameters, progress)

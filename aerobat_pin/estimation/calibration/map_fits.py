@@ -6,7 +6,7 @@ unknown forces, or with those that `joints.friction.to` names.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,11 +16,15 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
 from aerobat_pin.estimation.gain_regression import CENTRE_ERROR, MASS_ERROR, fits_to_sensor, in_stretch
-from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
+from aerobat_pin.estimation.known_forces import FRICTION_SHOWN, FittedValues, KnownForces
+from aerobat_pin.estimation.run_observers import believed_rows
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
-from aerobat_pin.records import Map, Record
+from aerobat_pin.records import FrictionSection, Map, Record
 
+FITTED = "the map names no friction of the joints; it was fitted, as the rest shows it (--identify none: without)"
+NOT_FITTED = "friction of the joints is fitted to one recording, these are several: none was fitted"
+LEAST_KEPT = 1e-9  # of what is left of a row: so much counts where nothing is
 FITTED_SHARE = 0.75  # of the recording, if the map does not say where to fit; the rest tests the fit
 
 
@@ -46,6 +50,30 @@ def taken_as_free(record: Record) -> Record:
         payload = payload.model_copy(update={"fit": fitted_stretch(record)})
     use = chosen.use.model_copy(update={"free": free})
     return replace(record, map=chosen.model_copy(update={"joints": joints, "payload": payload, "use": use}))
+
+
+def with_friction(records: Sequence[Record], *, mass: bool) -> tuple[list[Record], list[str], list[str]]:
+    """Return records whose map asks for friction where it names none and the record shows some, notes and warnings.
+
+    That is one record in which nothing unknown acts, with measured efforts of joints whose rows are believed. A robot
+    that knows parameters is asked for its friction by name.
+    """
+    first = records[0]
+    effort, named = "joints.effort" in first.channels, first.map.joints.friction is not None
+    if first.robot.parameters or named or not effort or not set(first.driven) - set(believed_rows(first)):
+        return [*records], [], []
+    if len(records) > 1:
+        return [*records], [], [NOT_FITTED]
+    friction = FrictionSection(law="coulomb+viscous", fit=fitted_stretch(first))
+    joints = first.map.joints.model_copy(update={"friction": friction})
+    asking = replace(first, map=first.map.model_copy(update={"joints": joints}))
+    try:
+        fits = [one for one in fitted_by_map(asking, mass=mass).values.fits if one.name.startswith("friction")]
+    except MapError:  # too short to tell, or its other fits fail as they did before
+        return [first], [], []
+    kept = [one.outside / one.before for one in fits if one.before > 0.0 and np.isfinite(one.outside)]
+    shown = bool(kept) and float(np.exp(np.mean(np.log(np.maximum(kept, LEAST_KEPT))))) < FRICTION_SHOWN
+    return ([asking], [FITTED], []) if shown else ([first], [], [])
 
 
 def fitted_stretch(record: Record) -> tuple[float, float]:

@@ -54,7 +54,9 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
         inputs: what an observer is given between two indices of the common times.
         before: what was found before; efforts are not compared with a motion that is misread.
     """
-    if "joints.effort" not in record.channels or any(each.warns and each.check not in HARMLESS for each in before):
+    misread = [each for each in before if each.warns and each.check not in HARMLESS]
+    beyond = bool(misread) and all(each.check == "joint limits" and each.verdict == "warning" for each in misread)
+    if "joints.effort" not in record.channels or (misread and not beyond):
         return
     balance = balance_of(record, inputs)
     if balance is None:
@@ -66,7 +68,11 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
         f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
         "efforts and known forces"
     )
+    if beyond and share < GOOD:
+        text += ": they fit the angles as they are, also those of joints beyond their limits"
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
+    if beyond:  # whose efforts say nothing of factors or places before that is settled
+        return
     limbs, signs = _limb_pairs(record), _best_signs(balance)
     joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))

@@ -235,7 +235,8 @@ def _accelerations(position: Array, time: Array) -> Iterator[Finding]:
 
 def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:
     """Yield that joints, at positions (m, n) [rad, m], are beyond their limits: refused where no joint ever is."""
-    model, beyond, certain, meant = record.robot.model, [], False, True
+    model, beyond, certain, meant, turned = record.robot.model, [], False, True, True
+    joints, section = record.map.joints, record.map.joints.position
     for joint, column in zip(record.joints, positions.T, strict=True):
         at, unit = record.robot.q_index(joint), "m" if record.robot.slides(joint) else "rad"
         low, high = float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at])
@@ -246,12 +247,17 @@ def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:
         where = f"{joint} is at {least:.3g} to {most:.3g} {unit}, its limits are {low:.3g} to {high:.3g} {unit}"
         beyond.append((excess / span, joint, where, unit))
         certain |= excess > (A_TURN if unit == "rad" else TEN_RANGES * span)
-        meant &= low <= least * SMALLER[unit][1] and most * SMALLER[unit][1] <= high
+        told = SMALLER[unit][0] == (None if section is None else section.unit)  # what is in force is not proposed
+        zero = 2.0 * joints.offset.get(joint, 0.0)  # which the encoder's factor does not turn
+        turned &= low <= zero - most and zero - least <= high and joint not in joints.coupling
+        meant &= not told and low <= least * SMALLER[unit][1] and most * SMALLER[unit][1] <= high
     if not beyond:
         return
     worst, first, where, unit = max(beyond)
     others = ", ".join(joint for _, joint, _, _ in beyond if joint != first)
-    cause = f'unit = "{SMALLER[unit][0]}" for joints.position would leave all within them, or ' if meant else ""
+    back = ", ".join(f"{joint} = {-joints.factor.get(joint, 1.0):g}" for _, joint, _, _ in beyond)
+    cause = f"factor = {{{back}}} under [joints] would leave all within them, or " if turned and not meant else ""
+    cause += f'unit = "{SMALLER[unit][0]}" for joints.position would leave all within them, or ' if meant else ""
     cause += (
         'another zero or gear (joints.offset, joints.factor), order or robot, or it turns on and on (type="continuous")'
     )

@@ -11,6 +11,7 @@ from aerobat_pin.estimation.against_reference import PairedEstimate
 from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
 from aerobat_pin.estimation.checks.elsewhere import elsewhere_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
+from aerobat_pin.estimation.expected_of_record import column_rms
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.known_forces import BESIDE, KnownForces, command_sum, unit_direction
 from aerobat_pin.estimation.result import Result
@@ -22,6 +23,7 @@ from aerobat_pin.records import Record
 
 LATE_COMMAND = 5.0e-3  # [s]
 FIT_WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
+HARDLY, LARGE = 0.8, 0.2  # of what is left without a fit of friction, and of the effort, from which it explains nothing
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
 ALWAYS_SEEN = 0.95  # share of the time from which a component counts as always seen
@@ -60,7 +62,8 @@ def result_findings(result: Result, expected: Expected | None = None) -> Iterato
 
 
 def fit_findings(forces: KnownForces) -> Iterator[Finding]:
-    """Yield fits that do not hold on the part of the record that they did not use."""
+    """Yield fits that do not hold on the part of the record that they did not use, or explain hardly anything there."""
+    efforts = _effort_sizes(forces.record) if forces.fits else {}
     for fit in forces.fits:
         if fit.untold:
             yield Finding("fit", "note", fit.untold)
@@ -73,6 +76,21 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
                 f"{fit.before:.3g} without"
             )
             yield Finding("fit", "warning", f"{fit.name} does not hold: it {sizes}", fit.outside, fit.unit)
+        elif fit.outside > HARDLY * fit.before and fit.outside > LARGE * efforts.get(fit.name, np.inf):
+            text = (
+                f"{fit.name} explains hardly anything: {fit.outside:.3g} of {fit.before:.3g} {fit.unit} are left on "
+                "the rest; sign, order, zero or gear of a joint may be wrong, or the mass"
+            )
+            yield Finding("fit", "warning", text, fit.outside, fit.unit)
+
+
+def _effort_sizes(record: Record) -> dict[str, float]:
+    """Return name of a joint's fit of friction -> rms of its effort [N, N m]."""
+    if "joints.effort" not in record.channels or not record.parts:
+        return {}
+    means = [record.means("joints.effort", record.times(*ends)) for ends in record.spread(MANY)]
+    rms = column_rms(np.concatenate(means)).tolist()
+    return {f"friction of {joint}": size for joint, size in zip(record.driven, rms, strict=True)}
 
 
 def _sensor_findings(record: Record, side: PairedEstimate, estimate: StoredEstimate) -> Iterator[Finding]:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from aerobat_pin.estimation import END_SHARE, ONSET_SHARE, Result
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Estimate, Redundancy, slow_part
+from aerobat_pin.observers import DOUBTFUL, Estimate, Redundancy, slow_part
 from aerobat_pin.records import Channel, Record
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.lines import Lines, estimate_lines, thinned
@@ -72,13 +72,26 @@ def draw_unexplained(result: Result) -> Figure:
 
         time, values = estimate_lines(estimate, slow)
         axis.plot(time - result.start, values[:, 0], color=style.ESTIMATES[i % 4], label=name, linewidth=0.8)
-        axis.axhline(
-            np.hypot(check.allowed, check.sensors),
-            color=style.MUTED,
-            linestyle="--",
-            label="limit of its rms, sensors' noise included" if i == 0 else None,
-        )
+        limit = unexplained_limit(result, name)[0]
+        if limit is not None:
+            label = "limit of its rms, sensors' noise included" if i == 0 else None
+            axis.axhline(np.hypot(limit, check.sensors), color=style.MUTED, linestyle="--", label=label)
     axis.set(xlabel="time [s]", ylabel="unexplained a row [N]")
     style.title_of(figure, "Slow part of what no force at the points explains")
     style.legend_on_top(axis, ncols=3)
     return figure
+
+
+def unexplained_limit(result: Result, name: str) -> tuple[float | None, str]:
+    """Return the limit of what no force explains [N per row] that the verdict on the belief has, and what it means.
+
+    That is what a calibration expects, or the errors of the rows as stated, or a share of the weight. None where the
+    rows say nothing.
+    """
+    check, found, model = result.stored[name].redundancy, result.observers[name], result.model
+    if model is not None and model.ratio is not None:
+        return model.limit, "expected by the calibration, and as much more as may be: below it the model is unchanged"
+    if not found.states_seen:
+        return check.allowed, "below it the belief is consistent"
+    words = f"below it the squared errors of the rows are less than {DOUBTFUL:g} times as large as stated"
+    return (check.belief * (DOUBTFUL / found.k) ** 0.5 if found.k else None), words
