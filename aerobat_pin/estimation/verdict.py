@@ -151,7 +151,7 @@ def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
         count += int(np.sum(shown.any(axis=1)))
         for key, own in groups.items():
             force, size = values[:, own], np.linalg.norm(values[:, own], axis=1)
-            error = np.maximum(_along(force, sure[:, own]) * len(own) ** 0.5, TINY)
+            error = np.maximum(_along_itself(force, sure[:, own]) * len(own) ** 0.5, TINY)
             squares[key] += float(np.sum(size**2))
             shares[key] += float(np.sum((size / np.maximum(np.linalg.norm(sure[:, own], axis=1), TINY)) ** 2))
             beyond = size > SURE_OF_CONTACT * error
@@ -163,7 +163,7 @@ def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
     pushes = []
     for (place, unit), own in groups.items():
         _, _, time, vector, sure = chosen[place, unit]
-        peak, along = float(np.linalg.norm(vector)), float(_along(vector[None], sure[None])[0])
+        peak, along = float(np.linalg.norm(vector)), float(_along_itself(vector[None], sure[None])[0])
         pushes.append(
             _Push(
                 point_label(place),
@@ -181,7 +181,7 @@ def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
     return pushes
 
 
-def _along(force: Array, deviation: Array) -> Array:
+def _along_itself(force: Array, deviation: Array) -> Array:
     """Return the deviation (m,) of forces (m, n) along themselves, with deviations (m, n) of their components."""
     squares = np.sum((force * deviation) ** 2, axis=1) / np.maximum(np.sum(force**2, axis=1), TINY**2)
     return np.asarray(np.sqrt(squares))
@@ -211,7 +211,7 @@ def _contact(estimate: StoredEstimate, event: Contact, start: float) -> _Push:
         return _Push(place, event.unit, event.size, ends[0], "", None, np.inf, ends=ends)
     at, sure = int(np.argmax(np.linalg.norm(force, axis=1))), during.standard_deviation
     way = _way(force[at], [components[k].rpartition(".")[2] for k in own])
-    along = None if sure is None else float(_along(force[[at]], sure[[at]][:, own])[0])
+    along = None if sure is None else float(_along_itself(force[[at]], sure[[at]][:, own])[0])
     along = along if along is not None and np.isfinite(along) else None
     return _Push(place, event.unit, event.size, float(during.time[at]) - start, way, along, np.inf, ends=ends)
 
