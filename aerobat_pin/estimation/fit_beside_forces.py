@@ -33,7 +33,8 @@ from aerobat_pin.estimation.run_observers import inputs_between, points_of
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, Expected, JointFriction, MomentumObserver, low_passed, row_names, typical_step
-from aerobat_pin.records import Record, rotation_matrices
+from aerobat_pin.records import Record
+from aerobat_pin.robot import rotation_matrices
 
 SEEN_INTERVALS = 10_000  # of a record that are looked at
 MOST_INSTANTS, FEWEST_INSTANTS = 500, 50  # that are weighed

@@ -20,7 +20,8 @@ from aerobat_pin.estimation.calibration_use import CalibrationUse
 from aerobat_pin.estimation.known_forces import CALIBRATION, KnownForces
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Rows
-from aerobat_pin.records import Block, Condition, Record, imu_arm, rotation_matrices
+from aerobat_pin.records import Block, Condition, Record, imu_arm
+from aerobat_pin.robot import rotation_matrices
 
 CHANGE_OF_AXES = "change of axes"  # name of the known force
 

@@ -45,7 +45,6 @@ from .record import Record as Record
 from .reference import Reference as Reference
 from .reference import TrueEvent as TrueEvent
 from .resample import line_means as line_means
-from .resample import rotation_matrices as rotation_matrices
 from .resample import sampled as sampled
 from .resample import sampled_turns as sampled_turns
 from .resample import slopes as slopes

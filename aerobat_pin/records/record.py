@@ -18,7 +18,6 @@ from aerobat_pin.records.map_tables import Map
 from aerobat_pin.records.resample import (
     line_means,
     neighbour_rates,
-    rotation_matrices,
     sampled,
     sampled_turns,
     slopes,
@@ -26,6 +25,7 @@ from aerobat_pin.records.resample import (
 )
 from aerobat_pin.records.robots import FREE_NQ, FREE_NV, PlainRobot
 from aerobat_pin.records.spool import Series, spread_stretches
+from aerobat_pin.robot import rotation_matrices
 
 BLOCK_MARGIN = 0.5  # [s] around a block, for windows that differentiate
 ZEROED = 0.4999  # [s] after which a velocity that an IMU gives begins at zero again

@@ -17,7 +17,6 @@ import pinocchio as pin
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.spool import Series, typical_spacing
-from aerobat_pin.robot import rotation_matrices as rotation_matrices
 
 SLOW = 2.5  # usual steps of a channel slower than `log.longest_gap`, beyond which it has a hole
 

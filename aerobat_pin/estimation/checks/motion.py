@@ -21,12 +21,12 @@ from aerobat_pin.records import (
     Record,
     as_attitude,
     body_turn,
-    rotation_matrices,
     said_unit,
     sampled_turns,
     sensor_turn,
     world_turn,
 )
+from aerobat_pin.robot import rotation_matrices
 
 MOST_SAMPLES = 60_000  # that are compared: the longest used part, or its beginning
 LARGEST_TURN = 0.02  # [rad] in a window; a gyro's bias of 2 mrad/s makes a hundredth of it
