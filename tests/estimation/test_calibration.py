@@ -175,7 +175,7 @@ def part_of(log: FlightLog, seconds: float) -> FlightLog:
 
 
 def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
-    """At 3, 3.4 and 4 m/s: 4, 8 and 21 mN are made up of an axis of 120, and within 1.6 stated deviations rms."""
+    """At 3, 3.4 and 4 m/s: 4, 8 and 21 mN are made up of an axis of 120, and within 1.7 stated deviations rms."""
     free, found = free_flight(QUASI_STEADY), learnt(QUASI_STEADY)
     sizes, widths = [], []
     for speed in (3.0, 3.4, 4.0):
@@ -183,7 +183,7 @@ def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
         checked = checked_flight(found, free, more)
         wrong = checked.found.force
         stated = checked.geometry.deviations(checked.factors).reshape(wrong.shape)
-        assert np.all(np.mean((wrong / stated) ** 2, axis=(0, 1)) < 1.6**2)
+        assert np.all(np.mean((wrong / stated) ** 2, axis=(0, 1)) < 1.7**2)
         assert checked.check.verdict == "unchanged"
         sizes.append(np.sqrt(np.mean(wrong**2, axis=(0, 1))).max())
         widths.append(float(np.mean(found.series.widened(checked.inputs.condition))))
