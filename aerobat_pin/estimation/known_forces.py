@@ -204,4 +204,5 @@ def frame_wrench(record: Record, section: KnownSection, block: Block, wrench: Ar
     if record.robot.free and model.frames[frame].parentJoint == 1 and section.axes == "frame":
         return wrench @ frame_jacobian(model, data, block.q[0], frame, axes)  # the same at every configuration
     rows = zip(block.q[:-1], wrench, strict=True)
-    return np.array([frame_jacobian(model, data, q, frame, axes).T @ each for q, each in rows])
+    turned = [frame_jacobian(model, data, q, frame, axes).T @ each for q, each in rows]
+    return np.array(turned).reshape(-1, model.nv)

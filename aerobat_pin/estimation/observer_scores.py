@@ -208,12 +208,7 @@ def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
                 if some and not score.tells:
                     continue
                 own = sizes[f"{point}.{axis}"]
-                cells = {
-                    "observer": name,
-                    "point": point,
-                    "axis": axis,
-                    **_score_cells(score, own.unit, say),
-                }
+                cells = {"observer": name, "point": point, "axis": axis, **_score_cells(score, own.unit, say)}
                 rows.append({**cells, "deviation": own.certainty(say)})
     always = all(row.get("rms where seen") == row["error rms"] for row in rows)
     hidden = {"R2 where seen", "rms where seen"} if always else set()
@@ -265,15 +260,8 @@ def size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
         sizes = zip(estimate.component_sizes(), estimate.mean, least, most, strict=True)
         for size, mean, low, high in sizes:
             numbers = ("" if size.rms is None else f"{value:.4g} {size.unit}" for value in (mean, size.rms, low, high))
-            rows.append(
-                (
-                    name,
-                    size.name,
-                    *numbers,
-                    size.certainty(_as_they_are),
-                    "-" if size.seen is None else f"{size.seen:.0%}",
-                )
-            )
+            seen = "-" if size.seen is None else f"{size.seen:.0%}"
+            rows.append((name, size.name, *numbers, size.certainty(_as_they_are), seen))
     return rows
 
 

@@ -38,7 +38,7 @@ def versions() -> dict[str, str]:
     return {name: metadata.version(name) for name in VERSIONED_PACKAGES}
 
 
-NUMBERS = re.compile(r"[-+]?\d[\d.e+-]*")
+NUMBERS = re.compile(r"[-+]?\d[\d.e+-]*")  # of a message, by which two that say the same may differ
 
 
 @dataclass(frozen=True, repr=False)
@@ -249,9 +249,7 @@ class Result:
         lines = [self.verdict, self.title, *filter(None, [self.changes]), *(f"note: {note}" for note in self.notes)]
         sources = (f"{name} {source}" for name, source in self.inputs.items())
         lines += [f"inputs: {', '.join(sources)}"]
-        simulated = any(
-            reference.kind == "truth" for reference in self.references
-        )  # of a simulation, what is right is no news
+        simulated = any(reference.kind == "truth" for reference in self.references)  # where what is right is no news
         lines += [f"{MARKS[finding.verdict]} {finding}" for finding in self.findings if finding.warns or not simulated]
         lines += [f"fit: {fit}" for fit in self.fits]
         header, rows = score_table(self.observers)

@@ -36,11 +36,7 @@ RARE = 0.05  # share of the samples on either side that may be a sensor's faults
 SLIGHT = 0.25  # of the range: so far beyond its file's limits a real joint may be
 A_TURN, TEN_RANGES = 2.0 * np.pi, 10.0  # [rad], ranges beyond them: no joint that has limits ever is there
 UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, is none
-TAKEN_FOR = {
-    "position": "rad",
-    "velocity": "rad/s",
-    "effort": "N m",
-}  # part of joints -> its unit where a map states none
+TAKEN_FOR = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # part of joints -> unit if a map states none
 SMALLER = {"rad": ("deg", np.pi / 180.0), "m": ("mm", 1e-3)}  # unit -> what may have been meant
 
 BASE_CHANNELS = ("base.position", "base.rate", "base.velocity", "check.specific_force")
