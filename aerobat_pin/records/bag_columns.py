@@ -50,7 +50,11 @@ def _opened(path: Path) -> Iterator[Any]:
     unpack, get_msgdef = Unpacking(path), storage_mcap.get_msgdef
     changes: tuple[tuple[Any, str, Any], ...] = (
         (storage_mcap, "read_string", lambda file: storage_mcap.read_bytes(file).decode(errors="replace")),
-        (storage_mcap, "get_msgdef", lambda one: get_msgdef(one if not one or one.encoding in KNOWN_SCHEMAS else None)),
+        (
+            storage_mcap,
+            "get_msgdef",
+            lambda schema: get_msgdef(schema if not schema or schema.encoding in KNOWN_SCHEMAS else None),
+        ),
         (storage_mcap, "DECOMPRESSORS", unpack.of_mcap),
         (rosbag1, "decompressors", unpack.of_rosbag1),
         (rosbag2, "zstd", SimpleNamespace(open=rosbag2.zstd.open, decompress=unpack.zstd)),
@@ -85,9 +89,9 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     """
     with _opened(path) as reader:
         known = reader.typestore.fielddefs
-        readable = [one for one in reader.connections if one.msgtype in known and _encoding(one) == ROS_ENCODING]
+        readable = [link for link in reader.connections if link.msgtype in known and _encoding(link) == ROS_ENCODING]
         kinds = {connection.topic: connection.msgtype for connection in readable}
-        unread = {one.topic: _encoding(one) for one in reader.connections if one.topic not in kinds}
+        unread = {link.topic: _encoding(link) for link in reader.connections if link.topic not in kinds}
         topics = set(kinds) if wanted is None else {name.partition(".")[0] for name in wanted}
         for topic in sorted(topics & set(unread)):
             raise LogError(f"log {path}: {_unread(topic, unread[topic])}: a described ROS message was expected")
@@ -104,15 +108,15 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
                 )
             try:
                 message = reader.deserialize(raw, connection.msgtype)
-                found = entries(message) if len(raw) <= LARGEST_MESSAGE else None
+                numbers = entries(message) if len(raw) <= LARGEST_MESSAGE else None
             except Exception:
                 if wanted is not None:
                     raise
-                unread[connection.topic], found = connection.msgtype, None
-            if found is None:
+                unread[connection.topic], numbers = connection.msgtype, None
+            if numbers is None:
                 table.useless = True
                 continue
-            table.add(stamp(message), 1e-9 * recorded, found)
+            table.add(stamp(message), 1e-9 * recorded, numbers)
     clocks: dict[str, Clock] = {}
     values, clock_of = {}, {}
     for topic, table in tables.items():
@@ -148,7 +152,7 @@ class _Topic:
         self._header, self._recorded = array("d"), array("d")
         self._table: dict[str, array[float]] = {}
 
-    def add(self, header: float, recorded: float, found: dict[str, float]) -> None:
+    def add(self, header: float, recorded: float, numbers: dict[str, float]) -> None:
         """Append a message."""
         count = len(self._recorded)
         if self.count == 0:
@@ -156,14 +160,14 @@ class _Topic:
         self._header.append(header)
         self._recorded.append(recorded)
         self.count += 1
-        for name, value in found.items():
+        for name, value in numbers.items():
             column = self._table.get(name)
             if column is None:
                 if count and len(self._table) >= MOST_CELLS:
                     raise LogError(f"a topic has more than {MOST_CELLS} columns")
                 column = self._table[name] = array("d", [np.nan] * count)
             column.append(value)
-        if len(found) < len(self._table):
+        if len(numbers) < len(self._table):
             for column in self._table.values():
                 if len(column) == count:
                     column.append(np.nan)
@@ -175,13 +179,13 @@ class _Topic:
         header, recorded = np.array(self._header), np.array(self._recorded)
         time = header if self._chosen == "header" and self._stamped else recorded
         order = np.argsort(time, kind="stable")
-        done, rest = order[: len(order) - kept], order[len(order) - kept :]
+        done, waiting = order[: len(order) - kept], order[len(order) - kept :]
         late = recorded - header
         self._largest_delay = max(self._largest_delay, float(np.max(np.abs(late), initial=0.0)))
         columns = {name: np.array(column) for name, column in self._table.items()}
         self.rows.add(time[done], {name: column[done] for name, column in columns.items()}, late[done])
-        self._header, self._recorded = array("d", header[rest]), array("d", recorded[rest])
-        self._table = {name: array("d", column[rest]) for name, column in columns.items()}
+        self._header, self._recorded = array("d", header[waiting]), array("d", recorded[waiting])
+        self._table = {name: array("d", column[waiting]) for name, column in columns.items()}
 
     def finished(self) -> tuple[Clock, dict[str, Series]]:
         """Return stamps and columns, with the recorder's delays if the headers have stamps of the same epoch."""

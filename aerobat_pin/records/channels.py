@@ -132,22 +132,22 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
         if name in columns.units and not same_unit(columns.units[name], unit):
             raise LogError(f"log {columns.path}: column '{name} [{columns.units[name]}]': {unit} was expected")
     parts = [columns.series(name, request.key) for name in request.names]
-    own = max((stamps for stamps, _ in parts), key=len)
-    low = own.index(max(float(stamps[0]) for stamps, _ in parts))
-    high = own.index(min(float(stamps[-1]) for stamps, _ in parts), "right")
+    clock = max((stamps for stamps, _ in parts), key=len)
+    low = clock.index(max(float(stamps[0]) for stamps, _ in parts))
+    high = clock.index(min(float(stamps[-1]) for stamps, _ in parts), "right")
     if high - low < 2:
         raise LogError(f"log {columns.path}: {', '.join(request.names)} ({request.key}) share less than two samples")
-    whole = request.delay == 0.0 and high - low == len(own)
-    time, values = own if whole else Series(own.spool), Series(own.spool, len(parts))
+    whole = request.delay == 0.0 and high - low == len(clock)
+    time, values = clock if whole else Series(clock.spool), Series(clock.spool, len(parts))
     for rows in (slice(first, min(first + EXTENT, high)) for first in range(low, high, EXTENT)):
-        stamps = own[rows]
-        table = request.converted(np.stack([_column_at(stamps, rows, own, *part) for part in parts], axis=1))
+        stamps = clock[rows]
+        table = request.converted(np.stack([_column_at(stamps, rows, clock, *part) for part in parts], axis=1))
         if request.key == "base.quaternion":
             table = _unit_length(columns, request, stamps, table)
         if request.wraps:
             table = _unwrapped(columns, request, table, values)
         values.append(table)
-        if time is not own:
+        if time is not clock:
             time.append(stamps - request.delay)
     gaps = _holes(request, [stamps for stamps, _ in parts], longest_gap)
     return Channel(request.key, request.names, time, values, holes=gaps)
@@ -155,11 +155,11 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
 
 def _holes(request: Request, clocks: list[Series], longest: float) -> tuple[tuple[float, float, str], ...]:
     """Return the holes of the columns of a channel, whose stamps are given, the request's delay taken off."""
-    own = {id(stamps): holes(stamps, longest) for stamps in clocks}
-    found: dict[tuple[float, float], list[str]] = {}
+    gaps = {id(stamps): holes(stamps, longest) for stamps in clocks}
+    labels: dict[tuple[float, float], list[str]] = {}
     for label, stamps in zip(request.joints or request.names, clocks, strict=True):
-        for hole in own[id(stamps)]:
-            found.setdefault(hole, []).append(label)
+        for hole in gaps[id(stamps)]:
+            labels.setdefault(hole, []).append(label)
     return tuple(
         (
             begin - request.delay,
@@ -167,7 +167,7 @@ def _holes(request: Request, clocks: list[Series], longest: float) -> tuple[tupl
             key if len(whose) == len(clocks) else f"{key} of {', '.join(whose)}",
         )
         for key in (request.key,)
-        for (begin, end), whose in found.items()
+        for (begin, end), whose in labels.items()
     )
 
 
@@ -192,9 +192,9 @@ def _unit_length(columns: Columns, request: Request, time: Array, values: Array)
     return np.asarray(values / length[:, None])
 
 
-def _column_at(stamps: Array, rows: slice, own: Series, time: Series, values: Series) -> Array:
+def _column_at(stamps: Array, rows: slice, clock: Series, time: Series, values: Series) -> Array:
     """Return a column (m,) at stamps, which are the rows of a clock: its own rows, or interpolated linearly."""
-    if time is own or (len(time) == len(own) and np.array_equal(time[rows], stamps)):
+    if time is clock or (len(time) == len(clock) and np.array_equal(time[rows], stamps)):
         return np.asarray(values[rows])
     around = slice(max(0, time.index(stamps[0]) - 1), time.index(stamps[-1]) + 1)
     return np.asarray(np.interp(stamps, time[around], values[around]))

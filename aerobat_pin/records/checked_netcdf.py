@@ -29,12 +29,12 @@ DEFLATE_LIMIT = 1100.0  # zlib cannot make data smaller than by this factor
 NO_VARIABLE = b"This is a netCDF dimension but not a netCDF variable"  # begins NAME of a dimension without values
 
 
-def seal_of(file: BinaryIO, left: int) -> bytes:
+def seal_of(file: BinaryIO, size: int) -> bytes:
     """Read so many bytes, and return their seal."""
     crc = 0
-    while left:
-        piece = file.read(min(left, BYTES_SUMMED))
-        crc, left = crc32(piece, crc), left - len(piece)
+    while size:
+        piece = file.read(min(size, BYTES_SUMMED))
+        crc, size = crc32(piece, crc), size - len(piece)
     return SEAL + crc.to_bytes(CRC_SIZE, "big")
 
 
@@ -82,17 +82,17 @@ def checked_file(path: str | Path, what: str, groups: Sequence[str]) -> Iterator
 
 def _groups(file: h5py.File, groups: Sequence[str], name: str) -> dict[str, h5py.Group]:
     """Return the groups of a file by name. Raises LogError for a link, or a group that is not known."""
-    found = {}
+    subgroups = {}
     for key in _entries(file, name):
         if isinstance(file[key], h5py.Group):
             if key not in groups:
                 allowed = f"at most the group {', '.join(groups)}" if groups else "no group"
                 raise LogError(f"{name}: has the group '{key}': {allowed} was expected")
-            found[key] = file[key]
+            subgroups[key] = file[key]
             for inner in _entries(file[key], name):
                 if isinstance(file[key][inner], h5py.Group):
                     raise LogError(f"{name}: has the group '{key}/{inner}': {key} contains channels only")
-    return found
+    return subgroups
 
 
 def _entries(group: h5py.Group, name: str) -> list[str]:

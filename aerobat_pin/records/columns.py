@@ -90,9 +90,9 @@ class Columns:
             full = in_step(time, values)
             time, values = Series(time.spool), Series(time.spool)
             for stamps, samples in full:
-                there = np.isfinite(samples)
-                time.append(stamps[there])
-                values.append(samples[there])
+                finite = np.isfinite(samples)
+                time.append(stamps[finite])
+                values.append(samples[finite])
         if len(time) < 2:
             raise LogError(f"log {self.path}: '{name}' ({key}) has {len(time)} samples: two or more were expected")
         return time, values
@@ -162,9 +162,9 @@ class GrowingTable:
         which, differing, columns = np.cumsum(new) - 1, np.zeros(len(rows), bool), {}
         for name, series in self._columns.items():
             values, first = series[:][rows], np.full(int(np.sum(new)), np.nan)
-            there = np.flatnonzero(np.isfinite(values))
-            first[which[there[::-1]]] = values[there[::-1]]  # the first one is written last
-            differing[there] |= values[there] != first[which[there]]
+            filled = np.flatnonzero(np.isfinite(values))
+            first[which[filled[::-1]]] = values[filled[::-1]]  # the first one is written last
+            differing[filled] |= values[filled] != first[which[filled]]
             columns[name] = series_of(self._spool, first)
         clock = Clock(
             series_of(self._spool, stamps[rows[new]]),
@@ -246,7 +246,7 @@ def _placed(time: Array, stretches: list[Any]) -> list[Any]:
     longest = LONG_STEP * float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else np.inf
     firsts: list[float] = []  # and last stamps of what is found so far
     lasts: list[float] = []
-    found: list[Any] = []
+    placed: list[Any] = []
     for stretch in stretches:
         for rows in np.split(stretch, np.flatnonzero(np.diff(time[stretch]) > longest) + 1):
             stamps = time[rows]
@@ -258,5 +258,5 @@ def _placed(time: Array, stretches: list[Any]) -> list[Any]:
                     k = bisect_right(firsts, time[piece[0]])
                     firsts.insert(k, float(time[piece[0]]))
                     lasts.insert(k, float(time[piece[-1]]))
-                    found.insert(k, piece)
-    return found
+                    placed.insert(k, piece)
+    return placed

@@ -140,9 +140,9 @@ def _without_units(cells: list[str], wanted: Collection[str | None]) -> tuple[li
     """Return the names of columns, and the units of those that are wanted without the unit of their cell, `x [m]`."""
     names, units = list(cells), {}
     for k, cell in enumerate(cells):
-        found = NAME_AND_UNIT.fullmatch(cell)
-        if found is not None and cell not in wanted and found["name"] in wanted:
-            names[k], units[found["name"]] = found["name"], found["unit"]
+        match = NAME_AND_UNIT.fullmatch(cell)
+        if match is not None and cell not in wanted and match["name"] in wanted:
+            names[k], units[match["name"]] = match["name"], match["unit"]
     return names, units
 
 
@@ -158,15 +158,15 @@ def _check_rising(path: Path, stamps: Array, last: float, before: int) -> None:
 
 def _one_sign(path: Path, name: str, before: str, cells: Any, first: int) -> str:
     """Return the decimal sign of a column so far. Raises LogError if rows from `first` on have another one."""
-    found = decimal_sign(cells)
-    if found in ("", before) or str(cells.iloc[0]).startswith("["):
+    signs = decimal_sign(cells)
+    if signs in ("", before) or str(cells.iloc[0]).startswith("["):
         return before
-    if before or len(found) > 1:
+    if before or len(signs) > 1:
         raise LogError(
             f"log {path}: '{name}' has decimal points and decimal commas (rows {first} to {first + len(cells) - 1}): "
             "one of them was expected, and nothing between thousands"
         )
-    return found
+    return signs
 
 
 def _stamps(path: Path, log: LogTable, column: str | None, values: dict[str, Array], before: int, count: int) -> Array:

@@ -59,8 +59,8 @@ def open_record(path: Path, chosen: Map | Path, folder: Path | None = None, robo
     if chosen.log.times == "own":
         for request in asked:
             check_same_rows(request, columns)
-    found = {request.key: channel_of(request, columns, chosen.log.longest_gap) for request in asked}
-    channels = {key: channel for key, channel in found.items() if channel is not None}
+    read = ((request.key, channel_of(request, columns, chosen.log.longest_gap)) for request in asked)
+    channels = {key: channel for key, channel in read if channel is not None}
     _check_complete(chosen, robot, channels)
     if (fault := robot.fault(channels)) is not None:
         raise LogError(f"log {path}: {fault}")
@@ -71,7 +71,9 @@ def open_record(path: Path, chosen: Map | Path, folder: Path | None = None, robo
         parts, dropped = ((0, len(knots) - 1),), ()
     if not parts:
         raise LogError(f"log {path}: no part is left to use: {'; '.join(dropped) or 'it is too short'}")
-    driven = next((one.joints for one in asked if one.key == "joints.effort" and one.key in channels), ())
+    driven = next(
+        (request.joints for request in asked if request.key == "joints.effort" and request.key in channels), ()
+    )
     log, notes = replace(columns, values={}), (*columns.notes, *notes, *dropped)
     start = start if knots is None else float(knots[0])
     return Record(chosen, robot, channels, joints, driven, start, rate, parts, notes, knots, log, folder)
@@ -83,9 +85,9 @@ def _with_held(chosen: Map, robot: PlainRobot) -> Map:
     if "*" not in fixed:
         return chosen
     names = {*listed_joints(chosen.joints.names), *renamed_joints(chosen.joints.names).values()}
-    rest = {name: fixed["*"] for name in robot.joints if name not in names}
+    unnamed = {name: fixed["*"] for name in robot.joints if name not in names}
     named = {name: place for name, place in fixed.items() if name != "*"}
-    joints = chosen.joints.model_copy(update={"held": {**rest, **named}})
+    joints = chosen.joints.model_copy(update={"held": {**unnamed, **named}})
     return chosen.model_copy(update={"joints": joints})
 
 
@@ -103,11 +105,11 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
         heard = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
         if not heard:
             raise columns.missing(table.topic, "joints.topic")
-        there = [renamed.get(name, name) for name in heard]
-        strangers = [name for name in there if name not in robot.joints]
+        joints = [renamed.get(name, name) for name in heard]
+        strangers = [name for name in joints if name not in robot.joints]
         if strangers:
             notes.append(f"joints of {table.topic} that the robot does not have are left out: {', '.join(strangers)}")
-        names = listed or tuple(name for name in there if name in robot.joints and name not in table.held)
+        names = listed or tuple(name for name in joints if name in robot.joints and name not in table.held)
     elif renamed:
         raise MapError("map: joints.names is a table, which renames joints of joints.topic: a list was expected")
     elif table.position is None and (table.velocity is None or not table.velocity.columns):

@@ -34,8 +34,10 @@ def _read(file: Any, item: Any) -> None:
 
     for key in item.attrs:
         if item.attrs.get_id(key).get_storage_size() <= BYTES_TRIED:
-            for one in getattr(item.attrs[key], "ravel", lambda: ())():
-                for reference in one if hasattr(one, "__len__") and not isinstance(one, str | bytes) else (one,):
+            for entry in getattr(item.attrs[key], "ravel", lambda: ())():
+                for reference in (
+                    entry if hasattr(entry, "__len__") and not isinstance(entry, str | bytes) else (entry,)
+                ):
                     if isinstance(reference, h5py.Reference) and reference:
                         file[reference].name  # noqa: B018
     if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "fiuS" or item.is_virtual or item.external:

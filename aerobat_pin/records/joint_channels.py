@@ -41,27 +41,27 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         key, topic, kind = f"joints.{part}", table.topic, JOINT_KINDS[part]
         if part == "velocity" and table.velocity is not None and table.velocity.from_ == "position":
             continue
-        own, counts = (sensed, (len(sensed), len(driven))) if part == "effort" else (joints, (len(joints),))
+        whose, counts = (sensed, (len(sensed), len(driven))) if part == "effort" else (joints, (len(joints),))
         if section is not None and section.columns:
             names, optional = section.columns, False
             check_count(key, names, counts)
-        elif topic is not None and own:
-            names, optional = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in own), part != "position"
+        elif topic is not None and whose:
+            names, optional = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in whose), part != "position"
         else:
             continue
         unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
-        own = own if len(names) == len(own) else driven
+        whose = whose if len(names) == len(whose) else driven
         factor = np.full(len(names), factor_of(key, unit, kind))
         if part == "effort":
             if table.effort is not None:
-                _check_torques(table.effort, own)
-            factor[:] = [torque_per_unit(table.effort, joint) for joint in own]
+                _check_torques(table.effort, whose)
+            factor[:] = [torque_per_unit(table.effort, joint) for joint in whose]
         elif unit is not None and not unit.startswith("m"):  # a sliding joint's own place is no angle
-            factor[[robot.slides(joint) and not coupled & {joint, "*"} for joint in own]] = 1.0
-        units = () if any(map(robot.slides, own)) else units_of(unit, kind, len(names))
-        request = Request(key, names, factor, delay, optional, own, units)
+            factor[[robot.slides(joint) and not coupled & {joint, "*"} for joint in whose]] = 1.0
+        units = () if any(map(robot.slides, whose)) else units_of(unit, kind, len(names))
+        request = Request(key, names, factor, delay, optional, whose, units)
         if geared:
-            mix = effort_matrix(table, joints, own) if part == "effort" else encoder_matrix(table, joints)
+            mix = effort_matrix(table, joints, whose) if part == "effort" else encoder_matrix(table, joints)
             shift = encoder_offset(table, joints) if part == "position" else 0.0
             request = replace(request, mix=mix, shift=shift)
         yield request
@@ -128,19 +128,19 @@ def effort_matrix(table: JointsTable, joints: Sequence[str], driven: Sequence[st
     Raises:
         MapError: as `encoder_matrix`, or one of them is coupled to a joint without effort.
     """
-    A, own = encoder_matrix(table, joints), [name in driven for name in joints]
-    other = np.logical_not(own)
-    tied = (A != 0.0) & (np.outer(own, other) | np.outer(other, own))
+    A, has_effort = encoder_matrix(table, joints), [name in driven for name in joints]
+    other = np.logical_not(has_effort)
+    tied = (A != 0.0) & (np.outer(has_effort, other) | np.outer(other, has_effort))
     if tied.any():
         first, second = (joints[int(k)] for k in np.argwhere(tied)[0])
         raise MapError(f"map: joints.effort: {first} and {second} are coupled: efforts of both were expected")
-    return np.asarray(np.linalg.inv(A[np.ix_(own, own)]).T)
+    return np.asarray(np.linalg.inv(A[np.ix_(has_effort, has_effort)]).T)
 
 
 def encoder_words(table: JointsTable, joints: Sequence[str]) -> dict[str, str]:
     """Return joint -> what is made of its reading, in words."""
-    A, found = encoder_matrix(table, joints), {}
+    A, words = encoder_matrix(table, joints), {}
     for name, row, zero in zip(joints, A, encoder_offset(table, joints), strict=True):
         terms = [f"{share:.9g} {other}" for share, other in zip(row, joints, strict=True) if share]
-        found[name] = " + ".join([*terms, f"{zero:.9g}"] if zero else terms)
-    return found
+        words[name] = " + ".join([*terms, f"{zero:.9g}"] if zero else terms)
+    return words

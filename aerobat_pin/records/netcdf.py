@@ -45,14 +45,14 @@ def netcdf_variables(
     Yields group -> name -> variable, whose rows are read when they are asked for.
     """
     with checked_file(path, what, groups) as (parts, name):
-        found: dict[str, dict[str, StoredVariable]] = {}
+        variables: dict[str, dict[str, StoredVariable]] = {}
         for key, part in parts.items():
             items = {entry.removeprefix("_nc4_non_coord_"): item for entry, item in part.items() if _has_values(item)}
-            found[key] = {
+            variables[key] = {
                 label: StoredVariable(_dimensions(item, label, f"{name}: '{label}'"), item)
                 for label, item in items.items()
             }
-        yield found
+        yield variables
 
 
 class StoredVariable:

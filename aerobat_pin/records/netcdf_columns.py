@@ -48,16 +48,16 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
 
 def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float, table: GrowingTable) -> GrowingTable:
     """Read all numbers over one clock, piece by piece."""
-    own = {
+    sampled = {
         name: variable
         for name, variable in variables.items()
         if name != clock and variable.dims[:1] == (clock,) and variable.kind in "fiu"
     }
-    labels = {name: _labels(variable, variables) for name, variable in own.items()}
+    labels = {name: _labels(variable, variables) for name, variable in sampled.items()}
     for first in range(0, variables[clock].shape[0], ROWS_AT_ONCE):
         rows = slice(first, first + ROWS_AT_ONCE)
         columns: dict[str, Array] = {}
-        for name, variable in own.items():
+        for name, variable in sampled.items():
             piece: Array = np.asarray(variable[rows], float)
             piece = piece.reshape(len(piece), -1)
             columns |= {f"{name}{label}": piece[:, k] for k, label in enumerate(labels[name])}
@@ -67,9 +67,9 @@ def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float
 
 def _labels(variable: StoredVariable, variables: Mapping[str, StoredVariable]) -> list[str]:
     """Return what is added to a variable's name for each of its columns: `.x`, or nothing for a single one."""
-    found = [""]
+    labels = [""]
     for dim, size in zip(variable.dims[1:], variable.shape[1:], strict=True):
         coordinate = variables.get(dim)
-        own = range(size) if coordinate is None or coordinate.dims != (dim,) else coordinate[:]
-        found = [f"{label}.{one}" for label in found for one in own]
-    return found
+        entries = range(size) if coordinate is None or coordinate.dims != (dim,) else coordinate[:]
+        labels = [f"{label}.{entry}" for label in labels for entry in entries]
+    return labels

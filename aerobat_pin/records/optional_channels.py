@@ -24,15 +24,15 @@ def without_absent(table: MapPart, columns: Columns) -> MapPart:
     """
     changes: dict[str, Any] = {}
     for key, value in table:
-        left: Any = value
+        present: Any = value
         if isinstance(value, ChannelSection):
-            left = value if _is_there(value, columns) else None
-        elif isinstance(value, dict) and any(isinstance(one, ChannelSection) for one in value.values()):
-            left = {name: one for name, one in value.items() if _is_there(one, columns)}
+            present = value if _is_there(value, columns) else None
+        elif isinstance(value, dict) and any(isinstance(section, ChannelSection) for section in value.values()):
+            present = {name: section for name, section in value.items() if _is_there(section, columns)}
         elif isinstance(value, Section):
-            left = without_absent(value, columns)
-        if left != value:
-            changes[key] = left
+            present = without_absent(value, columns)
+        if present != value:
+            changes[key] = present
     return table.model_copy(update=changes) if changes else table
 
 
@@ -42,10 +42,10 @@ def _is_there(section: ChannelSection, columns: Columns) -> bool:
         return True
     if section.topic is not None and not section.columns:
         return any(name.startswith(f"{section.topic}.") for name in columns.names)
-    there = [name for name in section.columns if name in columns.values]
+    present = [name for name in section.columns if name in columns.values]
     missing = [name for name in section.columns if name not in columns.values]
-    if there and missing:
-        raise LogError(f"log {columns.path}: {', '.join(there)} without {', '.join(missing)}: all of them or none")
+    if present and missing:
+        raise LogError(f"log {columns.path}: {', '.join(present)} without {', '.join(missing)}: all of them or none")
     return not missing
 
 

@@ -130,7 +130,7 @@ class Record:
         """Write the velocities that are not measured, of a record at its own times, into v (m, nv)."""
         places = {"base.velocity": [0, 1, 2], "base.rate": [3, 4, 5]} if self.robot.free else {}
         places["joints.velocity"] = [self.robot.v_index(joint) for joint in self.joints]
-        rows = [row for key, own in places.items() if key not in self.channels for row in own]
+        rows = [row for key, indices in places.items() if key not in self.channels for row in indices]
         if rows:
             v[:, rows] = neighbour_rates(self.robot.model, time, q)[:, rows]
 

@@ -29,8 +29,8 @@ def sampled(time: Array, values: Array, wanted: Array) -> Array:
 def sampled_turns(time: Array, quaternions: Array, wanted: Array) -> Array:
     """Interpolate unit quaternions (n, 4) at times (m,) [s]; returns unit quaternions (m, 4) without jumps of sign."""
     turns = continuous(quaternions)
-    found = sampled(time, turns, wanted)
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+    turned = sampled(time, turns, wanted)
+    return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
 
 def continuous(quaternions: Array) -> Array:
@@ -107,9 +107,9 @@ def holes(time: Series, longest: float) -> list[tuple[float, float]]:
     """
     if (usual := typical_spacing(time)) > longest:
         longest = SLOW * usual
-    found, before = [], float(time[0])
+    gaps, before = [], float(time[0])
     for piece in time.pieces():
         stamps = np.concatenate([[before], piece])
-        found += [(float(stamps[i]), float(stamps[i + 1])) for i in np.flatnonzero(np.diff(stamps) > longest)]
+        gaps += [(float(stamps[i]), float(stamps[i + 1])) for i in np.flatnonzero(np.diff(stamps) > longest)]
         before = float(stamps[-1])
-    return found
+    return gaps

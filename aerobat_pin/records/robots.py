@@ -194,8 +194,8 @@ class PlainRobot(ShownInNotebooks):
         """Return the robot with other dynamic parameters of its stated links, by changes (links, 10)."""
         stated, model = self.stated_model, self.stated_model.copy()
         for k in np.flatnonzero(np.any(changes, axis=1)).tolist():
-            own = stated.inertias[k + 1].toDynamicParameters()
-            model.inertias[k + 1] = pin.Inertia.FromDynamicParameters(own + changes[k])
+            parameters = stated.inertias[k + 1].toDynamicParameters()
+            model.inertias[k + 1] = pin.Inertia.FromDynamicParameters(parameters + changes[k])
         return replace(self, model=model, unloaded=None, stated=stated).carrying(self.payload)
 
     @property

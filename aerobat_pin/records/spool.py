@@ -49,10 +49,10 @@ class Spool:
 
     def read(self, place: int, shape: tuple[int, ...]) -> Array:
         """Return numbers of a shape from a place on."""
-        found = np.empty(shape)
+        numbers = np.empty(shape)
         self._file.seek(place)
-        self._file.readinto(found.data.cast("B") if found.size else bytearray())
-        return found
+        self._file.readinto(numbers.data.cast("B") if numbers.size else bytearray())
+        return numbers
 
 
 class Series:
@@ -97,17 +97,17 @@ class Series:
         first, last, step = rows.indices(self._count)
         if step != 1:
             raise IndexError("a slice without a step was expected")
-        found, at = np.empty((max(last - first, 0), *self._row)), first
+        table, at = np.empty((max(last - first, 0), *self._row)), first
         width = self._row[0] if self._row else 1
         while at < last:
             extent = bisect_right(self._starts, at) - 1
             end = self._starts[extent + 1] if extent + 1 < len(self._starts) else self._count
             count, skipped = min(end, last) - at, at - self._starts[extent]
-            found[at - first : at - first + count] = self.spool.read(
+            table[at - first : at - first + count] = self.spool.read(
                 self._places[extent] + 8 * width * skipped, (count, *self._row)
             )
             at += count
-        return found
+        return table
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
         return np.asarray(self[:], dtype)
@@ -141,9 +141,9 @@ def spread_stretches(count: int, most: int) -> list[tuple[int, int]]:
 
 def series_of(spool: Spool, rows: Array) -> Series:
     """Return rows (n,) or (n, k) as a series."""
-    made = Series(spool, None if rows.ndim == 1 else rows.shape[1])
-    made.append(rows)
-    return made
+    series = Series(spool, None if rows.ndim == 1 else rows.shape[1])
+    series.append(rows)
+    return series
 
 
 def typical_spacing(time: Series) -> float:

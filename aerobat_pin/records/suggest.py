@@ -110,16 +110,16 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield kind -> columns of each group of x, y, z (and w) that belongs together, for tables."""
     if columns.kinds:
         return
-    found: dict[tuple[str, str], dict[str, str]] = {}
+    axes_of: dict[tuple[str, str], dict[str, str]] = {}
     for name in columns.names:
         match = STEM.match(name)
         if match is not None:
             key = match["stem"].lower(), (match["tail"] or "").lower()
-            found.setdefault(key, {})[match["axis"].lower()] = name
+            axes_of.setdefault(key, {})[match["axis"].lower()] = name
     taken: set[str] = set()
     forces = 0
     for (stem, tail), axes in sorted(
-        found.items(), key=lambda item: not any(word in item[0][0] for word in ("imu", "gyro"))
+        axes_of.items(), key=lambda item: not any(word in item[0][0] for word in ("imu", "gyro"))
     ):
         for kind, words in GROUP_WORDS.items():
             needed = "xyzw" if kind == "quaternion" else "xyz"
@@ -178,13 +178,13 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
 
 def _suggested_time(log: Path, columns: Columns) -> tuple[str, str, float] | None:
     """Return the column of a table that looks like a time, its unit, and its step in that unit; None if none does."""
-    found = next((match for match in map(TIME.match, header_of(log, LogTable())[1]) if match), None)
-    if found is None:
+    match = next((match for match in map(TIME.match, header_of(log, LogTable())[1]) if match), None)
+    if match is None:
         return None
-    series = columns.values.get(found[0], columns.clocks["table"].time)
+    series = columns.values.get(match[0], columns.clocks["table"].time)
     step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
     guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
-    return found[0], UNITS_IN_NAMES["time"].get((found["unit"] or "").lower(), guess), step
+    return match[0], UNITS_IN_NAMES["time"].get((match["unit"] or "").lower(), guess), step
 
 
 def _time(time: tuple[str, str, float] | None) -> list[str]:
@@ -257,7 +257,7 @@ def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iter
             f'wrench = {{columns = {listed(groups["force"])}, unit = "N", sign = 1}}  # force on the '
             "robot (1) or on the sensor (-1)?"
         )
-        others = [name for kind, own in groups.items() if kind.startswith("force ") for name in own]
+        others = [name for kind, names in groups.items() if kind.startswith("force ") for name in names]
         if others:
             yield f"# And {', '.join(others)}? A sensor can also be a known input, 3 or 6 columns at its frame:"
             yield '# [known.NAME] with columns = [...], frame = "...", axes = "frame"; then its force is not sought'

@@ -62,41 +62,41 @@ def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = Non
         yield from _without_robot(columns)
         return
     names = pin.buildModelFromUrdf(str(urdf)).names.tolist()[1:]
-    found = joint_columns(columns, names)
-    there = [name for name in names if "position" in found.get(name, {})]
+    parts_of = joint_columns(columns, names)
+    placed = [name for name in names if "position" in parts_of.get(name, {})]
     yield "[joints]"
-    if not there:
+    if not placed:
         yield f"# names = {listed(names)}"
         yield '# position = {columns = [...], unit = "rad"}  # which columns are the angles of these joints?'
         yield '# effort = {columns = [...], unit = "N m"}  # and which their torques?'
         yield "# held = {joint = 0.0}  # which stand still?"
         yield ""
         return
-    whole = {part: [found[name][part] for name in there if part in found[name]] for part in PART_WORDS}
+    whole = {part: [parts_of[name][part] for name in placed if part in parts_of[name]] for part in PART_WORDS}
     size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
     angle = said_unit("position", whole["position"]) or ("deg" if size > LARGEST_RADIANS else "rad")
-    if found != _named_columns(columns, names):
+    if parts_of != _named_columns(columns, names):
         yield "# the columns are not called like the joints: are they in this order?"
-    yield f"names = {listed(there)}"
+    yield f"names = {listed(placed)}"
     yield f'position = {{columns = {listed(whole["position"])}, unit = "{angle}"}}  # the largest is {size:.3g}'
-    if len(whole["velocity"]) == len(there):
+    if len(whole["velocity"]) == len(placed):
         rate = said_unit("velocity", whole["velocity"]) or _rate_unit(columns, whole, angle, step)
         yield f'velocity = {{columns = {listed(whole["velocity"])}, unit = "{rate}"}}'
     else:
         yield 'velocity = {from = "position", window = 0.02}'
-    if len(whole["effort"]) == len(there):
+    if len(whole["effort"]) == len(placed):
         unit = said_unit("effort", whole["effort"])
         if unit in ("A", "mA"):
             yield f"effort.columns = {listed(whole['effort'])}"
             yield f'effort.unit = "{unit}"'
             yield f"# How many N m at the joint for each {unit} (torque constant times gear, with its sign)? Fill in:"
-            yield f"# effort.torque_per_unit = {{{', '.join(f'{toml_key(name)} = ...' for name in there)}}}"
+            yield f"# effort.torque_per_unit = {{{', '.join(f'{toml_key(name)} = ...' for name in placed)}}}"
         else:
             yield f'effort = {{columns = {listed(whole["effort"])}, unit = "{unit or "N m"}"}}  # or a current, "A"?'
-    if len(there) < len(names):
-        rest = ", ".join(name for name in names if name not in there)
-        yield f'held = {{"*" = 0.0}}  # do they stand still? {rest}'
-    if len(whole["effort"]) == len(there):
+    if len(placed) < len(names):
+        unplaced = ", ".join(name for name in names if name not in placed)
+        yield f'held = {{"*" = 0.0}}  # do they stand still? {unplaced}'
+    if len(whole["effort"]) == len(placed):
         yield ""
         yield "# When does nothing touch the robot [s]? There friction can be fitted, and the error bar is seen; or,"
         yield "# without fit, by `aerobat calibrate` of a recording that nobody touched, as all of it:"
@@ -109,11 +109,11 @@ def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = Non
 
 def _without_robot(columns: Columns) -> Iterator[str]:
     """Yield a comment about columns that look like those of joints, which a map without a robot cannot use."""
-    found = _numbered_columns(columns, [str(k) for k in range(len(columns.values))])
-    if found:
-        whole = {part: [parts[part] for parts in found.values() if part in parts] for part in PART_WORDS}
+    parts_of = _numbered_columns(columns, [str(k) for k in range(len(columns.values))])
+    if parts_of:
+        whole = {part: [parts[part] for parts in parts_of.values() if part in parts] for part in PART_WORDS}
         some = "; ".join(f"{part} {', '.join(names)}" for part, names in whole.items() if names)
-        yield f"# {len(found)} joints? They need a robot, --urdf FILE: {some}"
+        yield f"# {len(parts_of)} joints? They need a robot, --urdf FILE: {some}"
         yield ""
 
 
@@ -160,31 +160,31 @@ def _part_in(text: str) -> str | None:
 
 def _named_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
     """Return joint -> position, velocity, effort -> column, as far as the columns' names say."""
-    found: dict[str, dict[str, str]] = {}
+    parts_of: dict[str, dict[str, str]] = {}
     for joint in names:
         short = joint.lower().removesuffix("_joint")
-        here = re.compile(rf"(?<![a-z0-9]){re.escape(short)}(_joint)?(?![a-z0-9])")
+        pattern = re.compile(rf"(?<![a-z0-9]){re.escape(short)}(_joint)?(?![a-z0-9])")
         for name in _described(columns):
-            if here.search(name.lower()):
-                rest = here.sub(" ", name.lower())
-                part = _part_in(rest) or ("position" if {*_words_of_name(rest)} <= {""} else None)
+            if pattern.search(name.lower()):
+                others = pattern.sub(" ", name.lower())
+                part = _part_in(others) or ("position" if {*_words_of_name(others)} <= {""} else None)
                 if part is not None:
-                    found.setdefault(joint, {}).setdefault(part, name)
-    return found
+                    parts_of.setdefault(joint, {}).setdefault(part, name)
+    return parts_of
 
 
 def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
     """Return joint -> part -> column of names such as base_pos_deg, base_speed, if they are as many as the joints."""
     units = {word for words in UNITS_IN_NAMES.values() for word in words} | {"", "joint", "per"}
-    found: dict[str, dict[str, str]] = {}
+    parts_of: dict[str, dict[str, str]] = {}
     for name in _described(columns):
         part = _part_in(name)
         if part is not None:
             stem = "_".join(
                 word for word in _words_of_name(name) if word not in PART_WORDS[part] | units | WANTED_WORDS
             )
-            found.setdefault(stem, {}).setdefault(part, name)
-    whole = [parts for stem, parts in found.items() if stem and "position" in parts and len(parts) > 1]
+            parts_of.setdefault(stem, {}).setdefault(part, name)
+    whole = [parts for stem, parts in parts_of.items() if stem and "position" in parts and len(parts) > 1]
     return dict(zip(names, whole, strict=True)) if len(whole) == len(names) else {}
 
 
@@ -195,7 +195,7 @@ def _numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str,
         match = NUMBERED.match(name)
         if match is not None and BEHIND_NUMBERS.issuperset(_words_of_name(match["tail"])):
             series.setdefault((match["stem"].lower(), match["tail"].lower()), {})[int(match["number"])] = name
-    found: dict[str, dict[str, str]] = {}
+    parts_of: dict[str, dict[str, str]] = {}
     for (stem, tail), listed in series.items():
         part = _part_in(f"{stem} {tail}")
         first, count = min(listed), len(listed)
@@ -203,8 +203,8 @@ def _numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str,
             continue
         if part is not None and first in (0, 1) and count == max(listed) - first + 1 and 1 < count <= len(names):
             for joint, number in zip(names, sorted(listed), strict=False):
-                found.setdefault(joint, {}).setdefault(part, listed[number])
-    return found if any("position" in parts for parts in found.values()) else {}
+                parts_of.setdefault(joint, {}).setdefault(part, listed[number])
+    return parts_of if any("position" in parts for parts in parts_of.values()) else {}
 
 
 def _are_turns(columns: Columns, names: list[str]) -> bool:
@@ -215,11 +215,11 @@ def _are_turns(columns: Columns, names: list[str]) -> bool:
 
 def named_unit(kind: str, names: Sequence[str]) -> str | None:
     """Return the unit that the last words of columns' names say, if they all say the same: A1_vel_deg_s is in deg/s."""
-    found, known = set(), UNITS_IN_NAMES[kind]
+    units, known = set(), UNITS_IN_NAMES[kind]
     for name in names:
         words = [word for word in _words_of_name(name.rstrip(")] ")) if word != "per"]
-        found.add(known.get("".join(words[-2:])) or known.get(words[-1] if words else ""))
-    return found.pop() if len(found) == 1 else None
+        units.add(known.get("".join(words[-2:])) or known.get(words[-1] if words else ""))
+    return units.pop() if len(units) == 1 else None
 
 
 def said_unit(part: str, names: Sequence[str]) -> str | None:

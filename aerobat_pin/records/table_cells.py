@@ -57,18 +57,18 @@ def check_rows(path: Path, separator: str, columns: int, end: int | None) -> Non
     """
     if separator == " ":
         return
-    row, rest = 1, b""
+    row, tail = 1, b""
     with path.open("rb") as file:
         while block := file.read(BYTES_AT_ONCE if end is None else min(BYTES_AT_ONCE, end - file.tell())):
-            text = rest + block
+            text = tail + block
             cut = text.rfind(b"\n") + 1
-            lines, rest = text[:cut], text[cut:]
-            if len(rest) > BYTES_AT_ONCE:
+            lines, tail = text[:cut], text[cut:]
+            if len(tail) > BYTES_AT_ONCE:
                 raise LogError(f"log {path}, line {row}: more than {BYTES_AT_ONCE} bytes: a table was expected")
             if b'"' in lines:
                 return
             row += _check_lines(path, lines, separator, columns, row)
-    _check_lines(path, rest + b"\n", separator, columns, row)
+    _check_lines(path, tail + b"\n", separator, columns, row)
 
 
 def _check_lines(path: Path, lines: bytes, separator: str, columns: int, first: int) -> int:

@@ -29,23 +29,23 @@ def _check_tables(path: Path) -> None:
     """Raise LogError if a database has views, triggers or computed columns, which can yield rows without an end."""
     try:
         with sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro&immutable=1", uri=True) as file:
-            made = [str(row[0]).upper() for row in file.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")]
+            sql = [str(row[0]).upper() for row in file.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")]
         file.close()
     except (sqlite3.Error, ValueError) as error:
         raise LogError(f"log {path}: cannot be read as a bag: {error}") from error
     plain = ("CREATE TABLE", "CREATE INDEX", "CREATE UNIQUE INDEX")
-    if any(not text.startswith(plain) or {"AS", "GENERATED", "AS("} & set(text.split()) for text in made):
+    if any(not text.startswith(plain) or {"AS", "GENERATED", "AS("} & set(text.split()) for text in sql):
         raise LogError(f"log {path}: has views or computed columns: the plain tables of a bag were expected")
 
 
 def check_chunks(path: Path, reader: Any) -> None:
     """Raise LogError if the chunks that a bag's index names at one time unpack to more than `MOST_UNPACKED` bytes."""
-    storages = [getattr(one, "storage", None) for one in reader.readers]
-    parts = [part for one in storages for part in getattr(one, "storages", [one])]
+    storages = [getattr(opened, "storage", None) for opened in reader.readers]
+    parts = [part for storage in storages for part in getattr(storage, "storages", [storage])]
     chunks = [chunk for part in parts for chunk in getattr(part, "chunks", ())]
     begun: list[tuple[int, int]] = []
-    for chunk in sorted(chunks, key=lambda one: one.message_start_time):
-        begun = [one for one in begun if one[0] >= chunk.message_start_time]
+    for chunk in sorted(chunks, key=lambda chunk: chunk.message_start_time):
+        begun = [span for span in begun if span[0] >= chunk.message_start_time]
         begun.append((chunk.message_end_time, chunk.uncompressed_size))
         if (size := sum(size for _, size in begun)) > MOST_UNPACKED:
             many = f"{len(begun)} chunks of one time" if len(begun) > 1 else "one chunk"
@@ -86,13 +86,13 @@ class Unpacking:
 
         return self._unpacked(LZ4FrameDecompressor(), data, size)
 
-    def _unpacked(self, one: Any, data: bytes, size: int = MOST_UNPACKED) -> bytes:
+    def _unpacked(self, decompressor: Any, data: bytes, size: int = MOST_UNPACKED) -> bytes:
         most = min(size, MOST_UNPACKED)
-        found: bytes = one.decompress(data, most + 1)
-        if len(found) > most:
+        unpacked: bytes = decompressor.decompress(data, most + 1)
+        if len(unpacked) > most:
             raise LogError(f"log {self._path}: a chunk unpacks to more than the {most} bytes expected of it")
-        self._take(len(found))
-        return found
+        self._take(len(unpacked))
+        return unpacked
 
     def _take(self, size: int) -> None:
         self._left -= size

@@ -74,8 +74,10 @@ def _write_values(group: h5py.Group, name: str, variable: xr.Variable) -> h5py.D
         if values.dtype.kind == "b":
             values, attributes["dtype"] = values.astype(np.int8), "bool"
         empty = np.nan if values.dtype.kind == "f" else None
-        own = True if values.size and values.ndim else None  # a checksum of its own, should the seal itself be damaged
-        item = group.create_dataset(name, data=values, fillvalue=empty, fletcher32=own, track_order=True)
+        summed = (
+            True if values.size and values.ndim else None
+        )  # a checksum of its own, should the seal itself be damaged
+        item = group.create_dataset(name, data=values, fillvalue=empty, fletcher32=summed, track_order=True)
         if empty is not None:
             attributes["_FillValue"] = empty
     _write_attributes(item, attributes)
