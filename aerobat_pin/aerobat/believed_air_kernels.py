@@ -43,10 +43,10 @@ def advance_air(robot: RobotState, wind: Array, acceleration: Array, dt: float, 
         place: 0 at the start of the step, 1 in its middle, 2 at its end.
         means: (2, nv) sums to which the generalised forces are added: aerodynamic, and of the added mass.
     """
-    air, mass, tree, found, links = robot.air, robot.added_mass, robot.tree, robot.found, robot.links
+    air, mass, tree, results, links = robot.air, robot.added_mass, robot.tree, robot.results, robot.links
     H, h, loads, rates, start, state = robot.H, robot.h, robot.loads, robot.rates, robot.start, robot.state
-    liMi, twists, wrenches, nv = found.liMi, links.twists, links.wrenches, means.shape[1]
-    place_links(tree, found, robot.gravity, wind, links)
+    liMi, twists, wrenches, nv = results.liMi, links.twists, links.wrenches, means.shape[1]
+    place_links(tree, results, robot.gravity, wind, links)
     for stage in range(4):
         if HALF_STEPS[stage] == place:
             air_loads(air, twists, state, wrenches, rates[stage], loads)
@@ -59,7 +59,7 @@ def advance_air(robot: RobotState, wind: Array, acceleration: Array, dt: float, 
         for i in range(nv):
             h[i] = 0.0
             H[i, :] = 0.0
-        add_mass(mass, tree, found, links, H, h)
+        add_mass(mass, tree, results, links, H, h)
         for i in range(nv):
             dragged = h[i]
             for j in range(nv):
@@ -72,7 +72,7 @@ class Stream(NamedTuple):
 
     `q`, `v`, `wind` are those of the sample before; `last_wind` is the newest one, which the caller writes where it
     changes. `dt` is the time between samples [s], `acceleration` and `means` belong to the interval, `velocity` and
-    `here` to an instant in it.
+    `wind_now` to an instant in it.
     """
 
     air: Annotated[RobotState, ELSEWHERE]
@@ -84,7 +84,7 @@ class Stream(NamedTuple):
     acceleration: Annotated[Array, "nv"]
     means: Annotated[Array, "2, nv"]
     velocity: Annotated[Array, "nv"]
-    here: Annotated[Array, "2, 3"]
+    wind_now: Annotated[Array, "2, 3"]
 
 
 @kernel
@@ -104,16 +104,16 @@ def air_at(memory: Array, q: Array, v: Array, half: int, count: int, middle: Arr
     """
     stream = fields_of(memory, Stream)
     air, length, nv = stream.air, float(stream.dt[()]) / count, v.shape[0]
-    means, here = stream.means, stream.here
+    means, wind_now = stream.means, stream.wind_now
     if half == 0:
         for i in range(nv):
             stream.acceleration[i] = (v[i] - stream.v[i]) / stream.dt[()]
             means[0, i], means[1, i] = 0.0, 0.0
         blend_winds(stream, 0.0)
     if half % 2 == 1:
-        advance_air(air, here, stream.acceleration, length, 1, means)
+        advance_air(air, wind_now, stream.acceleration, length, 1, means)
     elif half > 0:
-        advance_air(air, here, stream.acceleration, length, 2, means)
+        advance_air(air, wind_now, stream.acceleration, length, 2, means)
     if half == 2 * count:
         for i in range(nv):
             means[0, i] /= count
@@ -124,7 +124,7 @@ def air_at(memory: Array, q: Array, v: Array, half: int, count: int, middle: Arr
             copy_values(stream.last_wind[i], stream.wind[i])
         return
     if half % 2 == 0:
-        advance_air(air, here, stream.acceleration, length, 0, means)
+        advance_air(air, wind_now, stream.acceleration, length, 0, means)
     share = 0.5 * (half + 1) / count
     blend_winds(stream, share)
     if half + 1 < 2 * count:
@@ -138,7 +138,7 @@ def air_at(memory: Array, q: Array, v: Array, half: int, count: int, middle: Arr
 
 @inlined
 def blend_winds(stream: Stream, share: float) -> None:
-    """Write the wind at a share of the interval to `here`."""
+    """Write the wind at a share of the interval to `wind_now`."""
     for i in range(2):
         for j in range(3):
-            stream.here[i, j] = stream.wind[i, j] + share * (stream.last_wind[i, j] - stream.wind[i, j])
+            stream.wind_now[i, j] = stream.wind[i, j] + share * (stream.last_wind[i, j] - stream.wind[i, j])

@@ -187,12 +187,12 @@ def _row(key: str, table: Mapping[str, ChannelSpec], dims: tuple[Any, ...], name
 def _check_form(values: xr.Variable, row: ChannelSpec, where: str, *, complete: bool) -> None:
     """Raise LogError unless a channel has the dimensions and the unit of its row, and contains numbers."""
     if sorted(map(str, values.dims)) != sorted(row.dims):
-        found = ", ".join(map(str, values.dims))
-        raise LogError(f"{where} has the dimensions ({found}): ({', '.join(row.dims)}) were expected")
+        dims = ", ".join(map(str, values.dims))
+        raise LogError(f"{where} has the dimensions ({dims}): ({', '.join(row.dims)}) were expected")
     if values.dtype.kind not in "fiu":
         kind = {"M": "dates", "m": "durations", "c": "complex numbers", "b": "true or false"}
-        found = kind.get(values.dtype.kind, "text")
-        raise LogError(f"{where} contains {found}: real numbers [{row.unit}] were expected")
+        content = kind.get(values.dtype.kind, "text")
+        raise LogError(f"{where} contains {content}: real numbers [{row.unit}] were expected")
     unit = values.attrs.get("units")
     if complete and unit is None:
         raise LogError(f"{where} has no attribute units: '{row.unit}' was expected")

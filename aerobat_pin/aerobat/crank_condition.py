@@ -62,8 +62,8 @@ class CrankCondition(Condition):
         """Return phase and state in some of the intervals."""
         first, last, _ = chosen.indices(len(self.phase))
         moved = None if self.moved is None else self.moved.between(first, last)
-        own = {name: getattr(self, name)[first:last] for name in ("phase", "values", "pace")}
-        return replace(self, **own, moved=moved)
+        rows = {name: getattr(self, name)[first:last] for name in ("phase", "values", "pace")}
+        return replace(self, **rows, moved=moved)
 
     def reduced(self, force: Array) -> Array:
         """Return a generalised force (m, nv) over the squared frequency [N s2, N m s2].

@@ -268,4 +268,4 @@ def true_events(log: FlightLog) -> list[TrueEvent]:
     frames_of: dict[tuple[float, float, str], list[str]] = {}
     for name, frame, start, end in zip(names, frames, starts, ends, strict=True):
         frames_of.setdefault((float(start), float(end), str(name)), []).append(str(frame))
-    return [TrueEvent(name, tuple(there), start, end) for (start, end, name), there in sorted(frames_of.items())]
+    return [TrueEvent(name, tuple(where), start, end) for (start, end, name), where in sorted(frames_of.items())]

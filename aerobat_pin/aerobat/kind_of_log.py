@@ -83,8 +83,8 @@ def _check_columns(path: Path, names: list[str]) -> None:
     if missing == ["crank_angle"] and not close["crank_angle"]:
         raise needs_map(path, f"neither crank_angle nor the joints {', '.join(JOINTS)} are there")
     if missing:
-        told = [f"{name} (is it '{alike[0]}'?)" if alike else name for name, alike in close.items()]
-        raise needs_map(path, f"no column named {', '.join(told)}")
+        hints = [f"{name} (is it '{alike[0]}'?)" if alike else name for name, alike in close.items()]
+        raise needs_map(path, f"no column named {', '.join(hints)}")
     if strangers:
         raise LogError(f"log {path}: unknown column '{strangers[0][:60]}'; {did_you_mean(strangers[0][:60], known)}")
 

@@ -83,7 +83,7 @@ class Motion:
     def between(self, first: int, last: int) -> Motion:
         """Return the motion from one sample to another, inclusive."""
         at = slice(first, last + 1)
-        crank, bend = (None if one is None else one[:, at] for one in (self.crank, self.bend))
+        crank, bend = (None if part is None else part[:, at] for part in (self.crank, self.bend))
         return Motion(self.time[at], self.q[at], self.v[at], crank, self.wind[at], bend)
 
 
@@ -95,8 +95,8 @@ def fault_of(channels: Mapping[str, Channel]) -> str | None:
     """
     if f"{EXTRA}encoder" in channels:
         few = [channel for channel in channels.values() if len(channel.time) < FEWEST_RAW_SAMPLES]
-        told = [f"{len(channel.time)} samples of {', '.join(channel.names)}" for channel in few]
-        return f"{told[0]}: {FEWEST_RAW_SAMPLES} or more were expected" if told else None
+        counts = [f"{len(channel.time)} samples of {', '.join(channel.names)}" for channel in few]
+        return f"{counts[0]}: {FEWEST_RAW_SAMPLES} or more were expected" if counts else None
     twist = [key for key in ("base.velocity", "base.rate") if key in channels]
     if len(twist) == 1:
         return f"{', '.join(channels[twist[0]].names)}: velocity and angular velocity were expected, both or none"

@@ -56,13 +56,13 @@ def factored(G: Array) -> AddedMass:
 
 
 @inner
-def add_mass(added: AddedMass, tree: Tree, found: PinocchioResults, links: Links, H: Array, h: Array) -> None:
+def add_mass(added: AddedMass, tree: Tree, results: PinocchioResults, links: Links, H: Array, h: Array) -> None:
     """Add the added inertia M_a to H, and the added bias C_a v, corrected for the wind, to h.
 
     Args:
         added: added masses of the links.
         tree: tree of the links.
-        found: Pinocchio's results after `nonLinearEffects`.
+        results: Pinocchio's results after `nonLinearEffects`.
         links: links placed by `place_links`; the field `normals` is overwritten.
         H: (nv, nv) inertia; M_a is added in place.
         h: (nv,) bias; C_a v is added in place.
@@ -70,7 +70,14 @@ def add_mass(added: AddedMass, tree: Tree, found: PinocchioResults, links: Links
     rows, rotation, origin, twists = links.normals, links.rotation, links.origin, links.twists
     gravity, wind, wind_rate = links.gravity_B, links.wind_B, links.wind_rate_B
     masses, centre_x, centre_y, skews = added.masses, added.x, added.y, added.skew
-    joint_of, parent_of, row_of, axes, liMi, a_gf = tree.joint, tree.parent, tree.row, tree.axis, found.liMi, found.a_gf
+    joint_of, parent_of, row_of, axes, liMi, a_gf = (
+        tree.joint,
+        tree.parent,
+        tree.row,
+        tree.axis,
+        results.liMi,
+        results.a_gf,
+    )
     for link in range(joint_of.shape[0]):
         mass = masses[link]
         if mass[0] == 0.0:

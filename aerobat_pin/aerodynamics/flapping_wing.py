@@ -208,12 +208,12 @@ def _twist(motion: Callable[[float], Halves], time: float) -> Array:
 
 def _checked(now: Halves, time: float) -> Halves:
     """Return a motion after checking its shapes, and that its numbers are finite."""
-    found = Halves(
+    halves = Halves(
         *(
             shaped(part, (2, *size), f"motion at {time:g} s: {name}")
             for part, name, size in zip(now, Halves._fields, ((3, 3), (6,), (3,)), strict=True)
         )
     )
-    if not all(np.all(np.isfinite(part)) for part in found):
+    if not all(np.all(np.isfinite(part)) for part in halves):
         raise ShapeError(f"motion at {time:g} s holds NaN or infinity")
-    return found
+    return halves

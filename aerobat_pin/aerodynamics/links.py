@@ -43,20 +43,20 @@ class Links(NamedTuple):
 
 
 @inner
-def place_links(tree: Tree, found: PinocchioResults, gravity: Array, wind: Array, links: Links) -> None:
+def place_links(tree: Tree, results: PinocchioResults, gravity: Array, wind: Array, links: Links) -> None:
     """Write placements of the links, their twists relative to the air, and gravity and wind in body axes.
 
     Args:
         tree: tree of the links.
-        found: Pinocchio's placements and twists.
+        results: Pinocchio's placements and twists.
         gravity: () gravitational acceleration, positive downward [m/s2].
         wind: (2, 3) wind velocity and its rate of change, world axes.
         links: all fields except `wrenches` and `normals` are written.
     """
-    chain(tree, found.liMi, links.rotation, links.origin)
-    joint, v, rotation, twists = tree.joint, found.v, links.rotation, links.twists
+    chain(tree, results.liMi, links.rotation, links.origin)
+    joint, v, rotation, twists = tree.joint, results.v, links.rotation, links.twists
     gravity_B, wind_B, wind_rate_B = links.gravity_B, links.wind_B, links.wind_rate_B
-    body = found.liMi[joint[0]]
+    body = results.liMi[joint[0]]
     for i in range(3):
         x, y, z = body[3 * i], body[3 * i + 1], body[3 * i + 2]
         gravity_B[i] = gravity[()] * z

@@ -52,15 +52,15 @@ def along_span(values: AlongSpan, y: Array, span: float, name: str) -> tuple[Cal
     given = values if callable(values) else _function(values, y, span, name)
 
     def function(y: Array) -> Array:
-        found = real_numbers(given(y), f"{name} as a function")
-        if found.shape not in ((), y.shape):
+        lengths = real_numbers(given(y), f"{name} as a function")
+        if lengths.shape not in ((), y.shape):
             raise ShapeError(
-                f"{name} as a function has shape {found.shape} at {len(y)} stations: {y.shape} was expected"
+                f"{name} as a function has shape {lengths.shape} at {len(y)} stations: {y.shape} was expected"
             )
-        wrong = ~(np.abs(found) <= LARGEST_REAL)
+        wrong = ~(np.abs(lengths) <= LARGEST_REAL)
         if np.any(wrong):
-            raise ShapeError(f"{name} = {found[wrong][0]}: finite lengths in metres were expected")
-        return np.array(np.broadcast_to(found, y.shape))
+            raise ShapeError(f"{name} = {lengths[wrong][0]}: finite lengths in metres were expected")
+        return np.array(np.broadcast_to(lengths, y.shape))
 
     return function, function(y)
 

@@ -43,7 +43,7 @@ class RobotState(NamedTuple):
     added_mass: AddedMass
     gravity: Annotated[Array, ""]
     tree: Tree
-    found: PinocchioResults
+    results: PinocchioResults
     links: Links
     H: Annotated[Array, "nv, nv"]
     h: Annotated[Array, "nv"]
@@ -103,11 +103,11 @@ class RobotInAir:
 
         Each twist is at the origin and in the axes of the link's frame.
         """
-        joints, found, model, data = self.fields.tree.joint, motions(self.data.v), self.robot.model, self.data
+        joints, velocities, model, data = self.fields.tree.joint, motions(self.data.v), self.robot.model, self.data
         twists, forward = np.empty((len(q), len(joints), 6)), pin.forwardKinematics
         for row, placement, velocity in zip(twists, list(q), list(v), strict=True):
             forward(model, data, placement, velocity)
-            row[:] = found[joints]
+            row[:] = velocities[joints]
         return twists
 
     @guarded(placement=(7,), twist=(6,), motion=("n", 3, 2))

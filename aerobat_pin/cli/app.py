@@ -79,8 +79,8 @@ def run_command(
             seed,
             scenario,
             out,
-            lambda one, folder: run_command(
-                scenario, folder, force, one, settings, observers, calibration, correct, no_report, plant
+            lambda number, folder: run_command(
+                scenario, folder, force, number, settings, observers, calibration, correct, no_report, plant
             ),
         )
         return
@@ -105,8 +105,8 @@ def run_command(
     def flown(show: experiments.Progress) -> experiments.Experiment:
         try:
             moved = None if plant is None else MujocoRobot(flown_robot(loaded))
-            made = experiments.run(loaded, show, calibration=learnt, simulator=moved)
-            return made if moved else experiments.beside_pd(made, show)
+            experiment = experiments.run(loaded, show, calibration=learnt, simulator=moved)
+            return experiment if moved else experiments.beside_pd(experiment, show)
         except SimulationError as error:
             if not isinstance(error.kept, experiments.Experiment):
                 raise
@@ -114,7 +114,7 @@ def run_command(
             return error.kept
 
     failed: list[str] = []
-    write_results(flown, target, force=force, pages=not no_report, also=lambda made: failed.append(made.failed))
+    write_results(flown, target, force=force, pages=not no_report, also=lambda outcome: failed.append(outcome.failed))
     if diverged:
         raise diverged[0]
     if failed[0]:

@@ -68,14 +68,14 @@ def calibrate_command(
     with progress_bar() as show:
         show("reading", 0.0)
         given = opened(flights, map_file, morphology, settings or [], free=True)
-        found = calibrate(
+        learnt = calibrate(
             given, harmonics=harmonics, parameters=names, trust=trust, progress=lambda share: show("identifying", share)
         )
-    for line in found.notes:
+    for line in learnt.notes:
         typer.echo(line)
-    for line in found.warnings:
+    for line in learnt.warnings:
         typer.echo(f"warning: {line}", err=True)
-    write_files({out: calibration_bytes(found)})
+    write_files({out: calibration_bytes(learnt)})
     typer.echo(f"written to {out}")
 
 
@@ -105,13 +105,13 @@ def _flights(paths: list[Path], morphology: str | None, settings: list[str], *, 
     from aerobat_pin.robot import believed_robot
     from aerobat_pin.scenario import RawSection
 
-    found = []
+    records = []
     for path in paths:
         log, belief = _flight(path, morphology, settings)
         robot = AerobatRobot.of(believed_robot(belief), belief.believed_air, belief.observers.torque)
         robot = replace(robot, raw=belief.observers.raw or RawSection())
-        found.append((free_record if free else flight_record)(log, robot, belief.observers, str(path)))
-    return found
+        records.append((free_record if free else flight_record)(log, robot, belief.observers, str(path)))
+    return records
 
 
 def _flight(path: Path, morphology: str | None, settings: list[str]) -> tuple[FlightLog, Scenario]:
@@ -164,12 +164,12 @@ def check_command(
     learnt = read_calibration(calibration)
     with doing("estimating what the calibration leaves over"):
         [record] = opened([flight], map_file, morphology, settings or [], free=False)
-        found = estimate(record, ["force_level"], learnt, trust=True)
-    if found.model is None:
+        result = estimate(record, ["force_level"], learnt, trust=True)
+    if result.model is None:
         raise CalibrationError(f"{calibration}: it does not say what it leaves over, so nothing can be checked")
-    write_files({figure: render_figure(draw_unexplained(found), kind)})
-    typer.echo(f"{found.model}; figure: {figure}")
+    write_files({figure: render_figure(draw_unexplained(result), kind)})
+    typer.echo(f"{result.model}; figure: {figure}")
     for line in learnt.warnings:
         typer.echo(f"warning: calibration: {line}", err=True)
-    if found.model.verdict == "changed":
+    if result.model.verdict == "changed":
         raise typer.Exit(CHANGED_MODEL)

@@ -100,17 +100,17 @@ def write_results(
         output_folder(target, force=force, replaces=experiments.RESULTS, sign="estimate.nc") as folder,
         progress_bar() as show,
     ):
-        made = estimated(show)
+        outcome = estimated(show)
         show("scoring and writing", 0.0)
-        experiments.write(made, folder)
+        experiments.write(outcome, folder)
         if pages:
             from aerobat_pin.visualization import write_figures_and_pages
 
-            write_figures_and_pages(made, folder, show)
+            write_figures_and_pages(outcome, folder, show)
         if also is not None:
-            also(made)
+            also(outcome)
         names = dict.fromkeys(f"{path.name}/" if path.is_dir() else path.name for path in sorted(folder.iterdir()))
-    typer.echo(f"\n{made.scores if isinstance(made, experiments.Experiment) else made}")
+    typer.echo(f"\n{outcome.scores if isinstance(outcome, experiments.Experiment) else outcome}")
     typer.echo(f"\nresults in {target}/: {', '.join(names)}")
     for page in [name for name in FIRST_OPENED if name in names] or ["metrics.json"]:
         typer.echo(f"open {target / page}")

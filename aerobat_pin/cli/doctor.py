@@ -116,9 +116,9 @@ def _search_paths() -> Iterator[Verified]:
     for variable, patterns in (("PYTHONPATH", FOREIGN_MODULES), ("LD_LIBRARY_PATH", FOREIGN_LIBRARIES)):
         folders = [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
         others = [folder for folder in folders if not (folder / "aerobat_pin").is_dir()]
-        found = [str(path) for folder in others for pattern in patterns for path in folder.glob(pattern)]
-        detail = f"brings {', '.join(found[:3])}" if found else "brings no second Pinocchio or numpy"
-        yield Verified(variable, not found, detail, f"unset {variable} in this shell (ROS' setup files set it)")
+        foreign = [str(path) for folder in others for pattern in patterns for path in folder.glob(pattern)]
+        detail = f"brings {', '.join(foreign[:3])}" if foreign else "brings no second Pinocchio or numpy"
+        yield Verified(variable, not foreign, detail, f"unset {variable} in this shell (ROS' setup files set it)")
 
 
 def _requirements() -> Iterator[Verified]:
@@ -137,7 +137,7 @@ def _viewer() -> Iterator[Verified]:
     meshcat, loop = find_spec("meshcat"), find_spec("zmq.eventloop.ioloop")
     page = Path((meshcat and meshcat.origin) or "").parent / "viewer" / "dist" / "main.min.js"
     parts = {"meshcat's viewer/dist/main.min.js": page.is_file(), "pyzmq's zmq.eventloop.ioloop": loop is not None}
-    missing = ", ".join(name for name, there in parts.items() if not there)
+    missing = ", ".join(name for name, present in parts.items() if not present)
     advice = "pip install --force-reinstall meshcat 'pyzmq<28'; only the replay needs them"
     yield Verified("viewer", not missing, f"missing: {missing}" if missing else "complete", advice)
 
@@ -159,12 +159,12 @@ def _description() -> Iterator[Verified]:
 def _browser() -> Iterator[Verified]:
     """Check what is needed to take pictures of a replay; this is optional, as any browser can show the replay."""
     chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    for name, found, advice in (
+    for name, path, advice in (
         ("chromium", chromium, "apt-get install chromium"),
         ("playwright", _installed("playwright"), f"pip install '{PROJECT}[frames]'"),
     ):
         missing = f"not installed: only `aerobat play --frames` and the tests want it (`{advice}`)"
-        yield Verified(name, True, found or missing, advice)
+        yield Verified(name, True, path or missing, advice)
 
 
 def _urdf() -> Iterator[Verified]:

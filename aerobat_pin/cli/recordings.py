@@ -36,9 +36,9 @@ def _print_self_check(record: Record, calibration: Calibration | None) -> None:
     checks = check_record(record, calibration)
     for check in checks:
         typer.echo(str(check))
-    found = sum(check.ok for check in checks)
-    others = "" if found == len(checks) else "; what no measured row shows cannot be recovered"
-    typer.echo(f"self-check: {found} of {len(checks)} known forces are recovered within 2 %{others}")
+    passed = sum(check.ok for check in checks)
+    others = "" if passed == len(checks) else "; what no measured row shows cannot be recovered"
+    typer.echo(f"self-check: {passed} of {len(checks)} known forces are recovered within 2 %{others}")
 
 
 def estimate_by_map(
@@ -74,7 +74,7 @@ def estimate_by_map(
         ),
         target,
         force=force,
-        also=None if mcap is None else lambda found: write_mcap(found, mcap),
+        also=None if mcap is None else lambda result: write_mcap(result, mcap),
     )
     if mcap is not None:
         typer.echo(f"  {mcap}")

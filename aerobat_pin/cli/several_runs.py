@@ -72,10 +72,10 @@ def seeds_of(text: str) -> list[int]:
 
     seeds: dict[int, None] = {}
     for part in text.split(","):
-        found = re.fullmatch(r"\s*(\d{1,9})(?:-(\d{1,9}))?\s*", part)
-        if found is None or (found[2] and int(found[2]) < int(found[1])):
+        match = re.fullmatch(r"\s*(\d{1,9})(?:-(\d{1,9}))?\s*", part)
+        if match is None or (match[2] and int(match[2]) < int(match[1])):
             raise ScenarioError(f"run: --seeds {text[:60]}: a list such as 1-5 or 1,4,9 was expected")
-        first, last = int(found[1]), int(found[2] or found[1])
+        first, last = int(match[1]), int(match[2] or match[1])
         if len(seeds) + last - first >= MOST_SEEDS:
             raise ScenarioError(
                 f"run: --seeds {text[:60]}: at most {MOST_SEEDS} seeds were expected; see aerobat sweep"
@@ -102,8 +102,8 @@ def summary(table: pd.DataFrame) -> str:
 
 
 def _scores(seed: int, metrics: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    for observer, found in metrics["observers"].items():
-        for point, axes in found.items():
+    for observer, points in metrics["observers"].items():
+        for point, axes in points.items():
             if isinstance(axes, dict) and "Fx" in axes:
                 for axis, score in axes.items():
                     named = {"seed": seed, "observer": observer, "point": point, "axis": axis}
@@ -176,5 +176,5 @@ class _SweepProgress:
         if finished == self._resumed_at + 1:  # the first run also starts processes and loads kernels
             self._start = now
         flown = finished - self._resumed_at - 1
-        left = f", {(now - self._start) / flown * (count - finished):.0f} s left" if flown else ""
-        self._bar(f"{self.text}{left}", finished / count)
+        remaining = f", {(now - self._start) / flown * (count - finished):.0f} s left" if flown else ""
+        self._bar(f"{self.text}{remaining}", finished / count)

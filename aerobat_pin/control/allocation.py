@@ -41,7 +41,7 @@ class Limited(NamedTuple):
     """The problem of m thrusters: `map` (6, m), `limit` (m,), and with the weights, `H` (m, m), `f` (m, 6) of it.
 
     `free` (m, 6) is its solution where nothing is limited, `least` and `most` (6,) the wrenches within reach. Scratch
-    are `held` (m,), `A` (m, m), `b` (m,), `linear` (m,).
+    are `active` (m,), `A` (m, m), `b` (m,), `linear` (m,).
     """
 
     map: Annotated[Array, "6, m"]
@@ -51,7 +51,7 @@ class Limited(NamedTuple):
     free: Annotated[Array, "m, 6"]
     least: Annotated[Array, "6"]
     most: Annotated[Array, "6"]
-    held: Annotated[Integers, "m"]
+    active: Annotated[Integers, "m"]
     A: Annotated[Array, "m, m"]
     b: Annotated[Array, "m"]
     linear: Annotated[Array, "m"]
@@ -129,43 +129,43 @@ def limited_thrusts(problem: Limited, wrench: Array, thrust: Array) -> None:
 def limit_thrusts(problem: Limited, u: Array) -> None:
     """Minimise u . H u / 2 - linear . u for 0 <= u <= limit; u (m,) is any start, and written.
 
-    `held` is -1 and 1 for what is held at its lower and upper limit, 0 for what is free.
+    `active` is -1 and 1 for what is held at its lower and upper limit, 0 for what is free.
     """
-    H, f, limit, held, A, b = problem.H, problem.linear, problem.limit, problem.held, problem.A, problem.b
+    H, f, limit, active, A, b = problem.H, problem.linear, problem.limit, problem.active, problem.A, problem.b
     m = u.shape[0]
     for i in range(m):
-        held[i] = -1 if u[i] <= 0.0 else (1 if u[i] >= limit[i] else 0)
+        active[i] = -1 if u[i] <= 0.0 else (1 if u[i] >= limit[i] else 0)
         u[i] = min(max(u[i], 0.0), limit[i])
     for _ in range(MOST_CHANGES):
         for i in range(m):  # the step to the minimum over the free ones; the rest stays
-            b[i] = f[i] if held[i] == 0 else 0.0
+            b[i] = f[i] if active[i] == 0 else 0.0
             for j in range(m):
-                A[i, j] = H[i, j] if held[i] == 0 and held[j] == 0 else (1.0 if i == j else 0.0)
-                if held[i] == 0:
+                A[i, j] = H[i, j] if active[i] == 0 and active[j] == 0 else (1.0 if i == j else 0.0)
+                if active[i] == 0:
                     b[i] -= H[i, j] * u[j]
         solve_positive(A, b)
         share, first = 1.0, -1
         for i in range(m):
-            if held[i] == 0:
+            if active[i] == 0:
                 room = limit[i] - u[i] if b[i] > 0.0 else -u[i]
                 if abs(b[i]) * share > abs(room):
                     share, first = room / b[i], i
         for i in range(m):
-            if held[i] == 0:
+            if active[i] == 0:
                 u[i] += share * b[i]
         if first >= 0:
-            held[first] = 1 if b[first] > 0.0 else -1
+            active[first] = 1 if b[first] > 0.0 else -1
             u[first] = limit[first] if b[first] > 0.0 else 0.0
             continue
         worst, release = 1e-12, -1
         for i in range(m):
-            if held[i] != 0:
+            if active[i] != 0:
                 slope = -f[i]
                 for j in range(m):
                     slope += H[i, j] * u[j]
-                gain = -slope if held[i] < 0 else slope  # what the function would fall by, per newton inwards
+                gain = -slope if active[i] < 0 else slope  # what the function would fall by, per newton inwards
                 if gain > worst:
                     worst, release = gain, i
         if release < 0:
             return
-        held[release] = 0
+        active[release] = 0

@@ -44,7 +44,9 @@ PITCHED_IN = 0.3  # [s]: time constant with which pitch takes over a forward for
 
 def integral_shares(control: ControlSection) -> Array:
     """Return which share of the stiffness the integrals add in a second (6,) [1/s]; rows as the axes of the law."""
-    shares = np.concatenate([np.broadcast_to(one, 3) for one in (control.position_integral, control.attitude_integral)])
+    shares = np.concatenate(
+        [np.broadcast_to(gains, 3) for gains in (control.position_integral, control.attitude_integral)]
+    )
     shares[1 if control.feedforward else 6 :] = 0.0
     return shares * control.integral
 
@@ -57,14 +59,14 @@ def follow_share(rate: float, dt: float) -> float:
 def shortfall(scenario: Scenario, wrench: Array, thrusters: ThrusterSet) -> list[str]:
     """Return a line about each part of a nominal wrench (6,) that the real thrusters cannot make; [] if they can."""
     real = Allocation(thrusters, scenario.thrusters.factor)
-    left = real.unrealised(wrench, real.thrusts(wrench))
+    lacking = real.unrealised(wrench, real.thrusts(wrench))
     lines = []
-    for row in np.flatnonzero(np.abs(left) > SHORT):
-        made, unit = wrench[row] - left[row], "N" if row < 3 else "N m"
+    for row in np.flatnonzero(np.abs(lacking) > SHORT):
+        reached, unit = wrench[row] - lacking[row], "N" if row < 3 else "N m"
         what = ("forward thrust", "", "lift", "rolling moment", "pitching moment", "yawing moment")[row]
         lines.append(
             f"scenario {scenario.name}: the nominal flight needs {wrench[row]:.3g} {unit} of {what}, the thrusters "
-            f"make {made:.3g} {unit}: the robot will {'fall' if row == 2 else 'not keep its course'}"
+            f"make {reached:.3g} {unit}: the robot will {'fall' if row == 2 else 'not keep its course'}"
         )
     return lines
 
@@ -208,7 +210,9 @@ class Controller:
         ground = np.array(self.scenario.flight.velocity) + swing[3:6]
         twist = np.append(pin.Quaternion(q[3:7]).matrix().T @ ground, swing[9:])
         sensors = self.scenario.believed_sensors
-        noise = np.sqrt(np.concatenate([sample_variance(one, 1.0)[0] for one in (sensors.velocity, sensors.gyro)]))
+        noise = np.sqrt(
+            np.concatenate([sample_variance(sensor, 1.0)[0] for sensor in (sensors.velocity, sensors.gyro)])
+        )
         near = np.abs(v[:6] - twist) <= AS_NOMINAL * noise
         v[:6] = np.where(near, twist, v[:6])
         return v

@@ -56,19 +56,19 @@ def observer_gains(control: ControlSection) -> Array:
 
 def moved(wrench: Array, lever: Array) -> Array:
     """Return a wrench (6,) at a point from which its own point lies at `lever` (3,) [m]; all in the same axes."""
-    there = np.empty(BASE_SIZE)
-    move(wrench, lever, there)
-    return there
+    shifted = np.empty(BASE_SIZE)
+    move(wrench, lever, shifted)
+    return shifted
 
 
 @kernel
-def move(wrench: Array, lever: Array, there: Array) -> None:
+def move(wrench: Array, lever: Array, shifted: Array) -> None:
     """Write what `moved` returns."""
     fx, fy, fz, x, y, z = wrench[0], wrench[1], wrench[2], lever[0], lever[1], lever[2]
-    there[0], there[1], there[2] = fx, fy, fz
-    there[3] = wrench[3] + y * fz - z * fy
-    there[4] = wrench[4] + z * fx - x * fz
-    there[5] = wrench[5] + x * fy - y * fx
+    shifted[0], shifted[1], shifted[2] = fx, fy, fz
+    shifted[3] = wrench[3] + y * fz - z * fy
+    shifted[4] = wrench[4] + z * fx - x * fz
+    shifted[5] = wrench[5] + x * fy - y * fx
 
 
 def sample_variance(sensor: SensorSection | None, dt: float) -> tuple[Array, float]:
@@ -178,7 +178,7 @@ class DisturbanceObserver:
         self.observer = ForceLevelObserver(model, unknown, gains, rows="base")
         self._stream = AirStream(robot, scenario.believed_air, dt) if control.air else None
         self._rate, self._centre = 2.0 * np.pi * scenario.crank.frequency, nominal.centre
-        samples = [sample_variance(one, dt) for one in (sensors.velocity, sensors.gyro)]
+        samples = [sample_variance(sensor, dt) for sensor in (sensors.velocity, sensors.gyro)]
         density = nominal.momentum**2 @ np.concatenate([variance * period for variance, period in samples])
         self._variance = gains**3 / 4.0 * density
         self._follow, self._smooth, self._counted = 1.0 - np.exp(-gains * dt), np.zeros(BASE_SIZE), np.zeros(BASE_SIZE)

@@ -187,10 +187,10 @@ def write_commands(memory: Array, wrench: Array, crank_angle: float) -> None:
     wanted[PITCHING] += law.steering[0] * cos(crank_angle) + law.steering[1] * sin(crank_angle)
     limited_thrusts(law.limited, wanted, law.command)
     for i in range(6):
-        made = 0.0
+        reached = 0.0
         for j in range(law.command.shape[0]):
-            made += law.limited.map[i, j] * law.command[j]
-        law.unrealised[i] = wanted[i] - made
+            reached += law.limited.map[i, j] * law.command[j]
+        law.unrealised[i] = wanted[i] - reached
 
 
 @inner
@@ -209,9 +209,9 @@ def add_waves(coefficients: Array, crank_angle: float, out: Array) -> None:
 @inner
 def add_error(law: Law, i: int, error: float) -> None:
     """Add to an integral, unless that asks for more of what the limits leave already; left is made by rolling."""
-    left = -law.unrealised[3] if i == 1 else law.unrealised[i]
+    lacking = -law.unrealised[3] if i == 1 else law.unrealised[i]
     rate = law.gains[i, 2] * error
-    if not (abs(left) > UNREALISED and left * rate > 0.0):
+    if not (abs(lacking) > UNREALISED and lacking * rate > 0.0):
         law.integral[i] += rate * law.tick[()]
 
 

@@ -97,8 +97,8 @@ def wrong_plant_ms(scenario: Scenario) -> dict[str, float]:
             update={"thrusters": scenario.believed_thrusters.model_dump(exclude_none=True)}
         )
         wrong = scenario.model_copy(update={"thrusters": thrusters, "believed": belief})
-        found = [_margins(wrong, axis, bank) for axis in ("roll", "pitch", "yaw", "height", "forward")]
-        worst[name] = max(one.ms if one.stable else float("inf") for one in found)
+        margins = [_margins(wrong, axis, bank) for axis in ("roll", "pitch", "yaw", "height", "forward")]
+        worst[name] = max(margin.ms if margin.stable else float("inf") for margin in margins)
     return worst
 
 
@@ -111,8 +111,8 @@ def noise_slew(pilot: Controller) -> float:
     scenario, nominal, dt = pilot.scenario, pilot.nominal, pilot.dt
     sensors = scenario.believed_sensors
     place, speed, angle, rate = (
-        float(np.mean(sample_variance(one, dt)[0]))
-        for one in (sensors.position, sensors.velocity, sensors.attitude, sensors.gyro)
+        float(np.mean(sample_variance(sensor, dt)[0]))
+        for sensor in (sensors.position, sensors.velocity, sensors.attitude, sensors.gyro)
     )
     w = np.linspace(0.0, np.pi / dt, 4001)[1:]
     s: Response = 1j * w
@@ -175,13 +175,13 @@ def _margins(scenario: Scenario, axis: str, b: float) -> Margins:
     forward = _product(parts.lead, _sum(parts.law, _product(parts.observer, TWICE)))
     inner, inertia = _product(_product(parts.lead, parts.observer), parts.model_lag), (TWICE[1], TWICE[0])
     outer = _product(_product(forward, lag), inertia)
-    factor, late, told = real.factor / believed.factor, real.delay + 0.5 * dt, believed.delay
+    factor, late, assumed = real.factor / believed.factor, real.delay + 0.5 * dt, believed.delay
 
     s: Response = 1j * FREQUENCIES
-    L = factor * at(outer, s) * np.exp(-late * s) / (1.0 - at(inner, s) * np.exp(-told * s))
+    L = factor * at(outer, s) * np.exp(-late * s) / (1.0 - at(inner, s) * np.exp(-assumed * s))
     top, bottom = _product(outer, _pade(late))
-    rest = _sum(ONE, _product(_product((-np.ones(1), np.ones(1)), inner), _pade(told)))
-    loop = np.polymul(factor * top, rest[1]), np.polymul(bottom, rest[0])
+    closed = _sum(ONE, _product(_product((-np.ones(1), np.ones(1)), inner), _pade(assumed)))
+    loop = np.polymul(factor * top, closed[1]), np.polymul(bottom, closed[0])
     poles = np.roots(np.polyadd(*loop))
     return _margins_of(L, bool(np.all(poles.real < 1e-6)))
 

@@ -60,12 +60,12 @@ class WatchState(NamedTuple):
 
     Constants: `limit` (m,) of the thrusters [N], `samples` (1,) in a window, `silent` (1,) in ticks, `swings` (6,).
 
-    State of a window: `seen` (1,) samples, `squares`, `signs`, `crossings` (6,), `held` () commands at a limit, `short`
-    (2,) squares of what they left of roll and lift; of the window before: `before` (6,) rms.
+    State of a window: `seen` (1,) samples, `squares`, `signs`, `crossings` (6,), `limited` () commands at a limit,
+    `short` (2,) squares of what they left of roll and lift; of the window before: `before` (6,) rms.
 
     Results: `word` (1,) index in `WORDS`, `at` (1,) sample of its begin, `why` (1,) channel, axis, or 7 off, 8 tilted,
-    `size` () by how much, `share` () largest at limits, `left` (2,) rms left of roll [N m] and lift [N] in that window,
-    `ticks` (1,) all samples.
+    `size` () by how much, `share` () largest at limits, `lacking` (2,) rms left of roll [N m] and lift [N] in that
+    window, `ticks` (1,) all samples.
     """
 
     limit: Annotated[Array, "m"]
@@ -76,7 +76,7 @@ class WatchState(NamedTuple):
     squares: Annotated[Array, "6"]
     signs: Annotated[Array, "6"]
     crossings: Annotated[Array, "6"]
-    held: Annotated[Array, ""]
+    limited: Annotated[Array, ""]
     short: Annotated[Array, "2"]
     before: Annotated[Array, "6"]
     word: Annotated[Integers, "1"]
@@ -84,7 +84,7 @@ class WatchState(NamedTuple):
     why: Annotated[Integers, "1"]
     size: Annotated[Array, ""]
     share: Annotated[Array, ""]
-    left: Annotated[Array, "2"]
+    lacking: Annotated[Array, "2"]
     ticks: Annotated[Integers, "1"]
 
 
@@ -125,8 +125,8 @@ class Monitor:
     @property
     def word(self) -> str:
         """The word of the flight so far."""
-        found = int(self._fields.word[0])
-        return STATE_WORDS[max(found, 1) if self._sensed.faults.any() else found]
+        worst = int(self._fields.word[0])
+        return STATE_WORDS[max(worst, 1) if self._sensed.faults.any() else worst]
 
     @property
     def state(self) -> LoopState:
@@ -150,7 +150,7 @@ class Monitor:
             swing = f"{1e3 * size:.0f} mm" if why < 3 else f"{np.degrees(size):.1f} deg"
             return f" since {since:.2f} s: {AXES[why]} swings by {swing} rms and does not calm down"
         if word == "SATURATED":
-            roll, lift = 1e3 * fields.left
+            roll, lift = 1e3 * fields.lacking
             share = 100.0 * float(fields.share[()])
             return (
                 f" since {since:.2f} s: up to {share:.0f} % of the commands of half a second at a limit; short then by "
@@ -185,7 +185,7 @@ def watch(memory: Array, q: Array, error: Array, beyond: Integers, command: Arra
         w.signs[i] = 1.0 if error[i] > 0.0 else -1.0
     for j in range(m):
         if command[j] <= 0.0 or command[j] >= w.limit[j]:
-            w.held[()] += 1.0 / m
+            w.limited[()] += 1.0 / m
     w.short[0] += unrealised[3] * unrealised[3]
     w.short[1] += unrealised[2] * unrealised[2]
     w.seen[0] += 1
@@ -199,13 +199,13 @@ def watch(memory: Array, q: Array, error: Array, beyond: Integers, command: Arra
             worsen(w, UNSTABLE, i, rms)
         w.before[i] = rms
         w.squares[i] = w.crossings[i] = 0.0
-    share = w.held[()] / n
+    share = w.limited[()] / n
     if share > AT_LIMITS:
         worsen(w, SATURATED, 0, share)
     if share > w.share[()]:
         w.share[()] = share
-        w.left[0], w.left[1] = sqrt(w.short[0] / n), sqrt(w.short[1] / n)
-    w.held[()] = w.short[0] = w.short[1] = 0.0
+        w.lacking[0], w.lacking[1] = sqrt(w.short[0] / n), sqrt(w.short[1] / n)
+    w.limited[()] = w.short[0] = w.short[1] = 0.0
     w.seen[0] = 0
 
 

@@ -97,7 +97,7 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
     steady = scenario.believed_air.steady
     stream, data = AirStream(robot, steady, dt), model.createData()
     beat = waves(angle[:-1]) if rate > 0.0 else np.zeros((FLAP_SAMPLES, 2 * OVERTONES))
-    for left in reversed(range(PASSES)):
+    for remaining in reversed(range(PASSES)):
         q = robot.configuration(placements, closed.theta_s, closed.theta_e)
         v = robot.velocity(twists, closed.theta_s_dot, closed.theta_e_dot)
         a = robot.velocity(accelerations, closed.theta_s_ddot, closed.theta_e_ddot)
@@ -114,7 +114,7 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
         lasting = (needed - air)[:, PITCHING] - np.mean(inertias[:, PITCHING, PITCHING]) * accelerations[:-1, PITCHING]
         steering = _of_waves(lasting, beat)[:2]  # what holds the pitch still
         steering *= min(1.0, most_steering(scenario, robot, wrench) / max(float(np.hypot(*steering)), 1e-12))
-        if left:
+        if remaining:
             miss = needed - air - wrench
             miss[:, PITCHING] -= beat[:, :2] @ steering
             accelerations[:-1] -= np.linalg.solve(inertias, miss[:, :, None])[:, :, 0]
@@ -160,13 +160,13 @@ def _blown(stream: AirStream, time: Array, q: Array, v: Array, angle: float, rat
     """
     stream.reset(0.0, q[0], v[0], angle, rate)
     ahead = q[-1, :3] - q[0, :3]
-    made = np.zeros((2 * FLAP_SAMPLES, BASE_SIZE))
+    wrenches = np.zeros((2 * FLAP_SAMPLES, BASE_SIZE))
     for k in range(2 * FLAP_SAMPLES):
         at = k % FLAP_SAMPLES + 1
-        here = q[at].copy()
-        here[:3] += ahead if k >= FLAP_SAMPLES else 0.0
-        made[k] = stream.update(time[at], here, v[at]).sum(axis=0)[:BASE_SIZE]
-    return np.asarray(0.5 * (made[FLAP_SAMPLES - 1 : -1] + made[FLAP_SAMPLES:]))
+        placed = q[at].copy()
+        placed[:3] += ahead if k >= FLAP_SAMPLES else 0.0
+        wrenches[k] = stream.update(time[at], placed, v[at]).sum(axis=0)[:BASE_SIZE]
+    return np.asarray(0.5 * (wrenches[FLAP_SAMPLES - 1 : -1] + wrenches[FLAP_SAMPLES:]))
 
 
 def _without_drift(
@@ -181,12 +181,12 @@ def _without_drift(
     course = pin.Quaternion(placement[3:])
     attitudes = [course * pin.Quaternion(pin.exp3(row)) for row in turn]
     twists = twist + swing
-    over_ground = np.array([one.matrix() @ row[:3] for one, row in zip(attitudes, twists, strict=True)])
+    over_ground = np.array([attitude.matrix() @ row[:3] for attitude, row in zip(attitudes, twists, strict=True)])
     extra = _mean(over_ground) - velocity
-    twists[:, :3] -= np.array([one.matrix().T @ extra for one in attitudes])
+    twists[:, :3] -= np.array([attitude.matrix().T @ extra for attitude in attitudes])
     places = _integral(over_ground - extra - velocity, time)
     places += placement[:3] - _mean(places) + time[:, None] * velocity
-    return twists, np.concatenate([places, [one.coeffs() for one in attitudes]], axis=1)
+    return twists, np.concatenate([places, [attitude.coeffs() for attitude in attitudes]], axis=1)
 
 
 def _about_the_course(placements: Array, twists: Array, level: Array, velocity: Array, time: Array) -> Array:

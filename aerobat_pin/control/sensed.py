@@ -82,7 +82,7 @@ class SensedMotion:
         """Translate what is believed of the sensors into ticks; `restart` begins a flight."""
         dt, sensors, flight = scenario.simulation.dt, scenario.believed_sensors, scenario.flight
         fitted = [getattr(sensors, name) or SensorSection() for name in CHANNELS]
-        delay = [round(one.delay / dt) for one in fitted]
+        delay = [round(sensor.delay / dt) for sensor in fitted]
         series = joint_series(robot.linkage)
         sizes = {"waves": len(nominal.swing) // 2, "harmonics": len(series), "rows": max(delay) + 1}
         self._memory = new_state(Senses, nq=robot.model.nq, nv=robot.model.nv, **sizes)
@@ -93,16 +93,17 @@ class SensedMotion:
         fields.wrench[:], fields.steering[:], fields.inertia[:] = nominal.wrench, nominal.steering, nominal.inertia
         fields.tick[...], fields.delay[:] = dt, delay
         fields.first[...] = np.radians(scenario.crank.start_deg)
-        periods = [dt if one.rate is None else max(dt, 1.0 / one.rate) for one in fitted]
+        periods = [dt if sensor.rate is None else max(dt, 1.0 / sensor.rate) for sensor in fitted]
         fields.period[:] = np.ceil(np.array(periods) / dt - 1e-6)
         stands = scenario.crank.frequency == 0.0  # and with it the joints
         constant = [
-            one.quantum > 0.0 or (stands and name in CHANNELS[4:]) for name, one in zip(CHANNELS, fitted, strict=True)
+            sensor.quantum > 0.0 or (stands and name in CHANNELS[4:])
+            for name, sensor in zip(CHANNELS, fitted, strict=True)
         ]
         fields.still[:] = np.where(constant, fields.period, np.iinfo(np.intp).max // 2)
-        for row, name, one, period in zip(fields.reach, CHANNELS, fitted, periods, strict=True):
+        for row, name, sensor, period in zip(fields.reach, CHANNELS, fitted, periods, strict=True):
             off, per_period, since = REACH[name]
-            noise = max(one.noise) + one.quantum + one.walk
+            noise = max(sensor.noise) + sensor.quantum + sensor.walk
             row[:] = MOST_DEVIATIONS * noise + off + per_period * period, since * dt
             anchored = name not in ("velocity", "gyro")
             fields.share[CHANNELS.index(name)] = 1.0 - np.exp(-period / ANCHOR) if anchored else 1.0

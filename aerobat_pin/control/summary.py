@@ -50,8 +50,8 @@ class ControlSummary:
     def to_json(self) -> dict[str, Any]:
         """Return the entry as plain values."""
         margins = {
-            axis: {key: value if np.isfinite(value) else None for key, value in asdict(found).items()}
-            for axis, found in self.margins.items()
+            axis: {key: value if np.isfinite(value) else None for key, value in asdict(margin).items()}
+            for axis, margin in self.margins.items()
         }
         said = self.said
         state = {"state": said.word, "state_since": said.since, "state_line": said.line, "unused_samples": said.unused}
@@ -68,11 +68,11 @@ def control_summary(scenario: Scenario, log: FlightLog, pilot: Controller) -> Co
     limit = thrusters_of(pilot.morphology).limit
     steps = np.diff(command, axis=0) / scenario.simulation.dt
     times = pilot.loop_times[: len(command)]
-    left = dict(zip(("lift", "roll", "pitch", "yaw"), _rms(unrealised[:, 2:]).tolist(), strict=True))
+    unrealised_rms = dict(zip(("lift", "roll", "pitch", "yaw"), _rms(unrealised[:, 2:]).tolist(), strict=True))
     return ControlSummary(
         slew_rms=float(np.sqrt(np.mean(steps**2))) if len(steps) else 0.0,
         saturated_share=float(np.mean((command <= 0.0) | (command >= limit))),
-        unrealised_rms=left,
+        unrealised_rms=unrealised_rms,
         seen_rms=tuple(_rms(log.truth["seen_disturbance"].values).tolist()),
         loop_p50_s=float(np.median(times)),
         loop_p99_s=float(np.percentile(times, 99.0)),

@@ -36,8 +36,8 @@ NO_TRICKS = os.O_NOFOLLOW | os.O_NONBLOCK  # follow no link, wait for no pipe
 def foreign_file(path: str | Path, name: str, largest: float = float("inf")) -> Path:
     """Return the path of a regular file of at most so many bytes; LogError, that begins with `name`, for any other."""
     if not os.path.isfile(path):  # False also for names that no file can have
-        found = "a folder, pipe or device: a file was expected" if os.path.exists(path) else "there is no such file"
-        raise LogError(f"{name}: {found}")
+        reason = "a folder, pipe or device: a file was expected" if os.path.exists(path) else "there is no such file"
+        raise LogError(f"{name}: {reason}")
     if (size := os.path.getsize(path)) > largest:
         raise LogError(f"{name}: {size} bytes: at most {largest} were expected")
     return Path(path)
@@ -91,20 +91,20 @@ def content_of(path: Path, most: int, *, private: bool = False) -> bytes:
         reason = "is a link; a file was expected" if error.errno == errno.ELOOP else error.strerror
         raise OSError(error.errno, reason, str(path)) from error
     with open(descriptor, "rb") as file:
-        found = os.fstat(descriptor)
-        if not stat.S_ISREG(found.st_mode):
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
             raise OSError(errno.EINVAL, "is no file", str(path))
         if private:
-            check_private(found, path)
-        if found.st_size > most:
-            raise OSError(errno.EFBIG, f"{found.st_size} bytes, at most {most} were expected", str(path))
+            check_private(status, path)
+        if status.st_size > most:
+            raise OSError(errno.EFBIG, f"{status.st_size} bytes, at most {most} were expected", str(path))
         return file.read(most)
 
 
-def check_private(found: os.stat_result, path: Path) -> None:
+def check_private(status: os.stat_result, path: Path) -> None:
     """Raise PermissionError if a file or folder is another user's, or others may change it."""
-    others = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    if others or found.st_uid != os.geteuid():
+    others = status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    if others or status.st_uid != os.geteuid():
         reason = "can be changed by other users" if others else "belongs to another user"
         raise PermissionError(errno.EPERM, reason, str(path))
 

@@ -87,10 +87,10 @@ def claimed(target: Path) -> Iterator[Path]:
             os.write(lock, b"%d\n" % os.getpid())
             for path in (place.with_name(name) for name in os.listdir(holder) if name.startswith(WORK)):
                 if path != place:
-                    with suppress(OSError), ExitStack() as left:  # by a process that was killed, and is this user's
-                        left.callback(os.close, killed := opened_ours(path, holder, OPEN_FOLDER))
+                    with suppress(OSError), ExitStack() as leftover:  # by a process that was killed, and is this user's
+                        leftover.callback(os.close, killed := opened_ours(path, holder, OPEN_FOLDER))
                         os.lstat(LOCK, dir_fd=killed)  # what has none is no work folder
-                        left.callback(os.close, locked(path / LOCK, killed))
+                        leftover.callback(os.close, locked(path / LOCK, killed))
                         _remove(path, holder, killed)
             os.close(own_folder(place / NEW, work))
             shutil.rmtree(NEW, ignore_errors=True, dir_fd=work)  # of a process that was killed
@@ -212,14 +212,14 @@ def _link_others(old: Path, new: Path, results: set[Path]) -> None:
 
     for folder, folders, files in os.walk(old, onerror=stop):
         folders[:], files = ([name for name in names if not name.startswith(WORK)] for names in (folders, files))
-        there = new / Path(folder).relative_to(old)
+        copy = new / Path(folder).relative_to(old)
         links = [name for name in folders if os.path.islink(os.path.join(folder, name))]
         for name in [*files, *links]:
-            if Path(folder, name) not in results and not os.path.lexists(there / name):
-                there.mkdir(parents=True, exist_ok=True)
-                os.link(Path(folder, name), there / name, follow_symlinks=False)
-        if not (folders or files) and not there.exists():
-            there.mkdir(parents=True)
+            if Path(folder, name) not in results and not os.path.lexists(copy / name):
+                copy.mkdir(parents=True, exist_ok=True)
+                os.link(Path(folder, name), copy / name, follow_symlinks=False)
+        if not (folders or files) and not copy.exists():
+            copy.mkdir(parents=True)
 
 
 def _remove(place: Path, holder: int, work: int) -> None:

@@ -81,7 +81,7 @@ def refuse_links(target: Path, within: Path | None = None) -> None:
     Of a path that begins at the current folder, which somebody may have sent, no part may be one; of an absolute path,
     which the user has typed, only the last part and what is below the folder `within`.
     """
-    path, root = (Path(os.path.normpath(one)) for one in (target, within or target))
+    path, root = (Path(os.path.normpath(place)) for place in (target, within or target))
     below = [folder for folder in path.parents if folder != root and folder.is_relative_to(root)]
     for place in [path, *(below if path.is_absolute() else path.parents)]:
         if os.path.islink(place):
@@ -94,7 +94,7 @@ def opened_folder(path: Path, within: Path | None = None) -> int:
 
     The links that `refuse_links` refuses are not followed here either: they can be made in between.
     """
-    path, root = (Path(os.path.normpath(one)) for one in (path, within or path))
+    path, root = (Path(os.path.normpath(place)) for place in (path, within or path))
     typed = len(root.parts) - 1 if path.is_absolute() else 0
     descriptor = os.open(path.anchor or ".", OPEN_FOLDER)
     for i, name in enumerate(path.relative_to(path.anchor).parts):
@@ -158,17 +158,17 @@ def opened_ours(path: Path, outer: int, flags: int) -> int:
     return descriptor
 
 
-def _check_ours(found: os.stat_result, path: Path, flags: int) -> None:
+def _check_ours(status: os.stat_result, path: Path, flags: int) -> None:
     """Raise FileExistsError if what is at a work place, opened with these flags, is not ours."""
     folder = flags & os.O_DIRECTORY
     kind = "folder" if folder else "file"
-    if stat.S_ISLNK(found.st_mode):
+    if stat.S_ISLNK(status.st_mode):
         what = "is a link"
-    elif stat.S_IFMT(found.st_mode) != (stat.S_IFDIR if folder else stat.S_IFREG):
+    elif stat.S_IFMT(status.st_mode) != (stat.S_IFDIR if folder else stat.S_IFREG):
         what = f"is no {kind}"
-    elif not folder and found.st_nlink > 1:
+    elif not folder and status.st_nlink > 1:
         what = "is also a file of another name"
-    elif found.st_uid != os.geteuid():
+    elif status.st_uid != os.geteuid():
         what = "belongs to another user"
     else:
         return

@@ -112,7 +112,7 @@ def run(
     pilot = None if scenario.control is None else Controller(scenario, believed)
 
     def judged(log: FlightLog) -> Experiment:
-        made = _estimated(log, believed, scenario, flight_note(scenario, robot, log), progress, calibration)
+        experiment = _estimated(log, believed, scenario, flight_note(scenario, robot, log), progress, calibration)
         flight, control, seed = flight_summary(log, robot.mass), None, scenario.simulation.seed
         said: list[Finding] = []
         if pilot is not None:
@@ -121,16 +121,16 @@ def run(
             control = control_summary(scenario, log, pilot).to_json()
             said += [Finding("control", "warning", control["state_line"])] * (control["state"] != "OK")
         changed = changed_keys(scenario)
-        more = {**made.scores.more, "seed": seed, "changed": changed, "log": None, "flight": flight.to_json()}
+        more = {**experiment.scores.more, "seed": seed, "changed": changed, "log": None, "flight": flight.to_json()}
         scores = replace(
-            made.scores,
-            title=f"{scenario.name}, seed {seed}: {made.note}; motor torque {scenario.observers.torque}",
+            experiment.scores,
+            title=f"{scenario.name}, seed {seed}: {experiment.note}; motor torque {scenario.observers.torque}",
             changes=changes_text(scenario.name, changed),
             advice=NOISE_ADVICE if scenario.sensors.sampled else "",
-            findings=(*said, *made.scores.findings),
+            findings=(*said, *experiment.scores.findings),
             more=more if control is None else {**more, "control": control},
         )
-        return replace(made, robot=robot, scores=scores, flight=flight, control=control)
+        return replace(experiment, robot=robot, scores=scores, flight=flight, control=control)
 
     try:
         flying = None if progress is None else partial(progress, "flying")
@@ -204,37 +204,39 @@ def _observer_stages(progress: Progress, names: Sequence[str]) -> Callable[[floa
 
 
 @guarded()
-def beside_pd(made: Experiment, progress: Progress | None = None) -> Experiment:
+def beside_pd(experiment: Experiment, progress: Progress | None = None) -> Experiment:
     """Return an experiment that says how far off course its robot was, and how far PD alone would have been.
 
     The same flight is flown once more, in the same disturbance and with the same gains, without integral and observer;
     `metrics.json` has its errors as `pd_rms` under `control`. A flight that no controller flew is returned as it is.
 
     Args:
-        made: the experiment.
+        experiment: the experiment.
         progress: called with the name of the stage and the share of the stage that is done.
     """
-    section, flight, control = made.scenario.control, made.flight, made.control
+    section, flight, control = experiment.scenario.control, experiment.flight, experiment.control
     if section is None or flight is None or flight.rms is None or control is None:
-        return made
+        return experiment
     lines, alone = [f"off its course by {_off(flight.rms)} rms"], None
     if section.integral or section.feedforward:
-        scenario = made.scenario.model_copy(update={"control": section.model_copy(update=PD_ALONE)})
+        scenario = experiment.scenario.model_copy(update={"control": section.model_copy(update=PD_ALONE)})
         show = None if progress is None else lambda share: progress("flying with PD alone", share)
         try:
             with warnings.catch_warnings(action="ignore", category=UserWarning):  # the flight itself has said them
                 pilot = Controller(scenario, believed_robot(scenario))
-            log, ended = simulate(scenario, show, robot=made.robot, pilot=pilot), ""
+            log, ended = simulate(scenario, show, robot=experiment.robot, pilot=pilot), ""
         except SimulationError as error:
             if not isinstance(error.kept, FlightLog):
-                return made
+                return experiment
             log, ended = error.kept, f" until it is lost at {error.kept.time[-1]:.2f} s"
         alone = course_rms(scenario, log)
         lines.append(f"PD alone, in the same disturbance: {_off(alone)} rms{ended}")
     control = {**control, "pd_rms": alone}
     lines.append(_effort(control))
-    scores = replace(made.scores, notes=(*made.scores.notes, *lines), more={**made.scores.more, "control": control})
-    return replace(made, scores=scores, control=control)
+    scores = replace(
+        experiment.scores, notes=(*experiment.scores.notes, *lines), more={**experiment.scores.more, "control": control}
+    )
+    return replace(experiment, scores=scores, control=control)
 
 
 def _off(rms: Mapping[str, float]) -> str:

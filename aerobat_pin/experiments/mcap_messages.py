@@ -147,15 +147,15 @@ def write_mcap_stretches(stretches: Iterable[McapStretch], path: Path) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     register_scene(store)
     with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder, "forces.mcap")
-        with made.open("wb") as file:
+        draft = Path(folder, "forces.mcap")
+        with draft.open("wb") as file:
             writer = Writer(file, compression=CompressionType.NONE, enable_data_crcs=True)
             writer.start("ros2", "aerobat")
             topics = _Topics(writer, store)
             for stretch in stretches:
                 _write_stretch(topics, stretch)
             writer.finish()
-        write_files({path: made})
+        write_files({path: draft})
 
 
 class _Topics:

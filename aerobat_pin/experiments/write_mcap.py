@@ -18,14 +18,14 @@ from aerobat_pin.observers import Estimate
 
 
 @guarded()
-def write_mcap(found: Result, path: Path) -> None:
+def write_mcap(result: Result, path: Path) -> None:
     """Write forces, joints, pose and arrows of an estimated recording. Raises OutputError if it cannot be written."""
     largest = 0.0
-    for estimate in found.stored.values():
+    for estimate in result.stored.values():
         for columns in _force_columns(estimate.head).values():
             for block in estimate.blocks():
                 largest = max(largest, _largest_force(block.components[:, columns]))
-    write_mcap_stretches(_mcap_stretches(found, largest), path)
+    write_mcap_stretches(_mcap_stretches(result, largest), path)
 
 
 def _mcap_stretches(result: Result, largest: float) -> Iterator[McapStretch]:
@@ -38,9 +38,9 @@ def _mcap_stretches(result: Result, largest: float) -> Iterator[McapStretch]:
             forces: dict[str, tuple[str, Array]] = {}
             for name, estimate in result.stored.items():
                 low = estimate.index(block.time[0])
-                own = estimate.between(low, low + last - first)
-                for frame, columns in _force_columns(own).items():
-                    forces[f"/force/{name}/{frame}"] = (frame, own.components[:, columns])
+                window = estimate.between(low, low + last - first)
+                for frame, columns in _force_columns(window).items():
+                    forces[f"/force/{name}/{frame}"] = (frame, window.components[:, columns])
             low = next(iter(result.stored.values())).index(block.time[0])
             for reference in result.references:
                 forces[f"/truth/{reference.frame}"] = (reference.frame, reference.values[low : low + last - first])

@@ -121,23 +121,23 @@ def estimate_table(estimates: dict[str, Estimate]) -> str:
 
 
 @guarded()
-def write(made: Experiment | Result, folder: Path) -> None:
+def write(outcome: Experiment | Result, folder: Path) -> None:
     """Write estimates and metrics into an existing folder, and what they were estimated from.
 
     Of a simulated flight this is the scenario and the flight log; of a recorded one `belief.toml` or `map.toml`, and
     `estimate.csv` with the forces as a table. Files that a scenario names, and the calibration, are copied into the
     folder, so that the run can be repeated on any machine.
     """
-    result = made.scores if isinstance(made, Experiment) else made
-    if not isinstance(made, Experiment):
+    result = outcome.scores if isinstance(outcome, Experiment) else outcome
+    if not isinstance(outcome, Experiment):
         (folder / "map.toml").write_text(map_toml(result), encoding="utf-8")
-    elif made.flight is None:
-        write_scenario(made.scenario, folder, "belief.toml")
+    elif outcome.flight is None:
+        write_scenario(outcome.scenario, folder, "belief.toml")
     else:
-        write_scenario(made.scenario, folder)
-        (folder / "flight.nc").write_bytes(netcdf_bytes(made.log.measured, made.log.truth))
-    if isinstance(made, Experiment) and made.calibration is not None:
-        (folder / "calibration.nc").write_bytes(calibration_bytes(made.calibration))
+        write_scenario(outcome.scenario, folder)
+        (folder / "flight.nc").write_bytes(netcdf_bytes(outcome.log.measured, outcome.log.truth))
+    if isinstance(outcome, Experiment) and outcome.calibration is not None:
+        (folder / "calibration.nc").write_bytes(calibration_bytes(outcome.calibration))
     if not (folder / "flight.nc").exists():
         write_table(result, folder / "estimate.csv")
     write_netcdf(_datasets(result), len(next(iter(result.stored.values()))), folder / "estimate.nc")

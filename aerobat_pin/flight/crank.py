@@ -114,10 +114,10 @@ def checked_motion(drive: CrankDrive, time: Array) -> CrankMotion:
                 "t = 0 are needed to warm up the aerodynamic state"
             )
         parts.append(np.broadcast_to(values, time.shape))
-    found = CrankMotion(*parts)
-    _derivative("rate", "angle", found.angle, found.rate, time)
-    _derivative("acceleration", "rate", found.rate, found.acceleration, time)
-    return found
+    checked = CrankMotion(*parts)
+    _derivative("rate", "angle", checked.angle, checked.rate, time)
+    _derivative("acceleration", "rate", checked.rate, checked.acceleration, time)
+    return checked
 
 
 def _derivative(name: str, of: str, values: Array, slopes: Array, time: Array) -> None:
@@ -213,14 +213,14 @@ def add_crank(
     b[6] = crank[2] - motor.friction[()] * crank[1]
     for link in range(1, row_of.shape[0]):
         row, slope = row_of[link], closed[1, angle_of[link]]
-        rest = aerodynamic[row] + unknown[row] - h[row]
+        force = aerodynamic[row] + unknown[row] - h[row]
         for j in range(6):
             A[6, j] += slope * H[row, j]
         for other in range(1, row_of.shape[0]):
             column, angle = row_of[other], angle_of[other]
             A[6, 6] += slope * H[row, column] * closed[1, angle]
-            rest -= H[row, column] * joints[2, angle]
-        b[6] += slope * rest
+            force -= H[row, column] * joints[2, angle]
+        b[6] += slope * force
 
 
 @kernel

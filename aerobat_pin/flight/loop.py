@@ -116,8 +116,8 @@ class ClosedLoop:
         self._times[k % len(self._times)] = thread_time() - begun
         self.q, self.v = self.plant.step(self.thrust.advance(command))
         at = k % len(self._rows[0])
-        made = (command, self.thrust.mean, pilot.modelled, pilot.unrealised, pilot.disturbance)
-        for rows, values in zip(self._rows, made, strict=True):
+        entry = (command, self.thrust.mean, pilot.modelled, pilot.unrealised, pilot.disturbance)
+        for rows, values in zip(self._rows, entry, strict=True):
             rows[at] = values
         self.done = k + 1
 

@@ -150,8 +150,10 @@ class Sensing:
     def __init__(self, robot: Aerobat, sensors: SensorsSection, time: Array, seed: int, first: int = 0) -> None:
         """Draw the errors of the first n + 1 samples."""
         places = places_in_motion(robot)
-        self._fitted = [(name, *places[name], one) for name, one in sensors.fitted.items() if name in places]
-        self._crank = [("crank_angle", "crank", slice(0, 1), one) for one in [sensors.fitted.get("crank_angle")] if one]
+        self._fitted = [(name, *places[name], sensor) for name, sensor in sensors.fitted.items() if name in places]
+        self._crank = [
+            ("crank_angle", "crank", slice(0, 1), sensor) for sensor in [sensors.fitted.get("crank_angle")] if sensor
+        ]
         self._time, self._seed, self._first = time, seed, first
         self._readers, self._crank_readers = self._drawn(self._fitted), self._drawn(self._crank)
 
@@ -184,8 +186,12 @@ class Sensing:
     ) -> list[tuple[str, ChannelColumns, Callable[[int, Array], Array]]]:
         seeds = [self._seed] if self._first == 0 else [self._seed, self._first]
         return [
-            (which, columns, _Reader(name, one, self._time, np.random.default_rng([*seeds, zlib.crc32(name.encode())])))
-            for name, which, columns, one in fitted
+            (
+                which,
+                columns,
+                _Reader(name, sensor, self._time, np.random.default_rng([*seeds, zlib.crc32(name.encode())])),
+            )
+            for name, which, columns, sensor in fitted
         ]
 
 

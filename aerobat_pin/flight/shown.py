@@ -52,10 +52,10 @@ def log_with_motion(
     values = {"q": q, "v": v, "crank_angle": crank} | exact
     measured = log.measured[[str(name) for name in log.measured.data_vars if str(name).startswith(KNOWN)]]
     measured = measured.drop_dims([dim for dim in measured.dims if dim not in ("time", "interval", "v_axis")])
-    made = {name: filled(name, value) for name, value in values.items() if value is not None}
+    channels = {name: filled(name, value) for name, value in values.items() if value is not None}
     coords = {name: log.measured[name] for name in ("time", "interval")}
     kept = {name: values.variable for name, values in measured.data_vars.items()}
-    return FlightLog(xr.Dataset({**kept, **made}, coords={**coords, **labels}, attrs=log.measured.attrs), truth)
+    return FlightLog(xr.Dataset({**kept, **channels}, coords={**coords, **labels}, attrs=log.measured.attrs), truth)
 
 
 @dataclass(frozen=True)

@@ -101,9 +101,9 @@ def find_trim(scenario: Scenario) -> Trim:
             return np.full_like(unknowns, 1e3)
 
     def slopes(unknowns: Array) -> Array:
-        here = miss(unknowns)
+        base = miss(unknowns)
         units = np.eye(len(unknowns))
-        return np.column_stack([(miss(unknowns + DIFFERENCE_STEP * unit) - here) / DIFFERENCE_STEP for unit in units])
+        return np.column_stack([(miss(unknowns + DIFFERENCE_STEP * unit) - base) / DIFFERENCE_STEP for unit in units])
 
     solved = root(miss, np.concatenate([body / BODY_SCALE, air / AIR_SCALE]), jac=slopes, method="hybr")
     residual = float(np.max(np.abs(miss(solved.x))))
@@ -121,8 +121,8 @@ def find_trim(scenario: Scenario) -> Trim:
             "only a symmetric flight can be trimmed: forces or wind of this scenario push it sideways or turn it, "
             f"{lopsided:.2g} m/s or rad/s in one flap"
         )
-    found = _trimmed(scenario, solved.x)
-    return Trim(found, residual, _multipliers(plant, start, end), 1.0 / found.crank.frequency)
+    trimmed = _trimmed(scenario, solved.x)
+    return Trim(trimmed, residual, _multipliers(plant, start, end), 1.0 / trimmed.crank.frequency)
 
 
 def _course(scenario: Scenario) -> float:
@@ -216,9 +216,9 @@ def _changed(state: State, change: Array) -> State:
     return State(pin.SE3ToXYZQUAT(placement), twist, air)
 
 
-def _change(here: State, there: State) -> Array:
+def _change(start: State, end: State) -> Array:
     """Return the change from one state to another: height, rotation (3), twist (6) and scaled aerodynamic state."""
-    first, second = (pin.XYZQUATToSE3(state.placement) for state in (here, there))
+    first, second = (pin.XYZQUATToSE3(state.placement) for state in (start, end))
     turned = pin.log3(first.rotation.T @ second.rotation)
     rise = second.translation[2] - first.translation[2]
-    return np.concatenate([[rise], turned, there.twist - here.twist, (there.air - here.air) / AIR_SCALE])
+    return np.concatenate([[rise], turned, end.twist - start.twist, (end.air - start.air) / AIR_SCALE])

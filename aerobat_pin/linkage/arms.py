@@ -133,11 +133,11 @@ def sensitivities(bars: LinkageLengths, angles: Array) -> dict[str, Sensitivity]
     dependent = -np.linalg.solve(jacobian[..., 1:], real_rows(loops_by_lengths(bars, angles)))
     by_length = np.concatenate([np.zeros_like(dependent[..., :1, :]), dependent], axis=-2)
     points = pins(bars).by_angles(angles) @ by_length  # `pins` reaches no pin along an adjustable length
-    found = {}
+    sensitivities = {}
     for i, length in enumerate(ADJUSTABLE):
         of_angle = {name: by_length[..., k, i] for k, name in enumerate(ANGLES)}
         of_pin = {
             name: np.stack([points[..., k, i].real, points[..., k, i].imag], axis=-1) for k, name in enumerate(PINS)
         }
-        found[length] = Sensitivity(of_angle["t5"], of_angle["t6"] - of_angle["t5"], of_angle, of_pin)
-    return found
+        sensitivities[length] = Sensitivity(of_angle["t5"], of_angle["t6"] - of_angle["t5"], of_angle, of_pin)
+    return sensitivities

@@ -129,15 +129,15 @@ class Packages:
         self._name = f"robot {robot}"
         place = Path(os.path.abspath(robot)).parent
         above = [*dict.fromkeys([place, *place.parents, *Path(os.path.realpath(robot)).parents])]
-        self._own = [place.parent if place.name == "urdf" else place]
-        self._own += [folder for folder in above if _is_package(folder)] + [Path(PACKAGE_PATH)]
+        self._folders = [place.parent if place.name == "urdf" else place]
+        self._folders += [folder for folder in above if _is_package(folder)] + [Path(PACKAGE_PATH)]
         self._above = above
         self._ros = [Path(folder) for folder in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if folder]
 
     def contains(self, path: Path, roots: list[Path] | None = None) -> bool:
         """Return whether a file is in one of these folders, or of `roots`, after all links."""
         place = Path(os.path.realpath(path))
-        roots = self._own + self._ros if roots is None else roots
+        roots = self._folders + self._ros if roots is None else roots
         return any(place.is_relative_to(os.path.realpath(root)) for root in roots)
 
     def file(self, name: str, folder: Path, check: Callable[[Path, Packages], None]) -> Path:
@@ -148,13 +148,13 @@ class Packages:
             folder: folder of the file that contains the name.
             check: called with the path and this object.
         """
-        path, roots = Path(folder, name), self._own + self._ros
+        path, roots = Path(folder, name), self._folders + self._ros
         if name.startswith(("package://", "model://")):
-            package, _, rest = name.partition("://")[2].partition("/")
+            package, _, tail = name.partition("://")[2].partition("/")
             beside = [base / package for base in self._above]
-            roots = [root for root in beside if root in self._own or _is_package(root)]
+            roots = [root for root in beside if root in self._folders or _is_package(root)]
             roots += [base / package for base in self._ros]
-            path = next((root / rest for root in roots if os.path.isfile(root / rest)), Path(folder, rest))
+            path = next((root / tail for root in roots if os.path.isfile(root / tail)), Path(folder, tail))
         elif name.startswith("file://"):
             path = Path(unquote(urlsplit(name).path))
         if not self.contains(path, roots):

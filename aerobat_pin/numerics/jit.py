@@ -124,8 +124,8 @@ class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
         self._tell, self._depth, self._ours = tell, 0, False
         self._what, self._count, self._done = "", 0, 0
 
-    def on_start(self, found: Any) -> None:
-        entry = found.data["dispatcher"]
+    def on_start(self, event: Any) -> None:
+        entry = event.data["dispatcher"]
         if self._depth == 0:
             module = entry.py_func.__module__
             self._ours = module.startswith(OURS)
@@ -134,9 +134,9 @@ class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
             self._say()
         self._depth += 1
 
-    def on_end(self, found: Any) -> None:
+    def on_end(self, event: Any) -> None:
         self._depth -= 1
-        self._done += found.data["dispatcher"].py_func.__module__.startswith(OURS)
+        self._done += event.data["dispatcher"].py_func.__module__.startswith(OURS)
         self._say()
 
     def _say(self) -> None:

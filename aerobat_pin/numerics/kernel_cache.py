@@ -57,7 +57,7 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
         super().__init__(cache_path=folder, filename_base=name, source_stamp=stamp)
         # A new version also avoids unpickling outdated entries, whose signatures can name classes that no longer exist.
         self._version = f"{numba.__version__} {stamp}"
-        self._held = False  # by this process
+        self._locked = False  # by this process
 
     @contextmanager
     def by_one_process(self) -> Iterator[None]:
@@ -66,7 +66,7 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
         No two can wait for each other, because a kernel is locked before the kernels that it calls.
         """
         with global_compiler_lock:  # first, or two threads of this process could wait for each other
-            if self._held:
+            if self._locked:
                 yield
                 return
             with ExitStack() as end:
@@ -80,8 +80,8 @@ class SealedFiles(IndexDataCacheFile):  # type: ignore[misc]  # numba has no typ
                             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
                             break
                         time.sleep(0.02)
-                self._held = True
-                end.callback(setattr, self, "_held", False)
+                self._locked = True
+                end.callback(setattr, self, "_locked", False)
                 yield
 
     def save(self, key: Any, data: Any) -> None:

@@ -217,13 +217,13 @@ def _lower_field(context: Any, builder: Any, state: KernelState, pointer: Any, n
 
     if field.kind is int:
         return number(field.word)
-    here = builder.ptrtoint(place(field.word), word)
+    address = builder.ptrtoint(place(field.word), word)
     if field.elsewhere:
-        here = number(field.word)
+        address = number(field.word)
     elif not field.is_table:
-        here = builder.add(here, number(field.word))
+        address = builder.add(address, number(field.word))
     if field.is_table:
-        return builder.inttoptr(here, cgutils.voidptr_t)
+        return builder.inttoptr(address, cgutils.voidptr_t)
     kind = types.intp if field.kind is Integers else types.float64
     shape = [number(field.word + 1 + axis) for axis in range(len(field.shape))]
     step: Any = word(DOUBLE)
@@ -233,6 +233,6 @@ def _lower_field(context: Any, builder: Any, state: KernelState, pointer: Any, n
         step = builder.mul(step, size)
     result = types.Array(kind, len(shape), "C")
     array = context.make_array(result)(context, builder)
-    data = builder.inttoptr(here, context.get_value_type(kind).as_pointer())
+    data = builder.inttoptr(address, context.get_value_type(kind).as_pointer())
     context.populate_array(array, data=data, shape=shape, strides=strides, itemsize=word(DOUBLE), meminfo=None)
     return array._getvalue()

@@ -66,9 +66,9 @@ def frame_id(model: pin.Model, name: str) -> int:
         return int(model.getFrameId(name))
     except ValueError:
         first, *others = (number for number, frame in enumerate(model.frames) if frame.name == name)
-    one = model.frames[first]
+    chosen = model.frames[first]
     for other in (model.frames[number] for number in others):
-        if other.parentJoint != one.parentJoint or not other.placement.isApprox(one.placement):
+        if other.parentJoint != chosen.parentJoint or not other.placement.isApprox(chosen.placement):
             raise ArgumentError(
                 f"frame '{name}': {1 + len(others)} frames have this name, at different places; rename one of them"
             )

@@ -128,9 +128,9 @@ def _observe(equations: Equations, samples: Samples, time: Array, u: Array) -> O
     v, J = (0.5 * (values[1:] + values[:-1]) for values in (samples.v, samples.J))  # in mid-interval, to second order
     projection = Projection.of(rows, J, v, samples.J[1:], samples.v[1:])
     best = projection.components(rows.of(phi, v))
-    rest = rows.of(phi - _generalized(J, best), v)
+    remainder = rows.of(phi - _generalized(J, best), v)
     unexplained = np.zeros_like(phi)
-    unexplained[:, : rest.shape[1]] = rest[:, : phi.shape[1]]
+    unexplained[:, : remainder.shape[1]] = remainder[:, : phi.shape[1]]
     deviation = k = None
     r, f = phi, best
     if not equations.project_first:
@@ -255,8 +255,8 @@ def posterior(equations: Equations, dt: Array, J: Array, v: Array, y: Array) -> 
 
     f, variance = given(np.ones(len(y)), B, y)
     spare = rows.count - np.sum(1.0 - (variance * information) ** 2, axis=1)
-    rest = _first_order(equations.gains[:1], dt, y - np.einsum("mck,mc->mk", B, f))
-    squares = np.sum(rest**2, axis=1)
+    remainder = _first_order(equations.gains[:1], dt, y - np.einsum("mck,mc->mk", B, f))
+    squares = np.sum(remainder**2, axis=1)
     k = np.divide(squares, spare, out=np.full_like(spare, np.nan), where=spare >= LEAST_SPARE)
     level, mean, seconds = np.empty_like(k), 0.0, 0.0
     for i, now in enumerate(k.tolist()):

@@ -90,18 +90,18 @@ def serial_model(model: pin.Model) -> pin.Model:
 
 def _chain(joint: pin.JointModel, name: str) -> list[tuple[pin.JointModel, pin.SE3]]:
     """Return the joints, with placements, to which a joint is equal. Raises ObserverError if there are none."""
-    kind, here = joint.shortname(), pin.SE3.Identity()
+    kind, identity = joint.shortname(), pin.SE3.Identity()
     if kind in PARTS:
-        return [(joint, here)]
+        return [(joint, identity)]
     if kind == "JointModelSphericalZYX":
-        return [(pin.JointModelRZ(), here), (pin.JointModelRY(), here), (pin.JointModelRX(), here)]
+        return [(pin.JointModelRZ(), identity), (pin.JointModelRY(), identity), (pin.JointModelRX(), identity)]
     if kind == "JointModelUniversal":
-        return [(pin.JointModelRevoluteUnaligned(axis), here) for axis in (joint.axis1, joint.axis2)]
+        return [(pin.JointModelRevoluteUnaligned(axis), identity) for axis in (joint.axis1, joint.axis2)]
     if kind == "JointModelComposite":
         chain = []
         for part, placement in zip(joint.joints.tolist(), joint.jointPlacements.tolist(), strict=True):
-            (first, offset), *rest = _chain(part.extract(), name)
-            chain += [(first, placement * offset), *rest]
+            (first, offset), *others = _chain(part.extract(), name)
+            chain += [(first, placement * offset), *others]
         return chain
     if kind == "JointModelMimic":
         advice = "build the model without mimic joints (buildModelFromUrdf(..., mimic=False)) and tie the two by a Tie"

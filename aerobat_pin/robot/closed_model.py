@@ -115,7 +115,7 @@ def closed_state(
             angle, rate, change = (
                 float(part[0] - sum(part[1:]))
                 for part in zip(
-                    *((one.at, closure.rate(one), closure.acceleration(one)) for one in moving), strict=True
+                    *((arm.at, closure.rate(arm), closure.acceleration(arm)) for arm in moving), strict=True
                 )
             )
             relative = crank_angle if name == "crank" else float(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)

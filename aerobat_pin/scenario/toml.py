@@ -57,8 +57,8 @@ def read_toml(kind: str, source: str, shipped: Path, error: Callable[[str], Aero
 def scenario_toml(scenario: Section) -> str:
     """Return a scenario with all its defaults as TOML text that `load_scenario` can read."""
 
-    def in_one_line(found: re.Match[str]) -> str:
-        return f"[{', '.join(line.strip(' ,') for line in found[1].splitlines())}]"
+    def in_one_line(match: re.Match[str]) -> str:
+        return f"[{', '.join(line.strip(' ,') for line in match[1].splitlines())}]"
 
     return PLAIN_LIST.sub(in_one_line, tomli_w.dumps(scenario.model_dump(exclude_none=True)))
 
@@ -110,20 +110,20 @@ def assign(values: Any, key: str, value: Any, source: str | None = None) -> None
     _assign(values, parts, 0, value, source or f"key '{key}'")
 
 
-def _assign(here: Any, parts: list[str], depth: int, value: Any, source: str) -> None:
+def _assign(node: Any, parts: list[str], depth: int, value: Any, source: str) -> None:
     part, path = parts[depth], f"'{'.'.join(parts[:depth])}'" if depth else "the scenario"
     places: list[Any] = [part]
-    if isinstance(here, list):
-        places = [i for i in range(len(here)) if part in ("*", str(i))]
+    if isinstance(node, list):
+        places = [i for i in range(len(node)) if part in ("*", str(i))]
         if not places:
-            raise ScenarioError(f"{source}: '{part}' is not an index of {path}, a list of {len(here)}")
-    elif not isinstance(here, dict):
+            raise ScenarioError(f"{source}: '{part}' is not an index of {path}, a list of {len(node)}")
+    elif not isinstance(node, dict):
         raise ScenarioError(f"{source}: {path} is a value, not a table")
     elif part == "*":
         raise ScenarioError(f"{source}: {path} is a table, not a list; '*' stands for the items of a list")
     for place in places:
         if depth == len(parts) - 1:
-            here[place] = value
+            node[place] = value
         else:
-            below = here[place] if isinstance(here, list) else here.setdefault(place, {})
+            below = node[place] if isinstance(node, list) else node.setdefault(place, {})
             _assign(below, parts, depth + 1, value, source)

@@ -142,8 +142,8 @@ class RunComparison:
         """Why a curve or a row is not there: lines of text."""
         lines, runs = [], (self.first, self.second)
         for run, other in (runs, runs[::-1]):
-            drawn, *rest = map(str, run.estimates["observer"].values)
-            lines += [f"{run.label}: {drawn} is drawn, its first observer, and not {', '.join(rest)}"] * bool(rest)
+            drawn, *others = map(str, run.estimates["observer"].values)
+            lines += [f"{run.label}: {drawn} is drawn, its first observer, and not {', '.join(others)}"] * bool(others)
             alone = {
                 name: set(_names_along(run, name)) - set(_names_along(other, name)) for name in ("observer", "point")
             }

@@ -36,51 +36,51 @@ from aerobat_pin.visualization.template import fill_template
 SLOWER = 10.0  # the animated linkage turns slower than the real one by this factor
 
 
-def write_figures_and_pages(made: Experiment | Result, folder: Path, progress: Progress | None = None) -> None:
+def write_figures_and_pages(outcome: Experiment | Result, folder: Path, progress: Progress | None = None) -> None:
     """Write `figures/`, `report.html` and `replay.html` into an existing folder.
 
     Args:
-        made: a flight of Aerobat, or what was estimated from any other record.
+        outcome: a flight of Aerobat, or what was estimated from any other record.
         folder: folder to write into.
         progress: called with the name of the stage and the share of the stage that is done.
     """
     show = progress or (lambda stage, share: None)
     show("laying out figures", 0.0)
-    figures = draw_all(made)
+    figures = draw_all(outcome)
     (folder / "figures").mkdir()
     style.save_figures(figures, folder / "figures", lambda share: show("drawing figures", share))
-    report = report_html(made, {name: folder / "figures" / f"{name}.png" for name in figures})
+    report = report_html(outcome, {name: folder / "figures" / f"{name}.png" for name in figures})
     (folder / "report.html").write_text(report, encoding="utf-8")
     show("writing the replay", 0.0)
-    recording = replay_result(made)
+    recording = replay_result(outcome)
     recording.report = "report.html"
     (folder / "replay.html").write_text(recording.html(recording.rate), encoding="utf-8")
 
 
-def draw_all(made: Experiment | Result) -> dict[str, Figure]:
+def draw_all(outcome: Experiment | Result) -> dict[str, Figure]:
     """Draw all figures: name -> figure. The note about a flight of Aerobat is added to the titles of its figures."""
     with mpl.rc_context(style.RC):
-        if isinstance(made, Result):
-            figures = {"estimation": draw_estimation(made)}
-            if made.record is not None:
-                figures["motion"] = draw_motion(made.record)
-            if any(len(stance.onset) for stances in made.stances.values() for stance in stances):
-                figures["contacts"] = draw_contacts(made)
-            return {**figures, **_unexplained(made)}
-        robot, log = made.robot, made.drawn
+        if isinstance(outcome, Result):
+            figures = {"estimation": draw_estimation(outcome)}
+            if outcome.record is not None:
+                figures["motion"] = draw_motion(outcome.record)
+            if any(len(stance.onset) for stances in outcome.stances.values() for stance in stances):
+                figures["contacts"] = draw_contacts(outcome)
+            return {**figures, **_unexplained(outcome)}
+        robot, log = outcome.robot, outcome.drawn
         figures = {
             "position": draw_position(log),
             "states": draw_states(log),
             "stick_diagram": draw_stick_diagram(robot, log),
-            "estimation": draw_estimation(made.scores, _gusts(made.scenario)),
-            **_unexplained(made.scores),
+            "estimation": draw_estimation(outcome.scores, _gusts(outcome.scenario)),
+            **_unexplained(outcome.scores),
         }
         if log.truth is not None:
             figures |= {"aerodynamics": draw_aerodynamics(robot, log), "power": draw_power(log)}
         if log.truth is not None and "thrust" in log.truth:
-            figures["control"] = draw_control(robot, made.scenario, log)
+            figures["control"] = draw_control(robot, outcome.scenario, log)
         for figure in figures.values():
-            style.title_of(figure, f"{figure.get_suptitle()}\n{made.note}\n{made.scores.changes}")
+            style.title_of(figure, f"{figure.get_suptitle()}\n{outcome.note}\n{outcome.scores.changes}")
         return {**figures, "linkage": draw_linkage(robot.linkage)}
 
 
@@ -98,15 +98,15 @@ def _gusts(scenario: Scenario) -> list[TrueEvent]:
     return [TrueEvent("gust", (), gust.start, gust.start + gust.duration)]
 
 
-def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
+def report_html(outcome: Experiment | Result, images: Mapping[str, Path]) -> str:
     """Return the report as HTML.
 
     Args:
-        made: a flight of Aerobat, or what was estimated from any other record.
+        outcome: a flight of Aerobat, or what was estimated from any other record.
         images: figure name -> PNG file; the pictures are embedded into the page.
     """
-    flown = made if isinstance(made, Experiment) else None
-    result = made.scores if isinstance(made, Experiment) else made
+    flown = outcome if isinstance(outcome, Experiment) else None
+    result = outcome.scores if isinstance(outcome, Experiment) else outcome
     linkage = None
     if flown is not None and flown.flight is not None and flown.scenario.crank.frequency > 0.0:
         linkage = Markup(linkage_animation(flown.robot.linkage, SLOWER / flown.scenario.crank.frequency))
@@ -114,7 +114,7 @@ def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
     shape = ""
     if scenario is not None:
         shape = f"{Path(scenario.robot.morphology).stem}{' with changes' if scenario.robot.changes else ''}"
-    judged = [found.redundancy for found in result.observers.values()]
+    judged = [scores.redundancy for scores in result.observers.values()]
     return fill_template(
         "report.html",
         result=result,
@@ -123,8 +123,12 @@ def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
         shipped="" if scenario is None else shipped_description(scenario.name),
         repeated=map_toml(result) if scenario is None else scenario_toml(scenario),
         shape=shape,
-        gains=_names_and_gains(made),
-        say=one_unit(size for one in judged for size in (one.rms, one.sensors, one.belief, one.allowed)),
+        gains=_names_and_gains(outcome),
+        say=one_unit(
+            size
+            for redundancy in judged
+            for size in (redundancy.rms, redundancy.sensors, redundancy.belief, redundancy.allowed)
+        ),
         heads={name: estimate.head for name, estimate in result.stored.items()},
         words={name: (OBSERVERS[name].__doc__ or "").split("\n")[0] for name in result.stored},
         versions=versions(),
@@ -136,9 +140,9 @@ def report_html(made: Experiment | Result, images: Mapping[str, Path]) -> str:
     )
 
 
-def _names_and_gains(made: Experiment | Result) -> str:
+def _names_and_gains(outcome: Experiment | Result) -> str:
     """Return the names of the observers, each with its gain if it has one."""
-    section = made.scenario.observers if isinstance(made, Experiment) else read_map(made).observer
+    section = outcome.scenario.observers if isinstance(outcome, Experiment) else read_map(outcome).observer
     texts = []
     for name in section.names:
         with_gain = name not in ("kalman", "smoother") or section.settings(name).get("force_walk") == "gain"

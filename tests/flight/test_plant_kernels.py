@@ -255,7 +255,7 @@ def test_what_a_plant_is_made_of_lies_in_its_state_by_name(case: str) -> None:
         pinocchio_views.motions(data.v),
         pinocchio_views.motions(data.a_gf),
     )
-    for actual, value in zip(robot.found, results, strict=True):
+    for actual, value in zip(robot.results, results, strict=True):
         assert actual.shape == value.shape
         np.testing.assert_array_equal(actual, value)
 
@@ -273,7 +273,7 @@ def test_a_state_outlives_the_plant_that_made_it() -> None:
     litter = [np.full(size, np.nan) for size in range(1, 2000)]
     plant_kernels.evaluate(memory, joints, wind, held[:, :, None].copy(), 0, state, rate)
     np.testing.assert_array_equal(rate, expected)
-    assert np.isfinite(fields.robot.found.M).all()
+    assert np.isfinite(fields.robot.results.M).all()
     assert np.isnan(litter[-1]).all()
 
 

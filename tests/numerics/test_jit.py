@@ -107,7 +107,7 @@ def test_a_copied_plant_flies_the_same_flight(way: str, paper_plant: Plant) -> N
     held = np.zeros((2, len(paper_plant.forces), 5))
     expected = paper_plant.fly(5, 1e-3, held)
     copied = COPIES[way](paper_plant)
-    assert copied.in_air.fields.found.M.ctypes.data == copied.data.M.ctypes.data != paper_plant.data.M.ctypes.data
+    assert copied.in_air.fields.results.M.ctypes.data == copied.data.M.ctypes.data != paper_plant.data.M.ctypes.data
     found = copied.fly(5, 1e-3, held)
     np.testing.assert_array_equal(found.q, expected.q)
     np.testing.assert_array_equal(found.v, expected.v)

@@ -51,8 +51,8 @@ def likelier_tuning(
 
     def summed(states: slice, each: Array) -> tuple[Array, Array]:
         """Return these sums for what the forces have in common (2, 3), and for how they differ."""
-        found = sums(states, tuning.by_mode(each, layout.points)).reshape(2, layout.points, 3)
-        return found[:, 0], found[:, 1:].sum(axis=1)
+        by_point = sums(states, tuning.by_mode(each, layout.points)).reshape(2, layout.points, 3)
+        return by_point[:, 0], by_point[:, 1:].sum(axis=1)
 
     (walk, walk_apart), (bend, bend_apart) = summed(layout.walk, tuning.walk), summed(layout.slope, tuning.bend)
     white = sums(layout.white, np.tile(tuning.white / dt.mean() * TICK**0.5, layout.points))
@@ -63,7 +63,9 @@ def likelier_tuning(
         [_log_ratio(walk + walk_apart), _log_ratio(bend + bend_apart), _log_ratio(white),
          _log_ratio(common) - _log_ratio(apart), _log_ratio(jerk)]
     )  # fmt: skip
-    slopes = [one[0] - one[1] for one in (walk + walk_apart, bend + bend_apart, white, common, jerk)]
+    slopes = [
+        pulls - informations for pulls, informations in (walk + walk_apart, bend + bend_apart, white, common, jerk)
+    ]
     logs = tuning.to_logs()
     least = np.concatenate([LEAST + np.log(weight), [ALIKE_LIMITS[0]] * 3, JERK_LIMITS[:1]])
     most = np.concatenate([MOST + np.log(weight), [ALIKE_LIMITS[1]] * 3, JERK_LIMITS[1:]])

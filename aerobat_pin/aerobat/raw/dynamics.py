@@ -68,10 +68,10 @@ def linear_dynamics(
     shapes = (3, 3), (nv,), (nv, nv), (nv, nv), (nv, nv), (3 * len(ids), nv), (6, 6), (6, 6), (6,)
     middle = Middle(*(np.empty((m, *shape)) for shape in shapes))
     for k in range(m):
-        here = pin.SE3(nominal.rotation[k], nominal.position[k])
+        before = pin.SE3(nominal.rotation[k], nominal.position[k])
         after = pin.SE3(nominal.rotation[k + 1], nominal.position[k + 1])
-        step = here.actInv(after)
-        halfway = here * pin.exp6(0.5 * pin.log6(step))
+        step = before.actInv(after)
+        halfway = before * pin.exp6(0.5 * pin.log6(step))
         moved = pin.exp6(dt[k] * twist[k])
         middle.defect[k] = pin.log6(step.actInv(moved))
         middle.ad_half[k] = pin.exp6(half[k] * nominal.twist[k]).toActionMatrixInverse()

@@ -73,14 +73,14 @@ def wing_angles(series: Array, angles: Array, joints: Array) -> None:
         angles: (m,) of the crank [rad].
         joints: (m, 4, 4) written.
     """
-    here, ahead, behind = np.empty((3, 2)), np.empty((3, 2)), np.empty((3, 2))
+    centre, ahead, behind = np.empty((3, 2)), np.empty((3, 2)), np.empty((3, 2))
     for k in range(angles.shape[0]):
-        joints_at(series, angles[k], here)
+        joints_at(series, angles[k], centre)
         joints_at(series, angles[k] + CRANK_STEP, ahead)
         joints_at(series, angles[k] - CRANK_STEP, behind)
         for j in range(4):
             for i in range(3):
-                joints[k, i, j] = here[i, j % 2]
+                joints[k, i, j] = centre[i, j % 2]
             joints[k, 3, j] = (ahead[2, j % 2] - behind[2, j % 2]) / (2.0 * CRANK_STEP)
 
 
@@ -146,7 +146,7 @@ def linearise(
     dt: Array,
     crank: Array,
     slopes: Array,
-    here: Middle,
+    middle: Middle,
     r: Array,
     air: Array,
     by_twist: Array,
@@ -162,14 +162,14 @@ def linearise(
         dt: (m,) [s].
         crank: (m + 1, 3) angle, rate and acceleration of the crank at the knots.
         slopes: (m, 4, 4) of `wing_angles`.
-        here: the robot at the middle.
+        middle: the robot at the middle.
         r: (m, nv) inverse dynamics less all known forces.
         air: (m, nv) force of the air.
         by_twist: (m, nv, 6) its derivative by the twist.
         force: (m, b) forces of the last iteration, world axes.
         linear: written; `transition`, `pose` and `twist` are zero before.
     """
-    (m, nv, _), M, J, Dq, Dv, ad_half = here.M.shape, here.M, here.J, here.Dq, here.Dv, here.ad_half
+    (m, nv, _), M, J, Dq, Dv, ad_half = middle.M.shape, middle.M, middle.J, middle.Dq, middle.Dv, middle.ad_half
     A, push, n, b = linear.acceleration, linear.push, linear.transition.shape[2], J.shape[1]
     F, shift, moving = linear.transition, linear.shift, linear.shift.shape[1]
     walk, white, mass_at, air_at, phi = at
@@ -196,15 +196,15 @@ def linearise(
             for j in range(3):
                 body_force[j] = 0.0
                 for i in range(3):
-                    body_force[j] += here.rotation[k, i, j] * force[k, 3 * point + i]
+                    body_force[j] += middle.rotation[k, i, j] * force[k, 3 * point + i]
             fx, fy, fz = body_force
             for i in range(nv):
                 gx, gy, gz = 0.0, 0.0, 0.0  # row of J^T R
                 for c in range(3):
                     lever = J[k, 3 * point + c, i]
-                    gx += lever * here.rotation[k, c, 0]
-                    gy += lever * here.rotation[k, c, 1]
-                    gz += lever * here.rotation[k, c, 2]
+                    gx += lever * middle.rotation[k, c, 0]
+                    gy += lever * middle.rotation[k, c, 1]
+                    gz += lever * middle.rotation[k, c, 2]
                 Zq[i, 3] -= gy * fz - gz * fy
                 Zq[i, 4] -= gz * fx - gx * fz
                 Zq[i, 5] -= gx * fy - gy * fx
@@ -220,7 +220,7 @@ def linearise(
             Z[i, phi + 1] = by_angle * half + by_rate
             Z[i, phi + 2] = by_angle * 0.5 * half**2 + by_rate * half + by_bend
             if mass_at >= 0:
-                Z[i, mass_at] = here.ID[k, i]
+                Z[i, mass_at] = middle.ID[k, i]
             if air_at >= 0:
                 Z[i, air_at] = -air[k, i]
             for j in range(BODY_STATES):
@@ -257,13 +257,13 @@ def linearise(
                     linear.torque[k, i, j] += through * A[k, c, j]
         h = dt[k]  # from here on, the transition
         for i in range(BODY_STATES):
-            shift[k, i] = here.defect[k, i] + 0.5 * h * h * push[k, i]
+            shift[k, i] = middle.defect[k, i] + 0.5 * h * h * push[k, i]
             shift[k, BODY_STATES + i] = h * push[k, i]
             for j in range(n):
                 F[k, i, j] = 0.5 * h * h * A[k, i, j]
                 F[k, BODY_STATES + i, j] = h * A[k, i, j]
             for j in range(BODY_STATES):
-                F[k, i, j] += here.ad[k, i, j]
+                F[k, i, j] += middle.ad[k, i, j]
             F[k, i, BODY_STATES + i] += h
             F[k, BODY_STATES + i, BODY_STATES + i] += 1.0
         for i in range(3):

@@ -79,7 +79,7 @@ class JointFilter:
         self.smoother, self.tuning, self.sensors, self.torque = smoother, tuning, dict(sensors), torque
         self.layout, self._nv = smoother.layout, smoother.robot.model.nv
         self._waiting: list[tuple[float, dict[str, tuple[float, Array]], Array]] = []
-        self._here: NominalMotion | None = None
+        self._nominal: NominalMotion | None = None
         self._way: deque[tuple[float, float, pin.SE3]] = deque()  # start, end [s], motion of each latest interval
         self._x: Array = np.zeros(0)
         self._P: Array = np.zeros((0, 0))
@@ -92,7 +92,7 @@ class JointFilter:
     @property
     def started(self) -> bool:
         """Whether enough poses have come."""
-        return self._here is not None
+        return self._nominal is not None
 
     def update(
         self,
@@ -117,14 +117,14 @@ class JointFilter:
             ObserverError: an unknown sensor, a sample of the wrong size, or one stamped outside the time since the last
                 update.
         """
-        last = self._here.time[0] if self._here is not None else self._waiting[-1][0] if self._waiting else None
+        last = self._nominal.time[0] if self._nominal is not None else self._waiting[-1][0] if self._waiting else None
         if last is not None and not time > last:
             raise ObserverError(f"joint filter: time = {time:g} s after {last:g} s: a later one was expected")
         taken = {name: self._checked(name, sample, time, last) for name, sample in samples.items()}
         taken = {name: self._carried(name, *sample, last) for name, sample in taken.items()}
         force = np.zeros(self._nv) if known is None else np.asarray(known, float)
-        if self._here is not None:
-            return self._step(self._here, time, taken, force)
+        if self._nominal is not None:
+            return self._step(self._nominal, time, taken, force)
         self._waiting.append((time, taken, force))
         if sum("position" in samples_of for _, samples_of, _ in self._waiting) >= FIRST_POSES and "position" in taken:
             return self._start()
@@ -208,18 +208,18 @@ class JointFilter:
         solved = smoother.solve(record, guess, prior, self.tuning, {})
         smoother.air.begin(solved.motion)
         count = len(times) - 1
-        self._here = solved.motion.part(count, count)
+        self._nominal = solved.motion.part(count, count)
         self._x, self._P = solved.smoothed.states[-1].copy(), solved.smoothed.filtered.P.copy()
         self._x[:MOTION] = 0.0
         self._rate = (solved.motion.twist[-1] - solved.motion.twist[-2]) / (times[-1] - times[-2])
-        return self._sample(self._here, self.layout.forces(self._x[None]), self._block(), (0.0, 0))
+        return self._sample(self._nominal, self.layout.forces(self._x[None]), self._block(), (0.0, 0))
 
     def _step(
-        self, here: NominalMotion, time: float, taken: dict[str, tuple[float, Array]], known: Array
+        self, nominal: NominalMotion, time: float, taken: dict[str, tuple[float, Array]], known: Array
     ) -> JointSample:
-        dt = time - float(here.time[0])
+        dt = time - float(nominal.time[0])
         x, layout, smoother = self._x, self.layout, self.smoother
-        motion = here.extended(dt, self._rate)
+        motion = nominal.extended(dt, self._rate)
         air, force = smoother.air.go_on(motion), layout.forces(x[None])
         d = smoother.dynamics(motion, air, known[None], force)
         if dt != self._noise_of:
@@ -231,10 +231,10 @@ class JointFilter:
         advance(x, self._P, d.transition[0], d.shift[0], self._noise, self._fresh, self._scratch)
         more, others = self._take(motion, d, taken, 1)
         after = motion.part(1, 1)
-        self._remember(here, after)
-        self._here = after.moved(x[None, :MOTION])
+        self._remember(nominal, after)
+        self._nominal = after.moved(x[None, :MOTION])
         x[:MOTION] = 0.0
-        return self._sample(self._here, force_now, block, (ratio + more, count + others))
+        return self._sample(self._nominal, force_now, block, (ratio + more, count + others))
 
     def _take(
         self, motion: NominalMotion, d: LinearDynamics, taken: dict[str, tuple[float, Array]], knot: int
@@ -288,14 +288,14 @@ class JointFilter:
         by_mode, walk = self.layout.by_mode, self.layout.walk
         return np.asarray(by_mode @ self._P[walk, walk] @ by_mode.T)
 
-    def _sample(self, here: NominalMotion, force: Array, block: Array, innovation: tuple[float, int]) -> JointSample:
+    def _sample(self, nominal: NominalMotion, force: Array, block: Array, innovation: tuple[float, int]) -> JointSample:
         deviation = np.sqrt(np.maximum(np.diag(self._P)[:MOTION], 0.0))
         assert (POSE_ERROR.start, TWIST_ERROR.start, CRANK_ERROR.stop) == (0, 6, MOTION)
         return JointSample(
-            float(here.time[0]),
-            pin.SE3ToXYZQUAT(pin.SE3(here.rotation[0], here.position[0])),
-            here.twist[0].copy(),
-            here.crank[0].copy(),
+            float(nominal.time[0]),
+            pin.SE3ToXYZQUAT(pin.SE3(nominal.rotation[0], nominal.position[0])),
+            nominal.twist[0].copy(),
+            nominal.crank[0].copy(),
             force.reshape(-1, 3).copy(),
             block,
             deviation,

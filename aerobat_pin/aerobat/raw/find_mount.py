@@ -34,8 +34,8 @@ def mounted(record: RawRecord, mount: Mount) -> RawRecord:
     """Return a record whose accelerometer is where it was found."""
     if "accelerometer" not in record.channels:
         return record
-    here = replace(record.channels["accelerometer"], place=mount.place, turn=mount.turn)
-    return replace(record, channels={**record.channels, "accelerometer": here})
+    accelerometer = replace(record.channels["accelerometer"], place=mount.place, turn=mount.turn)
+    return replace(record, channels={**record.channels, "accelerometer": accelerometer})
 
 
 def find_mount(

@@ -63,8 +63,8 @@ def clock_offsets(linear: LinearRecord, prior: Prior, tuning: Tuning, error: flo
     sensors = linear.layout.offsets
 
     def filtered(free: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        score, found = linear.filter(tuning, prior.padded(np.where(free, error, 0.0)), keep=False)
-        return score, found.x, found.P
+        score, state = linear.filter(tuning, prior.padded(np.where(free, error, 0.0)), keep=False)
+        return score, state.x, state.P
 
     none = np.zeros(len(sensors), bool)
     without = filtered(none)[0]

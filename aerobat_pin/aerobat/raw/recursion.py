@@ -176,9 +176,9 @@ def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: S
     x, P, gains, innovations, states, covariances = filtered
     start, h, e, R, _ = rows
     m, score, W = F.shape[0], 0.0, np.empty((F.shape[1] + 1, x.shape[0]))
-    keep, one = states.shape[0] > 0, gains.shape[0] == 1
+    keep, single = states.shape[0] > 0, gains.shape[0] == 1
     for k in range(m + 1):
-        if one:
+        if single:
             for i in range(start[k], start[k + 1]):
                 score += take_samples(
                     x, P, h[i : i + 1], e[i : i + 1], R[i : i + 1], gains, innovations[i : i + 1], 0, 1

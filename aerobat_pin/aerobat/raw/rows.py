@@ -71,9 +71,9 @@ class Sensed(NamedTuple):
 
     def shown(self, time: Array, series: Array) -> tuple[Array, Array]:
         """Return a series (m, c) at the samples' times, and its rate of change if a clock offset is estimated."""
-        here = _interpolated(time, series, self.at)[0]
+        values = _interpolated(time, series, self.at)[0]
         wanted = self.sensor.name in self.layout.offset_at
-        return here, _rate_of(time, series, self.at) if wanted else np.zeros_like(here)
+        return values, _rate_of(time, series, self.at) if wanted else np.zeros_like(values)
 
 
 def sample_rows(
@@ -131,10 +131,10 @@ def _poses_at(sensed: Sensed) -> tuple[Array, Array, Array]:
     last = len(nominal.time) - 2
     for i, (first, t) in enumerate(zip(sensed.knot.tolist(), sensed.at.tolist(), strict=True)):
         j = min(first, last)
-        here = pin.SE3(nominal.rotation[j], nominal.position[j])
+        before = pin.SE3(nominal.rotation[j], nominal.position[j])
         after = pin.SE3(nominal.rotation[j + 1], nominal.position[j + 1])
         share = (t - nominal.time[j]) / (nominal.time[j + 1] - nominal.time[j])
-        seen = here * pin.exp6(share * pin.log6(here.actInv(after)))
+        seen = before * pin.exp6(share * pin.log6(before.actInv(after)))
         rotation[i], position[i] = seen.rotation, seen.translation
         ad[i] = pin.exp6((t - nominal.time[first]) * nominal.twist[first]).toActionMatrixInverse()
     return rotation, position, ad
@@ -172,12 +172,12 @@ def _accelerometer(sensed: Sensed) -> tuple[Array, Array, Array]:
     turn, place, h = sensed.sensor.turn, sensed.sensor.place, sensed.no_rows()
     felt, constant, by_place = np.empty((len(sensed.d.up), 3)), np.empty(h.shape[:2]), np.empty((len(h), 3, 3))
     felt_accelerations(sensed.d, place, felt)
-    here, slope = sensed.shown(sensed.nominal.middles(), felt @ turn)
+    expected, slope = sensed.shown(sensed.nominal.middles(), felt @ turn)
     accelerometer_rows(sensed.d, sensed.interval, turn, place, h, constant, by_place)
     h[:, :, sensed.layout.accelerometer_bias] += np.eye(3)
     if (mount := sensed.layout.mount_at) is not None:
-        h[:, :, mount] = np.concatenate([turn.T @ by_place, cross_matrices(here)], axis=2)
-    return h, sensed.values - here - constant, slope
+        h[:, :, mount] = np.concatenate([turn.T @ by_place, cross_matrices(expected)], axis=2)
+    return h, sensed.values - expected - constant, slope
 
 
 def _crank(sensed: Sensed) -> tuple[Array, Array, Array]:
@@ -195,8 +195,8 @@ def _torque(sensed: Sensed) -> tuple[Array, Array, Array]:
     if sensed.torque == "motor_only":
         series = np.sum(d.slope * d.torque_at, axis=1, keepdims=True)
         h = np.einsum("ki,kij->kj", d.slope[k], h)[:, None]
-    here, slope = sensed.shown(sensed.nominal.middles(), series)
-    return h, sensed.values - here, slope
+    expected, slope = sensed.shown(sensed.nominal.middles(), series)
+    return h, sensed.values - expected, slope
 
 
 ROWS_BY_SENSOR = {  # each returns rows (k, c, n), samples less their prediction (k, c), rates of change (k, c)

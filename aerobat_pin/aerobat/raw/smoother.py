@@ -102,14 +102,14 @@ class JointSmoother:
         tuning, shifts, offsets = None, dict[str, float](), tuple[ClockOffset, ...]()
         parts = list[JointEstimate]()
         for window in stretches(record.time):
-            here, motion = part_of(record, window.start, window.stop), guess.part(window.start, window.stop)
-            solved = self.solve(here, motion, prior, tuning, shifts)
+            stretch, motion = part_of(record, window.start, window.stop), guess.part(window.start, window.stop)
+            solved = self.solve(stretch, motion, prior, tuning, shifts)
             if tuning is None and self.settings.offset_error > 0.0:
-                offsets = self._offsets(here, solved)
+                offsets = self._offsets(stretch, solved)
                 if self.settings.apply_offsets and (
                     shifts := {offset.sensor: offset.seconds for offset in offsets if offset.sure}
                 ):
-                    solved = self.solve(here, solved.motion, prior, None, shifts)
+                    solved = self.solve(stretch, solved.motion, prior, None, shifts)
             tuning = solved.tuning
             parts.append(solved.kept(window))
             if window.next is not None:

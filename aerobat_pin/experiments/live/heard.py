@@ -72,7 +72,7 @@ class LiveRecording(LiveStream):
         super().__init__(log.name, stream_of(record), chosen, folder)
         columns = read_columns(log, chosen.log, self.stream.columns)
         self._samples = heapq.merge(
-            *(_samples(columns, n, clock) for n, clock in enumerate(columns.clocks)), key=lambda one: one[:2]
+            *(_samples(columns, n, clock) for n, clock in enumerate(columns.clocks)), key=lambda sample: sample[:2]
         )
         self._next = next(self._samples, None)
         if self._next is None:

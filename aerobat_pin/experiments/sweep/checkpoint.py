@@ -123,10 +123,10 @@ def _manifest(sweep: Sweep) -> dict[str, Any]:
 
 def _refuse_other(path: Path, manifest: dict[str, Any]) -> None:
     try:
-        there = plain_json(_stored(path, MOST_MANIFEST))
+        stored = plain_json(_stored(path, MOST_MANIFEST))
     except ValueError as error:
         raise OutputError(f"output {path}: cannot be read: {error}; {ADVICE}") from error
-    other = [key for key in manifest if there.get(key) != manifest[key] and key != "description"]
+    other = [key for key in manifest if stored.get(key) != manifest[key] and key != "description"]
     if other:
         named = [key for key in other if key not in ("sha256", "runs")] or ["a scenario or a robot"]
         differ = f"holds another sweep: {', '.join(named)} differ"

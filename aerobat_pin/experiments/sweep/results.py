@@ -49,11 +49,11 @@ def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
         at = sweep.indices[number]
         failed[at] = outcome.get("failed", "")
         for name, scored in entries[number].items():
-            here: tuple[Any, ...] = (slice(None), *at, observers.index(name))
-            judged[here] = np.array([getattr(scored, key) for key in JUDGED], float)  # None becomes NaN
+            index: tuple[Any, ...] = (slice(None), *at, observers.index(name))
+            judged[index] = np.array([getattr(scored, key) for key in JUDGED], float)  # None becomes NaN
             for point, axes in scored.points.items():
                 values = [[getattr(axes[axis], score) for axis in FORCE_AXES] for score in SCORES]
-                scores[(*here, points.index(point))] = np.array(values, float)
+                scores[(*index, points.index(point))] = np.array(values, float)
         for key, value in outcome.get("flight", {}).items():
             flight.setdefault(key, np.full((*sweep.shape, *np.shape(value)), np.nan))[at] = value
     notes = {"sweep": sweep.file.name, "description": sweep.file.description, "base": sweep.base.name}

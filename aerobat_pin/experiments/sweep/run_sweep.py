@@ -109,8 +109,8 @@ def on_cluster(runs: Mapping[int, Scenario], address: str) -> Outcomes:
             )
 
 
-def _check_versions(found: Mapping[str, object], address: str) -> None:
-    for worker, installed in found.items():
+def _check_versions(workers: Mapping[str, object], address: str) -> None:
+    for worker, installed in workers.items():
         if installed != versions():
             raise WorkersLostError(
                 f"cluster {address}: worker {worker} has {installed}; the versions here were expected: {versions()}"

@@ -85,7 +85,7 @@ class ElasticJoints:
         """Return the largest modulus of the eigenvalues [1/s] at crank angles all around, the body free, no air."""
         if not self.count:
             return []
-        data, found, e = robot.model.createData(), [], self.count
+        data, moduli, e = robot.model.createData(), [], self.count
         for angle in np.linspace(0.0, 2.0 * np.pi, MODE_ANGLES, endpoint=False):
             closed = robot.linkage.solve(angle)
             q = robot.configuration(robot.q0[:7], closed.theta_s, closed.theta_e)
@@ -95,8 +95,8 @@ class ElasticJoints:
             free = M[np.ix_(self.rows, self.rows)] - across.T @ np.linalg.solve(M[:BASE_SIZE, :BASE_SIZE], across)
             rates = -np.linalg.solve(free, np.hstack([np.diag(self.stiffness), np.diag(self.damping)]))
             modes = np.linalg.eigvals(np.vstack([np.hstack([np.zeros((e, e)), np.eye(e)]), rates]))
-            found.append(float(np.max(np.abs(modes))))
-        return found
+            moduli.append(float(np.max(np.abs(modes))))
+        return moduli
 
 
 def loaded(robot: Aerobat, payload: LoadSection | None) -> Aerobat:

@@ -114,9 +114,9 @@ def equations_of_motion(
     holds, error_rotation, pushes, A, b = plant.holds, plant.error_rotation, plant.pushes, plant.A, plant.b
     command = plant.command
     drive, linkage, closed, whole = plant.motor, plant.linkage, plant.closed, plant.start.shape[0]
-    tree, found, links, mass = robot.tree, robot.found, robot.links, robot.added_mass
+    tree, results, links, mass = robot.tree, robot.results, robot.links, robot.added_mass
     H, h, joint, row_of, angle_of = robot.H, robot.h, tree.joint, tree.row, tree.angle
-    M, nle, liMi, v, wrenches = found.M, found.nle, found.liMi, found.v, links.wrenches
+    M, nle, liMi, v, wrenches = results.M, results.nle, results.liMi, results.v, links.wrenches
     aerodynamic, added, thrusters = forces.aerodynamic, forces.added_mass, forces.thrusters
     motor, pushed, link_wrench = forces.motor, forces.unknown, forces.link_wrench
     total_motor_power, total_air_power = forces.motor_power, forces.air_power
@@ -135,7 +135,7 @@ def equations_of_motion(
         joints_at(linkage, crank[0], closed)
         for angle in range(2):
             joints[2, angle] = closed[2, angle] * crank[1] * crank[1]
-    place_links(tree, found, robot.gravity, wind, links)
+    place_links(tree, results, robot.gravity, wind, links)
     air_loads(robot.air, links.twists, state[6:end], wrenches, rate[6:end], robot.loads)
     push(unknown, joints[0, 1], step_means, k, world, rotation, pushes, forces.force_W, forces.force_noise_free_W)
     climb(tree, liMi, pushes, pushed)
@@ -155,7 +155,7 @@ def equations_of_motion(
         h[i] = nle[i]
         for j in range(nv):
             H[i, j] = M[i, j]
-    add_mass(mass, tree, found, links, H, h)
+    add_mass(mass, tree, results, links, H, h)
     for i in range(6):
         b[i] = aerodynamic[i] + thrusters[i] + pushed[i] - h[i]
         for j in range(6):
@@ -268,9 +268,9 @@ def advance_stage(
     linkage, closed, second = plant.linkage, plant.closed, plant.second
     elastic, departed_by = plant.elastic, plant.departed
     bends, deflections = elastic.shape[0], start.shape[0] - 2 * elastic.shape[0]
-    here = 2 * k + HALF_STEPS[stage]
+    half = 2 * k + HALF_STEPS[stage]
     interval = k // parts
-    equations_of_motion(plant, motion[here], wind[here], step_means, interval, state, rates[stage])
+    equations_of_motion(plant, motion[half], wind[half], step_means, interval, state, rates[stage])
     add_stage(stage, forces, means[interval])
     if stage == 0 and k == interval * parts:
         for row in range(loads.shape[1]):

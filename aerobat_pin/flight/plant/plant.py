@@ -105,11 +105,11 @@ class Plant:
 
     def __repr__(self) -> str:
         """Name scenario, robot, aerodynamic model, crank drive and unknown forces."""
-        held = "held" if self.hold is not None else "free"
+        hold = "held" if self.hold is not None else "free"
         return (
             f"Plant({self.scenario.name!r}, {self.robot!r},\n"
             f"      {self.air!r},\n"
-            f"      {type(self.drive).__name__}, {held}, unknown forces at {list(self.points)})"
+            f"      {type(self.drive).__name__}, {hold}, unknown forces at {list(self.points)})"
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -124,7 +124,7 @@ class Plant:
 
     @guarded()
     def rates(
-        self, q: Array, v: Array, joints: Array, air: Array, held: Array, time: float = 0.0
+        self, q: Array, v: Array, joints: Array, air: Array, means: Array, time: float = 0.0
     ) -> tuple[Array, Array, Forces]:
         """Evaluate the equations of motion at one instant, with joints that accelerate as given.
 
@@ -133,7 +133,7 @@ class Plant:
             v: (nv,) velocity.
             joints: (3, 2) angle, rate and acceleration of shoulder and elbow; angle and rate as in q and v.
             air: (3N,) aerodynamic state.
-            held: (2, f) mean noise and mean signal of each unknown force [N].
+            means: (2, f) mean noise and mean signal of each unknown force [N].
             time: time at which the wind is evaluated [s].
 
         Returns:
@@ -144,10 +144,10 @@ class Plant:
         """
         q, v = shaped(q, (self.model.nq,), "q"), shaped(v, (self.model.nv,), "v")
         joints, air = shaped(joints, (3, 2), "joints"), shaped(air, (self.air.state_size,), "air")
-        held = shaped(held, (2, len(self.forces)), "held")[:, :, None]
+        means = shaped(means, (2, len(self.forces)), "held")[:, :, None]
         state = np.concatenate([v[:BASE_SIZE], air])
         rate = np.empty_like(state)
-        self.evaluate(q, v, joints, self.wind(np.array([time]))[0], held, state, rate)
+        self.evaluate(q, v, joints, self.wind(np.array([time]))[0], means, state, rate)
         return rate[:BASE_SIZE], rate[BASE_SIZE:], Forces(*(part[None].copy() for part in self.fields.forces))
 
     def evaluate(
@@ -316,11 +316,11 @@ class Plant:
 
     def _settled(self) -> Array:
         """Return deflections and their rates (2 e,) that the torques of rigid joints ask for at the start."""
-        start, dt, held = self.initial, self.scenario.simulation.dt, np.zeros((2, len(self.forces)))
+        start, dt, means = self.initial, self.scenario.simulation.dt, np.zeros((2, len(self.forces)))
         deflections = []
         for joints in joint_table(self.closure(np.array([-dt, 0.0, dt]))):
             q, v = self.robot.configuration(start.placement, *joints[0]), self.robot.velocity(start.twist, *joints[1])
-            torque = self.rates(q, v, joints, start.air, held)[2].motor[0, self.elastic.rows]
+            torque = self.rates(q, v, joints, start.air, means)[2].motor[0, self.elastic.rows]
             deflections.append(-torque / self.elastic.stiffness)
         before, now, after = deflections
         return np.concatenate([now, (after - before) / (2.0 * dt)])

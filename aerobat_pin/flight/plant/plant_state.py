@@ -116,7 +116,7 @@ def split_forces(forces: Forces, rows: Array) -> Forces:
     """Split rows (n, size) into named forces; each row is laid out like `forces` in a plant's memory."""
     starts = [(part.ctypes.data - forces[0].ctypes.data) // part.itemsize for part in forces]
     parts = [rows[:, start : start + part.size] for start, part in zip(starts, forces, strict=True)]
-    return Forces(*(part.reshape(len(rows), *one.shape) for part, one in zip(parts, forces, strict=True)))
+    return Forces(*(part.reshape(len(rows), *force.shape) for part, force in zip(parts, forces, strict=True)))
 
 
 def unknown_forces(model: pin.Model, forces: tuple[PointForce, ...], points: tuple[str, ...]) -> UnknownForces:

@@ -132,7 +132,7 @@ class FlightElsewhere(SteppedFlight):
         forces.motor[rows] = shaped(moved.torque, (len(rows),), "SimulatedMotion.torque")
         forces.motor_power[...] = forces.motor @ now.v
         forces.air_power[...] = given.sum(axis=0) @ now.v
-        tables.means[k] += np.concatenate([one.ravel() for one in forces]) / EXCHANGES
+        tables.means[k] += np.concatenate([force.ravel() for force in forces]) / EXCHANGES
         state[:BASE_SIZE] = moved.v[:BASE_SIZE]
         state[air] += dt * (1.5 * rate[air] - 0.5 * last_rate)
 

@@ -144,9 +144,9 @@ class SteppedFlight:
         )
         dt, parts, k = tables.step, tables.parts, 0
 
-        def evaluate_stage(number: int, here: Array) -> tuple[Array, Array]:
-            crba(model, data, here)
-            nle(model, data, here, v)
+        def evaluate_stage(number: int, q: Array) -> tuple[Array, Array]:
+            crba(model, data, q)
+            nle(model, data, q, v)
             advance_stage(memory, motion, wind, step_means, dt, k, number, parts, means, loads)
             return tangents
 

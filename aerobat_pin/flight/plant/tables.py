@@ -186,8 +186,8 @@ def checked_flight(tables: FlightTables, samples: int) -> Trajectory:
     if kept < samples:
         name = next(name for name, fine in zip(LIMITS, inside, strict=True) if not fine[kept])
         value, when, last = dict(zip(LIMITS, sizes, strict=True))[name][kept], kept * tables.dt, max(kept - 1, 0)
-        told = _divergence(when, name, value, tables.placement[last], tables.states[last])
-        title = f"scenario {tables.plant.scenario.name}: {told}"
+        message = _divergence(when, name, value, tables.placement[last], tables.states[last])
+        title = f"scenario {tables.plant.scenario.name}: {message}"
         raise SimulationError(title, when, trajectory if kept > 1 else None)
     return trajectory
 

@@ -166,12 +166,12 @@ def predict(observer: Observer, q: ArrayLike, dt: float, noise: SensorNoise) -> 
     model, q = observer.model, checked(q, observer.model.nq, "q")
     root = pin.crba(model, model.createData(), q) * noise.deviations(model)
     momentum = root @ root.T
-    J, rest = observer.applications.jacobian(q), np.zeros(model.nv)
-    believed, scale = observer.believed.map(rest), observer.applications.scale
+    J, still = observer.applications.jacobian(q), np.zeros(model.nv)
+    believed, scale = observer.believed.map(still), observer.applications.scale
     P = scale[:, None] * np.linalg.pinv((scale[:, None] * (J @ believed)).T, rcond=RANK_TOLERANCE) @ believed.T
     factor = noise_gain(observer, float(observer.gain), dt) ** 2
     components = factor * P @ momentum @ P.T
-    hidden = np.isinf(judge(observer.applications, J[None], rest[None], observer.believed).deviation)
+    hidden = np.isinf(judge(observer.applications, J[None], still[None], observer.believed).deviation)
     components[hidden, :] = components[:, hidden] = np.inf
     return Prediction(observer.applications.components, components, lag_of(observer, float(observer.gain), dt))
 
@@ -224,12 +224,12 @@ def gain_for_deviation(
     now = predict(observer, q, dt, noise)
     if label not in now.labels:
         raise ObserverError(f"no component '{label}'; there are {', '.join(now.labels)}")
-    here = float(now.deviation[now.labels.index(label)])
-    if not np.isfinite(here):
+    current = float(now.deviation[now.labels.index(label)])
+    if not np.isfinite(current):
         raise ObserverError(
             f"component '{label}' cannot be determined with any gain: it belongs to a pattern that leaves no trace"
         )
-    unit = here / noise_gain(observer, float(observer.gain), dt)
+    unit = current / noise_gain(observer, float(observer.gain), dt)
     unit_name = "N m" if label.rstrip("'")[-2] == "M" else "N"
     return _solve(lambda gain: unit * noise_gain(observer, gain, dt), deviation, dt, "deviation", unit_name)
 

@@ -214,8 +214,8 @@ class KalmanObserver(Observer):
         if not isinstance(known, Mapping):
             raise ObserverError(f"known = {shown(known)}: a mapping from names to forces was expected")
         if name not in known:
-            there = ", ".join(map(str, known)) or "none"
-            raise ObserverError(f"known_error names '{name}': the known forces are {there}")
+            names = ", ".join(map(str, known)) or "none"
+            raise ObserverError(f"known_error names '{name}': the known forces are {names}")
         return known[name]
 
     def _noise(self, sensor_noise: Sequence[float]) -> Array:
@@ -288,8 +288,8 @@ class KalmanObserver(Observer):
             for k in np.flatnonzero(np.diff(time) == 0.0):
                 out[k] = out[k - 1] if k > 0 else 0.0
         residual, f, deviation, unexplained, pivot, innovation = np.split(out, np.cumsum([nv, c, c, nv, 1]), axis=1)
-        told = np.nan if self.expected is None or self.believed.count <= c else self.expected.doubt  # by rows to spare
-        doubt = None if self.expected is None else np.full(len(u), told)
+        prior = np.nan if self.expected is None or self.believed.count <= c else self.expected.doubt  # by rows to spare
+        doubt = None if self.expected is None else np.full(len(u), prior)
         observed = Observed(residual, f, unexplained, pivot[:, 0], deviation, doubt, innovation)
         return observed, Samples(samples[:, 0], samples[:, 1], samples[:, 2], samples[:, 3 : 3 + c])
 

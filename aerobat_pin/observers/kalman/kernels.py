@@ -222,7 +222,7 @@ def filter_interval(
     Of `out` (nv + 2 c + nv + 1 + nv,) only the last columns are written: what `fit_forces` writes, then L^-1 e.
     """
     x, P, nv, c = filter_.x, filter_.P, u.shape[0], step.unseen.shape[0]
-    n, rest = x.shape[0], out[u.shape[0] + 2 * c :]
+    n, remainder = x.shape[0], out[u.shape[0] + 2 * c :]
     if not mean_residual(before, after, u, dt, observer, filter_.phi):
         return False
     write_row_errors(before, after, filter_)
@@ -233,7 +233,7 @@ def filter_interval(
     if filter_.mass_in_doubt > 0:
         for i in range(nv):
             filter_.phi[i] -= x[n - 1] * u[i]
-    fit_forces(observer, before, after, filter_.phi, rest)
+    fit_forces(observer, before, after, filter_.phi, remainder)
     step.blind[0] = observer.blind[0]
     if observer.blind[0] > 0:
         for a in range(c):
@@ -246,7 +246,7 @@ def filter_interval(
         learn_noise(u, seen + 1.0, recent, f.known_noise, f.known_differences, f.known_roots, f.known_sensed)
         redundant, share = observer.sizes.believed - c + observer.blind[0], 1.0 - np.exp(-dt / MISFIT_LAG)
         leak = leak_of_noise(before, after, dt, share, observer, filter_) if redundant > 0 else 0.0
-        learn_misfit(rest[:nv], redundant, share, recent, leak, filter_)
+        learn_misfit(remainder[:nv], redundant, share, recent, leak, filter_)
     predict_covariance(before, after, dt, observer, filter_, step)
     for a in range(n - nv):
         x[nv + a] *= step.decay[a]
@@ -254,7 +254,7 @@ def filter_interval(
     for a in range(step.z.shape[0]):
         step.z[a] = x[nv + a]
         copy_values(P[nv + a], step.Z[a])
-    copy_values(step.rows[:, nv + 2 * n], rest[nv + 1 :])
+    copy_values(step.rows[:, nv + 2 * n], remainder[nv + 1 :])
     filter_.elapsed[0] += dt
     filter_.intervals[0] += 1.0
     return True

@@ -53,16 +53,16 @@ def learn_noise(
 
 
 @inlined
-def learn_misfit(rest: Array, redundant: int, share: float, recent: float, leak: float, filter_: Filter) -> None:
-    """Update the running mean square of what no force explains from one interval's rows `rest` (nv,).
+def learn_misfit(remainder: Array, redundant: int, share: float, recent: float, leak: float, filter_: Filter) -> None:
+    """Update the running mean square of what no force explains from one interval's rows `remainder` (nv,).
 
     What noise of the sensors leaves, `leak` [N^2] of `leak_of_noise`, and one deviation of its mean are no misfit. An
     interval forgets `share` of a low-pass and `recent` of the mean.
     """
     slow = filter_.slow
     size = -leak * (1.0 + np.sqrt(CORRELATION * MISFIT_LAG / (MEMORY_TIME * max(redundant, 1))))
-    for i in range(rest.shape[0]):
-        slow[0, i] += share * (rest[i] - slow[0, i])
+    for i in range(remainder.shape[0]):
+        slow[0, i] += share * (remainder[i] - slow[0, i])
         slow[1, i] += share * (slow[0, i] - slow[1, i])
         size += slow[1, i] * slow[1, i]
     size /= max(redundant, 1)

@@ -34,10 +34,10 @@ def estimate_posterior(
         spare -= 1.0 - (doubt[i] * doubt[i] * information[i]) ** 2
     kept, size = np.exp(-observer.gain[0] * dt), 0.0
     for s in range(span.shape[1]):  # of y - J^T f, whitened
-        rest = span[c, s]
+        unfiltered = span[c, s]
         for i in range(c):
-            rest -= force[i] * span[i, s]
-        remainder[s] = rest + kept * (remainder[s] - rest)
+            unfiltered -= force[i] * span[i, s]
+        remainder[s] = unfiltered + kept * (remainder[s] - unfiltered)
         size += remainder[s] * remainder[s]
     k = size / spare if spare >= LEAST_SPARE else np.nan
     doubt[c] = k

@@ -101,25 +101,25 @@ def project(observer: ObserverState, before: Array, after: Array, generalized: A
 
 
 @inlined
-def fit_forces(observer: ObserverState, before: Array, after: Array, generalized: Array, rest: Array) -> None:
+def fit_forces(observer: ObserverState, before: Array, after: Array, generalized: Array, remainder: Array) -> None:
     """Split a generalised force into what forces can explain and what no force explains.
 
     The components that fit best are written to `observer.fitted`. What remains of the weighted rows in use is
 
         r = L^T (phi - J^T f)       L: the rows in use, moments over a lever arm of 50 mm (see `BelievedRows.map`)
 
-    It is written to `rest` (nv + 1,): r, padded with zeros, and the smallest pivot of the equations over their trace.
+    It is written to `remainder` (nv + 1,): r, padded with zeros, and the equations' smallest pivot over their trace.
     """
     nv, force, span = generalized.shape[0], observer.fitted, observer.span
-    rest[nv] = project(observer, before, after, generalized, force)
+    remainder[nv] = project(observer, before, after, generalized, force)
     if force.shape[0] == 0:
         for k in range(nv):
-            rest[k] = 0.0
+            remainder[k] = 0.0
         return
-    copy_values(span[force.shape[0]], rest[:nv])
+    copy_values(span[force.shape[0]], remainder[:nv])
     for i in range(force.shape[0]):
         for k in range(nv):
-            rest[k] -= force[i] * span[i, k]
+            remainder[k] -= force[i] * span[i, k]
 
 
 @inner

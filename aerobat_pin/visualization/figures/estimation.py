@@ -113,7 +113,7 @@ class _Panels:
     @property
     def factor(self) -> float:
         """Of errors [N, N m]: they are drawn in thousandths, unless one of them has an rms of 1 or more."""
-        scores = (score for found in self.result.observers.values() for score in found.scored.values())
+        scores = (score for observer in self.result.observers.values() for score in observer.scored.values())
         return 1e3 if max((score.rmse for score in scores), default=0.0) < 1.0 else 1.0
 
     def reference(self, frame: str, label: str) -> tuple[Reference, int] | None:

@@ -88,10 +88,10 @@ def unexplained_limit(result: Result, name: str) -> tuple[float | None, str]:
     That is what a calibration expects, or the errors of the rows as stated, or a share of the weight. None where the
     rows say nothing.
     """
-    check, found, model = result.stored[name].redundancy, result.observers[name], result.model
+    check, scores, model = result.stored[name].redundancy, result.observers[name], result.model
     if model is not None and model.ratio is not None:
         return model.limit, "expected by the calibration, and as much more as may be: below it the model is unchanged"
-    if not found.states_seen:
+    if not scores.states_seen:
         return check.allowed, "below it the belief is consistent"
     words = f"below it the squared errors of the rows are less than {DOUBTFUL:g} times as large as stated"
-    return (check.belief * (DOUBTFUL / found.k) ** 0.5 if found.k else None), words
+    return (check.belief * (DOUBTFUL / scores.k) ** 0.5 if scores.k else None), words

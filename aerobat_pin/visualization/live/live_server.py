@@ -91,7 +91,7 @@ class _Life:
     def greeting(self) -> str:
         """Return what a page is told first."""
         source = self.source
-        told = {
+        greeting = {
             "title": source.title,
             "parts": live_parts(self.picture.visual),
             "points": source.points,
@@ -105,7 +105,7 @@ class _Life:
             "wind": source.wind.tolist(),
             "paused": self.paused,
         }
-        return json.dumps(told)
+        return json.dumps(greeting)
 
     def wish(self, text: str | bytes) -> None:
         """Do what a page asks for."""

@@ -110,9 +110,9 @@ def replay_table(table: Path, urdf: Path) -> Replay:
     forces: dict[str, Array] = {}
     columns = []
     for k, name in enumerate(names):
-        if found := FORCE_COLUMN.fullmatch(name):
-            force = forces.setdefault(found["frame"], np.full((len(values), 3), np.nan))
-            force[:, "xyz".index(found["axis"])] = values[:, k]
+        if match := FORCE_COLUMN.fullmatch(name):
+            force = forces.setdefault(match["frame"], np.full((len(values), 3), np.nan))
+            force[:, "xyz".index(match["axis"])] = values[:, k]
         elif name != "time":
             columns.append(k)
     for frame, force in forces.items():

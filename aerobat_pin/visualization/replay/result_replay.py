@@ -23,26 +23,26 @@ STICK = 0.04  # radius of a stick, in lengths of the robot
 REPLAY_RATE = 240.0  # [Hz] of the samples that a replay is made from
 
 
-def replay_result(made: Experiment | Result) -> Replay:
+def replay_result(outcome: Experiment | Result) -> Replay:
     """Return the replay of a flight, or of the longest used part of a record, at most its first minute."""
-    if isinstance(made, Experiment):
-        estimates = estimate_dataset(made.estimates)
-        flight = replay_flight(made.robot, made.drawn, made.scenario.air, estimates, made.note)
-        flight.subtitle = made.scores.changes
+    if isinstance(outcome, Experiment):
+        estimates = estimate_dataset(outcome.estimates)
+        flight = replay_flight(outcome.robot, outcome.drawn, outcome.scenario.air, estimates, outcome.note)
+        flight.subtitle = outcome.scores.changes
         return flight
-    record = made.record
+    record = outcome.record
     if record is None:
-        raise LogError(f"replay of {made.name}: a record was expected")
+        raise LogError(f"replay of {outcome.name}: a record was expected")
     first, last = max(record.parts, key=lambda part: part[1] - part[0])
     last = min(last, first + round(LONGEST_REPLAY * record.rate))
     block, every = record.block(first, last), max(1, round(record.rate / REPLAY_RATE))
     rows = np.arange(0, len(block.time), every)
     path = urdf_of(record.map.robot, record.folder)
-    model, visual = visible_parts(path, record.robot.model, made.name)
-    replay = Replay(model, visual, block.time[rows] - record.start, block.q[rows], title=made.name)
-    low = next(iter(made.stored.values())).index(block.time[0])
+    model, visual = visible_parts(path, record.robot.model, outcome.name)
+    replay = Replay(model, visual, block.time[rows] - record.start, block.q[rows], title=outcome.name)
+    low = next(iter(outcome.stored.values())).index(block.time[0])
     at = np.minimum(rows, last - first - 1)
-    for name, stored in made.stored.items():
+    for name, stored in outcome.stored.items():
         estimate = stored.between(low, low + last - first)
         labels, forces = estimate.identifiability.components, {}
         for frame in estimate.frames:
@@ -51,7 +51,7 @@ def replay_result(made: Experiment | Result) -> Replay:
                 forces[frame] = estimate.components[at][:, columns]
         if forces:
             replay.add_forces(f"estimated force ({name})", style.ESTIMATES[0], forces, choice=name)
-    for reference in made.references:
+    for reference in outcome.references:
         if reference.labels[:3] == ("Fx", "Fy", "Fz"):
             values = reference.values[low : low + last - first][at, :3]
             replay.add_forces("force sensor", style.TRUTH, {reference.frame: values}, inner=True)

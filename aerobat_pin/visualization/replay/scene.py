@@ -151,7 +151,7 @@ class Scene:
         thickness = 0.5 if inner else 1.0
         head = HEAD_LENGTH * size
         share = np.clip(length / (2.0 * head), 1e-6, 1.0)  # short arrows are scaled down as a whole
-        rest = np.maximum(length - share * head, 1e-6)
+        shaft = np.maximum(length - share * head, 1e-6)
         # Both kinds count as translucent: the page then draws the inner arrow over its halo.
         opacity = 1.0 if inner else HALO_OPACITY
         paint = shapes.MeshLambertMaterial(color=rgb_number(colour), opacity=opacity, transparent=True)
@@ -163,8 +163,8 @@ class Scene:
             offset[1, 3] = middle
             self.viewer[f"{node}/{part}/shape"].set_object(shape, paint)
             self.viewer[f"{node}/{part}/shape"].set_transform(offset)
-        head_start = start + rest[:, None] * direction
-        self.move(f"{node}/shaft", position=start, quaternion=rotation, scale=np.column_stack([share, rest, share]))
+        head_start = start + shaft[:, None] * direction
+        self.move(f"{node}/shaft", position=start, quaternion=rotation, scale=np.column_stack([share, shaft, share]))
         self.move(f"{node}/head", position=head_start, quaternion=rotation, scale=np.column_stack([share] * 3))
 
     def hide(self, node: str) -> None:
