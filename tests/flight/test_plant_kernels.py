@@ -282,7 +282,10 @@ def test_the_fields_of_a_plant_fill_its_state_and_do_not_overlap(case: str) -> N
     """Each number belongs to exactly one name, and the rows of forces lie as one."""
     plant = built("aerobat", case)
     robot = plant.in_air
-    own = [*plant.fields[1:]], [field for name, field in robot.fields._asdict().items() if name not in ("air", "found")]
+    own = (
+        [*plant.fields[1:]],
+        [field for name, field in robot.fields._asdict().items() if name not in ("air", "results")],
+    )
     heads = directory_size(PlantState), directory_size(RobotState)
     for memory, parts, head in ((plant.memory, own[0], heads[0]), (robot.memory, own[1], heads[1])):
         spans = sorted((leaf.ctypes.data, leaf.nbytes) for leaf in leaves(parts) if leaf.size)
