@@ -108,7 +108,7 @@ MUTANTS = (
            "values = section.sign * (", "values = (", RECORDINGS),
     Mutant("a learnt mass dropped", "estimation/calibration/calibration.py",
            "else robot.heavier(self.fitted.mass)", "else robot", CALIBRATIONS),
-    Mutant("one number for two dimensions", "records/write_netcdf.py",
+    Mutant("one number for two dimensions", "records/netcdf.py",
            "next(numbers)", "len(scales)", "tests/flight/test_netcdf_library.py"),
     Mutant("steering late instead of ahead", "control/controller.py", "(1.0 - 1j * self._crank_rate * believed.lag)",
            "(1.0 + 1j * self._crank_rate * believed.lag)", "tests/control/test_law.py"),

@@ -1,4 +1,4 @@
-from .air_stream import AirStream as AirStream
+from .believed_air import AirStream as AirStream
 from .channels import KNOWN as KNOWN
 from .channels import KNOWN_FORCE as KNOWN_FORCE
 from .channels import LABELS as LABELS

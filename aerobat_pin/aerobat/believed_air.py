@@ -1,4 +1,4 @@
-"""Compute the aerodynamic forces that an assumed air exerts on an assumed robot along a recorded motion.
+"""Compute the aerodynamic forces that an assumed air exerts on an assumed robot, along a motion or sample by sample.
 
 The forces are interval means of the generalised force Sigma_Aero. The samples of a log can be too far apart to
 integrate the states of the aerodynamic model, so each interval is divided into equal steps. In between, the body
@@ -6,6 +6,10 @@ follows the geodesic between its sampled placements, and the joints follow the c
 angle, bent by as much as at the samples (or a straight line between the joint angles, if the crank is not recorded).
 The longest stable step follows from the fastest mode of the lifting line, whose rate grows with the airspeed and with
 the number of strips.
+
+Along a flight under way (`AirStream`), the joints follow a cubic through both samples' angles and rates; velocities and
+wind change linearly. There are as many steps as the fastest airspeed of a flap at the start needs; the method stays
+stable up to twice that airspeed.
 """
 
 from __future__ import annotations
@@ -13,11 +17,11 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.believed_air_kernels import advance_air_stage
-from aerobat_pin.aerobat.motion import Motion, robot_air
+from aerobat_pin.aerobat.believed_air_kernels import Stream, advance_air_stage, air_at
+from aerobat_pin.aerobat.motion import Motion, robot_air, wind_of
 from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, RobotInAir
-from aerobat_pin.errors import LogError
-from aerobat_pin.numerics import Array, Integers
+from aerobat_pin.errors import LogError, ShapeError
+from aerobat_pin.numerics import Array, Integers, fields_of, guarded, new_state
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table, rotations
 from aerobat_pin.scenario import AirSection
 
@@ -213,3 +217,62 @@ def _linkage_between(crank: Array, robot: Aerobat, dt: Array, k: Integers, share
     slope = rate[k] + share * (rate[k + 1] - rate[k])
     bend = acceleration[k] + share * (acceleration[k + 1] - acceleration[k])
     return joint_table(robot.linkage.solve(value, slope, bend))
+
+
+class AirStream:
+    """The aerodynamic forces on a believed robot in believed air, interval by interval.
+
+    Args:
+        robot: the believed robot.
+        air: the believed air.
+        dt: time between samples [s].
+    """
+
+    @guarded(dt="positive")
+    def __init__(self, robot: Aerobat, air: AirSection, dt: float) -> None:
+        """Set up the aerodynamic model; `reset` starts it."""
+        self.robot, self.dt = robot, dt
+        self._along = AirAlongMotion(robot, air)
+        self._in_air, self._wind = self._along.in_air, wind_of(air)
+        self._gusty = not air.is_steady
+        self._steps = 1
+        self._memory = new_state(Stream, air=self._in_air.memory, nq=robot.model.nq, nv=robot.model.nv)
+        self._stream = fields_of(self._memory, Stream)
+        self._stream.dt[...] = dt
+
+    @guarded(q=("nq",), v=("nv",))
+    def reset(self, time: float, q: Array, v: Array, crank_angle: float, crank_rate: float) -> None:
+        """Start at a sample, with wings that have flapped at this rate before and a body that has not moved."""
+        wind = self._wind.field(np.array([time]))
+        crank = np.array([[crank_angle], [crank_rate], [0.0]])
+        begin = Motion(np.array([time]), q[None], v[None], crank, wind)
+        along, fields = self._along, self._in_air.fields
+        fields.start[:] = fields.state[:] = along.start(begin)
+        stream = self._stream
+        stream.q[:], stream.v[:] = q, v
+        stream.wind[:] = stream.last_wind[:] = wind[0]
+        body = v[:BASE_SIZE] - np.concatenate([pin.Quaternion(q[3:7]).matrix().T @ wind[0, 0], np.zeros(3)])
+        turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, WARM_UP_ANGLES), crank_rate))
+        fastest = np.max(along.airspeed(self._in_air.flapping_twists(q[:7], body, turn)), keepdims=True)
+        self._steps = int(np.ceil(self.dt / along.longest_step(fastest)[0] - 1e-9))
+        pin.nonLinearEffects(self.robot.model, self._in_air.data, stream.q, stream.v)
+
+    def update(self, time: float, q: Array, v: Array) -> Array:
+        """Take the next sample, and return the mean forces (2, nv) since the last one: of the air, of the added mass.
+
+        Values are not checked; they are those of a sample that an observer takes. Raises ShapeError for other shapes.
+        """
+        model, data, stream, count = self.robot.model, self._in_air.data, self._stream, self._steps
+        if q.shape != stream.q.shape or v.shape != stream.v.shape:
+            raise ShapeError(f"q, v have shapes {q.shape}, {v.shape}: {stream.q.shape}, {stream.v.shape} were expected")
+        memory, nle, interpolate, ends = self._memory, pin.nonLinearEffects, pin.interpolate, 2 * count
+        if self._gusty:
+            stream.last_wind[:] = self._wind.field(np.array([time]))[0]
+        for half in range(ends - 1):
+            middle = interpolate(model, stream.q, q, 0.5 * (half + 1) / count)
+            air_at(memory, q, v, half, count, middle)
+            nle(model, data, middle, stream.velocity)
+        air_at(memory, q, v, ends - 1, count, q)
+        nle(model, data, q, v)
+        air_at(memory, q, v, ends, count, q)
+        return stream.means.copy()

@@ -11,7 +11,6 @@ import typer
 
 from aerobat_pin.cli.console import doing, progress_bar
 from aerobat_pin.cli.options import BelievedMorphology, Force, Settings, out_option
-from aerobat_pin.cli.recordings import chosen_map
 
 if TYPE_CHECKING:
     from aerobat_pin.aerobat import FlightLog
@@ -94,9 +93,9 @@ def opened(
         return _flights(paths, morphology, settings, free=free)
     if morphology is not None or settings:
         raise MapError(f"calibrate: {'--set' if morphology is None else '--morphology'} is for Aerobat's own flights")
-    from aerobat_pin.records import open_record
+    from aerobat_pin.records import load_map, open_record
 
-    chosen, folder = chosen_map(map_file, None, None, [])
+    chosen, folder = load_map(map_file), map_file.absolute().parent
     return [open_record(log, chosen, folder) for log in paths]
 
 

@@ -72,11 +72,6 @@ def print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def files_in(folder: Path) -> list[Path]:
-    """Return all files in a folder and its subfolders, sorted, as paths relative to the folder."""
-    return sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
-
-
 def write_results(
     estimated: Callable[[Progress], Experiment | Result],
     target: Path,

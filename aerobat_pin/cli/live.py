@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aerobat_pin.cli.console import doing, write_results
-from aerobat_pin.cli.options import CalibrationFile, Settings
+from aerobat_pin.cli.options import CalibrationFile, Settings, option_names
 from aerobat_pin.cli.voice import voice
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def _source(what: str, map_file: Path | None, points: str | None, settings: list
         return LiveRecording(Path(what), chosen, folder) if what else LiveTopics(chosen, folder, typer.echo)
     if not what or what in shipped_scenarios() or what.endswith(".toml"):
         return LiveFlight(load_scenario(what or "hover_closed_loop", settings))
-    return LiveRobot(what, tuple(name.strip() for name in (points or "").split(",") if name.strip()))
+    return LiveRobot(what, tuple(option_names(points)))
 
 
 def node_command(

@@ -38,6 +38,11 @@ def out_option(what: str) -> Any:
     return typer.Option("--out", "-o", help=what)
 
 
+def option_names(words: str | None) -> list[str]:
+    """Return the names that an option lists, with commas between them."""
+    return [word.strip() for word in (words or "").split(",") if word.strip()]
+
+
 def complete_name(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the shipped names that begin with what was typed, for completion in a shell."""
     folder = PROJECT_FOLDER / SHIPPED.get(ctx.info_name or "", "aerobat_pin/scenario/shipped")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aerobat_pin.cli.console import doing, files_in, progress_bar
+from aerobat_pin.cli.console import doing, progress_bar
 from aerobat_pin.cli.options import BelievedMorphology, Force, out_option
 from aerobat_pin.cli.voice import voice
 
@@ -112,7 +112,7 @@ def compare_command(
         doing("drawing both runs"),
     ):
         comparison.write(folder)
-        files = files_in(folder)
+        files = sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
     typer.echo(f"\nresults in {target}/: {', '.join(map(str, files))}\nopen {target / 'comparison.html'}")
 
 

@@ -38,7 +38,7 @@ class Voice:
             self._said = self._doing
             with suppress(
                 OSError
-            ):  # past Python's buffers: a process that is forked meanwhile would inherit their lock
+            ):  # past Python's buffers, whose lock a process that is forked meanwhile would inherit
                 os.write(2, f"{self._doing}{again}\n".encode())
 
     def rest(self) -> None:

@@ -37,7 +37,9 @@ from .matrix_products import mirror as mirror
 from .notebook import ShownInNotebooks as ShownInNotebooks
 from .pinocchio_models import frame_id as frame_id
 from .pinocchio_models import frame_jacobian as frame_jacobian
+from .pinocchio_models import model_bytes as model_bytes
 from .pinocchio_models import read_robot as read_robot
+from .pinocchio_models import rebuilt as rebuilt
 from .pinocchio_views import DOUBLE as DOUBLE
 from .pinocchio_views import addresses as addresses
 from .pinocchio_views import array_at as array_at

@@ -1,4 +1,7 @@
-"""Pinocchio's models: parsers that print their reasons to standard error and can leave parts out; frames by name."""
+"""Pinocchio's models: parsers that print their reasons to standard error and can leave parts out; frames; as bytes.
+
+Bytes are in Pinocchio's binary form, as 4.0 cannot read its own text of composite joints.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import pinocchio as pin
 
@@ -73,3 +76,20 @@ def frame_id(model: pin.Model, name: str) -> int:
                 f"frame '{name}': {1 + len(others)} frames have this name, at different places; rename one of them"
             )
     return first
+
+
+def model_bytes(model: pin.Model) -> bytes:
+    """Return a model in Pinocchio's binary form."""
+    buffer = pin.serialization.StreamBuffer()
+    model.saveToBinary(buffer)
+    return bytes(buffer.tobytes())
+
+
+def rebuilt(kind: Callable[..., Any], content: bytes, *arguments: Any) -> Any:
+    """Return what `kind` makes of a stored model and further arguments."""
+    model = pin.Model()
+    with tempfile.NamedTemporaryFile() as file:  # Pinocchio reads no bytes, only what it wrote itself and files
+        file.write(content)
+        file.flush()
+        model.loadFromBinary(file.name)
+    return kind(model, *arguments)

@@ -26,10 +26,12 @@ from aerobat_pin.numerics import (
     fields_of,
     guarded,
     lock,
+    model_bytes,
     motions,
     new_state,
     number,
     placements,
+    rebuilt,
 )
 from aerobat_pin.observers.applications import Application, Applications
 from aerobat_pin.observers.equations import Equations, Observed, Samples, observe_record, sample_robot
@@ -39,7 +41,6 @@ from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
-from aerobat_pin.observers.pickled import model_bytes, rebuilt
 from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight, serial_model
 from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, for_kernels, modes
 

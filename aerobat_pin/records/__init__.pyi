@@ -1,5 +1,3 @@
-from .agreement import LARGEST_DELAY as LARGEST_DELAY
-from .agreement import Agreement as Agreement
 from .axes import as_attitude as as_attitude
 from .axes import axes_of as axes_of
 from .axes import body_turn as body_turn
@@ -36,12 +34,15 @@ from .map_tables import Map as Map
 from .map_tables import QuaternionSection as QuaternionSection
 from .messages import entries as entries
 from .messages import stamp as stamp
+from .netcdf import netcdf_bytes as netcdf_bytes
 from .netcdf import read_netcdf as read_netcdf
 from .read import BAGS as BAGS
 from .read import NETCDF as NETCDF
 from .read import read_columns as read_columns
 from .record import ZEROED as ZEROED
 from .record import Record as Record
+from .reference import LARGEST_DELAY as LARGEST_DELAY
+from .reference import Agreement as Agreement
 from .reference import Reference as Reference
 from .reference import TrueEvent as TrueEvent
 from .resample import line_means as line_means
@@ -65,4 +66,3 @@ from .spool import spread_stretches as spread_stretches
 from .spool import typical_spacing as typical_spacing
 from .suggest import suggested_map as suggested_map
 from .suggest_joints import said_unit as said_unit
-from .write_netcdf import netcdf_bytes as netcdf_bytes

@@ -34,10 +34,8 @@ def _read(file: Any, item: Any) -> None:
 
     for key in item.attrs:
         if item.attrs.get_id(key).get_storage_size() <= BYTES_TRIED:
-            for entry in getattr(item.attrs[key], "ravel", lambda: ())():
-                for reference in (
-                    entry if hasattr(entry, "__len__") and not isinstance(entry, str | bytes) else (entry,)
-                ):
+            for cell in getattr(item.attrs[key], "ravel", lambda: ())():
+                for reference in cell if hasattr(cell, "__len__") and not isinstance(cell, str | bytes) else (cell,):
                     if isinstance(reference, h5py.Reference) and reference:
                         file[reference].name  # noqa: B018
     if not isinstance(item, h5py.Dataset) or item.dtype.kind not in "fiuS" or item.is_virtual or item.external:

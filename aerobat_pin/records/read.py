@@ -1,18 +1,24 @@
-"""Read any recording as columns: by its ending, a table, NetCDF or a bag."""
+"""Read any recording as columns: by its ending, a table, a bag or NetCDF, whose variables over time they are."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import numpy as np
+
 from aerobat_pin.errors import LogError
-from aerobat_pin.records.columns import Columns
-from aerobat_pin.records.csv_columns import read_csv_columns
+from aerobat_pin.numerics import Array
+from aerobat_pin.records.columns import Clock, Columns, GrowingTable
+from aerobat_pin.records.csv_columns import ROWS_AT_ONCE, SECONDS, read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
-from aerobat_pin.records.netcdf_columns import read_netcdf_columns
+from aerobat_pin.records.netcdf import StoredVariable, netcdf_variables
+from aerobat_pin.records.spool import Series, Spool
 
 BAGS, NETCDF = (".mcap", ".db3", ".bag"), (".nc", ".nc4", ".h5")
+NETCDF_GROUPS = ("truth", "measured")
+CLOCKS = ("time", "interval")  # dimensions that are clocks; the log may name another one
 
 
 def read_columns(path: Path, log: LogTable, wanted: Iterable[str] | None = None) -> Columns:
@@ -37,3 +43,59 @@ def read_columns(path: Path, log: LogTable, wanted: Iterable[str] | None = None)
     if path.suffix.lower() in NETCDF:
         return read_netcdf_columns(path, log)
     return read_csv_columns(path, log, wanted)
+
+
+def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
+    """Read all variables over time of a NetCDF-4 file; those of a group are called `group/name`.
+
+    A variable of two dimensions becomes one column for each label: `q.x`. Raises LogError if there is no time.
+    """
+    wanted = (log.time.column, *CLOCKS) if log.time.column else CLOCKS
+    spool = Spool()
+    clocks: dict[str, Clock] = {}
+    values: dict[str, Series] = {}
+    clock_of: dict[str, str] = {}
+    with netcdf_variables(path, "log", NETCDF_GROUPS) as groups:
+        for group, variables in groups.items():
+            prefix = f"{group}/" if group else ""
+            for clock in wanted:
+                if clock not in variables or variables[clock].dims != (clock,) or not variables[clock].shape[0]:
+                    continue
+                table = _read_clock(variables, clock, SECONDS[log.time.unit], GrowingTable(spool))
+                clocks[f"{prefix}{clock}"], columns = table.finished()
+                for name, column in columns.items():
+                    values[prefix + name], clock_of[prefix + name] = column, f"{prefix}{clock}"
+    if not clocks:
+        raise LogError(
+            f"log {path}: no dimension {' or '.join(map(str, wanted))}: name it as log.time.column of the map"
+        )
+    return Columns(path, tuple(values), clocks, clock_of, values)
+
+
+def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float, table: GrowingTable) -> GrowingTable:
+    """Read all numbers over one clock, piece by piece."""
+    sampled = {
+        name: variable
+        for name, variable in variables.items()
+        if name != clock and variable.dims[:1] == (clock,) and variable.kind in "fiu"
+    }
+    labels = {name: _labels(variable, variables) for name, variable in sampled.items()}
+    for first in range(0, variables[clock].shape[0], ROWS_AT_ONCE):
+        rows = slice(first, first + ROWS_AT_ONCE)
+        columns: dict[str, Array] = {}
+        for name, variable in sampled.items():
+            piece: Array = np.asarray(variable[rows], float)
+            piece = piece.reshape(len(piece), -1)
+            columns |= {f"{name}{label}": piece[:, k] for k, label in enumerate(labels[name])}
+        table.add(np.asarray(variables[clock][rows], float) * unit, columns)
+    return table
+
+
+def _labels(variable: StoredVariable, variables: Mapping[str, StoredVariable]) -> list[str]:
+    """Return what is added to a variable's name for each of its columns: `.x`, or nothing for a single one."""
+    labels = [""]
+    for dim, size in zip(variable.dims[1:], variable.shape[1:], strict=True):
+        coordinate = variables.get(dim)
+        entries = range(size) if coordinate is None or coordinate.dims != (dim,) else coordinate[:]
+        labels = [f"{label}.{entry}" for label in labels for entry in entries]
+    return labels

@@ -17,9 +17,9 @@ import pinocchio as pin
 from aerobat_pin.errors import MapError
 from aerobat_pin.numerics import Array, ShownInNotebooks
 from aerobat_pin.observers import Observer, Rows
-from aerobat_pin.records.agreement import Agreement
 from aerobat_pin.records.block import Block, Channel, SmoothedMotion
 from aerobat_pin.records.learnable import Condition, Extras, Parameter, Suspect
+from aerobat_pin.records.reference import Agreement
 from aerobat_pin.records.robot_tables import PayloadSection
 
 FREE_NQ, FREE_NV = 7, 6

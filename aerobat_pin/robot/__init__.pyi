@@ -9,8 +9,8 @@ from .aerobat import load_morphology as load_morphology
 from .closed_model import closed_model as closed_model
 from .closed_model import closed_settings as closed_settings
 from .closed_model import closed_state as closed_state
-from .closing_bars import place_bars as place_bars
-from .closing_bars import visual_model_with_bars as visual_model_with_bars
+from .closed_model import place_bars as place_bars
+from .closed_model import visual_model_with_bars as visual_model_with_bars
 from .frames import euler_angles as euler_angles
 from .frames import external_forces as external_forces
 from .frames import joint_wrench as joint_wrench

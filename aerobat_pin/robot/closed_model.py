@@ -1,4 +1,4 @@
-"""The robot with its closed linkage in Pinocchio: a tree of all bars, and the points that close its loops.
+"""The closed linkage in Pinocchio: a tree of all bars with the points that close its loops, and bars for pictures.
 
     model, constraints = closed_model("aerobat")
     q, v, _ = closed_state(model, KineticSculpture(), crank_angle=-1.57, crank_velocity=29.8)
@@ -14,6 +14,12 @@ A planar loop has two closing equations, and a point three. The third, across th
 integrator is between two closed states: the force across the plane grows as 1/mu with the proximal parameter mu, and
 turns the body. `closed_settings` has the mu that leaves both errors small. With mu = 1e-8, which is as exact in closed
 states, 0.2 s of free flight differ by 2.6 mm from the right one at steps of 1 ms; with 1e-3, by 0.01 mm.
+
+In the robot's own tree L3 and L7 are links. The other bars cannot be, so the crank angle gives their placements:
+
+    picture = visual_model_with_bars(robot)
+    place_bars(robot, picture, crank_angle)
+    pin.updateGeometryPlacements(robot.model, data, picture, picture_data)
 """
 
 from __future__ import annotations
@@ -26,12 +32,21 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_description.bar_bodies import BarMasses
+from aerobat_description.bars import closing_bars
 from aerobat_description.morphology import Morphology
 from aerobat_description.write_mjcf import mjcf_text
 from aerobat_pin.errors import FrameNotFoundError
 from aerobat_pin.linkage import KineticSculpture
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.robot.aerobat import JOINTS, STANDARD_GRAVITY, limit_free_flyer, load_morphology
+from aerobat_pin.robot.aerobat import (
+    CRANK_START,
+    JOINTS,
+    STANDARD_GRAVITY,
+    Aerobat,
+    geometry_object,
+    limit_free_flyer,
+    load_morphology,
+)
 
 PROXIMAL = (1e-14, 1e-14, 1e-3, 5)  # absolute and relative accuracy, mu, iterations
 CLOSING_RATE = 100.0  # [1/s]: rate at which gaps that an integrator opens close again (Baumgarte)
@@ -46,6 +61,7 @@ BAR_JOINTS = {
     "elbow": ("t6", "t5"),
 }
 Constraints: TypeAlias = "pin.StdVec_RigidConstraintModel"
+BAR_ANGLES = {"L1": "t1", "L2": "t2", "L4": "t3", "L5": "t8", "L6": "t9"}  # bar, as numbered in the paper: its angle
 
 
 @guarded(gravity="not negative")
@@ -130,3 +146,52 @@ def _limit_joints(model: pin.Model, shape: Morphology) -> None:
         index = model.joints[model.getJointId(joint)].idx_q
         lower[index], upper[index] = getattr(shape.joints, f"{joint.partition('_')[2]}_limits")
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+
+
+@guarded()
+def bar_placements(robot: Aerobat, crank_angle: float) -> dict[str, pin.SE3]:
+    """Return the frames, in `base_link`, of the bars L1, L2, L4, L5 and L6 of both wings, named `left_L1` and so on.
+
+    A frame has its origin at the bar's first pin and its y axis along the bar; right frames mirror left frames.
+
+    Args:
+        robot: the robot with the linkage.
+        crank_angle: absolute t1 [rad].
+
+    Raises:
+        LinkageError: the linkage cannot close.
+        ShapeError: the crank angle is not finite.
+    """
+    closure = robot.linkage.solve(crank_angle)
+    placed = {}
+    for name, (bar, side) in closing_bars(robot.morphology.linkage).items():
+        sign = 1.0 if side == "left" else -1.0
+        outboard, up = closure.pins[bar.origin]
+        turn = pin.utils.rotate("x", sign * float(closure.angles[BAR_ANGLES[bar.name]]))
+        placed[name] = pin.SE3(turn, np.array([robot.morphology.wing.offset_x, sign * outboard, up]))
+    return placed
+
+
+@guarded()
+def visual_model_with_bars(robot: Aerobat) -> pin.GeometryModel:
+    """Return the robot's visible parts plus the closing bars, attached to the base, with the crank straight down."""
+    picture = robot.visual_model.copy()
+    for name, (bar, side) in closing_bars(robot.morphology.linkage).items():
+        material = "crank" if bar.name == "L1" else "bar"
+        picture.addGeometryObject(geometry_object(robot.model, name, "base_link", bar.mesh(side), material))
+    place_bars(robot, picture, CRANK_START)
+    return picture
+
+
+@guarded()
+def place_bars(robot: Aerobat, picture: pin.GeometryModel, crank_angle: float) -> None:
+    """Move the bars of `picture`, in place, to a crank angle [rad].
+
+    `pin.updateGeometryPlacements` then moves them with the base.
+
+    Raises:
+        LinkageError: the linkage cannot close.
+        ShapeError: the crank angle is not finite.
+    """
+    for name, placement in bar_placements(robot, crank_angle).items():
+        picture.geometryObjects[picture.getGeometryId(name)].placement = placement

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from aerobat_pin.aerobat.air_stream import AirStream
+from aerobat_pin.aerobat.believed_air import AirStream
 from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.disturbance import moved

@@ -14,9 +14,9 @@ from support.walking_log import bag, urdf, walk
 from aerobat_pin.errors import LogError, foreign_file, foreign_xml
 from aerobat_pin.numerics import checked_robot
 from aerobat_pin.records.map_tables import LogTable
+from aerobat_pin.records.netcdf import netcdf_bytes
 from aerobat_pin.records.read import read_columns
 from aerobat_pin.records.robot_files import FIXED, FREE, named_robot
-from aerobat_pin.records.write_netcdf import netcdf_bytes
 
 
 def test_a_file_is_regular_and_not_too_large(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from support.quadruped import FEET, write_log, write_urdf
 from aerobat_pin.aerobat.estimate import belief_about
 from aerobat_pin.aerobat.kind_of_log import RAW_TABLE, STATE_TABLE, table_units
 from aerobat_pin.observers import OBSERVERS
-from aerobat_pin.robot.closing_bars import bar_placements, visual_model_with_bars
+from aerobat_pin.robot.closed_model import bar_placements, visual_model_with_bars
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

@@ -20,7 +20,7 @@ from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.experiments.write_results import estimate_dataset
 from aerobat_pin.flight.shown import wake_of
 from aerobat_pin.numerics.arrays import Array
-from aerobat_pin.robot.closing_bars import bar_placements
+from aerobat_pin.robot.closed_model import bar_placements
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_flight

@@ -18,7 +18,6 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
-from aerobat_pin.aerobat.raw.choose_walk import JUMP, LEAST_JUMP_GAIN
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR, first_prior
 from aerobat_pin.aerobat.raw.linear import added_variances
@@ -26,7 +25,7 @@ from aerobat_pin.aerobat.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.aerobat.raw.recursion import advance, take_samples
 from aerobat_pin.aerobat.raw.rows import ROWS_BY_SENSOR, Sensed
 from aerobat_pin.aerobat.raw.smoother import JointSmoother
-from aerobat_pin.aerobat.raw.tuning import Tuning
+from aerobat_pin.aerobat.raw.tuning import JUMP, LEAST_JUMP_GAIN, Tuning
 from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array

@@ -14,7 +14,6 @@ import numpy as np
 
 from aerobat_pin.aerobat.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.aerobat.raw.channels import RawRecord, RecordPart, part_of, stretches
-from aerobat_pin.aerobat.raw.choose_walk import likelier_tuning, more_jumps, simpler_tuning
 from aerobat_pin.aerobat.raw.dynamics import linear_dynamics
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.aerobat.raw.layout import MOTION, TWIST_ERROR, Layout, Prior, first_prior, prior_at
@@ -23,7 +22,15 @@ from aerobat_pin.aerobat.raw.nominal import NominalMotion, first_guess
 from aerobat_pin.aerobat.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
 from aerobat_pin.aerobat.raw.recursion import Smoothed
 from aerobat_pin.aerobat.raw.rows import sample_rows
-from aerobat_pin.aerobat.raw.tuning import Flags, Tuning, first_tuning, free_logs
+from aerobat_pin.aerobat.raw.tuning import (
+    Flags,
+    Tuning,
+    first_tuning,
+    free_logs,
+    likelier_tuning,
+    more_jumps,
+    simpler_tuning,
+)
 from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat
