@@ -38,27 +38,11 @@ from aerobat_pin.errors import CalibrationError, LogError
 from aerobat_pin.estimation import TORQUE
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer, Rows
-from aerobat_pin.records import (
-    EXTRA,
-    Agreement,
-    Block,
-    Channel,
-    Extras,
-    Parameter,
-    PlainRobot,
-    SmoothedMotion,
-    Suspect,
-)
+from aerobat_pin.records import EXTRA, Agreement, Block, Channel, Extras, Parameter, PlainRobot, SmoothedMotion, Suspect
 from aerobat_pin.robot import JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
-WEATHER_KEYS = {
-    "wind",
-    "gust",
-    "turbulence",
-    "wave",
-    "warm_up_cycles",
-}  # keys of the air of the day
+WEATHER_KEYS = {"wind", "gust", "turbulence", "wave", "warm_up_cycles"}  # keys of the air of the day
 LARGEST_OPENING = np.degrees(0.01)  # [deg]: rms difference of a joint from the linkage; encoders are 20 times better
 
 

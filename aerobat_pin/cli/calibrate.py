@@ -135,8 +135,7 @@ def _flight(path: Path, morphology: str | None, settings: list[str]) -> tuple[Fl
 
 def check_command(
     flight: Annotated[
-        Path,
-        typer.Argument(metavar="RUN|LOG", help="Run (folder), log (.nc, .csv), or a recording by --map."),
+        Path, typer.Argument(metavar="RUN|LOG", help="Run (folder), log (.nc, .csv), or a recording by --map.")
     ],
     calibration: Annotated[Path, typer.Option(metavar="FILE", help="What `aerobat calibrate` learnt.")],
     morphology: BelievedMorphology = None,

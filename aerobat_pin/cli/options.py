@@ -87,7 +87,6 @@ CalibrationFile = Annotated[
     Path | None, typer.Option(metavar="FILE", help="What `aerobat calibrate` learnt about this belief.")
 ]
 Correct = Annotated[
-    bool,
-    typer.Option("--correct", help="Correct what changed since the calibration where it has a name."),
+    bool, typer.Option("--correct", help="Correct what changed since the calibration where it has a name.")
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace earlier results.")]

@@ -20,16 +20,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from aerobat_pin.flight import ThrusterSet
-from aerobat_pin.numerics import (
-    Array,
-    Integers,
-    fields_of,
-    inner,
-    kernel,
-    new_state,
-    shaped,
-    solve_positive,
-)
+from aerobat_pin.numerics import Array, Integers, fields_of, inner, kernel, new_state, shaped, solve_positive
 
 THRUSTER_ARM = 0.2  # [m]: about the thrusters' distance
 PRIORITY = {"Fx": 0.1, "Fy": 0.0, "Fz": 3.0, "Mx": 30.0, "My": 30.0, "Mz": 10.0}

@@ -40,13 +40,7 @@ from aerobat_pin.errors.foreign_files import (
 )
 from aerobat_pin.errors.old_names import old_names
 from aerobat_pin.errors.output_folder import claimed, output_folder, replace_results
-from aerobat_pin.errors.whole_files import (
-    check_file,
-    locked,
-    opened_folder,
-    write_files,
-    write_text,
-)
+from aerobat_pin.errors.whole_files import check_file, locked, opened_folder, write_files, write_text
 
 __all__ = [
     "DEEPEST_XML",

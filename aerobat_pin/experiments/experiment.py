@@ -10,13 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.aerobat import (
-    FlightLog,
-    check_names,
-    estimate_flight,
-    true_events,
-    truth_of,
-)
+from aerobat_pin.aerobat import FlightLog, check_names, estimate_flight, true_events, truth_of
 from aerobat_pin.control import FAILED, Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.estimation import Calibration, Finding, Result, quantity

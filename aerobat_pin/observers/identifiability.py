@@ -64,11 +64,7 @@ class Identifiability:
 
 
 def judge(
-    applications: Applications,
-    jacobians: Array,
-    velocities: Array,
-    believed: BelievedRows,
-    pivots: Array | None = None,
+    applications: Applications, jacobians: Array, velocities: Array, believed: BelievedRows, pivots: Array | None = None
 ) -> Identifiability:
     """Return the identifiability at the worst instant of a run.
 

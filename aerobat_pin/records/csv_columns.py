@@ -16,14 +16,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records.columns import Columns, GrowingTable, same_unit
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.spool import Spool
-from aerobat_pin.records.table_cells import (
-    CUT,
-    check_rows,
-    cut_row,
-    decimal_sign,
-    line_of,
-    numbers_of,
-)
+from aerobat_pin.records.table_cells import CUT, check_rows, cut_row, decimal_sign, line_of, numbers_of
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 TIME_NAMES = ("t", "time", "timestamp", "stamp", "time_s", "t_s", "time [s]", "seconds", "elapsed", "time_stamp")

@@ -99,8 +99,7 @@ class BaseTable(Section):
         "and attitude alone, the velocity counts as 0, and the base's six rows are not believed",
     )
     topic: str | None = Field(
-        None,
-        description="PoseStamped, TransformStamped or Odometry: pose and, if there, twist; with from an Imu",
+        None, description="PoseStamped, TransformStamped or Odometry: pose and, if there, twist; with from an Imu"
     )
     held: bool = Field(False, description="true: the base stands still at the world's origin, as on a load cell")
     axes: Literal["flu", "frd"] = Field("flu", description="body axes of the log; frd is turned to x ahead, z up")

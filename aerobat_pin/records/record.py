@@ -15,14 +15,7 @@ from aerobat_pin.records.block import Block, Channel
 from aerobat_pin.records.channels import EXTRA
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.map_tables import Map
-from aerobat_pin.records.resample import (
-    line_means,
-    neighbour_rates,
-    sampled,
-    sampled_turns,
-    slopes,
-    turn_rates,
-)
+from aerobat_pin.records.resample import line_means, neighbour_rates, sampled, sampled_turns, slopes, turn_rates
 from aerobat_pin.records.robots import FREE_NQ, FREE_NV, PlainRobot
 from aerobat_pin.records.spool import Series, spread_stretches
 from aerobat_pin.robot import rotation_matrices

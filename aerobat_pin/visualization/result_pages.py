@@ -24,12 +24,7 @@ from aerobat_pin.visualization.figures.control import draw_control
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.figures.linkage import draw_linkage, linkage_animation
 from aerobat_pin.visualization.figures.paper import draw_position, draw_states, draw_stick_diagram
-from aerobat_pin.visualization.figures.record import (
-    draw_contacts,
-    draw_motion,
-    draw_unexplained,
-    unexplained_limit,
-)
+from aerobat_pin.visualization.figures.record import draw_contacts, draw_motion, draw_unexplained, unexplained_limit
 from aerobat_pin.visualization.replay.result_replay import replay_result
 from aerobat_pin.visualization.template import fill_template
 

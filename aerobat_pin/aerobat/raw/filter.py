@@ -94,10 +94,7 @@ class JointFilter:
         return self._nominal is not None
 
     def update(
-        self,
-        time: float,
-        samples: Mapping[str, ArrayLike | tuple[float, ArrayLike]],
-        known: ArrayLike | None = None,
+        self, time: float, samples: Mapping[str, ArrayLike | tuple[float, ArrayLike]], known: ArrayLike | None = None
     ) -> JointSample | None:
         """Take the samples that have come since the last update.
 

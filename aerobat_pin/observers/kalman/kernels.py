@@ -22,16 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import (
-    Array,
-    add_product,
-    add_row_product,
-    copy_values,
-    factorise,
-    fields_of,
-    kernel,
-    mirror,
-)
+from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, fields_of, kernel, mirror
 from aerobat_pin.observers.kalman.kalman_state import Filter, KalmanState, Step
 from aerobat_pin.observers.kalman.learning import (
     DIFFERENCES,
@@ -50,11 +41,7 @@ from aerobat_pin.observers.kalman.learning import (
 from aerobat_pin.observers.kalman.noisy_sample import repeat_interval, write_noisy_sample
 from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.projection import fit_forces
-from aerobat_pin.observers.kernels.residual import (
-    TOO_LARGE,
-    is_configuration,
-    mean_residual,
-)
+from aerobat_pin.observers.kernels.residual import TOO_LARGE, is_configuration, mean_residual
 from aerobat_pin.observers.rows import UNSEEN_SHARE
 
 

@@ -92,11 +92,7 @@ def write_momentum_and_jacobian(observer: ObserverState, v: Array, sample: Array
 @inner
 def in_world_axes(P: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Rotate a vector by the rotation of a placement (12,)."""
-    return (
-        P[0] * x + P[3] * y + P[6] * z,
-        P[1] * x + P[4] * y + P[7] * z,
-        P[2] * x + P[5] * y + P[8] * z,
-    )
+    return (P[0] * x + P[3] * y + P[6] * z, P[1] * x + P[4] * y + P[7] * z, P[2] * x + P[5] * y + P[8] * z)
 
 
 @inlined

@@ -164,12 +164,7 @@ class _Life:
                     self._send(socket, message)
 
 
-def serve_live(
-    source: LiveSource,
-    announce: Callable[[str], None],
-    save: Callable[[], str],
-    port: int = 0,
-) -> None:
+def serve_live(source: LiveSource, announce: Callable[[str], None], save: Callable[[], str], port: int = 0) -> None:
     """Serve a live page until Ctrl-C; only browsers on this machine can open it, by the announced address.
 
     Args:

@@ -8,13 +8,7 @@ import numpy as np
 import pinocchio as pin
 import xarray as xr
 
-from aerobat_pin.aerobat import (
-    SUM,
-    FlightLog,
-    flight_motion,
-    true_events,
-    true_force,
-)
+from aerobat_pin.aerobat import SUM, FlightLog, flight_motion, true_events, true_force
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import point_label
 from aerobat_pin.experiments import flight_note, read_run
