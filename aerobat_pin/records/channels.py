@@ -11,10 +11,11 @@ import numpy as np
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.block import Channel
-from aerobat_pin.records.columns import Columns, same_unit
+from aerobat_pin.records.columns import Columns, in_step, same_unit
 from aerobat_pin.records.map_tables import ChannelSection, KnownSection, Map
 from aerobat_pin.records.resample import holes
 from aerobat_pin.records.spool import EXTENT, Series
+from aerobat_pin.records.table_cells import line_of
 
 EXTRA = "extra."  # prefix of the keys of channels that only the robot itself reads
 G = 9.80665  # [m/s2] of the unit g
@@ -151,6 +152,23 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
             time.append(stamps - request.delay)
     gaps = _holes(request, [stamps for stamps, _ in parts], longest_gap)
     return Channel(request.key, request.names, time, values, holes=gaps)
+
+
+def check_same_rows(request: Request, columns: Columns) -> None:
+    """Raise LogError if a row has samples in some columns of a channel and none in others."""
+    series = [columns.values[name] for name in request.names if name in columns.values]
+    if all(values.finite for values in series) or len({columns.clock_of[name] for name in request.names}) > 1:
+        return
+    before = 0
+    for pieces in in_step(*series):
+        empty = ~np.isfinite(np.stack(pieces, axis=1))
+        part = np.any(empty, axis=1) & ~np.all(empty, axis=1)
+        if np.any(part):
+            row = int(np.argmax(part))
+            name, every = request.names[int(np.argmax(empty[row]))], ", ".join(request.names)
+            where = f"log {columns.path}, line {line_of(columns.path, before + row)}"
+            raise LogError(f"{where}: {name} is empty: all of {every} or none")
+        before += len(empty)
 
 
 def _holes(request: Request, clocks: list[Series], longest: float) -> tuple[tuple[float, float, str], ...]:

@@ -12,13 +12,12 @@ import numpy as np
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import guarded, runs_of_true
 from aerobat_pin.records.block import Channel
-from aerobat_pin.records.channels import base_requests, channel_of, further_requests, named_columns
+from aerobat_pin.records.channels import base_requests, channel_of, check_same_rows, further_requests, named_columns
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import requests_of
 from aerobat_pin.records.joint_names import as_names, listed_joints, nearest_joints, renamed_joints
-from aerobat_pin.records.map_file import load_map
+from aerobat_pin.records.map_file import load_map, without_absent
 from aerobat_pin.records.map_tables import Map
-from aerobat_pin.records.optional_channels import check_same_rows, without_absent
 from aerobat_pin.records.read import read_columns
 from aerobat_pin.records.record import Record
 from aerobat_pin.records.robot_files import robot_of_map

@@ -19,9 +19,8 @@ from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.records import TrueEvent
 from aerobat_pin.scenario import Scenario, described, scenario_toml, shipped_description
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.figures.air import draw_aerodynamics, draw_power
-from aerobat_pin.visualization.figures.control import draw_control
 from aerobat_pin.visualization.figures.estimation import draw_estimation
+from aerobat_pin.visualization.figures.flight import draw_aerodynamics, draw_control, draw_power
 from aerobat_pin.visualization.figures.linkage import draw_linkage, linkage_animation
 from aerobat_pin.visualization.figures.paper import draw_position, draw_states, draw_stick_diagram
 from aerobat_pin.visualization.figures.record import draw_contacts, draw_motion, draw_unexplained, unexplained_limit

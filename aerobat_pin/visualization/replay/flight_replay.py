@@ -17,7 +17,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.robot import Aerobat, flown_robot, place_bars, visual_model_with_bars
 from aerobat_pin.scenario import AirSection, changed_keys, changes_text
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.figures.control import thrust_forces
+from aerobat_pin.visualization.figures.flight import thrust_forces
 from aerobat_pin.visualization.replay.moving_page import Replay
 from aerobat_pin.visualization.replay.scene import Sheet
 
