@@ -80,25 +80,12 @@ def flight_record(
     """
     knots = series_of(Spool(), log.time)
     channels = flight_channels(log, robot.aerobat, knots)
-    count = len(log.time)
-    span = float(log.time[-1] - log.time[0])
-    rate = (count - 1) / span if span > 0.0 else 1.0
+    chosen, last = flight_map(section or ObserverSection()), len(log.time) - 1
+    start, span = float(log.time[0]), float(log.time[-1] - log.time[0])
+    rate = last / span if span > 0.0 else 1.0
     driven = JOINTS if "joints.effort" in channels else ()
     joints = JOINTS if {"joints.position", "joints.velocity"} & channels.keys() else ()
-    parts = ((0, count - 1),)
-    return Record(
-        flight_map(section or ObserverSection()),
-        robot,
-        channels,
-        joints,
-        driven,
-        float(log.time[0]),
-        rate,
-        parts,
-        (),
-        knots,
-        label=label,
-    )
+    return Record(chosen, robot, channels, joints, driven, start, rate, ((0, last),), (), knots, label=label)
 
 
 def flight_map(section: ObserverSection) -> Map:

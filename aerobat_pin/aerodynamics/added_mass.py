@@ -70,14 +70,8 @@ def add_mass(added: AddedMass, tree: Tree, results: PinocchioResults, links: Lin
     rows, rotation, origin, twists = links.normals, links.rotation, links.origin, links.twists
     gravity, wind, wind_rate = links.gravity_B, links.wind_B, links.wind_rate_B
     masses, centre_x, centre_y, skews = added.masses, added.x, added.y, added.skew
-    joint_of, parent_of, row_of, axes, liMi, a_gf = (
-        tree.joint,
-        tree.parent,
-        tree.row,
-        tree.axis,
-        results.liMi,
-        results.a_gf,
-    )
+    joint_of, parent_of, row_of, axes = tree.joint, tree.parent, tree.row, tree.axis
+    liMi, a_gf = results.liMi, results.a_gf
     for link in range(joint_of.shape[0]):
         mass = masses[link]
         if mass[0] == 0.0:

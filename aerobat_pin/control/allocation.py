@@ -76,10 +76,8 @@ class Allocation:
         problem.H[:] += EVEN * np.trace(problem.H) * np.eye(len(self.limit))
         problem.f[:] = weighted.T * weight
         problem.free[:] = np.linalg.solve(problem.H, problem.f)
-        problem.least[:], problem.most[:] = (
-            np.minimum(self.map, 0.0) @ self.limit,
-            np.maximum(self.map, 0.0) @ self.limit,
-        )
+        problem.least[:] = np.minimum(self.map, 0.0) @ self.limit
+        problem.most[:] = np.maximum(self.map, 0.0) @ self.limit
 
     def thrusts(self, wrench: Array) -> Array:
         """Return the thrusts (m,) [N] for a wanted wrench (6,) at the body's centre of mass, body axes."""

@@ -25,13 +25,8 @@ from aerobat_pin.numerics.kernel_cache import KernelCache
 Function = TypeVar("Function", bound=Callable[..., Any])
 Integers = NDArray[np.intp]
 OURS = "aerobat_pin."
-KERNEL_MARKS = (
-    b"\n@kernel\n",
-    b"\n@inner\n",
-    b"\n@inlined\n",
-    b": Annotated[Array, ",
-    b": Annotated[Integers, ",
-)  # kernels, states
+# Of files with kernels, and with their states.
+KERNEL_MARKS = (b"\n@kernel\n", b"\n@inner\n", b"\n@inlined\n", b": Annotated[Array, ", b": Annotated[Integers, ")
 
 
 def kernel(function: Function) -> Function:

@@ -283,7 +283,6 @@ class Observer:
         return observe_record(equations, samples, time, u), samples
 
     def _estimate(self, time: Array, observed: Observed, samples: Samples) -> Estimate:
-        """Return the results of a record as an `Estimate`."""
         expected, deviation = self.expected, observed.deviation
         return Estimate(
             observer=self.name,

@@ -107,7 +107,6 @@ def _dataset(group: h5py.Group, name: str) -> xr.Dataset:
 
 
 def _dimensions(item: h5py.Dataset, label: str, where: str) -> tuple[str, ...]:
-    """Return the names of a dataset's dimensions."""
     if item.attrs.get("CLASS") == b"DIMENSION_SCALE" and item.ndim == 1:
         return (label,)
     listed = item.attrs.get("DIMENSION_LIST", ())  # h5py's item.dims would end the process if this list is damaged

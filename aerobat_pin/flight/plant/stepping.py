@@ -135,13 +135,8 @@ class SteppedFlight:
         plant, tables = self.plant, self.tables
         model, data, memory, fields, v = plant.model, plant.data, plant.memory, plant.fields, plant.fields.v
         crba, nle, tangents = pin.crba, pin.nonLinearEffects, (fields.tangent[0], fields.tangent[1])
-        motion, wind, step_means, means, loads = (
-            tables.motion,
-            tables.wind,
-            tables.step_means,
-            tables.means,
-            tables.loads,
-        )
+        motion, wind, step_means = tables.motion, tables.wind, tables.step_means
+        means, loads = tables.means, tables.loads
         dt, parts, k = tables.step, tables.parts, 0
 
         def evaluate_stage(number: int, q: Array) -> tuple[Array, Array]:
