@@ -47,16 +47,16 @@ class PairedEstimate:
         if not set(wanted) <= set(known):
             return None
         columns = [known.index(label) for label in wanted]
-        found, shown = (Series(estimate.start.spool, len(wanted)) for _ in range(2))
+        components, shown = (Series(estimate.start.spool, len(wanted)) for _ in range(2))
         margin = 0 if reference.filter is None else int(np.ceil(FORGOTTEN / (reference.filter * dt)))
         for first, last in reference.stretches or ((0, len(estimate)),):
             for begin in range(first, last, EXTENT):
                 end = min(begin + EXTENT, last)
                 low, high = max(first, begin - margin), min(last, end + margin)
-                own, inside = estimate.between(low, high), slice(begin - low, end - low)
-                found.append(zero_phase(own.components[:, columns], reference.filter, dt)[inside])
-                shown.append(own.shown[inside][:, columns].astype(float))
-        return cls(reference, estimate.start, found, dt, None if estimate.seen is None else shown)
+                block, inside = estimate.between(low, high), slice(begin - low, end - low)
+                components.append(zero_phase(block.components[:, columns], reference.filter, dt)[inside])
+                shown.append(block.shown[inside][:, columns].astype(float))
+        return cls(reference, estimate.start, components, dt, None if estimate.seen is None else shown)
 
     def pieces(self) -> Iterator[tuple[Array, ...]]:
         """Yield starts (n,), estimate, reference and the reference without noise (n, k), piece by piece."""
@@ -72,31 +72,31 @@ class PairedEstimate:
 
     def sample(self, most: int) -> tuple[Array, Array]:
         """Return estimate and reference without noise (n, k) of the first `most` intervals that are scored."""
-        found: list[Array] = []
+        estimates: list[Array] = []
         truth: list[Array] = []
-        for start, one, _, other in self.pieces():
+        for start, estimate, _, clean in self.pieces():
             counts = self.reference.scored(start)
-            found.append(one[counts])
-            truth.append(other[counts])
-            if sum(map(len, found)) >= most:
+            estimates.append(estimate[counts])
+            truth.append(clean[counts])
+            if sum(map(len, estimates)) >= most:
                 break
-        return np.concatenate(found)[:most], np.concatenate(truth)[:most]
+        return np.concatenate(estimates)[:most], np.concatenate(truth)[:most]
 
     def scores(self) -> dict[str, Score]:
         """Return component -> scores; the lag is that of the first `MOST_LAGGED` intervals."""
         reference, width = self.reference, len(self.reference.labels)
         whole, noise_free, outside = (Moments(width) for _ in range(3))
         fitted, at, seen = False, 0, [Moments(1) for _ in range(width)]
-        for start, found, truth, clean in self.pieces():
+        for start, estimate, truth, clean in self.pieces():
             counts, used = reference.scored(start), reference.used(start)
-            whole.add(found[counts], truth[counts])
-            noise_free.add(found[counts], clean[counts])
-            outside.add(found[counts & ~used], truth[counts & ~used])
+            whole.add(estimate[counts], truth[counts])
+            noise_free.add(estimate[counts], clean[counts])
+            outside.add(estimate[counts & ~used], truth[counts & ~used])
             fitted = fitted or bool(used.any())
-            shown = np.zeros(found.shape) if self.shown is None else self.shown[at : at + len(start)]
+            shown = np.zeros(estimate.shape) if self.shown is None else self.shown[at : at + len(start)]
             for k in range(width):
                 inside = counts & (shown[:, k] > 0.0)
-                seen[k].add(found[inside, k : k + 1], truth[inside, k : k + 1])
+                seen[k].add(estimate[inside, k : k + 1], truth[inside, k : k + 1])
             at += len(start)
         apart, sensed = fitted and outside.count > 2, reference.kind == "sensor"
         sample, true_sample = self.sample(MOST_LAGGED)

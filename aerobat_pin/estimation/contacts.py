@@ -133,5 +133,5 @@ def stances_on_ground(record: Record, stored: Mapping[str, StoredEstimate]) -> d
     robot = record.robot
     if not walks_on(robot, record.map):
         return {}
-    found = {name: stances_of(estimate.blocks(), robot.weight) for name, estimate in stored.items()}
-    return {name: stances for name, stances in found.items() if stances}
+    by_observer = {name: stances_of(estimate.blocks(), robot.weight) for name, estimate in stored.items()}
+    return {name: stances for name, stances in by_observer.items() if stances}

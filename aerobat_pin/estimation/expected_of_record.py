@@ -109,11 +109,11 @@ def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Ar
     moved = np.any(jacobians != 0.0, axis=0).reshape(-1, 3, rows.shape[1]).any(axis=1)  # which foot, by which row
     legs = moved & (moved.sum(axis=0) == 1)
     lifted = np.zeros((len(rows), len(legs)), bool)
-    for foot, own in enumerate(legs):
-        J = jacobians[:, 3 * foot : 3 * foot + 3][:, :, own]
-        if not own.any():
+    for foot, leg in enumerate(legs):
+        J = jacobians[:, 3 * foot : 3 * foot + 3][:, :, leg]
+        if not leg.any():
             continue
-        force = (np.linalg.pinv(np.swapaxes(J, 1, 2)) @ rows[:, own, None])[..., 0]
+        force = (np.linalg.pinv(np.swapaxes(J, 1, 2)) @ rows[:, leg, None])[..., 0]
         size, shown = np.linalg.norm(force, axis=1) / weight, np.linalg.svd(J, compute_uv=False)
         bent = shown[:, -1] > STRAIGHT_LEG * shown[:, 0]
         lifted[:, foot] = bent & (size < END_SHARE) & (size.max(initial=0.0) > FOOT_SHARE)
@@ -126,9 +126,9 @@ def lifted_errors(rows: Array, jacobians: Array, weight: float) -> Array:
     They show friction and noise, however small the efforts are.
     """
     errors, (lifted, legs) = np.zeros(rows.shape[1]), lifted_feet(rows, jacobians, weight)
-    for up, own in zip(lifted.T, legs, strict=True):
+    for up, leg in zip(lifted.T, legs, strict=True):
         if up.sum() >= LEAST_LIFTED:
-            errors[own] = column_rms(rows[up][:, own])
+            errors[leg] = column_rms(rows[up][:, leg])
     return errors
 
 

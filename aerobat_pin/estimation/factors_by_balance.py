@@ -35,19 +35,19 @@ def factors_by_balance(
         largest: g.
     """
     base = np.swapaxes(J[:, :, :6], 1, 2) @ G
-    rest, moved = y[:, :6] - np.einsum("mbk,mk->mb", base, y[:, legs]), base * efforts[:, None]
-    table = np.concatenate([moved, rest[..., None]], axis=2).reshape(len(y), 2, 3, -1)
+    remainder, moved = y[:, :6] - np.einsum("mbk,mk->mb", base, y[:, legs]), base * efforts[:, None]
+    table = np.concatenate([moved, remainder[..., None]], axis=2).reshape(len(y), 2, 3, -1)
     table = np.einsum("mij,mbjk->mbik", attitude, table).reshape(len(y), 6, -1)  # in the world's axes
     A, z = (part := table.mean(axis=0))[:, :-1], part[:, -1]
     means = np.stack([part[..., -1].mean(axis=0) for part in np.array_split(table, STRETCHES)])
     s = np.hypot(least, means.std(axis=0, ddof=1) / np.sqrt(STRETCHES))
-    found = []
+    solutions = []
     for g in largest * SIZES:
         cov = g**2 * A @ A.T + np.diag(s**2)
         gain = g**2 * np.linalg.solve(cov, A).T
         likely = -0.5 * (np.linalg.slogdet(cov)[1] + z @ np.linalg.solve(cov, z))
-        found.append((likely, -gain @ z, g**2 - g**2 * np.einsum("ib,bi->i", gain, A)))
-    likely, d, variance = (np.stack(part) for part in zip(*found, strict=True))
+        solutions.append((likely, -gain @ z, g**2 - g**2 * np.einsum("ib,bi->i", gain, A)))
+    likely, d, variance = (np.stack(part) for part in zip(*solutions, strict=True))
     share = np.exp(likely - likely.max())
     share /= share.sum()
     mean = share @ d

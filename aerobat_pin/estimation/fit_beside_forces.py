@@ -80,9 +80,9 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     are no smaller: what was learnt without friction, where nothing touches, has it among the errors.
     """
     record, values, points = forces.record, forces.values, points_of(forces.record.map)
-    told = knows_friction(forces) or "joints.effort" not in record.channels
+    sought = "joints.effort" in record.channels and not knows_friction(forces)
     inputs = inputs_between(record, forces)
-    expected = expected_of(record, inputs, values, points) if points and not told else None
+    expected = expected_of(record, inputs, values, points) if points and sought else None
     if expected is None:
         return forces
     some = _looked_at(record, inputs, expected.stiction_rate)
@@ -147,7 +147,7 @@ def _fitted(forces: KnownForces, some: _Instants, expected: Expected, force: Arr
     g = float(np.linalg.norm(robot.model.gravity.linear))
     offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
     tables = y, x, known, J, at, some.sliding, force, error
-    b, size, unsure, left = most_likely(*tables, offset=robot.mass * offset if sought else 0.0)
+    b, size, unsure, error_rms = most_likely(*tables, offset=robot.mass * offset if sought else 0.0)
     coulomb, viscous, factors = *b[:2], b[2] if sought else np.zeros(n)
     if lifts and not sought:
         rows = some.rows.copy()
@@ -169,7 +169,7 @@ def _fitted(forces: KnownForces, some: _Instants, expected: Expected, force: Arr
             | ({"effort times": float(1.0 + factors[i])} if lifts else {}),
             "N" if robot.slides(joint) else "N m",
             float(before[at[i]]),
-            float(left[at[i]]),
+            float(error_rms[at[i]]),
             float("nan"),
         )
         for i, joint in enumerate(some.joints)
@@ -220,22 +220,22 @@ def most_likely(
         cov = forces.copy()
         cov[:, range(k), range(k)] += R
         inverse = np.linalg.inv(cov)
-        told = np.einsum("ami,mij,bmj->aibj", x, inverse[:, at][:, :, at], x, optimize=True).reshape(kinds * n, -1)
-        told[every, every] += LEAST_SHOWN * np.diag(told) + np.finfo(float).tiny + np.repeat(known, n) ** -2.0
+        normal = np.einsum("ami,mij,bmj->aibj", x, inverse[:, at][:, :, at], x, optimize=True).reshape(kinds * n, -1)
+        normal[every, every] += LEAST_SHOWN * np.diag(normal) + np.finfo(float).tiny + np.repeat(known, n) ** -2.0
         white = np.einsum("mij,mj->mi", inverse, y, optimize=True)
-        b = np.linalg.solve(told, np.einsum("ami,mi->ai", x, white[:, at]).ravel()).reshape(kinds, n)
+        b = np.linalg.solve(normal, np.einsum("ami,mi->ai", x, white[:, at]).ravel()).reshape(kinds, n)
         b[rubs] = np.maximum(b[rubs], 0.0)
         stiction[at] = b[0]
-        left = y.copy()
-        left[:, at] -= np.einsum("ami,ai->mi", x, b)
-        mean = R * np.einsum("mij,mj->mi", inverse, left, optimize=True)  # of e, given the rows
+        remainder = y.copy()
+        remainder[:, at] -= np.einsum("ami,ai->mi", x, b)
+        mean = R * np.einsum("mij,mj->mi", inverse, remainder, optimize=True)  # of e, given the rows
         square = mean**2 + R - R**2 * np.diagonal(inverse, axis1=1, axis2=2)
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
         size = np.maximum(size, LEAST_SIZE)
     count = np.maximum(independent(mean), FEWEST_INDEPENDENT)
     size *= count / (count - 2.0)  # Student's variance: r follows from so few
     pushed = np.einsum("ami,mio->aio", x, inverse[:, at, :3]) * offset  # what an offset of each axis adds to the target
-    change = np.linalg.solve(told, pushed.reshape(kinds * n, -1)).reshape(kinds, n, -1)
+    change = np.linalg.solve(normal, pushed.reshape(kinds * n, -1)).reshape(kinds, n, -1)
     unsure = np.zeros(k)
     unsure[at] = np.sum(np.mean(np.einsum("ami,aio->omi", x, change) ** 2, axis=1), axis=0)
     return b, size, unsure, column_rms(mean)

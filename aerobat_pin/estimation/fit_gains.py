@@ -61,7 +61,7 @@ def fit_gains(forces: KnownForces, fit: tuple[float, float], rate: float = SMOOT
     sought = payload if payload is not None and payload.com is None else None
     if sought is not None:
         rows += [row for row in AllBut(*ignored).kept(robot.model) if row not in rows]
-    inside, rest = regression(forces, rows, fit, rate, None if sought is None else sought.frame)
+    inside, outside = regression(forces, rows, fit, rate, None if sought is None else sought.frame)
     if not inside.samples:
         raise MapError(f"map: fit = {list(fit)}: no used part of the record is there")
     precision, mass = _precision(values, joints, len(rows), inside.errors), None if sought is None else sought.mass
@@ -92,7 +92,7 @@ def fit_gains(forces: KnownForces, fit: tuple[float, float], rate: float = SMOOT
             if not identified[k]
         }
     if sought is not None:
-        loaded, fitted = _payload(sought, inside, rest, x, covariance[-10:-6, -10:-6])
+        loaded, fitted = _payload(sought, inside, outside, x, covariance[-10:-6, -10:-6])
         values, robot = replace(values, fits=(*values.fits, fitted)), robot.carrying(loaded)
     return Gains(replace(forces, record=replace(record, robot=robot), values=values), deviations, untold)
 
@@ -103,17 +103,17 @@ def _precision(values: FittedValues, joints: Sequence[str], rows: int, errors: i
     if len(values.gain_covariance):
         chosen = [joint for joint in joints if joint in values.joints]
         links = range(len(values.joints), len(values.gain_covariance))
-        there, here = (
+        source, target = (
             [*map(values.joints.index, chosen), *links],
             [*map(joints.index, chosen), *range(rows, rows + errors)],
         )
-        known = np.linalg.pinv(values.gain_covariance[np.ix_(there, there)], rcond=1e-14, hermitian=True)
-        precision[np.ix_(here, here)] = known
+        known = np.linalg.pinv(values.gain_covariance[np.ix_(source, source)], rcond=1e-14, hermitian=True)
+        precision[np.ix_(target, target)] = known
     return precision
 
 
 def _payload(
-    sought: PayloadSection, inside: Regression, rest: Regression, x: Array, covariance: Array
+    sought: PayloadSection, inside: Regression, outside: Regression, x: Array, covariance: Array
 ) -> tuple[PayloadSection, Fit]:
     """Return a payload that was sought as a known one, and how well it explains the rows. Raises MapError if unseen."""
     mass, moments, placement = x[-10], x[-9:-6], inside.payload
@@ -135,4 +135,5 @@ def _payload(
     values = dict(zip(names, (float(mass), *centre.tolist()), strict=True))
     values |= {f"deviation of {name}": float(error) for name, error in zip(names, deviation, strict=True)}
     known = sought.model_copy(update={"mass": float(mass), "com": tuple(centre.tolist())})
-    return known, Fit(f"payload at {sought.frame}", values, "N, N m", rest.rms(without), inside.rms(x), rest.rms(x))
+    rms = outside.rms(without), inside.rms(x), outside.rms(x)
+    return known, Fit(f"payload at {sought.frame}", values, "N, N m", *rms)

@@ -69,14 +69,14 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
             "--calibration FILE, which `aerobat calibrate` writes from another recording"
         )
     rows = [record.robot.v_index(joint) for joint in joints]
-    inside, rest = _fitted_samples(record, forces, rows, section.fit)
-    rate, plain = _coulomb_rate(section, inside), rest
+    inside, outside = _fitted_samples(record, forces, rows, section.fit)
+    rate, plain = _coulomb_rate(section, inside), outside
     forces = replace(forces, values=replace(forces.values, joints=joints, scale=np.ones(len(joints))))
     gains = Gains(forces, {}, {})
     if section.scale or (payload is not None and payload.com is None):
         gains = fit_gains(forces, section.fit, rate)
         forces = gains.forces
-        inside, rest = _fitted_samples(forces.record, forces, rows, section.fit)
+        inside, outside = _fitted_samples(forces.record, forces, rows, section.fit)
     try:
         residual = inside.needed - inside.given - inside.tau
         friction = fit_friction(inside.q, inside.v, _rotor(section, inside), residual, rate)
@@ -85,7 +85,7 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
     fits = []
     for k, joint in enumerate(joints):
         inside_residual, outside_residual = (
-            _friction_residual(section, part, friction)[:, k] for part in (inside, rest)
+            _friction_residual(section, part, friction)[:, k] for part in (inside, outside)
         )
         before = rms_or_nan((plain.needed - plain.given - plain.tau)[:, k])
         coefficients = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": rate}
@@ -123,7 +123,7 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
     ignored = believed_rows(record)
     rows = AllBut(*ignored).kept(robot.model) if ignored else list(range(robot.model.nv))
     joint_rows = {robot.v_index(joint) for joint in record.joints}
-    inside, rest = _fitted_samples(record, forces, rows, stretch)
+    inside, outside = _fitted_samples(record, forces, rows, stretch)
     along, power, lines = 0.0, 0.0, []
     for k, row in enumerate(rows):
         needed, target = inside.needed[:, k], (inside.tau + inside.given - inside.needed)[:, k]
@@ -132,12 +132,12 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
             columns = np.column_stack([columns, inside.tau[:, k]]) if section.scale else columns
             explained = np.linalg.lstsq(columns, np.column_stack([needed, target]), rcond=None)[0]
             needed, target = (np.column_stack([needed, target]) - columns @ explained).T
-        own = float(needed @ needed)
-        if own <= 1e-12 * float(inside.needed[:, k] @ inside.needed[:, k]) or own == 0.0:
+        square = float(needed @ needed)
+        if square <= 1e-12 * float(inside.needed[:, k] @ inside.needed[:, k]) or square == 0.0:
             continue
-        rest_of = target - needed * float(needed @ target) / own
-        variance = max(float(rest_of @ rest_of), 1e-12 * own) / len(target)
-        along, power = along + float(needed @ target) / variance, power + own / variance
+        residual = target - needed * float(needed @ target) / square
+        variance = max(float(residual @ residual), 1e-12 * square) / len(target)
+        along, power = along + float(needed @ target) / variance, power + square / variance
         lines.append(k)
     repeats = max(1.0, SMOOTHING * record.rate)  # samples that the window of the accelerations ties together
     change, deviation = (along / power, (repeats / power) ** 0.5) if power else (0.0, np.inf)
@@ -152,11 +152,11 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
             f"{stretch[0]:g} to {stretch[1]:g} s, or its efforts are wrong; a stretch in which nothing touches it was "
             "expected"
         )
-    before, left, left_over = (
+    before, inside_rms, outside_rms = (
         rms_or_nan(np.ravel((part.tau + part.given - factor * part.needed)[:, lines]))
-        for part, factor in ((rest, 1.0), (inside, 1.0 + change), (rest, 1.0 + change))
+        for part, factor in ((outside, 1.0), (inside, 1.0 + change), (outside, 1.0 + change))
     )
-    return Fit("mass", {"times": 1.0 + change, "deviation": deviation}, "N, N m", before, left, left_over)
+    return Fit("mass", {"times": 1.0 + change, "deviation": deviation}, "N, N m", before, inside_rms, outside_rms)
 
 
 def _coulomb_rate(section: FrictionSection, rows: _Rows) -> float:
@@ -171,10 +171,10 @@ def _coulomb_rate(section: FrictionSection, rows: _Rows) -> float:
         target = [needed[:, k], rows.tau[:, k]] if section.scale else [needed[:, k] - rows.tau[:, k]]
         table = np.column_stack([friction_columns(section.law, rows.v[:, k], rows.a[:, k], rate), *target])
         squares = np.stack([part.T @ part for part in np.array_split(table, FOLDS)])
-        for own in squares:
-            others = squares.sum(axis=0) - own
-            found = np.append(np.linalg.lstsq(others[:-1, :-1], others[:-1, -1], rcond=None)[0], -1.0)
-            errors[i, k] += found @ own @ found
+        for fold in squares:
+            others = squares.sum(axis=0) - fold
+            coefficients = np.append(np.linalg.lstsq(others[:-1, :-1], others[:-1, -1], rcond=None)[0], -1.0)
+            errors[i, k] += coefficients @ fold @ coefficients
     size = np.mean(0.5 * np.log(np.maximum(errors, np.finfo(float).tiny)), axis=1)
     usual = COULOMB_RATES.index(SMOOTH_RATE)
     best = int(np.argmin(size))

@@ -54,7 +54,7 @@ def _refuse_the_untellable(record: Record, payload: PayloadSection) -> None:
     """Raise MapError if a payload that is sought looks like something else that is sought."""
     friction, fitted = (
         record.map.joints.friction,
-        [name for name, one in record.map.known.items() if one.fit is not None],
+        [name for name, section in record.map.known.items() if section.fit is not None],
     )
     if payload.mass is None and friction is not None and friction.scale:
         raise MapError(
@@ -97,13 +97,13 @@ def _fit_thrust(record: Record, name: str, section: KnownSection) -> tuple[Array
     if inside.sum() < 10 * len(section.powers):
         raise MapError(f"map: known.{name}.fit.part = {list(section.fit.part)}: {inside.sum()} samples are too few")
     table = np.stack([u**p for p in section.powers], axis=1)
-    found = np.linalg.lstsq(table[inside], target[inside], rcond=None)[0]
-    residual = target - table @ found
-    rest = ~inside
-    values = {f"of power {p}": float(c) for p, c in zip(section.powers, found, strict=True)}
-    spread = target[rest] if rest.any() else target
-    outside = rms_or_nan(residual[rest]) if rest.any() else float("nan")
-    return found, Fit(
+    coefficients = np.linalg.lstsq(table[inside], target[inside], rcond=None)[0]
+    residual = target - table @ coefficients
+    held_out = ~inside
+    values = {f"of power {p}": float(c) for p, c in zip(section.powers, coefficients, strict=True)}
+    spread = target[held_out] if held_out.any() else target
+    outside = rms_or_nan(residual[held_out]) if held_out.any() else float("nan")
+    return coefficients, Fit(
         f"known.{name}",
         values,
         "N",

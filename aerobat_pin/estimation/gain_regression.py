@@ -120,9 +120,9 @@ class Regression:
         if self.payload is not None:
             likely = mass or LIKELY * heavy
             x = np.concatenate([x, likely * np.array([1.0, *self.payload.translation]), np.zeros(6)])
-            own = [heavy if mass is None else EXACT * mass, *3 * [heavy], *6 * [likely * GYRATION**2]]
-            prior = np.pad(prior, (0, len(own)))
-            prior[-len(own) :, -len(own) :] = np.diag(1.0 / np.square(own))
+            expected = [heavy if mass is None else EXACT * mass, *3 * [heavy], *6 * [likely * GYRATION**2]]
+            prior = np.pad(prior, (0, len(expected)))
+            prior[-len(expected) :, -len(expected) :] = np.diag(1.0 / np.square(expected))
         start, links = x.copy(), np.arange(n, n + p)
         for _ in range(NEWTON_ROUNDS):
             x, stated = self._step(x, start, prior)
@@ -139,10 +139,10 @@ class Regression:
         whole = self.products.sum(axis=0)
         normal, slope = prior.copy(), prior @ (start - x)
         for k in range(self.products.shape[1]):
-            J, left = self._row(x, k)
+            J, residual = self._row(x, k)
             weight = 1.0 / self._variance(x, k)
             normal += weight * J.T @ whole[k] @ J
-            slope += weight * J.T @ whole[k] @ left
+            slope += weight * J.T @ whole[k] @ residual
         size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
         inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-13, hermitian=True) / np.outer(size, size)
         return x + inverse @ slope, inverse
@@ -150,8 +150,8 @@ class Regression:
     def rms(self, x: Array) -> float:
         """Return the rms of what is left of all rows."""
         n = self.products.shape[1]
-        left = [self._row(x, k)[1] for k in range(n)]
-        total = sum(float(np.sum(one @ self.products[:, k] @ one)) for k, one in enumerate(left))
+        residuals = [self._row(x, k)[1] for k in range(n)]
+        total = sum(float(np.sum(residual @ self.products[:, k] @ residual)) for k, residual in enumerate(residuals))
         return float(np.sqrt(total / (n * self.samples))) if self.samples else float("nan")
 
     def needed(self, k: int) -> float:
@@ -164,7 +164,7 @@ class Regression:
         n, p, q = self.products.shape[1], self.errors, self.friction
         c = self.products.shape[2]
         at = c - q - 2  # of the need
-        own, links = slice(n + p + k * q, n + p + (k + 1) * q), slice(n, n + p)
+        friction, links = slice(n + p + k * q, n + p + (k + 1) * q), slice(n, n + p)
         J, torque = np.zeros((c, len(x))), np.zeros(c)
         torque[:p], torque[at] = x[links], 1.0
         J[:p, links] = x[k] * np.eye(p)
@@ -172,21 +172,21 @@ class Regression:
             torque[p : p + 10], slopes = carried(x[-10:])
             J[p : p + 10, -10:] = x[k] * slopes
         J[:, k] = torque
-        J[at + 1 : at + 1 + q, own] = np.eye(q)
-        left = -x[k] * torque
-        left[at + 1 : at + 1 + q], left[-1] = -x[own], 1.0
-        return J, left
+        J[at + 1 : at + 1 + q, friction] = np.eye(q)
+        residual = -x[k] * torque
+        residual[at + 1 : at + 1 + q], residual[-1] = -x[friction], 1.0
+        return J, residual
 
     def _variance(self, x: Array, k: int) -> float:
         """Return the variance of what is left of row k, times the samples that are worth one."""
-        (J, left), products = self._row(x, k), self.products[:, k]
+        (J, residual), products = self._row(x, k), self.products[:, k]
         whole, blocks, q = products.sum(axis=0), len(products), self.friction
-        variance = max(float(left @ whole @ left), EXACT**2 * float(whole[-1, -1]), NOTHING_LEFT)
+        variance = max(float(residual @ whole @ residual), EXACT**2 * float(whole[-1, -1]), NOTHING_LEFT)
         variance /= self.samples
         n = self.products.shape[1]
-        own = J[:, [k, *range(n + self.errors + k * q, n + self.errors + (k + 1) * q)]]
-        sums = products @ left @ own  # (blocks, 1 + q)
-        power = own.T @ whole @ own
+        columns = J[:, [k, *range(n + self.errors + k * q, n + self.errors + (k + 1) * q)]]
+        sums = products @ residual @ columns  # (blocks, 1 + q)
+        power = columns.T @ whole @ columns
         inverse = np.linalg.pinv(power, hermitian=True)
         rank = max(round(float(np.trace(inverse @ power))), 1)
         repeats = float(np.einsum("bi,ij,bj->", sums, inverse, sums)) / (rank * variance)
@@ -222,9 +222,9 @@ def link_errors(model: pin.Model) -> Array:
     table = np.zeros((len(links), 10, 10))
     for k, link in enumerate(links):
         shifts = CENTRE_ERROR * np.eye(3)
-        ends = [[pin.Inertia(link.mass, link.lever + side * one, link.inertia) for side in (1, -1)] for one in shifts]
-        own = [0.5 * (one.toDynamicParameters() - other.toDynamicParameters()) for one, other in ends]
-        table[k, :, :4] = np.column_stack([MASS_ERROR * link.toDynamicParameters(), *own])
+        ends = [[pin.Inertia(link.mass, link.lever + side * dx, link.inertia) for side in (1, -1)] for dx in shifts]
+        centres = [0.5 * (plus.toDynamicParameters() - minus.toDynamicParameters()) for plus, minus in ends]
+        table[k, :, :4] = np.column_stack([MASS_ERROR * link.toDynamicParameters(), *centres])
         table[k, 4:, 4:] = link.mass * GYRATION**2 * np.eye(6)
     return table
 
@@ -251,14 +251,14 @@ def regression(
     section, data = record.map.joints.friction, model.createData()
     errors = block_diag(*link_errors(record.robot.stated_model))
     body = None if frame is None else model.frames[model.getFrameId(frame)]
-    own = slice(0, 0) if body is None else slice(10 * body.parentJoint - 10, 10 * body.parentJoint)
+    carrier = slice(0, 0) if body is None else slice(10 * body.parentJoint - 10, 10 * body.parentJoint)
     driven = {record.robot.v_index(joint) for joint in record.driven}
-    known, found = dict[int, Array](), forces.values.friction
-    if section is None and found is not None:
-        sizes = np.column_stack([found.coulomb, found.viscous, found.coulomb])  # the offset changes as Coulomb's does
+    known, law = dict[int, Array](), forces.values.friction
+    if section is None and law is not None:
+        sizes = np.column_stack([law.coulomb, law.viscous, law.coulomb])  # the offset changes as Coulomb's does
         known = {record.robot.v_index(joint): size for joint, size in zip(forces.values.joints, sizes, strict=True)}
     friction = 3 * bool(known) if section is None else 4  # rotors have inertia, whether or not the law has
-    p, at = errors.shape[1], errors.shape[1] + own.stop - own.start
+    p, at = errors.shape[1], errors.shape[1] + carrier.stop - carrier.start
     length = min(LASTS, (fit[1] - fit[0]) / FEWEST_BLOCKS)
     sums: list[dict[int, Array]] = [{}, {}]
     counts = [0, 0]
@@ -267,7 +267,7 @@ def regression(
         table = np.zeros((len(rows), len(a), at + friction + 2))
         for k in np.flatnonzero(chosen[0] | chosen[1]).tolist():
             Y = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])[rows]
-            table[:, k, :p], table[:, k, p:at] = Y @ errors, Y[:, own]
+            table[:, k, :p], table[:, k, p:at] = Y @ errors, Y[:, carrier]
         table[:, :, at] = (required_torque(record, block, a) - explained(record, forces, block))[:, rows].T
         table[:, :, -1] = forces.torque(block)[:, rows].T
         for k, row in enumerate(rows):
@@ -285,7 +285,7 @@ def regression(
                 part = table[:, kept & (number == index)]
                 summed[index] = summed.get(index, 0.0) + part.transpose(0, 2, 1) @ part
     shape = (0, len(rows), table.shape[2], table.shape[2])
-    inside, rest = (np.stack(list(one.values())) if one else np.zeros(shape) for one in sums)
+    inside, outside = (np.stack(list(summed.values())) if summed else np.zeros(shape) for summed in sums)
     placement = None if body is None else body.placement
     tail = (p, friction, bool(known), placement)
-    return Regression(inside, counts[0], *tail), Regression(rest, counts[1], *tail)
+    return Regression(inside, counts[0], *tail), Regression(outside, counts[1], *tail)

@@ -14,19 +14,19 @@ SMOOTHING = 0.03  # [s]: window of the parabolas whose slope is the acceleration
 
 def accelerations(block: Block, record: Record) -> Array:
     """Return accelerations (m, nv) between the samples of a block: slopes of parabolas through the velocities."""
-    found = slopes(block.v, record.dt, SMOOTHING)
-    return np.asarray(0.5 * (found[1:] + found[:-1]))
+    a = slopes(block.v, record.dt, SMOOTHING)
+    return np.asarray(0.5 * (a[1:] + a[:-1]))
 
 
 def required_torque(record: Record, block: Block, acceleration: Array) -> Array:
     """Return the generalised force (m, nv) that the motion needs: inertia, Coriolis and gravity (Pinocchio's rnea)."""
     model = record.robot.model
-    data, found = model.createData(), np.empty_like(block.tau)
+    data, torque = model.createData(), np.empty_like(block.tau)
     for k, motion in enumerate(
         zip(halfway(record, block), 0.5 * (block.v[1:] + block.v[:-1]), acceleration, strict=True)
     ):
-        found[k] = pin.rnea(model, data, *motion)
-    return found
+        torque[k] = pin.rnea(model, data, *motion)
+    return torque
 
 
 def halfway(record: Record, block: Block) -> Array:
@@ -76,11 +76,11 @@ def frame_axes(record: Record, block: Block, frame: str) -> Array:
     """Return the axes (m, 3, 3) of a frame in the world at the start of each interval."""
     model = record.robot.model
     data, index = model.createData(), model.getFrameId(frame)
-    found = np.empty((len(block.tau), 3, 3))
-    for k in range(len(found)):
+    axes = np.empty((len(block.tau), 3, 3))
+    for k in range(len(axes)):
         pin.framesForwardKinematics(model, data, block.q[k])
-        found[k] = data.oMf[index].rotation
-    return found
+        axes[k] = data.oMf[index].rotation
+    return axes
 
 
 def sensor_point(record: Record) -> str:
@@ -104,8 +104,8 @@ def contact_torque(record: Record, block: Block) -> Array:
     axes = frame_axes(record, block, point) if section.axes == "frame" else None
     force = sensor_force(record, block.time, axes)
     data, index = model.createData(), model.getFrameId(point)
-    found = np.empty_like(block.tau)
-    for k in range(len(found)):
+    torque = np.empty_like(block.tau)
+    for k in range(len(torque)):
         jacobian = frame_jacobian(model, data, block.q[k], index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        found[k] = jacobian[: force.shape[1]].T @ force[k]
-    return found
+        torque[k] = jacobian[: force.shape[1]].T @ force[k]
+    return torque

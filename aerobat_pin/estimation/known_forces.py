@@ -135,10 +135,10 @@ class KnownForces:
         forces = dict(self.record.robot.known(block))
         forces |= {name: self._force(name, section, block) for name, section in self.record.map.known.items()}
         if self.values.friction is not None:
-            found = np.zeros_like(block.tau)
+            friction = np.zeros_like(block.tau)
             motion = mean_motion(self.record, block.time, block.v[:, self._rows])
-            found[:, self._rows] = self.values.friction.torque(*motion)
-            forces[FRICTION] = found
+            friction[:, self._rows] = self.values.friction.torque(*motion)
+            forces[FRICTION] = friction
         return forces
 
     def thrust(self, name: str, block: Block) -> Array:

@@ -81,10 +81,10 @@ class ObserverScores:
             compared: it beside its references.
             use: how a calibration was used, with the contacts that were found.
         """
-        head, found, components = estimate.head, estimate.head.identifiability, estimate.component_sizes()
+        head, identifiability, components = estimate.head, estimate.head.identifiability, estimate.component_sizes()
 
-        def by_point(values: list[float | None], there: object) -> dict[str, list[float | None]] | None:
-            if there is None or not head.are_world_forces:
+        def by_point(values: list[float | None], stated: object) -> dict[str, list[float | None]] | None:
+            if stated is None or not head.are_world_forces:
                 return None
             return {point_label(frame): values[3 * i : 3 * i + 3] for i, frame in enumerate(head.frames)}
 
@@ -93,14 +93,14 @@ class ObserverScores:
             components=components,
             mean={
                 name: float(mean) if np.isfinite(mean) else None
-                for name, mean in zip(found.components, estimate.mean, strict=True)
+                for name, mean in zip(identifiability.components, estimate.mean, strict=True)
             },
             gain=head.gain.tolist(),
             rows=head.rows,
-            rank=found.rank,
-            condition=found.condition if np.isfinite(found.condition) else None,
-            null_direction=None if found.null_direction is None else found.null_direction.tolist(),
-            unseen=found.describe() if head.expected_force is None else [],
+            rank=identifiability.rank,
+            condition=identifiability.condition if np.isfinite(identifiability.condition) else None,
+            null_direction=None if identifiability.null_direction is None else identifiability.null_direction.tolist(),
+            unseen=identifiability.describe() if head.expected_force is None else [],
             redundancy=estimate.redundancy,
             deviation=by_point([size.deviation for size in components], head.standard_deviation),
             seen=by_point([size.seen for size in components], head.seen),
@@ -141,31 +141,31 @@ class ObserverScores:
 
         Where the errors of the rows are stated, the verdict of the redundancy is by these, as everywhere.
         """
-        rest, redundancy = asdict(self), self.redundancy.to_json()
+        entry, redundancy = asdict(self), self.redundancy.to_json()
         if self.states_seen and redundancy["verdict"] != "blind":
             words, wrong = self.judgement
             redundancy |= {"words": words, "verdict": "inconsistent" if wrong else "consistent"}
-        rest |= {"components": list(rest["components"]), "redundancy": redundancy}
+        entry |= {"components": list(entry["components"]), "redundancy": redundancy}
         points = {name: {axis: score.to_json() for axis, score in axes.items()} for name, axes in self.points.items()}
-        return {**points, **{key: value for key, value in rest.items() if key != "points"}}
+        return {**points, **{key: value for key, value in entry.items() if key != "points"}}
 
     @classmethod
     def from_json(cls, entry: Mapping[str, Any]) -> ObserverScores:
         """Read an entry of `metrics.json`."""
-        rest: dict[str, Any] = {item.name: entry.get(item.name) for item in fields(cls) if item.name != "points"}
+        values: dict[str, Any] = {item.name: entry.get(item.name) for item in fields(cls) if item.name != "points"}
         points = {
             name: {axis: Score(**score) for axis, score in axes.items()}
             for name, axes in entry.items()
-            if name not in rest
+            if name not in values
         }
-        made = {
-            "components": tuple(ComponentSize(**size) for size in rest["components"]),
-            "redundancy": Redundancy.from_json(rest["redundancy"]),
-            "events": None if rest["events"] is None else [Contact(**event) for event in rest["events"]],
-            "worst_k": None if rest["worst_k"] is None else tuple(rest["worst_k"]),
-            "innovation": None if rest["innovation"] is None else InnovationScore(**rest["innovation"]),
+        typed = {
+            "components": tuple(ComponentSize(**size) for size in values["components"]),
+            "redundancy": Redundancy.from_json(values["redundancy"]),
+            "events": None if values["events"] is None else [Contact(**event) for event in values["events"]],
+            "worst_k": None if values["worst_k"] is None else tuple(values["worst_k"]),
+            "innovation": None if values["innovation"] is None else InnovationScore(**values["innovation"]),
         }
-        return cls(points, **{**rest, **made})
+        return cls(points, **{**values, **typed})
 
 
 def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list[Contact] | None:
@@ -179,7 +179,7 @@ def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list
         return None if use is None else row_contacts(estimate)
     if use.contacts is None:
         return None
-    found = []
+    contacts = []
     for contact in use.contacts:
         if contact.point in head.frames and head.are_world_forces:
             last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
@@ -193,23 +193,23 @@ def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list
                 deviation = during.standard_deviation.reshape(len(rows), -1, 3)[rows, at]
                 sure = float(np.max(np.linalg.norm(force / deviation, axis=1), initial=0.0))
             if (shown.any() or not len(shown)) and sure > SURE_OF_CONTACT:
-                found.append(replace(contact, point=point_label(contact.point), size=size))
-    return found
+                contacts.append(replace(contact, point=point_label(contact.point), size=size))
+    return contacts
 
 
 def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
     """Return the table of scores, without columns that say nothing, and rows of a truth that is no force."""
-    some = any(score.tells for found in observers.values() for score in found.scored.values())
+    some = any(score.tells for scores in observers.values() for score in scores.scored.values())
     say, rows = one_unit(_sizes_of(observers.values())), []
-    for name, found in observers.items():
-        sizes = {short_label(size.name): size for size in found.components}
-        for point, axes in found.points.items():
+    for name, scores in observers.items():
+        sizes = {short_label(size.name): size for size in scores.components}
+        for point, axes in scores.points.items():
             for axis, score in axes.items():
                 if some and not score.tells:
                     continue
-                own = sizes[f"{point}.{axis}"]
-                cells = {"observer": name, "point": point, "axis": axis, **_score_cells(score, own.unit, say)}
-                rows.append({**cells, "deviation": own.certainty(say)})
+                component = sizes[f"{point}.{axis}"]
+                cells = {"observer": name, "point": point, "axis": axis, **_score_cells(score, component.unit, say)}
+                rows.append({**cells, "deviation": component.certainty(say)})
     always = all(row.get("rms where seen") == row["error rms"] for row in rows)
     hidden = {"R2 where seen", "rms where seen"} if always else set()
     header = tuple(dict.fromkeys(key for row in rows for key, cell in row.items() if cell != "-" and key not in hidden))
@@ -219,9 +219,9 @@ def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
 
 def _sizes_of(observers: Iterable[ObserverScores]) -> Iterator[float | None]:
     """Yield the sizes [N, N m] in a table of scores."""
-    for found in observers:
-        yield from (size.deviation for size in found.components if short_label(size.name) in found.scored)
-        for score in found.scored.values():
+    for scores in observers:
+        yield from (size.deviation for size in scores.components if short_label(size.name) in scores.scored)
+        for score in scores.scored.values():
             yield from (score.rmse, score.rmse_seen, score.rmse_outside_fit, score.offset)
 
 

@@ -187,11 +187,11 @@ class OnlineEstimator:
 
     def message(self, topic: str, message: object) -> list[OnlineSample]:
         """Take a ROS message of any client library; return the estimates that it completes."""
-        found = entries(message)
+        fields = entries(message)
         time = stamp(message)
-        if found is None or time <= 0.0:
+        if fields is None or time <= 0.0:
             return []
-        return self.push(time, {f"{topic}.{name}": value for name, value in found.items()})
+        return self.push(time, {f"{topic}.{name}": value for name, value in fields.items()})
 
     def push(self, time: float, values: Mapping[str, float]) -> list[OnlineSample]:
         """Take samples of some columns, named as in the map, at one time [s]; return the estimates they complete.
@@ -252,7 +252,7 @@ class OnlineEstimator:
 
     def _advance(self) -> list[OnlineSample]:
         """Estimate at all times for which every channel has a sample at or after."""
-        found: list[OnlineSample] = []
+        estimates: list[OnlineSample] = []
         memory, leading, build, rings, together = (
             self._memory,
             self._leading,
@@ -294,13 +294,13 @@ class OnlineEstimator:
                     add_second_lag(sample.components, kept, behind, deviation)
                 if deviation is not None and self._tilt > 0.0:
                     deviation = with_tilt(sample.components, deviation, self._tilt)
-                one = OnlineSample(
+                estimate = OnlineSample(
                     observer, epoch + end - dt, epoch + end, settled, sample.components, deviation, of_rows
                 )
                 if self._heard is not None:
-                    self._heard(one)
-                found.append(one)
-        return found
+                    self._heard(estimate)
+                estimates.append(estimate)
+        return estimates
 
     def _expected(self, effort: Array) -> Expected | None:
         """Return what is expected, from the rms (nv,) of the efforts so far; other rows carry the weight."""

@@ -87,7 +87,7 @@ class StreamHealth:
 
     def count(self, fate: str) -> int:
         """Return the number of samples of all channels of which something became, such as `refused`."""
-        return sum(found[fate] for found in self.samples.values())
+        return sum(tally[fate] for tally in self.samples.values())
 
     def __str__(self) -> str:
         """Say the counts in a line."""

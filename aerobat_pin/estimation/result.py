@@ -94,9 +94,10 @@ class Result:
     def compared(self) -> dict[str, list[PairedEstimate]]:
         """Observer -> its estimate beside each reference of what it estimates."""
         sides = {
-            name: [PairedEstimate.of(own, one, self.dt) for one in self.references] for name, own in self.stored.items()
+            name: [PairedEstimate.of(estimate, reference, self.dt) for reference in self.references]
+            for name, estimate in self.stored.items()
         }
-        return {name: [side for side in found if side is not None] for name, found in sides.items()}
+        return {name: [side for side in paired if side is not None] for name, paired in sides.items()}
 
     @cached_property
     def observers(self) -> dict[str, ObserverScores]:
@@ -144,8 +145,8 @@ class Result:
     def judgements(self) -> dict[str, list[str]]:
         """What no force explains says about the belief: line of text -> observers that say it."""
         lines: dict[str, list[str]] = {}
-        for name, found in self.observers.items():
-            lines.setdefault(found.judgement[0], []).append(name)
+        for name, scores in self.observers.items():
+            lines.setdefault(scores.judgement[0], []).append(name)
         return lines
 
     @property
@@ -161,15 +162,15 @@ class Result:
             for words, names in self.judgements.items()
             if self.observers[names[0]].judgement[1]
         ]
-        for name, found in self.observers.items():
-            lines += [f"{name}: {line}" for line in found.warnings]
-            lines += [f"{name} cannot see: {pattern}" for pattern in found.unseen]
+        for name, scores in self.observers.items():
+            lines += [f"{name}: {line}" for line in scores.warnings]
+            lines += [f"{name} cannot see: {pattern}" for pattern in scores.unseen]
         return lines
 
     @property
     def _of_calibration(self) -> list[str]:
         """Warnings of the calibration, but those that a finding says in the same words, with numbers of its own."""
-        said = {NUMBERS.sub("", str(one)) for one in self.findings if one.warns}
+        said = {NUMBERS.sub("", str(finding)) for finding in self.findings if finding.warns}
         return [
             line
             for line in (self.calibration.warnings if self.calibration else ())
@@ -200,9 +201,10 @@ class Result:
             "fits": [
                 {**asdict(fit), "outside": _or_none(fit.outside), "before": _or_none(fit.before)} for fit in self.fits
             ],
-            "observers": {name: found.to_json() for name, found in self.observers.items()},
+            "observers": {name: scores.to_json() for name, scores in self.observers.items()},
             "contacts": {
-                name: {point_label(one.point): one.numbers() for one in found} for name, found in self.stances.items()
+                name: {point_label(stance.point): stance.numbers() for stance in stances}
+                for name, stances in self.stances.items()
             },
             **self.more,
         }
@@ -229,7 +231,7 @@ class Result:
     @property
     def hints(self) -> list[str]:
         """Lines of text that help to read the table: noise of the truth, an R2 below 0, and what may help."""
-        scored = {name: found.scored for name, found in self.observers.items()}
+        scored = {name: scores.scored for name, scores in self.observers.items()}
         lines = []
         for name, scores in scored.items():
             best = {label: next(filter(None, (s.r2_seen, s.r2_noise_free, s.r2)), 0.0) for label, s in scores.items()}
@@ -241,7 +243,7 @@ class Result:
             if still and len(still) < len(scores):
                 error = quantity(max(still.values()), "N")
                 lines.append(f"{name}, {', '.join(still)}: no true force to compare with; errors up to {error} rms")
-        noisy = any((one.r2_noise_free or 1.0) < (one.r2 or 0.0) for found in scored.values() for one in found.values())
+        noisy = any((s.r2_noise_free or 1.0) < (s.r2 or 0.0) for scores in scored.values() for s in scores.values())
         return [*lines, *([NOISY_TRUTH] if noisy else [])]
 
     def __repr__(self) -> str:

@@ -128,21 +128,21 @@ class ForceNode:
             del self._stamps[next(iter(self._stamps))]
         self.estimator.message(topic, message)
 
-    def _publish(self, found: OnlineSample) -> None:
+    def _publish(self, sample: OnlineSample) -> None:
         """Publish an estimate, and which point is in contact, as far as somebody listens."""
         if self._heard is not None:
-            self._heard(found)
-        at = self._stamps.get(found.end)
+            self._heard(sample)
+        at = self._stamps.get(sample.end)
         if at is None:
             at = self.node.get_clock().now().to_msg()
-            at.sec, at.nanosec = divmod(round(found.end * 1e9), 10**9)
-        force, deviation = found.components, found.deviation
+            at.sec, at.nanosec = divmod(round(sample.end * 1e9), 10**9)
+        force, deviation = sample.components, sample.deviation
         points: dict[str, list[str]] = {}
         for label in force:
             points.setdefault(label.rpartition(".")[0], []).append(label)
         for point, labels in points.items():
             for what, values in (("force", force), ("deviation", deviation)):
-                publisher = self._publisher(self._wrench, found.observer, point, what)
+                publisher = self._publisher(self._wrench, sample.observer, point, what)
                 if values and publisher.get_subscription_count():
                     message = self._wrench()
                     message.header.stamp, message.header.frame_id = at, "world"
@@ -152,8 +152,8 @@ class ForceNode:
                     publisher.publish(message)
         if not self.estimator.walks or not all(f"{point}.Fz" in force for point in points):
             return
-        publisher = self._publisher(self._contact, found.observer, "contacts")
-        watch = self._watches.setdefault(found.observer, ContactWatch(self.estimator.robot.weight))
+        publisher = self._publisher(self._contact, sample.observer, "contacts")
+        watch = self._watches.setdefault(sample.observer, ContactWatch(self.estimator.robot.weight))
         up = np.array([force[f"{point}.Fz"] for point in points])
         on = watch.take(up)
         if publisher.get_subscription_count():

@@ -42,10 +42,10 @@ def row_contacts(estimate: StoredEstimate) -> list[Contact] | None:
     time = np.concatenate([estimate.start[:], [estimate.end]])
     values = np.concatenate([block.components for block in estimate.blocks()])
     bars = np.concatenate([SURE_OF_CONTACT * np.asarray(block.standard_deviation) for block in estimate.blocks()])
-    found, detector = [], LevelDetector(np.zeros(()), CONTACT_ENDS, 1.0, 0.0)
+    contacts, detector = [], LevelDetector(np.zeros(()), CONTACT_ENDS, 1.0, 0.0)
     for k, label in enumerate(head.identifiability.components):
         for event in detector.detect(time, np.abs(values[:, k]) / bars[:, k]):
             during = (time[1:] > event.onset) & (time[:-1] < (np.inf if event.end is None else event.end))
             size = float(np.max(np.abs(values[during, k])))
-            found.append(Contact(label, event.onset, event.alarm, event.end, size))
-    return sorted(found, key=lambda event: event.onset)
+            contacts.append(Contact(label, event.onset, event.alarm, event.end, size))
+    return sorted(contacts, key=lambda event: event.onset)

@@ -92,15 +92,15 @@ def built_observers(
     names = (tuple(names) or chosen.observer.names) if points else ("momentum",)  # all others need a point
     if wrong := [name for name in names if name not in OBSERVERS] or [""] * (not names):
         raise MapError(f"map: observer.names = {list(names)}: {did_you_mean(wrong[0], OBSERVERS, 'choose from')}")
-    section, made = chosen.observer, []
+    section, observers = chosen.observer, []
     for name in names:
         settings = section.settings(name)
         if expected is not None:
             settings = {**settings, "expected": expected}
-        made.append(OBSERVERS[name](robot.model, points, section.gain, rows, **settings))
-        if errors_known and isinstance(made[-1], KalmanObserver):
-            made[-1].trust_model(ADDED_MISFIT * moving_weight(robot.model))
-    return made
+        observers.append(OBSERVERS[name](robot.model, points, section.gain, rows, **settings))
+        if errors_known and isinstance(observers[-1], KalmanObserver):
+            observers[-1].trust_model(ADDED_MISFIT * moving_weight(robot.model))
+    return observers
 
 
 def believed_rows(record: Record) -> tuple[str, ...]:
@@ -122,9 +122,9 @@ def rows_of(
         joints: those that have channels.
         channels: keys of the channels that are there.
     """
-    own = robot.rows()
-    if own is not None:
-        return own, ()
+    rows = robot.rows()
+    if rows is not None:
+        return rows, ()
     ignored = list(chosen.robot.rows.ignore)
     notes = []
     ignored += [joint for joint in chosen.joints.held if joint not in ignored]
@@ -171,7 +171,7 @@ def run_observers(
     wait = max(LEAD / float(record.map.observer.gain), 0.0 if watch is None else watch.settling)
     lead = int(np.ceil(wait * record.rate)) + 1
     spool = Spool()
-    found = {observer.name: StoredEstimate(spool) for observer in observers}
+    estimates = {observer.name: StoredEstimate(spool) for observer in observers}
     total, done = len(observers) * sum(last - first for first, last in record.parts), 0
     for first, last in record.parts:
         for begin, end in blocks_of(first, last) if not record.robot.remembers else [(first, last)]:
@@ -193,11 +193,11 @@ def run_observers(
                 tilt, deviation = tilt_of(record.map), whole.standard_deviation
                 if tilt > 0.0 and deviation is not None and whole.are_world_forces:
                     whole = replace(whole, standard_deviation=with_tilt(whole.components, deviation, tilt))
-                found[observer.name].append(_some_intervals(whole, begin - early, end - early))
+                estimates[observer.name].append(_some_intervals(whole, begin - early, end - early))
                 done += end - begin
     if progress is not None:
         progress(1.0)
-    return found
+    return estimates
 
 
 def with_expected(estimate: Estimate, observer: Observer, expected: Expected) -> Estimate:
@@ -214,10 +214,10 @@ def with_belief_error(estimate: Estimate, deviation: Array | None) -> Estimate:
     """Return an estimate that states the errors of its belief (m, c), too; where it stated none, noise and these."""
     if deviation is None:
         return estimate
-    own = estimate.standard_deviation
-    own = local_noise(estimate.components) if own is None else own
+    stated = estimate.standard_deviation
+    stated = local_noise(estimate.components) if stated is None else stated
     unseen = np.isinf(estimate.identifiability.deviation)
-    return replace(estimate, standard_deviation=np.where(unseen, np.inf, np.hypot(own, deviation)))
+    return replace(estimate, standard_deviation=np.where(unseen, np.inf, np.hypot(stated, deviation)))
 
 
 def inputs_between(record: Record, forces: KnownForces) -> Callable[[int, int], KnownInputs]:
@@ -278,7 +278,7 @@ def _some_intervals(estimate: Estimate, first: int, last: int) -> Estimate:
     inside, innovation = slice(first, last), estimate.innovation
     names = ("components", "residual", "unexplained", "standard_deviation", "seen", "doubt")
     given = {name: getattr(estimate, name) for name in names}
-    columns: dict[str, Any] = {name: None if one is None else one[inside].copy() for name, one in given.items()}
+    columns: dict[str, Any] = {name: None if rows is None else rows[inside].copy() for name, rows in given.items()}
     return replace(
         estimate,
         **columns,

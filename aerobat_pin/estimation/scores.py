@@ -67,22 +67,22 @@ class Moments:
     def __init__(self, width: int) -> None:
         self.count = 0
         self._mean = np.zeros((2, width))
-        self._found, self._truth, self._along, self._error = np.zeros((4, width))
+        self._estimate, self._truth, self._along, self._error = np.zeros((4, width))
 
-    def add(self, found: Array, truth: Array) -> None:
+    def add(self, estimate: Array, truth: Array) -> None:
         """Add rows (n, k) of both series."""
-        if not len(found):
+        if not len(estimate):
             return
-        rows = np.array([found.T, truth.T])
+        rows = np.array([estimate.T, truth.T])
         mean = rows.mean(axis=2)
-        one, other = rows - mean[..., None]
-        step, whole = mean - self._mean, self.count + len(found)
-        share = self.count * len(found) / whole
-        self._found += np.sum(one**2, axis=1) + share * step[0] ** 2
-        self._truth += np.sum(other**2, axis=1) + share * step[1] ** 2
-        self._along += np.sum(one * other, axis=1) + share * step[0] * step[1]
+        estimated, true = rows - mean[..., None]
+        step, whole = mean - self._mean, self.count + len(estimate)
+        share = self.count * len(estimate) / whole
+        self._estimate += np.sum(estimated**2, axis=1) + share * step[0] ** 2
+        self._truth += np.sum(true**2, axis=1) + share * step[1] ** 2
+        self._along += np.sum(estimated * true, axis=1) + share * step[0] * step[1]
         self._error += np.sum((rows[0] - rows[1]) ** 2, axis=1)
-        self._mean += len(found) / whole * step
+        self._mean += len(estimate) / whole * step
         self.count = whole
 
     @property
@@ -105,7 +105,7 @@ class Moments:
     @property
     def factor(self) -> list[float | None]:
         """Truth per estimate, least squares about the means."""
-        return [float(a / p) if p > 0.0 else None for a, p in zip(self._along, self._found, strict=True)]
+        return [float(a / p) if p > 0.0 else None for a, p in zip(self._along, self._estimate, strict=True)]
 
 
 @guarded()

@@ -69,10 +69,10 @@ class Check:
 
     def __str__(self) -> str:
         """Return the result as one line of text."""
-        found = ", ".join(f"{force:+.4f}" for force in self.found)
+        estimate = ", ".join(f"{force:+.4f}" for force in self.found)
         mark = "ok " if self.ok else "BAD"
         where = f"{self.frame} along world {self.axis}"
-        result = f"found ({found}), elsewhere {self.elsewhere:.4f}"
+        result = f"found ({estimate}), elsewhere {self.elsewhere:.4f}"
         why = "; at no time: the map believes no row that shows it" if self.share == 0.0 else ""
         why = f"; right at {self.share:.0%} of the times: else the pose hides it" if 0.0 < self.share < 1.0 else why
         return f"{mark}  {self.observer}: {self.applied:+.4f} N at {where}: {result}{why}"
@@ -104,7 +104,7 @@ def check_record(record: Record, calibration: Calibration | None = None) -> list
     record = forces.record  # whose robot carries what was found
     inputs = inputs_of(record, first, last, forces, rows)
     size = PUSHED_SHARE * moving_weight(record.robot.model)
-    return [check for one in observers_of(record)[0] for check in _played(one, record, inputs, size, wait)]
+    return [check for observer in observers_of(record)[0] for check in _played(observer, record, inputs, size, wait)]
 
 
 def _played(observer: Observer, record: Record, inputs: KnownInputs, size: float, wait: int) -> Iterator[Check]:
@@ -126,7 +126,7 @@ def _played(observer: Observer, record: Record, inputs: KnownInputs, size: float
 def _jacobians(model: pin.Model, q: Array, frame: str) -> Array:
     """Return the Jacobians (m, 3, nv) of a frame's origin, world axes, at configurations (m, nq)."""
     data, index, axes = model.createData(), model.getFrameId(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    found = np.empty((len(q), 3, model.nv))
+    jacobians = np.empty((len(q), 3, model.nv))
     for k, configuration in enumerate(q):
-        found[k] = frame_jacobian(model, data, configuration, index, axes)[:3]
-    return found
+        jacobians[k] = frame_jacobian(model, data, configuration, index, axes)[:3]
+    return jacobians

@@ -49,25 +49,25 @@ class StoredEstimate:
 
     def append(self, block: Estimate) -> None:
         """Append the intervals of a block, which begins where the last one ended or after a hole."""
-        found = {"components": block.components, "residual": block.residual, "unexplained": block.unexplained}
+        columns = {"components": block.components, "residual": block.residual, "unexplained": block.unexplained}
         nis = None if block.innovation is None else block.innovation.nis
         some = {"standard_deviation": block.standard_deviation, "seen": block.seen, "doubt": block.doubt, "nis": nis}
-        found |= {name: rows for name, rows in some.items() if rows is not None}
+        columns |= {name: rows for name, rows in some.items() if rows is not None}
         if not self._counts:
             self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
             self._sum, self._squares, self._shown = np.zeros((3, block.components.shape[1]))
             self._doubt, self._judged, self._worst = 0.0, 0, (0.0, float(block.time[0]))
             self._columns = {
-                name: Series(self._spool, None if rows.ndim == 1 else rows.shape[1]) for name, rows in found.items()
+                name: Series(self._spool, None if rows.ndim == 1 else rows.shape[1]) for name, rows in columns.items()
             }
         worse = not self._counts or _severity(block) < _severity(self.head)
         self.head = replace(
             block if not self._counts else self.head,
-            **_rows_of(np.empty(0), np.empty(0), {name: rows[:0] for name, rows in found.items()}, block),
+            **_rows_of(np.empty(0), np.empty(0), {name: rows[:0] for name, rows in columns.items()}, block),
             identifiability=block.identifiability if worse else self.head.identifiability,
         )
         for name, series in self._columns.items():
-            series.append(found[name])
+            series.append(columns[name])
         self.start.append(block.time[:-1])
         self._end.append(block.time[1:])
         self._counts.append(len(block.components))
@@ -147,7 +147,7 @@ class StoredEstimate:
         if "standard_deviation" not in self._columns:
             return None
         parts = [self.between(first, last) for first, last in spread_stretches(len(self), MOST_SAMPLED)]
-        stated = [np.where(one.shown, np.asarray(one.standard_deviation), np.nan) for one in parts]
+        stated = [np.where(part.shown, np.asarray(part.standard_deviation), np.nan) for part in parts]
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of a component that is never seen
             return np.asarray(np.nanmedian(np.concatenate(stated), axis=0))
 
@@ -185,7 +185,7 @@ class StoredEstimate:
     def redundancy(self) -> Redundancy:
         """What no force explains."""
         mean: dict[str, Any] = {
-            name: float(np.sqrt(self._average([getattr(one, name) ** 2 for one in self._blocks])))
+            name: float(np.sqrt(self._average([getattr(block, name) ** 2 for block in self._blocks])))
             for name in ("rms", "sensors", "belief", "allowed")
         }
         return replace(self._blocks[0], **mean)
@@ -193,23 +193,23 @@ class StoredEstimate:
     @property
     def innovation(self) -> InnovationScore | None:
         """How well a filter predicts the samples; None for other observers."""
-        found = [one for one in self._innovations if one is not None]
-        if not found:
+        scores = [score for score in self._innovations if score is not None]
+        if not scores:
             return None
         return InnovationScore(
-            self._average([one.nis for one in found]), self._average([one.whiteness for one in found])
+            self._average([score.nis for score in scores]), self._average([score.whiteness for score in scores])
         )
 
     def component_sizes(self) -> tuple[ComponentSize, ...]:
         """Return size and deviation of each component."""
-        found = self.head.identifiability
+        identifiability = self.head.identifiability
         sure: list[float | None] = [None] * len(self._sum)
         if self.deviation is not None:
             sure = [float(size) if np.isfinite(size) else None for size in self.deviation]
         seen: list[float | None] = [None] * len(sure) if self.seen is None else self.seen.tolist()
-        unseen = np.isinf(found.deviation).tolist() if self.seen is None else [share == 0.0 for share in seen]
+        unseen = np.isinf(identifiability.deviation).tolist() if self.seen is None else [share == 0.0 for share in seen]
         rms = [float(size) if np.isfinite(size) else None for size in self.rms]
-        return tuple(map(ComponentSize, found.components, rms, self.head.units, sure, unseen, seen))
+        return tuple(map(ComponentSize, identifiability.components, rms, self.head.units, sure, unseen, seen))
 
     def _over_shown(self, sums: Array) -> Array:
         return np.divide(sums, self._shown, out=np.full_like(sums, np.nan), where=self._shown > 0.0)

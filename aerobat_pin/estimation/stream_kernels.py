@@ -222,22 +222,22 @@ def next_time(rings: Rings, leading: int, begin: float, ready: float) -> float:
 @inlined
 def breaks(rings: Rings, t: float) -> int:
     """Return 2 if a time [s] is inside a hole of a channel, 1 if a hole is behind the last estimate, else 0."""
-    found, last = 0, rings.now[LAST]
+    hole, last = 0, rings.now[LAST]
     for c in range(rings.channels):
         longest, i = longest_step(rings, c), bracket(rings, c, t)
         start = stamp_at(rings, c, i)
         if start < t < stamp_at(rings, c, i + 1) and stamp_at(rings, c, i + 1) - start > longest:
             return 2
-        while found == 0 and i >= 0 and not np.isnan(last):
+        while hole == 0 and i >= 0 and not np.isnan(last):
             end = stamp_at(rings, c, i + 1)
             if end <= last:
                 break
             if end <= t and end - stamp_at(rings, c, i) > longest:
-                found = 1
+                hole = 1
             i -= 1
         if i < 0 and rings.filled[c] == LENGTH and not np.isnan(last) and stamp_at(rings, c, 0) > last:
-            found = 1  # what lies between has been overwritten
-    return found
+            hole = 1  # what lies between has been overwritten
+    return hole
 
 
 @kernel

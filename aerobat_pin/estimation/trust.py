@@ -62,8 +62,8 @@ class InnovationScore:
 
 def innovation_score(estimate: Estimate) -> InnovationScore | None:
     """Return the summary of a filter's innovations; None for other observers."""
-    found = estimate.innovation
-    return None if found is None else InnovationScore(found.mean, found.whiteness)
+    innovation = estimate.innovation
+    return None if innovation is None else InnovationScore(innovation.mean, innovation.whiteness)
 
 
 def sample_noise(components: Array) -> Array:
@@ -106,9 +106,9 @@ def _noisy_components(estimate: Estimate) -> list[str]:
         return []
     noise, rms = burst_noise(estimate.components), np.sqrt(np.mean(estimate.components**2, axis=0))
     loud = [
-        f"{name} {1e3 * own:.2g} of {1e3 * whole:.2g} m{unit}"
-        for name, unit, own, whole in zip(estimate.identifiability.components, estimate.units, noise, rms, strict=True)
-        if own > LARGEST_NOISE * whole
+        f"{name} {1e3 * sigma:.2g} of {1e3 * size:.2g} m{unit}"
+        for name, unit, sigma, size in zip(estimate.identifiability.components, estimate.units, noise, rms, strict=True)
+        if sigma > LARGEST_NOISE * size
     ]
     line = (
         f"mostly noise from sample to sample, at times at least: {', '.join(loud)} rms; a lower gain, kalman or "

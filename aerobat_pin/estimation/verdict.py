@@ -96,27 +96,29 @@ def verdict_of(
         model: whether the belief is still that of its calibration; None without one.
     """
     pushes, events = _pushes(estimate, start), scores.events
-    largest = {unit: max(one.peak for one in pushes if one.unit == unit) for unit in {one.unit for one in pushes}}
+    largest = {unit: max(push.peak for push in pushes if push.unit == unit) for unit in {push.unit for push in pushes}}
     least = {unit: CROSSTALK * size for unit, size in largest.items()}
     if estimate.head.expected_force is None:  # else the deviations contain the errors of the belief
         least["N"] = max(least.get("N", 0.0), estimate.redundancy.least)
-    certain = sorted((one for one in pushes if one.stands_out(least[one.unit])), key=lambda one: -one.peak)
-    one_push, many = ("a push", "pushes") if estimate.head.frames else (ROW_TORQUE, ROW_TORQUES)
-    what = f"{one_push} at"
+    certain = sorted((push for push in pushes if push.stands_out(least[push.unit])), key=lambda push: -push.peak)
+    singular, plural = ("a push", "pushes") if estimate.head.frames else (ROW_TORQUE, ROW_TORQUES)
+    what = f"{singular} at"
     if events is not None and (estimate.head.are_world_forces or not estimate.head.frames):  # they were sought
-        told = sorted(events, key=lambda one: -one.size)[:SAID_AT_MOST]
-        certain = [_contact(estimate, one, start) for one in sorted(told, key=lambda one: one.onset)]
-        what, count = what if len(events) == 1 else f"{len(events)} {many}, at", len(events)
-        places = {one.point if estimate.head.frames else point_label(one.point.rpartition(".")[0]) for one in events}
+        named = sorted(events, key=lambda event: -event.size)[:SAID_AT_MOST]
+        certain = [_contact(estimate, event, start) for event in sorted(named, key=lambda event: event.onset)]
+        what, count = what if len(events) == 1 else f"{len(events)} {plural}, at", len(events)
+        places = {
+            event.point if estimate.head.frames else point_label(event.point.rpartition(".")[0]) for event in events
+        }
     else:
-        count, places = len(certain), {one.place for one in certain}
-    rest = [one.place for one in pushes if one.place not in places]
+        count, places = len(certain), {push.place for push in certain}
+    quiet = [push.place for push in pushes if push.place not in places]
     said = f"{estimate.head.observer} finds " + (
-        f"{what} {_listed(certain, count)}" if certain else f"no {one_push[2:]} that stands out from its errors"
+        f"{what} {_listed(certain, count)}" if certain else f"no {singular[2:]} that stands out from its errors"
     )
-    if certain and rest:
-        said += f"; nothing at {_listed(dict.fromkeys(rest))} stands out from its errors"
-    doubts = [f"the record contradicts itself: {one.check}" for one in findings if one.verdict == "refused"]
+    if certain and quiet:
+        said += f"; nothing at {_listed(dict.fromkeys(quiet))} stands out from its errors"
+    doubts = [f"the record contradicts itself: {finding.check}" for finding in findings if finding.verdict == "refused"]
     words, wrong = scores.judgement
     doubts += [words.removeprefix("belief: ").partition(";")[0]] * wrong
     doubts += ["something has changed since the calibration"] * (model is not None and model.verdict == "changed")
@@ -125,7 +127,7 @@ def verdict_of(
 
 def _listed(things: Iterable[object], count: int = 0) -> str:
     """Return the first few things, and how many more there are, of `count` if they are not all."""
-    texts = [str(one) for one in things]
+    texts = [str(thing) for thing in things]
     more = max(len(texts), count) - SAID_AT_MOST
     texts = [*texts[:SAID_AT_MOST], f"{more} more"] if more > 0 else texts
     return " and ".join(filter(None, [", ".join(texts[:-1]), texts[-1]]))
@@ -138,9 +140,9 @@ def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
     for k, ((place, _, axis), unit) in enumerate(zip(labels, estimate.head.units, strict=True)):
         groups.setdefault((place or axis, unit), []).append(k)
     noise, sizes = burst_noise(next(estimate.blocks()).components), estimate.component_sizes()
-    typical = [noise[k] if one.deviation is None else one.deviation for k, one in enumerate(sizes)]
+    typical = [noise[k] if size.deviation is None else size.deviation for k, size in enumerate(sizes)]
     chosen: dict[tuple[str, str], tuple[bool, float, float, Array, Array]] = {
-        key: (False, -1.0, start, np.zeros(len(own)), np.ones(len(own))) for key, own in groups.items()
+        key: (False, -1.0, start, np.zeros(len(columns)), np.ones(len(columns))) for key, columns in groups.items()
     }
     squares, shares, count = dict.fromkeys(groups, 0.0), dict.fromkeys(groups, 0.0), 0
     for block in estimate.blocks():
@@ -149,19 +151,19 @@ def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
         if block.standard_deviation is not None:
             sure = np.where(np.isfinite(block.standard_deviation), block.standard_deviation, noise)
         count += int(np.sum(shown.any(axis=1)))
-        for key, own in groups.items():
-            force, size = values[:, own], np.linalg.norm(values[:, own], axis=1)
-            error = np.maximum(_along_itself(force, sure[:, own]) * len(own) ** 0.5, TINY)
+        for key, columns in groups.items():
+            force, size = values[:, columns], np.linalg.norm(values[:, columns], axis=1)
+            error = np.maximum(_along_itself(force, sure[:, columns]) * len(columns) ** 0.5, TINY)
             squares[key] += float(np.sum(size**2))
-            shares[key] += float(np.sum((size / np.maximum(np.linalg.norm(sure[:, own], axis=1), TINY)) ** 2))
+            shares[key] += float(np.sum((size / np.maximum(np.linalg.norm(sure[:, columns], axis=1), TINY)) ** 2))
             beyond = size > SURE_OF_CONTACT * error
             weighed = np.where(beyond, size, 0.0) if beyond.any() else size / error
             at = int(np.argmax(weighed))
             better = bool(beyond[at]), float(weighed[at])
             if better > chosen[key][:2]:
-                chosen[key] = *better, float(block.time[at]), force[at], sure[at, own]
+                chosen[key] = *better, float(block.time[at]), force[at], sure[at, columns]
     pushes = []
-    for (place, unit), own in groups.items():
+    for (place, unit), columns in groups.items():
         _, _, time, vector, sure = chosen[place, unit]
         peak, along = float(np.linalg.norm(vector)), float(_along_itself(vector[None], sure[None])[0])
         pushes.append(
@@ -170,12 +172,12 @@ def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
                 unit,
                 peak,
                 time - start,
-                _way(vector, [labels[k][2] for k in own]),
-                along if any(sizes[k].deviation is not None for k in own) else None,
-                peak / (SURE_OF_CONTACT * max(along * len(own) ** 0.5, TINY)),
+                _way(vector, [labels[k][2] for k in columns]),
+                along if any(sizes[k].deviation is not None for k in columns) else None,
+                peak / (SURE_OF_CONTACT * max(along * len(columns) ** 0.5, TINY)),
                 (squares[place, unit] / max(count, 1)) ** 0.5,
                 (shares[place, unit] / max(count, 1)) ** 0.5,
-                float(np.linalg.norm([typical[k] for k in own])),
+                float(np.linalg.norm([typical[k] for k in columns])),
             )
         )
     return pushes
@@ -201,17 +203,17 @@ def _contact(estimate: StoredEstimate, event: Contact, start: float) -> _Push:
     """Return a contact that a calibration found, at its largest."""
     head, components = estimate.head, estimate.head.identifiability.components
     frames = [point_label(frame) for frame in head.frames]
-    own = [3 * frames.index(event.point) + k for k in range(3)] if frames else [components.index(event.point)]
+    columns = [3 * frames.index(event.point) + k for k in range(3)] if frames else [components.index(event.point)]
     place = event.point if frames else point_label(event.point.rpartition(".")[0])
     ends = event.onset - start, None if event.end is None else event.end - start
     last = len(estimate) if event.end is None else estimate.start.index(event.end)
     during = estimate.between(max(estimate.start.index(event.onset, "right") - 1, 0), last)
-    force = np.where(during.shown, during.components, 0.0)[:, own]
+    force = np.where(during.shown, during.components, 0.0)[:, columns]
     if not len(force):
         return _Push(place, event.unit, event.size, ends[0], "", None, np.inf, ends=ends)
     at, sure = int(np.argmax(np.linalg.norm(force, axis=1))), during.standard_deviation
-    way = _way(force[at], [components[k].rpartition(".")[2] for k in own])
-    along = None if sure is None else float(_along_itself(force[[at]], sure[[at]][:, own])[0])
+    way = _way(force[at], [components[k].rpartition(".")[2] for k in columns])
+    along = None if sure is None else float(_along_itself(force[[at]], sure[[at]][:, columns])[0])
     along = along if along is not None and np.isfinite(along) else None
     return _Push(place, event.unit, event.size, float(during.time[at]) - start, way, along, np.inf, ends=ends)
 
@@ -228,10 +230,10 @@ def _sureness(scores: ObserverScores, kind: str, certain: list[_Push], pushes: l
         where = f" at {_listed(scores.points)}" if kind == "sensor" else ""
         per_point = quantity(error / len(scores.points) ** 0.5, "N")
         return f"it is off the {COMPARED_WITH[kind]}{where} by {per_point} rms, {share}"
-    if any(one.deviation is not None for one in certain):
+    if any(push.deviation is not None for push in certain):
         return "+- is one standard deviation at that time, as stated"
     if any(size.deviation is not None for size in scores.components):
-        return f"its standard deviation, as stated, is {_listed(quantity(one.error, one.unit) for one in pushes)}"
+        return f"its standard deviation, as stated, is {_listed(quantity(push.error, push.unit) for push in pushes)}"
     return "how sure that is cannot be said: a calibration, kalman or smoother would state it"
 
 

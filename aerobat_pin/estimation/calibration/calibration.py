@@ -23,7 +23,8 @@ from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, encoder_w
 TORQUE = "observers.torque"  # which joint torque is known, among the assumptions of a robot that can choose
 EFFORT, SI_EFFORT = "the effort of ", "1 N m per unit"  # of a joint, among what is believed; where no map tells
 ENCODER = "the encoder of "  # of a joint, among what is believed
-LESS = {"measured": ("measured", "motor_only", "none"), "motor_only": ("motor_only", "none")}  # torque -> usable with
+# torque of a calibration -> torques of the records that it serves
+USABLE_WITH = {"measured": ("measured", "motor_only", "none"), "motor_only": ("motor_only", "none")}
 
 
 @dataclass(frozen=True)
@@ -48,11 +49,11 @@ class Belief:
                 f"the calibration belongs to the robot '{self.robot}'{same}: calibrate this one again"
             )
         for key, value in self.settings.items():
-            found = other.settings.get(key, _unsaid(key))
-            if found not in (LESS.get(value, (value,)) if key == TORQUE else (value,)):
+            believed = other.settings.get(key, _unsaid(key))
+            if believed not in (USABLE_WITH.get(value, (value,)) if key == TORQUE else (value,)):
                 raise CalibrationError(
-                    f"the calibration was learnt with {key} = {value}, but {found} is believed: calibrate again with "
-                    "this belief"
+                    f"the calibration was learnt with {key} = {value}, but {believed} is believed: calibrate again "
+                    "with this belief"
                 )
 
 
@@ -153,8 +154,8 @@ class Calibration:
     def without_fits(self, chosen: Map) -> Map:
         """Return a map that has the learnt coefficients of thrust, and fits no friction that was learnt."""
         known, joints = dict(chosen.known), chosen.joints
-        for name, found in self.fitted.coefficients.items():
-            known[name] = known[name].model_copy(update={"coefficients": tuple(found.tolist()), "fit": None})
+        for name, coefficients in self.fitted.coefficients.items():
+            known[name] = known[name].model_copy(update={"coefficients": tuple(coefficients.tolist()), "fit": None})
         if self.fitted.friction is not None:
             joints = joints.model_copy(update={"friction": None})
         return chosen.model_copy(update={"known": known, "joints": joints})
@@ -229,8 +230,8 @@ class CalibrationWatch:
         if not self._turns:
             return
         time, turns = (np.concatenate(values) for values in zip(*self._turns, strict=True))
-        for frame in dict.fromkeys(one.point for one in self._contacts):
-            onsets = [one.onset for one in self._contacts if one.point == frame]
+        for frame in dict.fromkeys(contact.point for contact in self._contacts):
+            onsets = [contact.onset for contact in self._contacts if contact.point == frame]
             gaps = np.abs(np.diff(np.interp(onsets, time, turns)))
             if len(gaps) >= TRAIN and np.mean(np.abs(gaps - np.median(gaps)) < REGULAR_TRAIN) > 0.5:
                 yield (

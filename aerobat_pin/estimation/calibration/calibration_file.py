@@ -31,7 +31,7 @@ MOST_POWERS = 3  # of a thrust's polynomial
 @guarded()
 def calibration_bytes(calibration: Calibration) -> bytes:
     """Return the content of a calibration's file."""
-    fitted, belief, found = calibration.fitted, calibration.belief, calibration.identified
+    fitted, belief, identified = calibration.fitted, calibration.belief, calibration.identified
     parts: dict[str, Any] = {
         "record": ("file", _lines(calibration.records)),
         "note": ("line", _lines(calibration.notes)),
@@ -42,13 +42,13 @@ def calibration_bytes(calibration: Calibration) -> bytes:
     if calibration.row_noise:
         parts["row_noise"] = ("row", list(calibration.row_noise.values()), {"long_name": "rms left where not fitted"})
         coords |= {"row": list(calibration.row_noise)}
-    if found is not None:
-        parts["change"] = ("parameter", found.values)
-        parts["covariance"] = (("parameter", "other"), found.covariance)
-        parts["parameter_unit"] = ("parameter", [one.unit for one in found.parameters.values()])
-        parts["expected"] = ("parameter", [one.expected for one in found.parameters.values()])
-        parts["error"] = (("stage", "share"), np.array([found.before, found.after]))
-        coords |= {"parameter": list(found.parameters), "other": list(found.parameters)}
+    if identified is not None:
+        parts["change"] = ("parameter", identified.values)
+        parts["covariance"] = (("parameter", "other"), identified.covariance)
+        parts["parameter_unit"] = ("parameter", [parameter.unit for parameter in identified.parameters.values()])
+        parts["expected"] = ("parameter", [parameter.expected for parameter in identified.parameters.values()])
+        parts["error"] = (("stage", "share"), np.array([identified.before, identified.after]))
+        coords |= {"parameter": list(identified.parameters), "other": list(identified.parameters)}
         coords |= {"stage": ["before", "after"], "share": ["learnt", "held_out"]}
     if fitted.friction is not None:
         table = np.column_stack([getattr(fitted.friction, name) for name in FRICTION_COEFFICIENTS])
@@ -90,8 +90,8 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         "fingerprint": belief.fingerprint,
         "settings": json.dumps(dict(belief.settings)),
         "fits": json.dumps([asdict(fit) for fit in fitted.fits]),
-        "kept": int(found is not None and found.kept),
-        "allowed": 0.0 if found is None else found.allowed,
+        "kept": int(identified is not None and identified.kept),
+        "allowed": 0.0 if identified is None else identified.allowed,
         "friction_rate": 0.0 if fitted.friction is None else fitted.friction.rate,
     }
     return netcdf_bytes(xr.Dataset(parts, coords, attributes))
@@ -138,7 +138,7 @@ class _Parts:
         if not all(isinstance(value, str) for value in settings.values()):
             raise ValueError("settings: names and their values in words were expected")
         rows, bar = self._texts("row") if "row_noise" in self._data else (), self._texts("force")
-        left = self._numbers("row_noise", len(rows)).tolist() if rows else []
+        noise = self._numbers("row_noise", len(rows)).tolist() if rows else []
         bars = self._numbers("error_bar", len(bar), 2, finite=False).tolist() if bar else []
         return Calibration(
             belief=Belief(str(noted["robot"]), str(noted["fingerprint"]), settings),
@@ -149,7 +149,7 @@ class _Parts:
             detection=self._detection() if "normal" in self._data else None,
             extras=extras,
             error_bar={label: (before, after) for label, (before, after) in zip(bar, bars, strict=True)},
-            row_noise=dict(zip(rows, left, strict=True)),
+            row_noise=dict(zip(rows, noise, strict=True)),
             warnings=self._texts("warning"),
             notes=self._texts("note"),
         )
@@ -161,7 +161,7 @@ class _Parts:
             raise ValueError("change of -1 or less: of a factor, more than -1 was expected")
         before, after = self._numbers("error", 2, 2).tolist()
         return Identified(
-            parameters={name: Parameter(*one) for name, *one in zip(names, units, expected.tolist(), strict=True)},
+            parameters={name: Parameter(*entry) for name, *entry in zip(names, units, expected.tolist(), strict=True)},
             values=values,
             covariance=self._numbers("covariance", len(names), len(names)),
             kept=bool(self._noted["kept"]),
@@ -186,14 +186,14 @@ class _Parts:
         if not 0.0 < mass:
             raise ValueError(f"mass {mass:g}: a factor above 0 was expected")
         fits = tuple(_fit_of(entry) for entry in self._object("fits", list))
-        found = FittedValues(coefficients, joints, friction, scale, mass, fits=fits)
+        fitted = FittedValues(coefficients, joints, friction, scale, mass, fits=fits)
         if "link_change" not in self._data:
-            return found
+            return fitted
         links, size = int(self._data.sizes["link"]), int(self._data.sizes["gain"])
         if size != len(joints) + 10 * links:
             raise ValueError(f"gain_covariance of {size}: one row for each joint and ten for each link were expected")
         errors = self._numbers("link_change", links, 10)
-        return replace(found, links=errors, gain_covariance=self._numbers("gain_covariance", size, size))
+        return replace(fitted, links=errors, gain_covariance=self._numbers("gain_covariance", size, size))
 
     def _series(self) -> LearntError:
         states, count = self._texts("state"), int(self._data.sizes["v_axis"])
@@ -234,10 +234,10 @@ class _Parts:
 
     def _object(self, key: str, kind: type) -> Any:
         """Return what an attribute says in JSON."""
-        found = json.loads(str(self._noted[key]))
-        if not isinstance(found, kind):
+        value = json.loads(str(self._noted[key]))
+        if not isinstance(value, kind):
             raise ValueError(f"{key}: a {kind.__name__} in JSON was expected")
-        return found
+        return value
 
 
 def _fit_of(entry: dict[str, Any]) -> Fit:

@@ -59,8 +59,8 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
     """
     record, series = forces.record, calibration.series
 
-    def factors(one: KnownInputs) -> Array | None:
-        return error_factors(calibration, record, one)
+    def factors(given: KnownInputs) -> Array | None:
+        return error_factors(calibration, record, given)
 
     if series is None or len(record.parts) > 1 or not record.robot.remembers:
         return CheckedModel(_check_of_blocks(calibration, record, inputs), inputs, factors)
@@ -68,12 +68,13 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
     part = part_to_check(calibration, record, whole)
     if part is None or part.check.ratio is None:
         return CheckedModel(None if part is None else part.check, inputs, factors)
-    own, named = part.factors, named_cause(part, series, forces)
+    learnt, named = part.factors, named_cause(part, series, forces)
     if named is None:
-        return CheckedModel(part.check, inputs, lambda _: own, part.growth)
+        return CheckedModel(part.check, inputs, lambda _: learnt, part.growth)
 
-    def with_cause(one: Named) -> CheckedPart:
-        return slice_of_part(record, cause_corrected(whole, one, forces), np.concatenate([own, one.factors], axis=2))
+    def with_cause(cause: Named) -> CheckedPart:
+        factors = np.concatenate([learnt, cause.factors], axis=2)
+        return slice_of_part(record, cause_corrected(whole, cause, forces), factors)
 
     better = with_cause(named)
     for _ in range(MOST_STEPS):
@@ -84,8 +85,8 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
         if nearer is None or trial is None or trial.check.size >= better.check.size:
             break
         named, better = nearer, trial
-    left = better.check.size / max(part.check.size, 1e-12) if calibration.correct else 1.0  # of the cause's effect
-    spread = np.concatenate([better.factors, left * named.force[:, :, None]], axis=2)
+    remaining = better.check.size / max(part.check.size, 1e-12) if calibration.correct else 1.0  # of the cause's effect
+    spread = np.concatenate([better.factors, remaining * named.force[:, :, None]], axis=2)
     if not calibration.correct:
         return CheckedModel(replace(part.check, cause=named.cause), inputs, lambda _: spread, better.growth)
     check, changed, begin = replace(better.check, cause=named.cause, corrected=True), better.inputs, record.parts[0][0]

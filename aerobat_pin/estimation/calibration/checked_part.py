@@ -26,10 +26,10 @@ def error_factors(calibration: Calibration, record: Record, inputs: KnownInputs)
         return calibration.series.factors(inputs.condition)
     if not calibration.row_noise:
         return None
-    left = np.array([calibration.row_noise.get(row, 0.0) for row in row_names(record.robot.model)])
+    noise = np.array([calibration.row_noise.get(row, 0.0) for row in row_names(record.robot.model)])
     stiction, rate = calibration.fitted.stiction(record.robot)
     at_rest = 1.0 - np.tanh(0.5 * (inputs.v[1:] + inputs.v[:-1]) / rate) ** 2
-    return np.sqrt(left**2 + stiction**2 / 3.0 * at_rest)[:, :, None] * np.eye(len(left))
+    return np.sqrt(noise**2 + stiction**2 / 3.0 * at_rest)[:, :, None] * np.eye(len(noise))
 
 
 @dataclass(frozen=True)
@@ -38,22 +38,23 @@ class CheckedPart:
 
     Attributes:
         inputs: of an observer, with what was learnt among the known forces.
-        found: the forces at once, without a filter, and what they do not explain.
+        estimate: the forces at once, without a filter, and what they do not explain.
         geometry: of rows and forces.
         factors: (m, nv, r) of what the calibration leaves.
     """
 
     inputs: KnownInputs
-    found: Estimate
+    estimate: Estimate
     geometry: RowGeometry
     factors: Array
 
     @cached_property
     def near(self) -> Array:
         """How many times as large as predicted (m,) what no force explains is, over `NEAR_TIME` about each interval."""
-        told, time = self.found.redundancy, self.inputs.time
-        seen = np.sum(slow_part(time, self.found.unexplained) ** 2, axis=1) - told.redundant * told.sensors**2
-        least = told.redundant * (LEAST_EXPECTED * self.found.weight) ** 2
+        redundancy, time = self.estimate.redundancy, self.inputs.time
+        seen = np.sum(slow_part(time, self.estimate.unexplained) ** 2, axis=1)
+        seen -= redundancy.redundant * redundancy.sensors**2
+        least = redundancy.redundant * (LEAST_EXPECTED * self.estimate.weight) ** 2
         predicted = np.interp(np.arange(len(seen)), self.geometry.at, np.maximum(self._predicted, least))
         window = np.ones(min(max(1, round(NEAR_TIME / typical_step(time))), len(seen)))
         shares = np.convolve(seen, window, "same") / np.convolve(predicted, window, "same")
@@ -72,14 +73,14 @@ class CheckedPart:
     @property
     def check(self) -> ModelCheck:
         """The verdict on this stretch."""
-        told = self.found.redundancy
-        if told.redundant < 1:
+        redundancy = self.estimate.redundancy
+        if redundancy.redundant < 1:
             return ModelCheck(None, 0.0, 0.0)
-        expected = float(np.sqrt(np.mean(self._predicted) / told.redundant))
-        expected = max(expected, LEAST_EXPECTED * self.found.weight)
+        expected = float(np.sqrt(np.mean(self._predicted) / redundancy.redundant))
+        expected = max(expected, LEAST_EXPECTED * self.estimate.weight)
         most = int(np.argmax(self.near))
         peak, when = float(self.near[most]), float(self.inputs.time[most])
-        return ModelCheck(told.belief / expected, told.belief, expected, peak, when)
+        return ModelCheck(redundancy.belief / expected, redundancy.belief, expected, peak, when)
 
     @cached_property
     def _predicted(self) -> Array:
@@ -95,5 +96,5 @@ def part_to_check(calibration: Calibration, record: Record, inputs: KnownInputs)
 def slice_of_part(record: Record, inputs: KnownInputs, factors: Array) -> CheckedPart:
     """Return a stretch of whose rows something with these factors (m, nv, r) is left."""
     observer = ForceLevelObserver(record.robot.model, points_of(record.map), AT_ONCE, inputs.rows)
-    found = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
-    return CheckedPart(inputs, found, RowGeometry.of(observer, inputs), factors)
+    estimate = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+    return CheckedPart(inputs, estimate, RowGeometry.of(observer, inputs), factors)

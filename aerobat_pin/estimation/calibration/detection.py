@@ -65,7 +65,7 @@ class Detection:
 
     def contacts(self, time: Array, excess: Array) -> tuple[Contact, ...]:
         """Return the contacts between times (m + 1,) [s] in the order of their onsets, from their `excess` (m, n)."""
-        found: list[tuple[Contact, float]] = []
+        sized: list[tuple[Contact, float]] = []
         for frame, statistic in zip(self.frames, excess.T, strict=True):
             joined: list[tuple[Contact, float]] = []
             for event in LevelDetector(np.zeros(()), FLOOR, 1.0, 0.0).detect(time, statistic.copy()):
@@ -74,15 +74,15 @@ class Detection:
                     before, larger = joined.pop()
                     contact, size = Contact(frame, before.onset, before.alarm, event.end), max(size, larger)
                 joined.append((contact, size))
-            found += joined
-        kept = [one for one, size in found if not any(_hides(other, large, one, size) for other, large in found)]
+            sized += joined
+        kept = [contact for contact, size in sized if not any(_hides(*other, contact, size) for other in sized)]
         return tuple(sorted(kept, key=lambda contact: contact.onset))
 
 
-def _hides(other: Contact, large: float, one: Contact, size: float) -> bool:
+def _hides(other: Contact, large: float, contact: Contact, size: float) -> bool:
     """Whether a contact is the echo of a far larger one that overlaps it at another point."""
-    apart = (other.end is not None and other.end < one.onset) or (one.end is not None and one.end < other.onset)
-    return other.point != one.point and not apart and size < ECHO * large
+    apart = any(a.end is not None and a.end < b.onset for a, b in ((other, contact), (contact, other)))
+    return other.point != contact.point and not apart and size < ECHO * large
 
 
 def settled_intervals(inputs: KnownInputs) -> NDArray[np.bool_]:
@@ -113,5 +113,5 @@ def learn_detection(frames: Sequence[str], runs: Iterable[tuple[pin.Model, Known
 def _detected(model: pin.Model, frames: Sequence[str], inputs: KnownInputs) -> Array:
     """Return the detector's forces and their standard deviations (2, m, 3 n) [N]; infinite where there is no trace."""
     detector = KalmanObserver(model, frames, rows=inputs.rows, force_walk=DETECTOR_WALK * moving_weight(model))
-    found = detector.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
-    return np.array([found.components, found.standard_deviation])
+    estimate = detector.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+    return np.array([estimate.components, estimate.standard_deviation])

@@ -24,7 +24,7 @@ def error_bar(pairs: Sequence[tuple[KnownForces | None, KnownForces]]) -> dict[s
     for k in (0, 1):
         sizes = [_sizes_where_free(pair[k]) for pair in pairs]
         labels = sizes[0].keys()
-        squares.append({label: float(np.mean([one.get(label, np.nan) ** 2 for one in sizes])) for label in labels})
+        squares.append({label: float(np.mean([rms.get(label, np.nan) ** 2 for rms in sizes])) for label in labels})
     return {label: (squares[0].get(label, np.nan) ** 0.5, size**0.5) for label, size in squares[1].items()}
 
 
@@ -36,7 +36,8 @@ def _sizes_where_free(known: KnownForces | None) -> dict[str, float]:
     inputs = inputs_between(record, known)
     expected = expected_of(record, inputs, known.values, points_of(record.map))
     named = observers_of(record, (), expected)[0]
-    chosen = next((one for one in named if one.name == "force_level"), named[0])  # right for any choice of rows
+    # force_level is right for any choice of rows
+    chosen = next((observer for observer in named if observer.name == "force_level"), named[0])
     estimate = run_observers(record, inputs, [chosen], expected=expected)[chosen.name]
     if fits_to_sensor(record.map):
         [sensor] = sensor_references(record)  # the fit had it

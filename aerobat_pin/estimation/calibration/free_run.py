@@ -146,14 +146,14 @@ def row_noise(runs: Sequence[FreeRun], *, learnt: bool) -> dict[str, float]:
         share = -np.expm1(-float(run.record.map.observer.gain) * typical_step(time))
         sliding = np.tanh(0.5 * (v[1:] + v[:-1]) / run.forces.values.stiction(robot)[1])
         sliding[:, : FREE_NV if robot.free else 0] = 1.0
-        left = sliding * low_passed(run.residual, share)
+        residual = sliding * low_passed(run.residual, share)
         for which, kept in enumerate(settled(run.record, time[:-1]) & part for part in (~fitted, fitted)):
             if not kept.any():
                 continue
-            power = np.abs(np.fft.fft(left[kept], axis=0)) ** 2  # as many different errors as frequencies have a part
+            power = np.abs(np.fft.fft(residual[kept], axis=0)) ** 2  # as many errors differ as frequencies have a part
             different[which] += np.sum(power, axis=0) ** 2 / np.maximum(np.sum(power**2, axis=0), 1e-300)
             count[which] += np.sum(sliding[kept] ** 2, axis=0)
-            square[which] += np.sum(left[kept] ** 2, axis=0)
+            square[which] += np.sum(residual[kept] ** 2, axis=0)
     raised = square / np.maximum(count, 1e-300) * (1.0 + RAISED_BY * np.sqrt(2.0 / np.maximum(different, 1.0)))
     raised = np.maximum(raised[0], square[1] / np.maximum(count[1], 1e-300))
     return {name: float(np.sqrt(raised[k])) for k, name in enumerate(names) if count[0, k] >= FEWEST_LEFT}
@@ -164,7 +164,7 @@ def noise_where_known(forces: KnownForces) -> dict[str, float]:
     record = forces.record
     if fits_to_sensor(record.map):
         pushed = free_runs(record, forces)
-        runs = [one.explained("sensor", contact_torque(record, record.block(*one.stretch))) for one in pushed]
+        runs = [run.explained("sensor", contact_torque(record, record.block(*run.stretch))) for run in pushed]
         return row_noise(runs, learnt=False)
     free = record.map.use.free
     return {} if free is None else row_noise(free_runs(record, forces, free), learnt=False)
@@ -181,11 +181,11 @@ def _residual(record: Record, inputs: KnownInputs) -> Array:
 
 def unexpected(run: FreeRun) -> Iterator[str]:
     """Yield a warning where more is left than a belief may leave, given what a calibration learnt."""
-    told = run.judged()
-    if told.verdict == "inconsistent":
+    redundancy = run.judged()
+    if redundancy.verdict == "inconsistent":
         yield (
-            f"{run.name}: {force_size(told.belief)} a row are left unexplained: did the motion change, or are the "
-            "torques so noisy? A free run was expected"
+            f"{run.name}: {force_size(redundancy.belief)} a row are left unexplained: did the motion change, or are "
+            "the torques so noisy? A free run was expected"
         )
 
 
@@ -216,7 +216,7 @@ def _lasts(run: FreeRun) -> bool:
         return False
     inputs = run.inputs
     observer = ForceLevelObserver(run.record.robot.model, run.frames, AT_ONCE, inputs.rows)
-    found = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
-    told, count = found.redundancy, found.components.shape[1]
-    force = redundancy_of(inputs.time, found.components, count + 1, 1, run.weight, ())
-    return told.redundant >= TOLD_BY and force.belief > STEADY * max(told.belief, told.allowed)
+    estimate = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+    redundancy, count = estimate.redundancy, estimate.components.shape[1]
+    force = redundancy_of(inputs.time, estimate.components, count + 1, 1, run.weight, ())
+    return redundancy.redundant >= TOLD_BY and force.belief > STEADY * max(redundancy.belief, redundancy.allowed)

@@ -84,7 +84,7 @@ class Identified:
     @property
     def fudge(self) -> list[str]:
         """Parameters that took up the error of something else: all of them unless they explain, else the far ones."""
-        far = np.abs(self.values) > BEYOND * np.array([one.expected for one in self.parameters.values()])
+        far = np.abs(self.values) > BEYOND * np.array([parameter.expected for parameter in self.parameters.values()])
         return [name for name, wide in zip(self.parameters, far, strict=True) if wide or not self.explains]
 
     def describe(self) -> list[str]:
@@ -129,8 +129,8 @@ def identify(
     """
     from scipy.optimize import least_squares
 
-    expected = np.array([one.expected for one in parameters.values()])
-    allowed = max(one.judged().allowed for one in runs)
+    expected = np.array([parameter.expected for parameter in parameters.values()])
+    allowed = max(run.judged().allowed for run in runs)
     known: dict[bytes, list[Array]] = {}
 
     def rows(x: Array) -> list[Array]:
@@ -138,7 +138,7 @@ def identify(
         key = x.tobytes()
         if key not in known:
             values = dict(zip(parameters, (expected * x).tolist(), strict=True))
-            known[key] = [_thinned(one.with_values(values)) for one in runs]
+            known[key] = [_thinned(run.with_values(values)) for run in runs]
             if progress is not None:
                 progress(min(0.95, len(known) / (4.0 * (len(parameters) + 1))))
         return known[key]
@@ -164,11 +164,11 @@ def identify(
         last[:] = x.copy(), here, J
         return J
 
-    factor = np.array([one.unit == "1" for one in parameters.values()])
+    factor = np.array([parameter.unit == "1" for parameter in parameters.values()])
     bounds = [
         np.where(factor, end, side * SHIFT_LIMITS) / expected for end, side in zip(FACTORS, (-1.0, 1.0), strict=True)
     ]
-    found = least_squares(
+    solution = least_squares(
         cost,
         np.zeros(len(parameters)),
         slopes,
@@ -177,11 +177,11 @@ def identify(
         ftol=SETTLED_COST,
         xtol=SETTLED_COST,
     )
-    normal = np.linalg.inv(found.jac.T @ found.jac)
-    before, after = (_rms_of_both(rows(x)) for x in (np.zeros(len(parameters)), found.x))
+    normal = np.linalg.inv(solution.jac.T @ solution.jac)
+    before, after = (_rms_of_both(rows(x)) for x in (np.zeros(len(parameters)), solution.x))
     scale = max(1.0, (after[0] / allowed) ** 2)
     covariance = scale * normal * np.outer(expected, expected)
-    result = Identified(dict(parameters), expected * found.x, covariance, True, before, after, allowed)
+    result = Identified(dict(parameters), expected * solution.x, covariance, True, before, after, allowed)
     return replace(result, kept=always or result.explains)
 
 

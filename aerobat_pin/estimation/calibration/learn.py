@@ -81,40 +81,40 @@ def calibrate(
     if not records:
         raise CalibrationError("calibrate: records = []: one without unknown forces was expected, or several")
     belief = _common_belief(records)
-    free = [(one.times(*one.parts[0]), one.channels) for one in records]
+    free = [(record.times(*record.parts[0]), record.channels) for record in records]
     extras = records[0].robot.learn_extras(free, records[0].map.robot.points)
     if extras is not None:
         return _of_extras(records, belief, extras, parameters)
     mass = _check_names(records, belief, harmonics, parameters)
-    records, notes, warnings = [taken_as_free(one) for one in records], list[str](), list[str]()
+    records, notes, warnings = [taken_as_free(record) for record in records], list[str](), list[str]()
     if parameters is None or parameters:
         records, notes, warnings = with_friction(records, mass=mass)
     findings = _findings(records, trust=trust)
-    plain = [None if fits_thrust(one.map) else given_forces(one) for one in records]
-    forces = [fitted_by_map(one, mass=mass) for one in records]
-    runs = [] if fits_to_sensor(records[0].map) else [run for one in forces for run in free_runs(one.record, one)]
+    plain = [None if fits_thrust(record.map) else given_forces(record) for record in records]
+    forces = [fitted_by_map(record, mass=mass) for record in records]
+    runs = [] if fits_to_sensor(records[0].map) else [run for known in forces for run in free_runs(known.record, known)]
     _check_runs(runs)
     if runs:
         notes.append(f"as {'fitted' if fits_anything(records[0].map) else 'believed'}: {_sizes(runs)} unexplained")
-    found = _identified(runs, parameters, progress)
-    if found is not None:
-        notes += found.describe()
-        if found.kept:
-            records = [replace(one, robot=one.robot.changed(found.used)) for one in records]
-            forces = [fitted_by_map(one, mass=mass) for one in records]
-            runs = [run.with_values(found.used) for run in runs]
+    identified = _identified(runs, parameters, progress)
+    if identified is not None:
+        notes += identified.describe()
+        if identified.kept:
+            records = [replace(record, robot=record.robot.changed(identified.used)) for record in records]
+            forces = [fitted_by_map(record, mass=mass) for record in records]
+            runs = [run.with_values(identified.used) for run in runs]
             if fits_anything(records[0].map):
-                runs = [run for one in forces for run in free_runs(one.record, one)]
+                runs = [run for known in forces for run in free_runs(known.record, known)]
     tested = runs  # as `runs`, but with what is learnt from all of them learnt without the part that tests it
     if parameters is not None and FRICTION in parameters:
         friction, tried = _fit_to_residual(runs, held_out=False), _fit_to_residual(runs, held_out=True)
         notes += _friction_lines(friction, records[0].robot.joints)
         tested = [_with_friction(run, tried) for run in runs]
         runs = [_with_friction(run, friction) for run in runs]
-        forces = [_knowing(one, friction) for one in forces]
+        forces = [_knowing(known, friction) for known in forces]
     series = trial = None
     if harmonics >= 0 and runs and all(run.condition is not None for run in runs):
-        series, trial = (_learnt_error(many, part, harmonics) for many, part in ((runs, False), (tested, True)))
+        series, trial = (_learnt_error(group, part, harmonics) for group, part in ((runs, False), (tested, True)))
         before, runs, tested = runs, _without(runs, series), _without(tested, trial)
         notes.append(_learnt_words(series, conditions_of(runs)[0].cycle, before, runs))
         warnings += [line for run in runs for line in unexpected(run)]
@@ -122,15 +122,18 @@ def calibrate(
         if pushed and not trust:
             raise CalibrationError("; ".join([*pushed, "--trust calibrates nevertheless"]))
         warnings += pushed
-    values, learnt = kept_of(records[0], forces[0].values), tested is not runs or found is not None
-    bar = error_bar([(one, replace(two, series=trial)) for one, two in zip(plain, forces, strict=True)])
-    for one in forces:
-        findings += [*effort_findings(one.record, inputs_between(one.record, one), findings), *fit_findings(one)]
-    doubtful = [str(one) for one in findings if one.warns]
+    values, learnt = kept_of(records[0], forces[0].values), tested is not runs or identified is not None
+    bar = error_bar([(without, replace(known, series=trial)) for without, known in zip(plain, forces, strict=True)])
+    for known in forces:
+        findings += [
+            *effort_findings(known.record, inputs_between(known.record, known), findings),
+            *fit_findings(known),
+        ]
+    doubtful = [str(finding) for finding in findings if finding.warns]
     return Calibration(
         belief=_belief_that_counts(belief, records[0], values),
-        records=tuple(one.title for one in records),
-        identified=found,
+        records=tuple(record.title for record in records),
+        identified=identified,
         fitted=values,
         series=series,
         detection=_detection(runs, series),
@@ -138,8 +141,8 @@ def calibrate(
         row_noise=noise_where_known(forces[0]) if fits_to_sensor(records[0].map) else row_noise(tested, learnt=learnt),
         warnings=(*doubtful, *warnings),
         notes=(
-            *(_what_is_learnt_from(one.record) for one in forces),
-            *(line for one in records for line in one.notes),
+            *(_what_is_learnt_from(known.record) for known in forces),
+            *(line for record in records for line in record.notes),
             *fit_notes(records[0], values),
             *notes,
             *(
@@ -153,7 +156,7 @@ def calibrate(
 
 
 def _common_belief(records: Sequence[Record]) -> Belief:
-    beliefs = [belief_of(one.map, one.robot, one.joints) for one in records]
+    beliefs = [belief_of(record.map, record.robot, record.joints) for record in records]
     for other in beliefs:
         beliefs[0].refuse_other(other)
     return beliefs[0]
@@ -166,7 +169,7 @@ def _of_extras(
     if parameters:
         known = ", ".join(extras.values)
         raise CalibrationError(f"calibrate: '{parameters[0]}' cannot be learnt from these records: only {known} can")
-    return Calibration(belief, tuple(one.title for one in records), extras=extras.values, notes=extras.notes)
+    return Calibration(belief, tuple(record.title for record in records), extras=extras.values, notes=extras.notes)
 
 
 def _belief_that_counts(belief: Belief, record: Record, values: FittedValues) -> Belief:
@@ -210,14 +213,14 @@ def _check_runs(runs: Sequence[FreeRun]) -> None:
 
 def _findings(records: Sequence[Record], *, trust: bool) -> list[Finding]:
     """Return what the checks find in recordings. Raises LogError where one is certain that the map is wrong."""
-    found: list[Finding] = []
-    for one in records:
-        if one.log is not None:
-            own = list(record_findings(one))
+    findings: list[Finding] = []
+    for record in records:
+        if record.log is not None:
+            of_record = list(record_findings(record))
             if not trust:
-                refuse_if_certain(str(one.log.path), own)
-            found += own
-    return found
+                refuse_if_certain(str(record.log.path), of_record)
+            findings += of_record
+    return findings
 
 
 def _what_is_learnt_from(record: Record) -> str:
@@ -232,8 +235,8 @@ def _identified(
     if names is not None:
         sought = {name: known[name] for name in names if name in known}
         return identify(runs, sought, always=True, progress=progress) if sought else None
-    usual = {name: one for name, one in known.items() if one.usual}
-    if not usual or all(one.judged().verdict == "consistent" for one in runs):
+    usual = {name: parameter for name, parameter in known.items() if parameter.usual}
+    if not usual or all(run.judged().verdict == "consistent" for run in runs):
         return None
     return identify(runs, usual, always=False, progress=progress)
 
@@ -246,7 +249,7 @@ def _fit_to_residual(runs: Sequence[FreeRun], *, held_out: bool) -> JointFrictio
         at_q, at_v = ([index(joint) for joint in robot.joints] for index in (robot.q_index, robot.v_index))
         motion = mean_motion(run.record, run.inputs.time, run.inputs.v[:, at_v])
         values = (run.inputs.q[:-1, at_q], *motion, run.residual[:, at_v])
-        parts.append(tuple(one[run.fitted if held_out else slice(None)] for one in values))
+        parts.append(tuple(series[run.fitted if held_out else slice(None)] for series in values))
     q, v, a, torque = (np.concatenate(values) for values in zip(*parts, strict=True))
     return fit_friction(q, v, a, torque)
 
@@ -283,7 +286,7 @@ def conditions_of(runs: Sequence[FreeRun]) -> list[Condition]:
 def _learnt_error(runs: Sequence[FreeRun], tested: bool, order: int) -> LearntError:
     """Return the error over phase and state, of what is `tested` without the part that tests it."""
     parts = [run.fitted if tested else slice(0, len(run.residual)) for run in runs]
-    conditions = [one.part(part) for one, part in zip(conditions_of(runs), parts, strict=True)]
+    conditions = [condition.part(part) for condition, part in zip(conditions_of(runs), parts, strict=True)]
     residuals = [run.residual[part] for run, part in zip(runs, parts, strict=True)]
     return fit_learnt_error(conditions, residuals, [typical_step(run.inputs.time) for run in runs], order)
 
@@ -295,7 +298,7 @@ def _learnt_words(series: LearntError, cycle: str, before: Sequence[FreeRun], af
 
 
 def _without(runs: Sequence[FreeRun], series: LearntError) -> list[FreeRun]:
-    return [one.explained(CALIBRATION, series.force(one.condition)) for one in runs if one.condition is not None]
+    return [run.explained(CALIBRATION, series.force(run.condition)) for run in runs if run.condition is not None]
 
 
 def _detection(runs: Sequence[FreeRun], series: LearntError | None) -> Detection | None:
@@ -305,11 +308,11 @@ def _detection(runs: Sequence[FreeRun], series: LearntError | None) -> Detection
         runs[0].frames,
         [
             (
-                one.record.robot.model,
-                one.inputs,
-                1.0 if series is None or one.condition is None else series.widened(one.condition),
+                run.record.robot.model,
+                run.inputs,
+                1.0 if series is None or run.condition is None else series.widened(run.condition),
             )
-            for one in runs
+            for run in runs
         ],
     )
 
@@ -319,7 +322,7 @@ def _mean_of(sizes: Sequence[float]) -> float:
 
 
 def _sizes(runs: Sequence[FreeRun]) -> str:
-    return _size_of(_mean_of([one.size() for one in runs]))
+    return _size_of(_mean_of([run.size() for run in runs]))
 
 
 def _size_of(force: float) -> str:

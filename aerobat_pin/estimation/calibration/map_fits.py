@@ -68,10 +68,10 @@ def with_friction(records: Sequence[Record], *, mass: bool) -> tuple[list[Record
     joints = first.map.joints.model_copy(update={"friction": friction})
     asking = replace(first, map=first.map.model_copy(update={"joints": joints}))
     try:
-        fits = [one for one in fitted_by_map(asking, mass=mass).values.fits if one.name.startswith("friction")]
+        fits = [fit for fit in fitted_by_map(asking, mass=mass).values.fits if fit.name.startswith("friction")]
     except MapError:  # too short to tell, or its other fits fail as they did before
         return [first], [], []
-    kept = [one.outside / one.before for one in fits if one.before > 0.0 and np.isfinite(one.outside)]
+    kept = [fit.outside / fit.before for fit in fits if fit.before > 0.0 and np.isfinite(fit.outside)]
     shown = bool(kept) and float(np.exp(np.mean(np.log(np.maximum(kept, LEAST_KEPT))))) < FRICTION_SHOWN
     return ([asking], [FITTED], []) if shown else ([first], [], [])
 
@@ -98,8 +98,8 @@ def used_by_fits(record: Record, values: FittedValues, time: Array) -> NDArray[n
     shares = [known.fit.part for known in record.map.known.values() if known.fit is not None]
     stretches += [(_time_after(record, low), _time_after(record, high)) for low, high in shares]
     used = np.zeros(len(when), bool) if free is None or fits_to_sensor(record.map) else ~in_stretch(when, free)
-    for one in stretches:
-        used |= in_stretch(when, one)
+    for stretch in stretches:
+        used |= in_stretch(when, stretch)
     return used
 
 
@@ -113,8 +113,8 @@ def fitted_by_map(record: Record, *, mass: bool) -> KnownForces:
     if mass:
         if record.map.payload is not None and record.map.payload.mass is None:
             raise MapError("calibrate: the mass of all bodies, and a payload without a mass: one of them was expected")
-        found = fit_mass(record, given_forces(record), fitted_stretch(record))
-        values = FittedValues(mass=found.values["times"], fits=(found,))
+        fit = fit_mass(record, given_forces(record), fitted_stretch(record))
+        values = FittedValues(mass=fit.values["times"], fits=(fit,))
         record = replace(record, robot=record.robot.heavier(values.mass))
     forces = fitted_forces(record)
     fits = (*values.fits, *forces.values.fits)
@@ -130,13 +130,13 @@ def kept_of(record: Record, values: FittedValues) -> FittedValues:
     values = replace(values, coefficients={name: values.coefficients[name] for name in fitted})
     if not fits_to_sensor(record.map) or values.friction is None:
         return values
-    fits = [replace(one, values=one.values | dict.fromkeys(one.values.keys() & {"offset"}, 0.0)) for one in values.fits]
+    fits = [replace(fit, values=fit.values | dict.fromkeys(fit.values.keys() & {"offset"}, 0.0)) for fit in values.fits]
     return replace(values, friction=replace(values.friction, offset=np.zeros(len(values.joints))), fits=tuple(fits))
 
 
 def fit_notes(record: Record, values: FittedValues) -> Iterator[str]:
     """Yield what the fits found, what is not kept, and what the record does not show, in words."""
-    yield from (f"fit: {one}" for one in values.fits)
+    yield from (f"fit: {fit}" for fit in values.fits)
     if fits_to_sensor(record.map):
         yield "offsets against a sensor are this recording's own: not kept"
     friction, section = values.friction, record.map.joints.friction
@@ -158,9 +158,9 @@ def fit_notes(record: Record, values: FittedValues) -> Iterator[str]:
 
 def _time_after(record: Record, share: float) -> float:
     """Return the time after the start [s] by which a share of what is used has passed; holes do not count."""
-    left = share * sum(last - first for first, last in record.parts)
+    remaining = share * sum(last - first for first, last in record.parts)
     for first, last in record.parts:
-        if left <= last - first:
+        if remaining <= last - first:
             break
-        left -= last - first
-    return float(first + left) * record.dt
+        remaining -= last - first
+    return float(first + remaining) * record.dt

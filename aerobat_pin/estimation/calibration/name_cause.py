@@ -64,51 +64,56 @@ def named_cause(
         before: a cause whose size is to be found more exactly, as its effect is not linear.
     """
     condition, suspects = part.inputs.condition, forces.record.robot.suspects()
-    if condition is None or not suspects or part.found.redundancy.belief < LEAST_EXPECTED * part.found.weight:
+    if condition is None or not suspects or part.estimate.redundancy.belief < LEAST_EXPECTED * part.estimate.weight:
         return None
     time, geometry = part.inputs.time, part.geometry
-    x = slow_part(time, part.found.unexplained[:, : geometry.rest.shape[1]])
-    left = _left_of(forces.record.robot.model, part.inputs)
-    found: list[tuple[float, Named]] = []
+    x = slow_part(time, part.estimate.unexplained[:, : geometry.projector.shape[1]])
+    residual = _residual_of(forces.record.robot.model, part.inputs)
+    causes: list[tuple[float, Named]] = []
     for name, group in suspects.items():
         if before is not None and before.cause.name != name:
             continue
         start = np.zeros(len(group)) if before is None else before.values
-        here = left if before is None else _residual_with(part.inputs, forces, name, start, inertial=group[0].inertial)
+        here = residual
+        if before is not None:
+            here = _residual_with(part.inputs, forces, name, start, inertial=group[0].inertial)
         slopes = np.stack(
             [
-                (_residual_with(part.inputs, forces, name, start + step, inertial=one.inertial) - here) / one.step
-                for one, step in zip(group, np.diag([one.step for one in group]), strict=True)
+                (_residual_with(part.inputs, forces, name, start + step, inertial=suspect.inertial) - here)
+                / suspect.step
+                for suspect, step in zip(group, np.diag([suspect.step for suspect in group]), strict=True)
             ],
             axis=2,
         )
-        G = np.stack([slow_part(time, geometry.unexplained(one)) for one in np.moveaxis(slopes, 2, 0)], axis=2)
+        G = np.stack([slow_part(time, geometry.unexplained(slope)) for slope in np.moveaxis(slopes, 2, 0)], axis=2)
         normal = np.einsum("nkp,nkq->pq", G, G)
         if np.linalg.matrix_rank(normal) < len(group):
             continue
         H = G @ np.linalg.inv(normal)
         change = -np.einsum("nkp,nk->p", H, x)
-        rest, theta = x + G @ change, start + change
-        covariance = _covariance(part, series, H) + _cycle_sums(condition, H, rest)
+        remainder, theta = x + G @ change, start + change
+        covariance = _covariance(part, series, H) + _cycle_sums(condition, H, remainder)
         z = np.sqrt(theta @ np.linalg.solve(covariance, theta) / len(group))
         if z < SURE_OF_CAUSE:
             continue
-        share = 1.0 - float(np.sum(rest**2) / np.sum(x**2)) if before is None else before.cause.share
+        share = 1.0 - float(np.sum(remainder**2) / np.sum(x**2)) if before is None else before.cause.share
         numbers = theta.tolist(), np.sqrt(np.diag(covariance)).tolist()
-        told = [tuple(one.factor * value for one, value in zip(group, many, strict=True)) for many in numbers]
-        labels, units = tuple(one.label for one in group), tuple(one.unit for one in group)
-        cause = Cause(name, told[0], told[1], labels, units, share)
+        size, deviation = (
+            tuple(s.factor * value for s, value in zip(group, values, strict=True)) for values in numbers
+        )
+        labels, units = tuple(suspect.label for suspect in group), tuple(suspect.unit for suspect in group)
+        cause = Cause(name, size, deviation, labels, units, share)
         named = Named(cause, theta, -slopes @ theta, slopes @ np.linalg.cholesky(covariance))
-        found.append((share, named))
-    return max(found, key=lambda one: one[0])[1] if found else None
+        causes.append((share, named))
+    return max(causes, key=lambda candidate: candidate[0])[1] if causes else None
 
 
 def cause_corrected(inputs: KnownInputs, named: Named, forces: KnownForces) -> KnownInputs:
     """Return the inputs of a whole part as they are with the cause: another motion, or one more known force."""
     name = named.cause.name
     if cause_moves(forces, name, named.values):
-        found = _changed_inputs(inputs, forces, name, named.values)
-        return replace(found, source={**found.source, "correction": name})
+        corrected = _changed_inputs(inputs, forces, name, named.values)
+        return replace(corrected, source={**corrected.source, "correction": name})
     known = {**inputs.known, "correction": named.force}
     return replace(inputs, known=known, source={**inputs.source, "correction": name})
 
@@ -133,12 +138,12 @@ def _residual_with(inputs: KnownInputs, forces: KnownForces, name: str, values: 
     """Return R - e (m, nv) of a whole part as it would be with a cause."""
     robot = forces.record.robot
     if not np.any(values):
-        return _left_of(robot.model, inputs)
+        return _residual_of(robot.model, inputs)
     robot, _ = robot.suspected(name, values, forces.record.block(*forces.record.parts[0]))
-    return _left_of(robot.model, inputs if inertial else _changed_inputs(inputs, forces, name, values))
+    return _residual_of(robot.model, inputs if inertial else _changed_inputs(inputs, forces, name, values))
 
 
-def _left_of(model: pin.Model, inputs: KnownInputs) -> Array:
+def _residual_of(model: pin.Model, inputs: KnownInputs) -> Array:
     return MomentumObserver(model, (), AT_ONCE).run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known).residual
 
 
@@ -149,22 +154,22 @@ def _covariance(part: CheckedPart, series: LearntError, H: Array) -> Array:
     count, k, p = H.shape
     back = slow_part(time, H[::-1].reshape(count, -1))[::-1].reshape(count, k, p)
     at = np.maximum(np.searchsorted(geometry.at, np.arange(count), "right") - 1, 0)
-    onto = geometry.rows[at] @ (geometry.rest[at] @ back)
+    onto = geometry.rows[at] @ (geometry.projector[at] @ back)
     terms, width = series.regressors(condition), 2 * series.order + 1
     of_flight = shares(series.order) * np.mean(flight_share(condition, series.centre, series.scale))
-    found = np.zeros((p, p))
+    covariance = np.zeros((p, p))
     for i in series.learnt_rows:
         row = condition.spread(alone(np.ones((count, onto.shape[1])), i))
         along = terms.T @ np.einsum("nv,nvp->np", row, onto)
-        found += along.T @ series.covariance[i] @ along
-        found += series.size[i] ** 2 * (along[:width].T * of_flight) @ along[:width]
-    return found
+        covariance += along.T @ series.covariance[i] @ along
+        covariance += series.size[i] ** 2 * (along[:width].T * of_flight) @ along[:width]
+    return covariance
 
 
-def _cycle_sums(condition: Condition, H: Array, rest: Array) -> Array:
+def _cycle_sums(condition: Condition, H: Array, remainder: Array) -> Array:
     """Return the covariance (p, p) of theta by what is left, summed over each cycle."""
     cycle = np.floor((condition.phase - condition.phase[0]) / (2.0 * np.pi)).astype(int)
     cycle -= cycle.min()
     sums = np.zeros((cycle.max() + 1, H.shape[2]))
-    np.add.at(sums, cycle, np.einsum("nkp,nk->np", H, rest))
+    np.add.at(sums, cycle, np.einsum("nkp,nk->np", H, remainder))
     return sums.T @ sums

@@ -28,13 +28,13 @@ class RowGeometry:
         at: (n,) indices of the intervals.
         rows: (n, nv, k) L.
         forces: (n, c, k) A^+; patterns of forces without a trace get nothing.
-        rest: (n, k, k) N.
+        projector: (n, k, k) N.
     """
 
     at: NDArray[np.intp]
     rows: Array
     forces: Array
-    rest: Array
+    projector: Array
 
     @classmethod
     def of(cls, observer: Observer, inputs: KnownInputs) -> RowGeometry:
@@ -54,13 +54,13 @@ class RowGeometry:
 
     def deviations(self, factors: Array) -> Array:
         """Return the standard deviations (m, c) of the components if the rows' errors have factors S (m, nv, r)."""
-        own = np.sqrt(np.sum((self.forces @ self.weighted(factors)) ** 2, axis=2))
+        deviations = np.sqrt(np.sum((self.forces @ self.weighted(factors)) ** 2, axis=2))
         every = np.arange(len(factors))
-        return np.column_stack([np.interp(every, self.at, values) for values in own.T])
+        return np.column_stack([np.interp(every, self.at, values) for values in deviations.T])
 
     def unexplained_square(self, factors: Array) -> Array:
         """Return the expected square (n,) [N^2], summed over rows, of what no force explains of such errors."""
-        return np.asarray(np.sum((self.rest @ self.weighted(factors)) ** 2, axis=(1, 2)))
+        return np.asarray(np.sum((self.projector @ self.weighted(factors)) ** 2, axis=(1, 2)))
 
     def unexplained(self, force: Array) -> Array:
         """Return what no force explains (m, k) [N] of a generalised force (m, nv), between the instants linearly."""
@@ -75,4 +75,4 @@ class RowGeometry:
     def apply(self, force: Array, index: NDArray[np.intp]) -> Array:
         """Return N L^T phi (m, k), for each of m forces at the instant of an index."""
         rows = np.einsum("nvk,nv->nk", self.rows[index], force)
-        return np.asarray(np.einsum("nkl,nl->nk", self.rest[index], rows))
+        return np.asarray(np.einsum("nkl,nl->nk", self.projector[index], rows))

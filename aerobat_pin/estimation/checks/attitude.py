@@ -41,28 +41,30 @@ def reading_findings(
         pairs: function of an attitude: what must agree with it, gyro and velocity, as far as they are measured.
         specific_force: (m, 3) of an accelerometer, body axes; without it, the body is taken to fly upright.
     """
-    own, *others = attitudes
+    mapped, *others = attitudes
     shares = {reading: _shares(pairs(turns)) for reading, turns in attitudes.items()}
     misfit = {reading: float(np.linalg.norm(each)) / max(len(each), 1) ** 0.5 for reading, each in shares.items()}
-    moving, worst = len(shares[own]) > 0, np.maximum(WORSE * shares[own], WORSE_FROM)
+    moving, worst = len(shares[mapped]) > 0, np.maximum(WORSE * shares[mapped], WORSE_FROM)
     upward = {reading: _upward(turns, specific_force) for reading, turns in attitudes.items()}
-    text = f"read as {_words(own)}, it leaves {misfit[own]:.2g} of the motion and points up by {upward[own]:.2f}"
+    text = (
+        f"read as {_words(mapped)}, it leaves {misfit[mapped]:.2g} of the motion and points up by {upward[mapped]:.2f}"
+    )
     least = min(misfit.values())
     alike = [name for name in others if misfit[name] <= ALIKE * least and np.all(shares[name] <= worst)]
-    best = max(alike, key=lambda reading: upward[reading], default=own)
-    certain = misfit[own] > MISREAD if moving else specific_force is not None and upward[own] < 0.0
-    motion_says = misfit[best] < min(BETTER * misfit[own], FITS)
+    best = max(alike, key=lambda reading: upward[reading], default=mapped)
+    certain = misfit[mapped] > MISREAD if moving else specific_force is not None and upward[mapped] < 0.0
+    motion_says = misfit[best] < min(BETTER * misfit[mapped], FITS)
     low, gain = (UPWARD, UPWARD) if specific_force is not None else (-UPWARD, 2.0 * UPWARD)
-    if motion_says or (upward[own] < low and upward[best] > upward[own] + gain):
+    if motion_says or (upward[mapped] < low and upward[best] > upward[mapped] + gain):
         what = (
             f"{text}, as {_words(best)} {misfit[best]:.2g} and {upward[best]:.2f}: the columns seem to be "
             f'{_words(best)} (order = "{best[0]}", sense = "{best[1]}")'
         )
-        yield Finding("quaternion order", "refused" if certain else "warning", what, misfit[own], "1")
+        yield Finding("quaternion order", "refused" if certain else "warning", what, misfit[mapped], "1")
     elif not moving and specific_force is None:
         yield Finding("quaternion order", "note", "it is not checked: neither gyro nor accelerometer", None, "1")
     else:
-        yield Finding("quaternion order", "good" if misfit[own] < FITS else "note", text, misfit[own], "1")
+        yield Finding("quaternion order", "good" if misfit[mapped] < FITS else "note", text, misfit[mapped], "1")
 
 
 def _words(reading: Reading) -> str:
@@ -71,8 +73,9 @@ def _words(reading: Reading) -> str:
 
 def _shares(pairs: list[Agreement]) -> Array:
     """Return what an attitude leaves of gyro and velocity (k,), over windows and over their own size."""
-    found = [one for one in map(comparison_of, pairs) if one is not None]
-    return np.array([np.linalg.norm(one.residual) / max(float(np.linalg.norm(one.sizes[1])), 1e-12) for one in found])
+    comparisons = filter(None, map(comparison_of, pairs))
+    norms = [(np.linalg.norm(each.residual), float(np.linalg.norm(each.sizes[1]))) for each in comparisons]
+    return np.array([residual / max(size, 1e-12) for residual, size in norms])
 
 
 def _upward(attitude: Array, specific_force: Array | None) -> float:

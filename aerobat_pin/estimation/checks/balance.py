@@ -83,8 +83,8 @@ class Balance:
         """Return what equations (n,) say about each effort [N m, N], and its weight, (instants, joints) both."""
         first = np.flatnonzero(np.diff(self.at, prepend=-1))
         weight = np.add.reduceat(self.reach**2, first)
-        found = np.add.reduceat(self.reach * equations[:, None], first)
-        return np.divide(found, weight, out=np.zeros_like(found), where=weight > 0.0), weight
+        effort = np.add.reduceat(self.reach * equations[:, None], first)
+        return np.divide(effort, weight, out=np.zeros_like(effort), where=weight > 0.0), weight
 
 
 def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
@@ -166,14 +166,14 @@ def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], we
 
 def with_exchanged(record: Record, inputs: InputsBetween, pair: Exchange) -> InputsBetween:
     """Return inputs in which two limbs have each other's motion and efforts."""
-    robot, own, others = record.robot, [*pair[0], *pair[1]], [*pair[1], *pair[0]]
+    robot, to, origin = record.robot, [*pair[0], *pair[1]], [*pair[1], *pair[0]]
     at_q, at_v = (np.array([index(joint) for joint in record.driven]) for index in (robot.q_index, robot.v_index))
 
     def between(first: int, last: int) -> KnownInputs:
         given = inputs(first, last)
         q, v, tau = given.q.copy(), given.v.copy(), given.tau.copy()
         for values, at in ((q, at_q), (v, at_v), (tau, at_v)):
-            values[:, at[own]] = values[:, at[others]]
+            values[:, at[to]] = values[:, at[origin]]
         return replace(given, q=q, v=v, tau=tau)
 
     return between

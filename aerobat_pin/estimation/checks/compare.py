@@ -130,7 +130,7 @@ def compare(first: Array, second: Array, time: Array) -> CrossCorrelation | None
         """Return the best shift near one, and the mean square that it leaves of the first series."""
         a = centred(first[inside])
         for _ in range(SHIFT_STEPS):
-            b, slope = (centred(one) for one in shifted(by, inside))
+            b, slope = (centred(series) for series in shifted(by, inside))
             factor = _best_factors(a, b)
             power = float(np.sum((factor * slope) ** 2))
             step = -float(np.sum((a - factor * b) * factor * slope)) / power if power > 0.0 else 0.0
@@ -148,8 +148,8 @@ def compare(first: Array, second: Array, time: Array) -> CrossCorrelation | None
     if after > EXPLAINED_BY_SHIFT * power:
         few = inside[::10] if len(inside) > 10 * FEWEST_POINTS else inside
         tried = np.arange(-longest, longest, TRIED_EVERY)
-        other, left = best_from(float(tried[np.argmin([left_by(one, few) for one in tried])]))
-        by, after = (other, left) if SHIFT_GAIN * left < after else (by, after)
+        other, remaining = best_from(float(tried[np.argmin([left_by(shift, few) for shift in tried])]))
+        by, after = (other, remaining) if SHIFT_GAIN * remaining < after else (by, after)
     fits = before > SHIFT_GAIN * after
     a, b = first[inside], shifted(by if fits else 0.0, inside)[0]
     difference, both = a - b, np.stack([centred(a), centred(b)])

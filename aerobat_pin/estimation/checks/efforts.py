@@ -94,24 +94,25 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
     yield from _factors(record, balance, signs, factors, least)
 
 
-def _mounting(record: Record, found: Balance, least: float) -> Finding | None:
+def _mounting(record: Record, balance: Balance, least: float) -> Finding | None:
     """Return that gravity of another direction, beside friction, explains the efforts far better than friction alone.
 
     And better than what leaves the share `least` of what is needed.
     """
-    rest, believed = found.residual, record.robot.model.gravity.linear
-    v = found.v[found.at]
-    rubs = np.column_stack([found.reach * np.tanh(v / SMOOTH_RATE), found.reach * v])
-    table = np.column_stack([found.weight, rubs])
+    residual, believed = balance.residual, record.robot.model.gravity.linear
+    v = balance.v[balance.at]
+    rubs = np.column_stack([balance.reach * np.tanh(v / SMOOTH_RATE), balance.reach * v])
+    table = np.column_stack([balance.weight, rubs])
     size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
-    fitted, friction = (np.linalg.lstsq(one, -rest, rcond=RANK)[0] for one in (table / size, rubs / size[3:]))
+    fitted, friction = (np.linalg.lstsq(A, -residual, rcond=RANK)[0] for A in (table / size, rubs / size[3:]))
     gravity = believed + fitted[:3] / size[:3]
-    down, moved = gravity / max(float(np.linalg.norm(gravity)), 1e-300), found.weight @ (gravity - believed)
-    before, after = (float(np.sum((rest + one) ** 2)) for one in (rubs / size[3:] @ friction, table / size @ fitted))
-    needed = float(np.sum((found.needed + moved) ** 2))
+    down, moved = gravity / max(float(np.linalg.norm(gravity)), 1e-300), balance.weight @ (gravity - believed)
+    fits = rubs / size[3:] @ friction, table / size @ fitted
+    before, after = (float(np.sum((residual + fit) ** 2)) for fit in fits)
+    needed = float(np.sum((balance.needed + moved) ** 2))
     as_believed = float(down @ believed) > np.cos(LEAST_TILT) * np.linalg.norm(believed)
     share = SWAP if before > GOOD * needed else 1.0 - CLEAR  # a little is also explained by wrong factors
-    if as_believed or after > min(share * before, least * found.size, RIGHT_PLACES * needed):
+    if as_believed or after > min(share * before, least * balance.size, RIGHT_PLACES * needed):
         return None
     x, y, z = down
     what = (
@@ -145,12 +146,12 @@ def _limb_pairs(record: Record) -> list[Exchange]:
     return [pair for pair in pairs if len(pair[0]) == len(pair[1]) > 1]
 
 
-def _best_signs(found: Balance) -> Array:
+def _best_signs(balance: Balance) -> Array:
     """Return signs of the efforts (joints,), +1 or -1, of which no other single one leaves less.
 
     Efforts that hold each other leave as little with all signs changed: the change must be worth what they give.
     """
-    gram, along = found.given.T @ found.given, found.given.T @ found.needed
+    gram, along = balance.given.T @ balance.given, balance.given.T @ balance.needed
     best, most = np.ones(len(along)), 0.0
     for start in (1.0, -1.0):
         signs = np.full(len(along), start)
@@ -162,47 +163,47 @@ def _best_signs(found: Balance) -> Array:
     return best
 
 
-def _least_squares(found: Balance) -> tuple[Array, Array]:
+def _least_squares(balance: Balance) -> tuple[Array, Array]:
     """Return the factors of the efforts and the change of the base's mass (joints + 1,), and what they leave (n,)."""
-    table = np.column_stack([found.given, -found.base])
+    table = np.column_stack([balance.given, -balance.base])
     scale = np.linalg.norm(table, axis=0)
     seen = scale > 1e-6 * max(float(scale.max()), 1e-300)
     fitted = np.append(np.ones(table.shape[1] - 1), 0.0)
-    fitted[seen] = np.linalg.lstsq(table[:, seen] / scale[seen], found.needed, rcond=1e-6)[0] / scale[seen]
-    return fitted, found.needed - table @ fitted
+    fitted[seen] = np.linalg.lstsq(table[:, seen] / scale[seen], balance.needed, rcond=1e-6)[0] / scale[seen]
+    return fitted, balance.needed - table @ fitted
 
 
-def _factors(record: Record, found: Balance, signs: Array, fitted: Array, residual: Array) -> Iterator[Finding]:
+def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, residual: Array) -> Iterator[Finding]:
     """Yield efforts that are reversed, and factors of efforts and of the base's mass that the map does not say."""
     n = len(record.driven)
-    gain, unsure = _measured_per_needed(found, signs, found.needed - found.given @ signs)
+    gain, unsure = _measured_per_needed(balance, signs, balance.needed - balance.given @ signs)
     if np.any(turned := gain + SURE * unsure < 0.0):
         yield from _reversed(record, gain, np.flatnonzero(turned))
         return
-    explained = 1.0 - float(residual @ residual) / max(found.imbalance() * found.size, 1e-300)
-    if explained < EXPLAINED or found.imbalance() < ABOVE_NOISE * _white_share(found):
+    explained = 1.0 - float(residual @ residual) / max(balance.imbalance() * balance.size, 1e-300)
+    if explained < EXPLAINED or balance.imbalance() < ABOVE_NOISE * _white_share(balance):
         return
-    if float(residual @ residual) > UNFIT * found.size and explained < CLEAR:
-        if found.imbalance() * found.size < UNFIT * float(np.sum(found.given**2)):
+    if float(residual @ residual) > UNFIT * balance.size and explained < CLEAR:
+        if balance.imbalance() * balance.size < UNFIT * float(np.sum(balance.given**2)):
             return  # what is needed is small beside efforts that hold each other
-        rest = 100.0 * float(np.sqrt(residual @ residual / found.size))
+        percent = 100.0 * float(np.sqrt(residual @ residual / balance.size))
         what = (
-            f"no factors of the efforts explain it ({rest:.0f} % left): friction of the joints, other axes, "
+            f"no factors of the efforts explain it ({percent:.0f} % left): friction of the joints, other axes, "
             "another order of joints, another robot"
         )
-        yield Finding("effort against motion", "warning", what, rest, "%")
+        yield Finding("effort against motion", "warning", what, percent, "%")
         return
-    alone = -float(found.base @ found.residual)
-    alone /= max(float(found.base @ found.base), 1e-300)
+    alone = -float(balance.base @ balance.residual)
+    alone /= max(float(balance.base @ balance.base), 1e-300)
     if min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
         what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link"
         yield Finding("mass", "warning", what, 1.0 + float(fitted[n]), "1")
-    ours, doubt = _measured_per_needed(found, fitted[:n], residual)
+    ours, doubt = _measured_per_needed(balance, fitted[:n], residual)
     factors = 1.0 / np.where(ours == 0.0, np.inf, ours)
     sure = doubt * SURE < np.abs(ours) * np.minimum(1.0, np.maximum(np.abs(1.0 - ours), NAMED))
     off = np.flatnonzero(sure & (np.abs(factors - 1.0) > NAMED))
-    c, given = float(np.mean(factors[off])) if len(off) else 1.0, found.given.sum(axis=1)
-    common = float(given @ found.needed) / max(float(given @ given), 1e-300)
+    c, given = float(np.mean(factors[off])) if len(off) else 1.0, balance.given.sum(axis=1)
+    common = float(given @ balance.needed) / max(float(given @ given), 1e-300)
     if len(off) and np.all(np.abs(c * ours - 1.0) < SAME_FACTOR + SURE * abs(c) * doubt) and abs(common - 1.0) > NAMED:
         if c < 0.0:
             yield from _reversed(record, ours, off)
@@ -216,7 +217,7 @@ def _factors(record: Record, found: Balance, signs: Array, fitted: Array, residu
             what += f"their unit (A, N m), or all masses {c:.3g} times too large"
             yield Finding("effort unit or mass", "warning", what, c, "1")
         return
-    gain, unsure = _measured_per_needed(found, np.ones(n), found.residual)
+    gain, unsure = _measured_per_needed(balance, np.ones(n), balance.residual)
     off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]
     yield from _reversed(record, ours, off[factors[off] < 0.0])
     for k in off[factors[off] > 0.0]:
@@ -238,20 +239,20 @@ def _reversed(record: Record, gain: Array, which: NDArray[np.intp]) -> Iterator[
         yield Finding("effort sign", "warning", what, factor, "1")
 
 
-def _measured_per_needed(found: Balance, factors: Array, residual: Array) -> tuple[Array, Array]:
+def _measured_per_needed(balance: Balance, factors: Array, residual: Array) -> tuple[Array, Array]:
     """Return what is measured of each effort per what the rows need of it, g (joints,), and its standard deviation.
 
     `factors` (joints,) are those of the other efforts, `residual` (n,) is what all together leave.
     """
-    rest, weight = found.of_joints(residual)
+    remainder, weight = balance.of_joints(residual)
     weight = weight / np.maximum(weight.sum(axis=0), 1e-300)
-    needed, count = found.effort * factors + rest, max(1.0, found.span / ERRORS_LAST)
-    whole = np.sqrt(np.mean(found.effort**2, axis=0))
-    priors = np.minimum(np.median(np.sqrt(np.sum(weight * rest**2, axis=0))), whole)  # no joint is all friction
+    needed, count = balance.effort * factors + remainder, max(1.0, balance.span / ERRORS_LAST)
+    whole = np.sqrt(np.mean(balance.effort**2, axis=0))
+    priors = np.minimum(np.median(np.sqrt(np.sum(weight * remainder**2, axis=0))), whole)  # no joint is all friction
     gain, deviation = np.zeros((2, len(factors)))
-    for k, x in enumerate(found.effort.T):
-        v, a, w = found.v[:, k], found.a[:, k], weight[:, k]
-        v_size, a_size = (max(float(np.sqrt(np.mean(one**2))), 1e-12) for one in (v, a))
+    for k, x in enumerate(balance.effort.T):
+        v, a, w = balance.v[:, k], balance.a[:, k], weight[:, k]
+        v_size, a_size = (max(float(np.sqrt(np.mean(values**2))), 1e-12) for values in (v, a))
         X = np.column_stack([needed[:, k], np.ones_like(v), np.tanh(v / SMOOTH_RATE), v / v_size, a / a_size])
         noise = x - X @ np.linalg.lstsq(X * np.sqrt(w)[:, None], x * np.sqrt(w), rcond=1e-9)[0]
         least = 1e-12 + 1e-12 * float(w @ x**2)
@@ -265,10 +266,10 @@ def _measured_per_needed(found: Balance, factors: Array, residual: Array) -> tup
     return gain, deviation
 
 
-def _white_share(found: Balance) -> float:
+def _white_share(balance: Balance) -> float:
     """Return the square sum of what is white in the efforts, over the needed one."""
-    x = found.effort  # means over intervals, of which only every other one has noise of its own
+    x = balance.effort  # means over intervals, of which only every other one has noise of its own
     if len(x) < 5:
         return 0.0
     white = np.median(np.abs(x[4:] - 2.0 * x[2:-2] + x[:-4]), axis=0) / WHITE_SECOND_DIFFERENCE
-    return float(np.sum((found.reach * white) ** 2)) / found.size
+    return float(np.sum((balance.reach * white) ** 2)) / balance.size

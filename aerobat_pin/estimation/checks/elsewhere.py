@@ -32,13 +32,13 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
     """Yield when what no force explains leans one way, farther than errors of the belief do."""
     if expected is None or estimate.redundancy.redundant < 1:
         return
-    time, rest, speeds = _leaning(record, estimate, expected)
+    time, means, speeds = _leaning(record, estimate, expected)
     if not len(time):
         return
     moves = settled(record, time) & (np.mean(speeds / np.maximum(speeds.mean(axis=0), 1e-12), axis=1) > IN_MOTION)
     if moves.sum() < FEWEST_MEANS:
         return
-    lean = np.linalg.norm(rest - np.median(rest[moves], axis=0), axis=1)
+    lean = np.linalg.norm(means - np.median(means[moves], axis=0), axis=1)
     usual, worst = (
         float(np.quantile(lean[moves], USUAL_SHARE)),
         int(np.argmax(np.where(settled(record, time), lean, 0.0))),
@@ -56,16 +56,16 @@ def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tu
     model, piece, done = record.robot.model, max(1, round(LEANS_FOR * record.rate / PIECES)), 0
     rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
     observer = MomentumObserver(model, points_of(record.map), float(record.map.observer.gain), rows)
-    believed, applications, found = observer.believed, observer.applications, list[tuple[Array, Array, Array]]()
+    believed, applications, stretches = observer.believed, observer.applications, list[tuple[Array, Array, Array]]()
     for first, last in record.parts:
         pieces: list[tuple[Array, Array]] = []
         for begin in range(first, last - piece + 1, size := max(ROWS_READ // piece, 1) * piece):
             count = min(size, last - begin) // piece
-            block, own = record.block(begin, begin + count * piece), estimate.between(done, done + count * piece)
+            block, estimated = record.block(begin, begin + count * piece), estimate.between(done, done + count * piece)
             at, done = np.arange(count) * piece + piece // 2, done + count * piece
             v, J = block.v[at], np.stack([applications.jacobian(q) for q in block.q[at]])
             error = np.sqrt(believed.variance_of(expected.row_deviation(v) ** 2, v))
-            y = own.unexplained.reshape(count, piece, -1)[:, :, : believed.count].mean(axis=1) / error
+            y = estimated.unexplained.reshape(count, piece, -1)[:, :, : believed.count].mean(axis=1) / error
             B = believed.of(J, v) / error[:, None]
             A = B @ np.swapaxes(B, 1, 2) + np.diag(expected.force**-2.0)
             y -= np.einsum("mck,mc->mk", B, np.linalg.solve(A, np.einsum("mck,mk->mc", B, y)[..., None])[..., 0])
@@ -76,8 +76,8 @@ def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tu
                 np.lib.stride_tricks.sliding_window_view(np.concatenate(part), PIECES, axis=0).mean(axis=2)
                 for part in zip(*pieces, strict=True)
             )
-            found.append((record.times(first, last)[: len(y) * piece : piece], y, squares))
-    if not found:
+            stretches.append((record.times(first, last)[: len(y) * piece : piece], y, squares))
+    if not stretches:
         return np.zeros(0), *np.zeros((2, 0, 1))
-    times, rest, speeds = (np.concatenate(part) for part in zip(*found, strict=True))
-    return times, rest, speeds
+    times, means, speeds = (np.concatenate(part) for part in zip(*stretches, strict=True))
+    return times, means, speeds

@@ -116,7 +116,7 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
     chosen, world, body = record.map, world_turn(record.map), body_turn(record.map)
     rate, speed = chosen.base.rate, chosen.base.velocity
     position, gyro, velocity, felt = map(measured, BASE_CHANNELS)
-    sensor, own = sensor_turn(chosen), measured("base.acceleration")
+    sensor, imu = sensor_turn(chosen), measured("base.acceleration")
     evidence, steps, turns = [], None, None
     if gyro is not None:
         in_world = rate is not None and bool(rate.columns) and rate.axes == "world"
@@ -129,20 +129,20 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
         in_world = speed is not None and speed.axes == "world" and not record.twist_of_topic
         steps = partial(_steps, time, position, velocity @ (world if in_world else body).T, in_world, latest)
         evidence += [] if in_world else [steps]
-    if own is not None:
-        felt = own @ sensor.T
+    if imu is not None:
+        felt = imu @ sensor.T
     elif felt is not None:
         felt = felt @ (body @ _sensor_turn(record, "check.specific_force")).T
     attitudes = _attitudes(record, time, measured)
     misread = list(reading_findings(attitudes, lambda attitude: [pair(attitude) for pair in evidence], felt))
     yield from misread
-    if any(one.warns for one in misread):
+    if any(finding.warns for finding in misread):
         return
     attitude = next(iter(attitudes.values()))
     if turns is not None:
-        found = list(agreement_findings(turns(attitude)))
-        yield from found
-        early = sum(one.value or 0.0 for one in found if one.check == "late channel")
+        findings = list(agreement_findings(turns(attitude)))
+        yield from findings
+        early = sum(finding.value or 0.0 for finding in findings if finding.check == "late channel")
         if early < 0.0:  # the attitude is late; a channel is never early
             attitude = sampled_turns(time, attitude, time - early)
     if position is None:
@@ -161,21 +161,21 @@ def _attitudes(record: Record, time: Array, measured: Measured) -> dict[Reading,
     if record.channels["base.quaternion"].time is not record.knots:
         raw = sampled_turns(*record.cut("base.quaternion", time), time)
     assert raw is not None
-    own = record.map.base.quaternion or QuaternionSection()
+    mapped = record.map.base.quaternion or QuaternionSection()
     others = itertools.product(("xyzw", "wxyz"), ("body_to_world", "world_to_body"))
-    readings = dict.fromkeys([(own.order, own.sense), *others])
-    return {reading: as_attitude(_read_as(record.map, own, reading), raw) for reading in readings}
+    readings = dict.fromkeys([(mapped.order, mapped.sense), *others])
+    return {reading: as_attitude(_read_as(record.map, mapped, reading), raw) for reading in readings}
 
 
-def _read_as(chosen: Map, own: QuaternionSection, reading: Reading) -> Map:
-    section = own.model_copy(update={"order": reading[0], "sense": reading[1]})
+def _read_as(chosen: Map, mapped: QuaternionSection, reading: Reading) -> Map:
+    section = mapped.model_copy(update={"order": reading[0], "sense": reading[1]})
     return chosen.model_copy(update={"base": chosen.base.model_copy(update={"quaternion": section})})
 
 
 def _sensor_turn(record: Record, key: str) -> Array:
     """Return the rotation (3, 3) from the axes of a sensor on the body to those whose attitude is measured."""
-    own, seen = (record.channels[name].turn for name in (key, "base.quaternion"))
-    return np.asarray((np.eye(3) if seen is None else seen).T @ (np.eye(3) if own is None else own))
+    sensor, seen = (record.channels[name].turn for name in (key, "base.quaternion"))
+    return np.asarray((np.eye(3) if seen is None else seen).T @ (np.eye(3) if sensor is None else sensor))
 
 
 def _turns(time: Array, gyro: Array, in_world: bool, latest: float, attitude: Array) -> Agreement:
@@ -243,10 +243,10 @@ def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:
         where = f"{joint} is at {least:.3g} to {most:.3g} {unit}, its limits are {low:.3g} to {high:.3g} {unit}"
         beyond.append((excess / span, joint, where, unit))
         certain |= excess > (A_TURN if unit == "rad" else TEN_RANGES * span)
-        told = SMALLER[unit][0] == (None if section is None else section.unit)  # what is in force is not proposed
+        in_force = SMALLER[unit][0] == (None if section is None else section.unit)  # what is in force is not proposed
         zero = 2.0 * joints.offset.get(joint, 0.0)  # which the encoder's factor does not turn
         turned &= low <= zero - most and zero - least <= high and joint not in joints.coupling
-        meant &= not told and low <= least * SMALLER[unit][1] and most * SMALLER[unit][1] <= high
+        meant &= not in_force and low <= least * SMALLER[unit][1] and most * SMALLER[unit][1] <= high
     if not beyond:
         return
     worst, first, where, unit = max(beyond)

@@ -99,11 +99,11 @@ def _sensor_findings(record: Record, side: PairedEstimate, estimate: StoredEstim
     name = f"{side.reference.frame}.{side.reference.labels[k]}"
     if estimate.seen is not None and estimate.seen[estimate.head.identifiability.components.index(name)] < ALWAYS_SEEN:
         return
-    one, other = side.sample(MOST_SAMPLES)
-    found = compare(one[:, [k]], other[:, [k]], np.arange(len(one)) * record.dt)
-    if found is None or not found.swings.all():
+    estimated, sensed = side.sample(MOST_SAMPLES)
+    comparison = compare(estimated[:, [k]], sensed[:, [k]], np.arange(len(estimated)) * record.dt)
+    if comparison is None or not comparison.swings.all():
         return
-    factor, correlation = float(found.factor[0]), float(found.correlation[0])
+    factor, correlation = float(comparison.factor[0]), float(comparison.correlation[0])
     good, why = abs(factor - 1.0) < 0.15, ""
     if correlation < -FOLLOWS:
         good, why = False, ": check.wrench.sign"
@@ -121,15 +121,15 @@ def _check_commands(record: Record, forces: KnownForces) -> Iterator[Finding]:
     for name, section in record.map.known.items():
         if section.powers:
             measured = (record.means("check.specific_force", time) @ unit_direction(section))[:, None]
-            found = compare(command_sum(record, name, time)[:, None], measured, time[:-1])
-            if found is None or found.correlation[0] < FOLLOWS:
+            comparison = compare(command_sum(record, name, time)[:, None], measured, time[:-1])
+            if comparison is None or comparison.correlation[0] < FOLLOWS:
                 continue
             text = (
-                f"known.{name} leads the acceleration by {1e3 * found.lag:.0f} ms beyond its delay "
+                f"known.{name} leads the acceleration by {1e3 * comparison.lag:.0f} ms beyond its delay "
                 f"of {1e3 * section.delay:.0f} ms"
             )
-            late = abs(found.lag) > max(LATE_COMMAND, record.dt)
-            yield Finding("lag of command", "warning" if late else "good", text, found.lag, "s")
+            late = abs(comparison.lag) > max(LATE_COMMAND, record.dt)
+            yield Finding("lag of command", "warning" if late else "good", text, comparison.lag, "s")
 
 
 def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[Finding]:
@@ -159,11 +159,11 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:
     first, last = record.parts[0]
     block = record.block(first, min(last, first + MANY))
     offset = estimate.index(block.time[0])
-    own = estimate.between(offset, offset + len(block.tau))
-    good, frames, force = settled(record, own.time[:-1]), own.frames, own.force
+    estimated = estimate.between(offset, offset + len(block.tau))
+    good, frames, force = settled(record, estimated.time[:-1]), estimated.frames, estimated.force
     data, powers, count = model.createData(), np.zeros(len(frames)), 0
     moved, pushed = np.zeros((2, len(frames)))
-    for k in range(0, len(own.components), max(1, len(block.tau) // 2000)):
+    for k in range(0, len(estimated.components), max(1, len(block.tau) // 2000)):
         if not good[k]:
             continue
         pin.forwardKinematics(model, data, block.q[k], block.v[k])
@@ -223,14 +223,14 @@ def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> It
 
 def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, StoredEstimate]) -> Iterator[Finding]:
     """Yield when the pose does not show a component and why, and whether anything verifies the deviations."""
-    told: set[str] = set()
+    named: set[str] = set()
     for estimate in estimates.values():
         if estimate.seen is None:
             continue
         for k, size in enumerate(estimate.component_sizes()):
-            if size.seen is None or size.seen > ALWAYS or size.name in told:
+            if size.seen is None or size.seen > ALWAYS or size.name in named:
                 continue
-            told.add(size.name)
+            named.add(size.name)
             unseen = np.concatenate([~block.shown[:, k] for block in estimate.blocks()])
             hidden = sorted(runs_of_true(unseen), key=lambda ends: ends[0] - ends[1])  # the longest first
             begin, end = hidden[0]
@@ -247,9 +247,9 @@ def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, S
             estimate.head.doubt is not None
             and estimate.doubt is None
             and not forces.values.row_noise
-            and "bar" not in told
+            and "bar" not in named
         ):
-            told.add("bar")
+            named.add("bar")
             text = "error bar unverified: no row to spare shows how large the errors are, and no calibration says it"
             yield Finding("error bar", "note", text)
 

@@ -43,15 +43,15 @@ def sample_findings(record: Record) -> Iterator[Finding]:
     """Yield what the stamps and the sequence of samples show."""
     if record.log is not None:
         yield from _clocks(record.log)
-    found: dict[tuple[float, float], list[str]] = {}
+    gaps: dict[tuple[float, float], list[str]] = {}
     parts = [tuple(record.times(edge, edge)[0] for edge in part) for part in record.parts]
     clocks = {(len(channel.time), channel.time[0], channel.time[-1]) for channel in record.channels.values()}
     for channel in record.channels.values():
         yield from channel_findings(channel, parts, alone=len(clocks) > 1)
         for begin, end, whose in channel.holes:
             if end > record.start and record.knots is None:
-                found.setdefault((begin, end), []).append(whose)
-    for (begin, end), keys in found.items():
+                gaps.setdefault((begin, end), []).append(whose)
+    for (begin, end), keys in gaps.items():
         whose = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} other channels"
         what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
         yield Finding("gap", "warning", what, end - begin, "s")
@@ -127,12 +127,12 @@ def _changes(channel: Channel) -> NDArray[np.bool_]:
 
     A force of exactly zero counts as a change: a sensor that nothing touches may show it for long.
     """
-    of_force, found = channel.key == "check.wrench" or channel.key.startswith("known."), [np.zeros(0, bool)]
+    of_force, changes = channel.key == "check.wrench" or channel.key.startswith("known."), [np.zeros(0, bool)]
     for begin in range(0, len(channel.values) - 1, EXTENT):
         values = channel.values[begin : begin + EXTENT + 1]
         changed = np.any(np.diff(values, axis=0) != 0.0, axis=1)
-        found.append(changed | np.all(values[1:] == 0.0, axis=1) if of_force else changed)
-    return np.concatenate(found)
+        changes.append(changed | np.all(values[1:] == 0.0, axis=1) if of_force else changed)
+    return np.concatenate(changes)
 
 
 def _held(changed: NDArray[np.bool_]) -> bool:
