@@ -1,24 +1,27 @@
-"""Which foot stands when: contacts with the ground from estimated vertical forces.
+"""Contacts in an estimate: which foot stands when, and what pushed where a calibration says what is normal.
 
-A contact is a time in which the vertical force at a point is above `END_SHARE` of the robot's weight W, and reaches
-`ONSET_SHARE` of it. So it is known a moment after it began, but its onset is not later for that. Its probability
+A foot stands while the vertical force at its point is above `END_SHARE` of the robot's weight W, and reaches
+`ONSET_SHARE` of it. So a contact is known a moment after it began, but its onset is not later for that. Its probability
 follows from the force's deviation: Phi((Fz - LIKELY_SHARE W) / sigma).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, CalibrationUse, Contact
+from aerobat_pin.estimation.scores import point_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Estimate
+from aerobat_pin.observers import Estimate, LevelDetector
 from aerobat_pin.records import Map, PlainRobot, Record
 
 ONSET_SHARE, END_SHARE, LIKELY_SHARE = 0.08, 0.04, 0.03  # of the weight
+ROW_CONTACT_ENDS = 0.5  # of a row's threshold, where its contact begins and ends
 
 
 @dataclass(frozen=True)
@@ -135,3 +138,49 @@ def stances_on_ground(record: Record, stored: Mapping[str, StoredEstimate]) -> d
         return {}
     by_observer = {name: stances_of(estimate.blocks(), robot.weight) for name, estimate in stored.items()}
     return {name: stances for name, stances in by_observer.items() if stances}
+
+
+def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list[Contact] | None:
+    """Return the contacts of a calibration with the largest force that is seen during each, or those of rows.
+
+    None without a calibration, which says what is normal. A contact of which nothing is seen is none, nor is one that
+    errors of the belief can make up, where their size is known: friction, as a joint begins to move.
+    """
+    head = estimate.head
+    if use is None or not head.frames:
+        return None if use is None else row_contacts(estimate)
+    if use.contacts is None:
+        return None
+    contacts = []
+    for contact in use.contacts:
+        if contact.point in head.frames and head.are_world_forces:
+            last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
+            during = estimate.between(max(estimate.start.index(contact.onset, "right") - 1, 0), last)
+            rows, at = during.time[1:] > contact.onset, head.frames.index(contact.point)
+            shown = during.shown.reshape(len(rows), -1, 3)[rows, at]
+            force = np.where(shown, during.force[rows, at], 0.0)
+            size = float(np.max(np.linalg.norm(force, axis=1), initial=0.0))
+            sure = np.inf
+            if during.expected_force is not None and during.standard_deviation is not None:
+                deviation = during.standard_deviation.reshape(len(rows), -1, 3)[rows, at]
+                sure = float(np.max(np.linalg.norm(force / deviation, axis=1), initial=0.0))
+            if (shown.any() or not len(shown)) and sure > SURE_OF_CONTACT:
+                contacts.append(replace(contact, point=point_label(contact.point), size=size))
+    return contacts
+
+
+def row_contacts(estimate: StoredEstimate) -> list[Contact] | None:
+    """Return when a row is beyond its threshold, in the order of time; None for an estimate of forces at points."""
+    head = estimate.head
+    if head.frames or head.standard_deviation is None:
+        return None
+    time = np.concatenate([estimate.start[:], [estimate.end]])
+    values = np.concatenate([block.components for block in estimate.blocks()])
+    bars = np.concatenate([SURE_OF_CONTACT * np.asarray(block.standard_deviation) for block in estimate.blocks()])
+    contacts, detector = [], LevelDetector(np.zeros(()), ROW_CONTACT_ENDS, 1.0, 0.0)
+    for k, label in enumerate(head.identifiability.components):
+        for event in detector.detect(time, np.abs(values[:, k]) / bars[:, k]):
+            during = (time[1:] > event.onset) & (time[:-1] < (np.inf if event.end is None else event.end))
+            size = float(np.max(np.abs(values[during, k])))
+            contacts.append(Contact(label, event.onset, event.alarm, event.end, size))
+    return sorted(contacts, key=lambda event: event.onset)

@@ -15,13 +15,14 @@ from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_beside_forces import fit_beside_forces, knows_friction
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
+from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.online import OnlineEstimator
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import inputs_between, observers_of, points_of, run_observers
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import guarded
-from aerobat_pin.observers import Observer
+from aerobat_pin.observers import Expected, Observer
 from aerobat_pin.records import Record
 
 WITHOUT_FRICTION = (
@@ -55,19 +56,19 @@ def estimate(
         ObserverError, FrameNotFoundError: an observer cannot be built for this robot, or two have one name.
     """
     name = record.title if record.log is None else str(record.log.path)
-    if calibration is not None:
-        record = calibration.applied(record)
+    record = record if calibration is None else calibration.applied(record)
     findings = list(record_findings(record))
     if not trust:
         refuse_if_certain(name, findings)
+
     given = fitted_forces(record) if calibration is None else calibration.forces(record)
     forces = _with_noise(given)
     beside = knows_friction(forces) and not knows_friction(given)  # found in this record, of which no calibration knew
     record = forces.record  # whose robot carries what was found
-    names = [entry for entry in observers if isinstance(entry, str)]
     inputs = inputs_between(record, forces)
     expected = expected_of(record, inputs, forces.values, points_of(record.map))
-    times, model = record.times(*record.parts[0]), None
+
+    model = None
     if calibration is not None and not record.robot.smooths(record.channels):
         if beside:  # what the calibration expects has friction in it, as what it is compared with
             model = check_model(calibration, given, inputs_between(record, given))
@@ -75,28 +76,21 @@ def estimate(
         else:
             model = check_model(calibration, forces, inputs)
             inputs = model.inputs
-    known = model is not None and model.check is not None and not beside
-    running, notes = observers_of(record, names, expected, errors_known=known) if names or not observers else ([], ())
-    running += [observer for observer in observers if isinstance(observer, Observer)]
-    if len({observer.name for observer in running}) < len(running):
-        raise ObserverError(f"estimate: observers = {[each.name for each in running]}: different ones were expected")
+    errors_known = model is not None and model.check is not None and not beside
+    running, notes = _observers(record, observers, expected, errors_known=errors_known)
+
     watch = None if calibration is None else CalibrationWatch(calibration, None if model is None else model.check)
-    smoothed = record.robot.motion_from(times, record.channels, running, progress)
+    smoothed = record.robot.motion_from(record.times(*record.parts[0]), record.channels, running, progress)
     if smoothed is not None:
         stored = {name: StoredEstimate.of(estimate) for name, estimate in smoothed.estimates.items()}
         sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
     else:
-        if record.robot.measures_effort:
-            before = inputs if forces is given else inputs_between(record, given)
-            doubted = list(effort_findings(record, before, findings))
-            if forces is not given and any(map(_names_friction, doubted)):  # found beside the forces, and may do
-                remaining = {finding.check for finding in effort_findings(record, inputs, findings) if finding.warns}
-                doubted = [finding for finding in doubted if not _names_friction(finding) or finding.check in remaining]
-            findings += doubted
+        findings += _about_efforts(given, forces, inputs, findings)
         stored = run_observers(record, inputs, running, progress, watch, expected, model)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
         use = None if watch is None else watch.use()
+
     robot, parts = record.robot, "one part" if len(record.parts) == 1 else f"{len(record.parts)} parts"
     used = f"{record.duration:.4g} s in {parts} at {record.rate:.4g} Hz"
     result = Result(
@@ -114,12 +108,9 @@ def estimate(
         forces=forces,
         smoothed=smoothed,
     )
-    if smoothed is None:
-        findings += result_findings(result, expected)
-    if calibration is not None:
-        findings.append(calibration.finding())
-        if beside:
-            findings.append(Finding("calibration", "warning", WITHOUT_FRICTION))
+    findings += [] if smoothed is not None else result_findings(result, expected)
+    findings += [] if calibration is None else [calibration.finding()]
+    findings += [Finding("calibration", "warning", WITHOUT_FRICTION)] * (calibration is not None and beside)
     if not trust:
         refuse_if_certain(name, findings)
     return replace(result, findings=tuple(findings))
@@ -143,6 +134,34 @@ def _with_noise(forces: KnownForces) -> KnownForces:
         return forces
     noise = forces.values.row_noise or noise_where_known(forces)
     return fit_beside_forces(replace(forces, values=replace(forces.values, row_noise=noise)))
+
+
+def _observers(
+    record: Record, chosen: Sequence[str | Observer], expected: Expected | None, *, errors_known: bool
+) -> tuple[list[Observer], tuple[str, ...]]:
+    """Return observers that were chosen by name, else those of the map, and ready ones; and notes on their rows."""
+    names, notes = [each for each in chosen if isinstance(each, str)], tuple[str, ...]()
+    ready = [each for each in chosen if isinstance(each, Observer)]
+    if names or not chosen:
+        built, notes = observers_of(record, names, expected, errors_known=errors_known)
+        ready = [*built, *ready]
+    if len({observer.name for observer in ready}) < len(ready):
+        raise ObserverError(f"estimate: observers = {[each.name for each in ready]}: different ones were expected")
+    return ready, notes
+
+
+def _about_efforts(
+    given: KnownForces, forces: KnownForces, inputs: Callable[[int, int], KnownInputs], before: list[Finding]
+) -> list[Finding]:
+    """Return findings about efforts, without those that friction explains which was found beside the forces."""
+    record = forces.record
+    if not record.robot.measures_effort:
+        return []
+    doubts = list(effort_findings(record, inputs if forces is given else inputs_between(record, given), before))
+    if forces is given or not any(map(_names_friction, doubts)):
+        return doubts
+    remaining = {finding.check for finding in effort_findings(record, inputs, before) if finding.warns}
+    return [finding for finding in doubts if not _names_friction(finding) or finding.check in remaining]
 
 
 def _names_friction(finding: Finding) -> bool:

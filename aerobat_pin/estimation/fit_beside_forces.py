@@ -23,8 +23,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerobat_pin.estimation.added_deviations import tilt_of
 from aerobat_pin.estimation.contacts import walks_on
+from aerobat_pin.estimation.deviations import tilt_of
 from aerobat_pin.estimation.expected_of_record import EFFORT_ERROR, column_rms, expected_of, lifted_feet, row_scale
 from aerobat_pin.estimation.factors_by_balance import factors_by_balance
 from aerobat_pin.estimation.inputs import KnownInputs

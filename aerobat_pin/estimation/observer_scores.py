@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from aerobat_pin.estimation.against_reference import PairedEstimate
-from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, CalibrationUse, Contact
-from aerobat_pin.estimation.row_residuals import row_contacts
+from aerobat_pin.estimation.calibration_use import CalibrationUse, Contact
+from aerobat_pin.estimation.contacts import found_contacts
 from aerobat_pin.estimation.scores import Score, one_unit, point_label, short_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.trust import DOUBT_STRETCH, ComponentSize, InnovationScore, warnings_about
@@ -166,35 +166,6 @@ class ObserverScores:
             "innovation": None if values["innovation"] is None else InnovationScore(**values["innovation"]),
         }
         return cls(points, **{**values, **typed})
-
-
-def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list[Contact] | None:
-    """Return the contacts of a calibration with the largest force that is seen during each, or those of rows.
-
-    None without a calibration, which says what is normal. A contact of which nothing is seen is none, nor is one that
-    errors of the belief can make up, where their size is known: friction, as a joint begins to move.
-    """
-    head = estimate.head
-    if use is None or not head.frames:
-        return None if use is None else row_contacts(estimate)
-    if use.contacts is None:
-        return None
-    contacts = []
-    for contact in use.contacts:
-        if contact.point in head.frames and head.are_world_forces:
-            last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
-            during = estimate.between(max(estimate.start.index(contact.onset, "right") - 1, 0), last)
-            rows, at = during.time[1:] > contact.onset, head.frames.index(contact.point)
-            shown = during.shown.reshape(len(rows), -1, 3)[rows, at]
-            force = np.where(shown, during.force[rows, at], 0.0)
-            size = float(np.max(np.linalg.norm(force, axis=1), initial=0.0))
-            sure = np.inf
-            if during.expected_force is not None and during.standard_deviation is not None:
-                deviation = during.standard_deviation.reshape(len(rows), -1, 3)[rows, at]
-                sure = float(np.max(np.linalg.norm(force / deviation, axis=1), initial=0.0))
-            if (shown.any() or not len(shown)) and sure > SURE_OF_CONTACT:
-                contacts.append(replace(contact, point=point_label(contact.point), size=size))
-    return contacts
 
 
 def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:

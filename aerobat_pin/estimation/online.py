@@ -19,9 +19,9 @@ import numpy as np
 
 from aerobat_pin.errors import AerobatError, MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
-from aerobat_pin.estimation.added_deviations import add_second_lag, tilt_of, with_tilt
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.contacts import walks_on
+from aerobat_pin.estimation.deviations import add_second_lag, tilt_of, with_tilt
 from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
 from aerobat_pin.estimation.inputs import change_of_axes
 from aerobat_pin.estimation.known_forces import FittedValues

@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 
 from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import MapError
-from aerobat_pin.estimation.added_deviations import second_lag, tilt_of, with_tilt
+from aerobat_pin.estimation.deviations import rows_as_components, tilt_of, with_belief_error, with_expected, with_tilt
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of, with_zeroed_velocity
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.row_residuals import rows_as_components
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, TIME_CONSTANTS_TO_SETTLE, StoredEstimate
-from aerobat_pin.estimation.trust import local_noise
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
     OBSERVERS,
@@ -169,55 +167,42 @@ def run_observers(
         Name of the observer -> estimate.
     """
     wait = max(LEAD / float(record.map.observer.gain), 0.0 if watch is None else watch.settling)
-    lead = int(np.ceil(wait * record.rate)) + 1
-    spool = Spool()
+    lead, spool = int(np.ceil(wait * record.rate)) + 1, Spool()
     estimates = {observer.name: StoredEstimate(spool) for observer in observers}
     total, done = len(observers) * sum(last - first for first, last in record.parts), 0
     for first, last in record.parts:
         for begin, end in blocks_of(first, last) if not record.robot.remembers else [(first, last)]:
             early, late = max(first, begin - lead), min(last, end + lead)
-            inputs = inputs_at(early, late)
+            inputs, kept = inputs_at(early, late), slice(begin - early, end - early)
             if watch is not None:
-                watch.take(record, inputs, slice(begin - early, end - early), ends=end == last)
+                watch.take(record, inputs, kept, ends=end == last)
             inputs = with_zeroed_velocity(record, inputs, early)
             for observer in observers:
                 if progress is not None:
                     progress(done / total)
-                whole = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
-                if not whole.frames:
-                    whole = rows_as_components(whole, observer, inputs.v, expected)
-                elif expected is not None:
-                    whole = with_expected(whole, observer, expected)
-                elif model is not None:
-                    whole = with_belief_error(whole, model.deviations(observer, inputs))
-                tilt, deviation = tilt_of(record.map), whole.standard_deviation
-                if tilt > 0.0 and deviation is not None and whole.are_world_forces:
-                    whole = replace(whole, standard_deviation=with_tilt(whole.components, deviation, tilt))
-                estimates[observer.name].append(_some_intervals(whole, begin - early, end - early))
+                estimate = _estimate_of(observer, record, inputs, expected, model)
+                estimates[observer.name].append(_some_intervals(estimate, kept))
                 done += end - begin
     if progress is not None:
         progress(1.0)
     return estimates
 
 
-def with_expected(estimate: Estimate, observer: Observer, expected: Expected) -> Estimate:
-    """Return an estimate with what it shows of an expected force; its deviation then contains its lag."""
-    deviation = estimate.standard_deviation
-    if deviation is None:
+def _estimate_of(
+    observer: Observer, record: Record, inputs: KnownInputs, expected: Expected | None, model: ErrorOfBelief | None
+) -> Estimate:
+    """Return the estimate of an observer, with its deviations as far as they are known."""
+    estimate = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+    if not estimate.frames:
+        estimate = rows_as_components(estimate, observer, inputs.v, expected)
+    elif expected is not None:
+        estimate = with_expected(estimate, observer, expected)
+    elif model is not None:
+        estimate = with_belief_error(estimate, model.deviations(observer, inputs))
+    tilt, deviation = tilt_of(record.map), estimate.standard_deviation
+    if tilt == 0.0 or deviation is None or not estimate.are_world_forces:
         return estimate
-    whole = replace(estimate, expected_force=expected.force, seen=expected.seen(deviation))
-    lag = second_lag(estimate.components, np.diff(estimate.time), float(np.min(observer.gain)))
-    return replace(whole, standard_deviation=np.hypot(deviation, lag))
-
-
-def with_belief_error(estimate: Estimate, deviation: Array | None) -> Estimate:
-    """Return an estimate that states the errors of its belief (m, c), too; where it stated none, noise and these."""
-    if deviation is None:
-        return estimate
-    stated = estimate.standard_deviation
-    stated = local_noise(estimate.components) if stated is None else stated
-    unseen = np.isinf(estimate.identifiability.deviation)
-    return replace(estimate, standard_deviation=np.where(unseen, np.inf, np.hypot(stated, deviation)))
+    return replace(estimate, standard_deviation=with_tilt(estimate.components, deviation, tilt))
 
 
 def inputs_between(record: Record, forces: KnownForces) -> Callable[[int, int], KnownInputs]:
@@ -273,15 +258,15 @@ def rms_in(record: Record, estimate: StoredEstimate, stretch: tuple[float, float
     return np.sqrt(means) if count.any() else None
 
 
-def _some_intervals(estimate: Estimate, first: int, last: int) -> Estimate:
-    """Return the intervals from `first` to `last` (exclusive) of an estimate."""
-    inside, innovation = slice(first, last), estimate.innovation
+def _some_intervals(estimate: Estimate, inside: slice) -> Estimate:
+    """Return some intervals of an estimate."""
+    innovation = estimate.innovation
     names = ("components", "residual", "unexplained", "standard_deviation", "seen", "doubt")
     given = {name: getattr(estimate, name) for name in names}
     columns: dict[str, Any] = {name: None if rows is None else rows[inside].copy() for name, rows in given.items()}
     return replace(
         estimate,
         **columns,
-        time=estimate.time[first : last + 1],
+        time=estimate.time[inside.start : inside.stop + 1],
         innovation=None if innovation is None else replace(innovation, nis=innovation.nis[inside].copy()),
     )

@@ -19,8 +19,8 @@ from support.walking_log import FEET, bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation import estimate
-from aerobat_pin.estimation.added_deviations import with_tilt
 from aerobat_pin.estimation.contacts import contact_probability, stances_of, touching
+from aerobat_pin.estimation.deviations import with_tilt
 from aerobat_pin.estimation.expected_of_record import lifted_errors
 from aerobat_pin.estimation.factors_by_balance import factors_by_balance
 from aerobat_pin.estimation.inputs import change_of_axes

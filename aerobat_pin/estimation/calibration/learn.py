@@ -85,6 +85,7 @@ def calibrate(
     extras = records[0].robot.learn_extras(free, records[0].map.robot.points)
     if extras is not None:
         return _of_extras(records, belief, extras, parameters)
+
     mass = _check_names(records, belief, harmonics, parameters)
     records, notes, warnings = [taken_as_free(record) for record in records], list[str](), list[str]()
     if parameters is None or parameters:
@@ -92,44 +93,45 @@ def calibrate(
     findings = _findings(records, trust=trust)
     plain = [None if fits_thrust(record.map) else given_forces(record) for record in records]
     forces = [fitted_by_map(record, mass=mass) for record in records]
-    runs = [] if fits_to_sensor(records[0].map) else [run for known in forces for run in free_runs(known.record, known)]
-    _check_runs(runs)
+    fitted, to_sensor = fits_anything(records[0].map), fits_to_sensor(records[0].map)
+    runs = [] if to_sensor else _runs_of(forces)
+    _check_turns(runs)
     if runs:
-        notes.append(f"as {'fitted' if fits_anything(records[0].map) else 'believed'}: {_sizes(runs)} unexplained")
+        notes.append(f"as {'fitted' if fitted else 'believed'}: {_sizes(runs)} unexplained")
+
     identified = _identified(runs, parameters, progress)
     if identified is not None:
         notes += identified.describe()
-        if identified.kept:
-            records = [replace(record, robot=record.robot.changed(identified.used)) for record in records]
-            forces = [fitted_by_map(record, mass=mass) for record in records]
-            runs = [run.with_values(identified.used) for run in runs]
-            if fits_anything(records[0].map):
-                runs = [run for known in forces for run in free_runs(known.record, known)]
+    if identified is not None and identified.kept:
+        records = [replace(record, robot=record.robot.changed(identified.used)) for record in records]
+        forces = [fitted_by_map(record, mass=mass) for record in records]
+        runs = _runs_of(forces) if fitted else [run.with_values(identified.used) for run in runs]
+
     tested = runs  # as `runs`, but with what is learnt from all of them learnt without the part that tests it
-    if parameters is not None and FRICTION in parameters:
-        friction, tried = _fit_to_residual(runs, held_out=False), _fit_to_residual(runs, held_out=True)
+    if FRICTION in (parameters or ()):
+        friction, tested_friction = (_fit_to_residual(runs, held_out=held_out) for held_out in (False, True))
         notes += _friction_lines(friction, records[0].robot.joints)
-        tested = [_with_friction(run, tried) for run in runs]
+        tested = [_with_friction(run, tested_friction) for run in runs]
         runs = [_with_friction(run, friction) for run in runs]
         forces = [_knowing(known, friction) for known in forces]
-    series = trial = None
+
+    series = tested_series = None
     if harmonics >= 0 and runs and all(run.condition is not None for run in runs):
-        series, trial = (_learnt_error(group, part, harmonics) for group, part in ((runs, False), (tested, True)))
-        before, runs, tested = runs, _without(runs, series), _without(tested, trial)
-        notes.append(_learnt_words(series, conditions_of(runs)[0].cycle, before, runs))
-        warnings += [line for run in runs for line in unexpected(run)]
-        pushed = [line for run in runs for line in pushes(run)]
-        if pushed and not trust:
-            raise CalibrationError("; ".join([*pushed, "--trust calibrates nevertheless"]))
-        warnings += pushed
+        series = _learnt_error(runs, harmonics, held_out=False)
+        tested_series = _learnt_error(tested, harmonics, held_out=True)
+        before, runs, tested = _sizes(runs), _without(runs, series), _without(tested, tested_series)
+        notes.append(
+            f"{series.order} harmonics of {conditions_of(runs)[0].cycle}, each of second order in "
+            f"{', '.join(series.states)}: {before} becomes {_sizes(runs)}"
+        )
+        warnings += _pushed(runs, trust=trust)
+
     values, learnt = kept_of(records[0], forces[0].values), tested is not runs or identified is not None
-    bar = error_bar([(without, replace(known, series=trial)) for without, known in zip(plain, forces, strict=True)])
+    bar = error_bar([(raw, replace(known, series=tested_series)) for raw, known in zip(plain, forces, strict=True)])
     for known in forces:
-        findings += [
-            *effort_findings(known.record, inputs_between(known.record, known), findings),
-            *fit_findings(known),
-        ]
-    doubtful = [str(finding) for finding in findings if finding.warns]
+        findings += effort_findings(known.record, inputs_between(known.record, known), findings)
+        findings += fit_findings(known)
+    notes.append(f"as calibrated: {_sizes(runs)} unexplained" if runs else "contacts: not learnt, as something pushed")
     return Calibration(
         belief=_belief_that_counts(belief, records[0], values),
         records=tuple(record.title for record in records),
@@ -138,18 +140,13 @@ def calibrate(
         series=series,
         detection=_detection(runs, series),
         error_bar=bar,
-        row_noise=noise_where_known(forces[0]) if fits_to_sensor(records[0].map) else row_noise(tested, learnt=learnt),
-        warnings=(*doubtful, *warnings),
+        row_noise=noise_where_known(forces[0]) if to_sensor else row_noise(tested, learnt=learnt),
+        warnings=(*(str(finding) for finding in findings if finding.warns), *warnings),
         notes=(
             *(_what_is_learnt_from(known.record) for known in forces),
             *(line for record in records for line in record.notes),
             *fit_notes(records[0], values),
             *notes,
-            *(
-                [f"as calibrated: {_sizes(runs)} unexplained"]
-                if runs
-                else ["contacts: not learnt, as something pushed"]
-            ),
             bar_words(bar),
         ),
     )
@@ -202,7 +199,11 @@ def _check_names(records: Sequence[Record], belief: Belief, harmonics: int, para
     return mass
 
 
-def _check_runs(runs: Sequence[FreeRun]) -> None:
+def _runs_of(forces: Sequence[KnownForces]) -> list[FreeRun]:
+    return [run for known in forces for run in free_runs(known.record, known)]
+
+
+def _check_turns(runs: Sequence[FreeRun]) -> None:
     for run in runs:
         if run.condition is not None and run.condition.turns < FEWEST_TURNS:
             raise CalibrationError(
@@ -283,47 +284,33 @@ def conditions_of(runs: Sequence[FreeRun]) -> list[Condition]:
     return [run.condition for run in runs if run.condition is not None]
 
 
-def _learnt_error(runs: Sequence[FreeRun], tested: bool, order: int) -> LearntError:
-    """Return the error over phase and state, of what is `tested` without the part that tests it."""
-    parts = [run.fitted if tested else slice(0, len(run.residual)) for run in runs]
+def _learnt_error(runs: Sequence[FreeRun], order: int, *, held_out: bool) -> LearntError:
+    """Return the error over phase and state, learnt from all that is left or from what is not held out."""
+    parts = [run.fitted if held_out else slice(0, len(run.residual)) for run in runs]
     conditions = [condition.part(part) for condition, part in zip(conditions_of(runs), parts, strict=True)]
     residuals = [run.residual[part] for run, part in zip(runs, parts, strict=True)]
     return fit_learnt_error(conditions, residuals, [typical_step(run.inputs.time) for run in runs], order)
-
-
-def _learnt_words(series: LearntError, cycle: str, before: Sequence[FreeRun], after: Sequence[FreeRun]) -> str:
-    states = ", ".join(series.states)
-    sizes = f"{_sizes(before)} becomes {_sizes(after)}"
-    return f"{series.order} harmonics of {cycle}, each of second order in {states}: {sizes}"
 
 
 def _without(runs: Sequence[FreeRun], series: LearntError) -> list[FreeRun]:
     return [run.explained(CALIBRATION, series.force(run.condition)) for run in runs if run.condition is not None]
 
 
+def _pushed(runs: Sequence[FreeRun], *, trust: bool) -> list[str]:
+    """Return warnings about what is left of runs. Raises CalibrationError where something pushed, without `trust`."""
+    pushed = [line for run in runs for line in pushes(run)]
+    if pushed and not trust:
+        raise CalibrationError("; ".join([*pushed, "--trust calibrates nevertheless"]))
+    return [line for run in runs for line in unexpected(run)] + pushed
+
+
 def _detection(runs: Sequence[FreeRun], series: LearntError | None) -> Detection | None:
     if not (runs and runs[0].frames):
         return None
-    return learn_detection(
-        runs[0].frames,
-        [
-            (
-                run.record.robot.model,
-                run.inputs,
-                1.0 if series is None or run.condition is None else series.widened(run.condition),
-            )
-            for run in runs
-        ],
-    )
-
-
-def _mean_of(sizes: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(sizes))))
+    widened = [1.0 if series is None or run.condition is None else series.widened(run.condition) for run in runs]
+    seen = [(run.record.robot.model, run.inputs, factor) for run, factor in zip(runs, widened, strict=True)]
+    return learn_detection(runs[0].frames, seen)
 
 
 def _sizes(runs: Sequence[FreeRun]) -> str:
-    return _size_of(_mean_of([run.size() for run in runs]))
-
-
-def _size_of(force: float) -> str:
-    return f"{force_size(force)} a row"
+    return f"{force_size(float(np.sqrt(np.mean([run.size() ** 2 for run in runs]))))} a row"

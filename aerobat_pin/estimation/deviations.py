@@ -1,0 +1,92 @@
+"""What deviations contain: what is stated of rows and belief, the lag of the filter, and a tilt of the attitude.
+
+A force that changes is ahead of its filter, by e^-Kt of a step. What a second filter of the same gain lags behind the
+first, K t e^-Kt of a step and all of a ramp, is how much that may be. `kalman` and `smoother` are faster, but errors of
+rows are known behind the same low-pass: what changes faster in their estimates may be one.
+
+A constant tilt cancels in the equations of motion: an accelerometer that is turned with gravity shows the same world,
+turned. So the forces are right in body axes, and in world axes horizontal ones get a share of the vertical one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aerobat_pin.estimation.trust import local_noise
+from aerobat_pin.numerics import Array, kernel
+from aerobat_pin.observers import AllBut, Estimate, Expected, Identifiability, Observer, low_passed, row_names
+from aerobat_pin.records import Map
+
+
+def rows_as_components(estimate: Estimate, observer: Observer, v: Array, expected: Expected | None) -> Estimate:
+    """Return an estimate, of an observer without points, whose components are its believed rows, such as `elbow.M`.
+
+    Their deviations, at velocities v (m + 1, nv), are what is expected where nothing touches, if that is known.
+    """
+    names, rows = row_names(observer.model), observer.believed.rows
+    kept = rows.kept(observer.model) if isinstance(rows, AllBut) else list(range(len(names)))
+    labels = [name if "." in name else f"{name}.{'F' if unit == 'N' else 'M'}" for name, unit in names.items()]
+    units, count = tuple(np.array(list(names.values()))[kept].tolist()), len(kept)
+    deviation = None if expected is None else expected.row_deviation(0.5 * (v[1:] + v[:-1]))[:, kept]
+    known = Identifiability(tuple(labels[k] for k in kept), count, np.ones(count), np.zeros((0, count)), np.ones(count))
+    return replace(
+        estimate,
+        components=estimate.residual[:, kept],
+        units=units,
+        identifiability=known,
+        standard_deviation=deviation,
+    )
+
+
+def with_expected(estimate: Estimate, observer: Observer, expected: Expected) -> Estimate:
+    """Return an estimate with what it shows of an expected force; its deviation then contains its lag."""
+    deviation = estimate.standard_deviation
+    if deviation is None:
+        return estimate
+    whole = replace(estimate, expected_force=expected.force, seen=expected.seen(deviation))
+    lag = second_lag(estimate.components, np.diff(estimate.time), float(np.min(observer.gain)))
+    return replace(whole, standard_deviation=np.hypot(deviation, lag))
+
+
+def with_belief_error(estimate: Estimate, deviation: Array | None) -> Estimate:
+    """Return an estimate that states the errors of its belief (m, c), too; where it stated none, noise and these."""
+    if deviation is None:
+        return estimate
+    stated = estimate.standard_deviation
+    stated = local_noise(estimate.components) if stated is None else stated
+    unseen = np.isinf(estimate.identifiability.deviation)
+    return replace(estimate, standard_deviation=np.where(unseen, np.inf, np.hypot(stated, deviation)))
+
+
+def second_lag(components: Array, dt: Array, gain: float) -> Array:
+    """Return by how much (m, c) a second filter of gain K [1/s] lags behind components, over intervals dt (m,) [s]."""
+    return components - low_passed(components, -np.expm1(-gain * dt))
+
+
+@kernel
+def add_second_lag(components: Array, kept: float, behind: Array, deviation: Array) -> None:
+    """Do the same in a stream: move a second filter `behind` (c,), which keeps e^-K dt, and enlarge deviations (c,)."""
+    for j in range(components.shape[0]):
+        behind[j] = components[j] + kept * (behind[j] - components[j])
+        deviation[j] = np.hypot(deviation[j], components[j] - behind[j])
+
+
+def tilt_of(chosen: Map) -> float:
+    """Return the standard deviation of roll and of pitch [rad] of a map's attitude: an IMU's, else 0."""
+    base = chosen.base
+    return 0.0 if base.from_ == "measured" or base.held else float(np.radians(base.imu.tilt))
+
+
+def with_tilt(components: Array, deviation: Array, tilt: float) -> Array:
+    """Return standard deviations (..., 3 n) [N] of forces in world axes, seen in axes with a random tilt.
+
+    A tilt (a, b, 0), each of deviation `tilt` [rad], changes F by (a, b, 0) x F, so by tilt Fz along x and y, and by
+    tilt |(Fx, Fy)| along z. It comes of an accelerometer's offset, which along z makes gravity, and with it all forces
+    that bear it, larger by as much. Without the tilt deviations are `deviation` (..., 3 n).
+    """
+    force = components.reshape(*components.shape[:-1], -1, 3)
+    x, y, z = (force[..., k] ** 2 for k in range(3))
+    moved = tilt**2 * np.stack([z, z, x + y + z], axis=-1)
+    return np.asarray(np.sqrt(deviation**2 + moved.reshape(components.shape)))
