@@ -77,7 +77,7 @@ def estimate(
             model = check_model(calibration, forces, inputs)
             inputs = model.inputs
     errors_known = model is not None and model.check is not None and not beside
-    running, notes = _observers(record, observers, expected, errors_known=errors_known)
+    running, notes = _chosen_observers(record, observers, expected, errors_known=errors_known)
 
     watch = None if calibration is None else CalibrationWatch(calibration, None if model is None else model.check)
     smoothed = record.robot.motion_from(record.times(*record.parts[0]), record.channels, running, progress)
@@ -136,7 +136,7 @@ def _with_noise(forces: KnownForces) -> KnownForces:
     return fit_beside_forces(replace(forces, values=replace(forces.values, row_noise=noise)))
 
 
-def _observers(
+def _chosen_observers(
     record: Record, chosen: Sequence[str | Observer], expected: Expected | None, *, errors_known: bool
 ) -> tuple[list[Observer], tuple[str, ...]]:
     """Return observers that were chosen by name, else those of the map, and ready ones; and notes on their rows."""

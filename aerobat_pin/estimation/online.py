@@ -25,13 +25,12 @@ from aerobat_pin.estimation.deviations import add_second_lag, tilt_of, with_tilt
 from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
 from aerobat_pin.estimation.inputs import change_of_axes
 from aerobat_pin.estimation.known_forces import FittedValues
-from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth
+from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth, stream_health
 from aerobat_pin.estimation.run_observers import built_observers, points_of, rows_of
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.estimation.stream_kernels import build_interval
-from aerobat_pin.estimation.stream_state import new_rings
 from aerobat_pin.numerics import Array, fields_of, guarded
-from aerobat_pin.observers import Expected, KalmanObserver, Observer, ObserversTogether, SmootherObserver
+from aerobat_pin.observers import Expected, KalmanObserver, Observer, ObserversTogether, Sample, SmootherObserver
 from aerobat_pin.records import (
     Map,
     PlainRobot,
@@ -100,7 +99,9 @@ class OnlineEstimator:
         ]
         lead = [key for key in LEADING if key in self._requests]
         self._leading = [*self._requests].index(lead[0] if lead else next(iter(self._requests)))
-        self._memory = new_rings(chosen, self.robot, names, tuple(self._requests.values()), self._values, wait)
+        self._memory = ring_kernels.new_rings(
+            chosen, self.robot, names, tuple(self._requests.values()), self._values, wait
+        )
         self._rings = fields_of(self._memory, ring_kernels.Rings)
         self._epoch: float | None = None
         self._estimates = self._starts = self._failed = 0
@@ -136,28 +137,8 @@ class OnlineEstimator:
     @property
     def health(self) -> StreamHealth:
         """What became of the samples so far."""
-        rings, keys = self._rings, list(self._requests)
-        newest = {
-            key: float(rings.time[c, (rings.head[c] + rings.filled[c] - 1) % ring_kernels.LENGTH])
-            for c, key in enumerate(keys)
-            if rings.filled[c]
-        }
-        latest = max(newest.values(), default=0.0)
-        stalled = [key for key in keys if key not in newest or latest - newest[key] > ring_kernels.STALL]
-        samples = {
-            key: dict(zip(ring_kernels.FATES, rings.tally[c].tolist(), strict=True)) for c, key in enumerate(keys)
-        }
-        now = rings.now
-        settled = bool(now[ring_kernels.LAST] - now[ring_kernels.BEGAN] >= self._wait)  # False while they are NaN
-        return StreamHealth(
-            self._estimates,
-            self._starts,
-            int(rings.skipped[0]),
-            self._failed,
-            samples,
-            tuple(stalled) if newest else (),
-            settled,
-        )
+        counts = self._estimates, self._starts, self._failed
+        return stream_health(self._rings, tuple(self._requests), counts, self._wait)
 
     def reset(self) -> None:
         """Forget all samples and start again with the next ones; what is counted stays."""
@@ -253,54 +234,54 @@ class OnlineEstimator:
     def _advance(self) -> list[OnlineSample]:
         """Estimate at all times for which every channel has a sample at or after."""
         estimates: list[OnlineSample] = []
-        memory, leading, build, rings, together = (
-            self._memory,
-            self._leading,
-            build_interval,
-            self._rings,
-            self._together,
-        )
-        while code := build(memory, leading):
-            q, v, tau, now = rings.q, rings.v, rings.tau, rings.now
+        while code := build_interval(self._memory, self._leading):
             if code == ring_kernels.STREAM_START:
                 self._starts += 1
-                together.start(q, v)
+                self._together.start(self._rings.q, self._rings.v)
                 self._behind = [np.zeros(observer.applications.table.shape[0]) for observer in self._observers]
-                continue
-            dt, end = float(now[ring_kernels.DT]), float(now[ring_kernels.LAST])
-            if self._learns:
-                self._learn_size()
-            if code == ring_kernels.REZEROED:
-                tau = tau + change_of_axes(together.model, together.data, q, rings.before, v, dt)
-            samples = together.take(q, v, tau, dt)
-            if None in samples:
-                self._failed += 1
-                now[ring_kernels.LAST] = np.nan
             else:
-                self._estimates += 1
-                first, legs = samples[0], self._learns and self.walks
-                if first is not None and legs and self._estimates % LEGS_EVERY == 0:
-                    at = self._leg_samples % LEGS_KEPT
-                    self._legs[0][at], self._legs[1][at] = first.components, self._observers[0].applications.jacobian(q)
-                    self._leg_samples += 1
-            settled, epoch = bool(end - now[ring_kernels.BEGAN] >= self._wait), self._epoch or 0.0
-            kept = math.exp(-dt * float(self._map.observer.gain))
-            for observer, sample, behind in zip(self._observers, samples, self._behind, strict=True):
-                if sample is None:
-                    continue
-                deviation = of_rows = sample.standard_deviation
-                if deviation is not None and observer.expected is not None:
-                    deviation = deviation.copy()
-                    add_second_lag(sample.components, kept, behind, deviation)
-                if deviation is not None and self._tilt > 0.0:
-                    deviation = with_tilt(sample.components, deviation, self._tilt)
-                estimate = OnlineSample(
-                    observer, epoch + end - dt, epoch + end, settled, sample.components, deviation, of_rows
-                )
-                if self._heard is not None:
-                    self._heard(estimate)
-                estimates.append(estimate)
+                estimates += self._estimates_of_interval(rezeroed=code == ring_kernels.REZEROED)
         return estimates
+
+    def _estimates_of_interval(self, *, rezeroed: bool) -> list[OnlineSample]:
+        """Return what the observers find in the interval that the kernels have built, and say it to who listens."""
+        rings, now, together = self._rings, self._rings.now, self._together
+        q, v, tau, dt, end = rings.q, rings.v, rings.tau, float(now[ring_kernels.DT]), float(now[ring_kernels.LAST])
+        if self._learns:
+            self._learn_size()
+        if rezeroed:
+            tau = tau + change_of_axes(together.model, together.data, q, rings.before, v, dt)
+        samples = together.take(q, v, tau, dt)
+        if None in samples:
+            self._failed += 1
+            now[ring_kernels.LAST] = np.nan
+        else:
+            self._estimates += 1
+            self._keep_legs(samples[0], q)
+        settled, epoch = bool(end - now[ring_kernels.BEGAN] >= self._wait), self._epoch or 0.0
+        kept, estimates = math.exp(-dt * float(self._map.observer.gain)), list[OnlineSample]()
+        for observer, sample, behind in zip(self._observers, samples, self._behind, strict=True):
+            if sample is None:
+                continue
+            components = sample.components
+            deviation = of_rows = sample.standard_deviation
+            if deviation is not None and observer.expected is not None:
+                deviation = deviation.copy()
+                add_second_lag(components, kept, behind, deviation)
+            if deviation is not None and self._tilt > 0.0:
+                deviation = with_tilt(components, deviation, self._tilt)
+            times = epoch + end - dt, epoch + end
+            estimates.append(OnlineSample(observer, *times, settled, components, deviation, of_rows))
+            if self._heard is not None:
+                self._heard(estimates[-1])
+        return estimates
+
+    def _keep_legs(self, sample: Sample | None, q: Array) -> None:
+        """Keep one estimate in `LEGS_EVERY`, whose legs in the air show the errors of their rows."""
+        if sample is not None and self._learns and self._estimates % LEGS_EVERY == 0 and self.walks:
+            at = self._leg_samples % LEGS_KEPT
+            self._legs[0][at], self._legs[1][at] = sample.components, self._observers[0].applications.jacobian(q)
+            self._leg_samples += 1
 
     def _expected(self, effort: Array) -> Expected | None:
         """Return what is expected, from the rms (nv,) of the efforts so far; other rows carry the weight."""

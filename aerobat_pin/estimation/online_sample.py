@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer
 
@@ -95,3 +96,29 @@ class StreamHealth:
         lost = [f"{self.count(fate)} {fate}" for fate in sorted(tallies) if self.count(fate)]
         left_out = f"; samples left out: {', '.join(lost)}" if lost else ""
         return f"{self.estimates} estimates, {self.starts} starts{left_out}"
+
+
+def stream_health(
+    rings: ring_kernels.Rings, keys: Sequence[str], counts: tuple[int, int, int], wait: float
+) -> StreamHealth:
+    """Return the health by the rings of channels, in order, with `counts` of estimates, of starts and of failures.
+
+    Observers have settled `wait` [s] after they started.
+    """
+    newest = {
+        key: float(rings.time[c, (rings.head[c] + rings.filled[c] - 1) % ring_kernels.LENGTH])
+        for c, key in enumerate(keys)
+        if rings.filled[c]
+    }
+    latest, now = max(newest.values(), default=0.0), rings.now
+    stalled = [key for key in keys if key not in newest or latest - newest[key] > ring_kernels.STALL]
+    tallies = (dict(zip(ring_kernels.FATES, tally, strict=True)) for tally in rings.tally.tolist())
+    return StreamHealth(
+        estimates=counts[0],
+        starts=counts[1],
+        skipped=int(rings.skipped[0]),
+        failed=counts[2],
+        samples=dict(zip(keys, tallies, strict=True)),
+        stalled=tuple(stalled) if newest else (),
+        settled=bool(now[ring_kernels.LAST] - now[ring_kernels.BEGAN] >= wait),  # False while they are NaN
+    )

@@ -16,7 +16,7 @@ from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.observer_scores import ObserverScores
 from aerobat_pin.estimation.scores import point_label, quantity, short_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.estimation.trust import burst_noise
+from aerobat_pin.estimation.trust import ComponentSize, burst_noise
 from aerobat_pin.numerics import Array
 
 LASTING = 1.5  # or its rms: noise alone has one error
@@ -107,9 +107,7 @@ def verdict_of(
         named = sorted(events, key=lambda event: -event.size)[:SAID_AT_MOST]
         certain = [_contact(estimate, event, start) for event in sorted(named, key=lambda event: event.onset)]
         what, count = what if len(events) == 1 else f"{len(events)} {plural}, at", len(events)
-        places = {
-            event.point if estimate.head.frames else point_label(event.point.rpartition(".")[0]) for event in events
-        }
+        places = {_place_of(event, estimate) for event in events}
     else:
         count, places = len(certain), {push.place for push in certain}
     quiet = [push.place for push in pushes if push.place not in places]
@@ -133,59 +131,70 @@ def _listed(things: Iterable[object], count: int = 0) -> str:
     return " and ".join(filter(None, [", ".join(texts[:-1]), texts[-1]]))
 
 
+class _Group:
+    """The components at one place that have one unit: where they are largest, and sums over all intervals."""
+
+    def __init__(self, place: str, unit: str, columns: list[int], axes: list[str], start: float) -> None:
+        self.place, self.unit, self.columns, self.axes = place, unit, columns, axes
+        self.rank, self.time = (False, -1.0), start  # whether errors cannot make it up, and how large it is
+        self.force, self.deviation = np.zeros(len(columns)), np.ones(len(columns))
+        self.squares = self.shares = 0.0
+
+    def take(self, time: Array, components: Array, deviations: Array) -> None:
+        """Take the components (m, c) of a block, which are 0 where they are not seen, and their deviations."""
+        force, deviation = components[:, self.columns], deviations[:, self.columns]
+        size = np.linalg.norm(force, axis=1)
+        error = np.maximum(_along_itself(force, deviation) * len(self.columns) ** 0.5, TINY)
+        self.squares += float(np.sum(size**2))
+        self.shares += float(np.sum((size / np.maximum(np.linalg.norm(deviation, axis=1), TINY)) ** 2))
+        beyond = size > SURE_OF_CONTACT * error
+        weight = np.where(beyond, size, 0.0) if beyond.any() else size / error
+        at = int(np.argmax(weight))
+        if (rank := (bool(beyond[at]), float(weight[at]))) > self.rank:
+            self.rank, self.time, self.force, self.deviation = rank, float(time[at]), force[at], deviation[at]
+
+    def push(self, start: float, count: int, sizes: Sequence[ComponentSize], noise: Array) -> _Push:
+        """Return what pushed here, of `count` intervals."""
+        peak, along = float(np.linalg.norm(self.force)), float(_along_itself(self.force, self.deviation))
+        stated = [sizes[k].deviation for k in self.columns]
+        typical = [noise[k] if size is None else size for k, size in zip(self.columns, stated, strict=True)]
+        return _Push(
+            place=point_label(self.place),
+            unit=self.unit,
+            peak=peak,
+            at=self.time - start,
+            way=_way(self.force, self.axes),
+            deviation=None if stated == [None] * len(stated) else along,
+            sure=peak / (SURE_OF_CONTACT * max(along * len(self.columns) ** 0.5, TINY)),
+            rms=(self.squares / count) ** 0.5,
+            lasting=(self.shares / count) ** 0.5,
+            error=float(np.linalg.norm(typical)),
+        )
+
+
 def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
     """Return the force, and the moment, at each place once the estimate has risen."""
-    labels = [label.rpartition(".") for label in estimate.head.identifiability.components]
-    groups = dict[tuple[str, str], list[int]]()
-    for k, ((place, _, axis), unit) in enumerate(zip(labels, estimate.head.units, strict=True)):
-        groups.setdefault((place or axis, unit), []).append(k)
-    noise, sizes = burst_noise(next(estimate.blocks()).components), estimate.component_sizes()
-    typical = [noise[k] if size.deviation is None else size.deviation for k, size in enumerate(sizes)]
-    chosen: dict[tuple[str, str], tuple[bool, float, float, Array, Array]] = {
-        key: (False, -1.0, start, np.zeros(len(columns)), np.ones(len(columns))) for key, columns in groups.items()
-    }
-    squares, shares, count = dict.fromkeys(groups, 0.0), dict.fromkeys(groups, 0.0), 0
+    places = dict[tuple[str, str], dict[int, str]]()
+    for k, label in enumerate(estimate.head.identifiability.components):
+        place, _, axis = label.rpartition(".")
+        places.setdefault((place or axis, estimate.head.units[k]), {})[k] = axis
+    groups = [_Group(*place, list(axes), list(axes.values()), start) for place, axes in places.items()]
+    noise, count = burst_noise(next(estimate.blocks()).components), 0
     for block in estimate.blocks():
         shown = block.shown & (block.time[:-1, None] > estimate.risen - 1e-9)
-        values, sure = np.where(shown, block.components, 0.0), np.broadcast_to(noise, block.components.shape)
+        components, deviations = np.where(shown, block.components, 0.0), np.broadcast_to(noise, shown.shape)
         if block.standard_deviation is not None:
-            sure = np.where(np.isfinite(block.standard_deviation), block.standard_deviation, noise)
+            deviations = np.where(np.isfinite(block.standard_deviation), block.standard_deviation, noise)
         count += int(np.sum(shown.any(axis=1)))
-        for key, columns in groups.items():
-            force, size = values[:, columns], np.linalg.norm(values[:, columns], axis=1)
-            error = np.maximum(_along_itself(force, sure[:, columns]) * len(columns) ** 0.5, TINY)
-            squares[key] += float(np.sum(size**2))
-            shares[key] += float(np.sum((size / np.maximum(np.linalg.norm(sure[:, columns], axis=1), TINY)) ** 2))
-            beyond = size > SURE_OF_CONTACT * error
-            weighed = np.where(beyond, size, 0.0) if beyond.any() else size / error
-            at = int(np.argmax(weighed))
-            better = bool(beyond[at]), float(weighed[at])
-            if better > chosen[key][:2]:
-                chosen[key] = *better, float(block.time[at]), force[at], sure[at, columns]
-    pushes = []
-    for (place, unit), columns in groups.items():
-        _, _, time, vector, sure = chosen[place, unit]
-        peak, along = float(np.linalg.norm(vector)), float(_along_itself(vector[None], sure[None])[0])
-        pushes.append(
-            _Push(
-                point_label(place),
-                unit,
-                peak,
-                time - start,
-                _way(vector, [labels[k][2] for k in columns]),
-                along if any(sizes[k].deviation is not None for k in columns) else None,
-                peak / (SURE_OF_CONTACT * max(along * len(columns) ** 0.5, TINY)),
-                (squares[place, unit] / max(count, 1)) ** 0.5,
-                (shares[place, unit] / max(count, 1)) ** 0.5,
-                float(np.linalg.norm([typical[k] for k in columns])),
-            )
-        )
-    return pushes
+        for group in groups:
+            group.take(block.time, components, deviations)
+    sizes = estimate.component_sizes()
+    return [group.push(start, max(count, 1), sizes, noise) for group in groups]
 
 
 def _along_itself(force: Array, deviation: Array) -> Array:
-    """Return the deviation (m,) of forces (m, n) along themselves, with deviations (m, n) of their components."""
-    squares = np.sum((force * deviation) ** 2, axis=1) / np.maximum(np.sum(force**2, axis=1), TINY**2)
+    """Return the deviation (...) of forces (..., n) along themselves, with deviations (..., n) of their components."""
+    squares = np.sum((force * deviation) ** 2, axis=-1) / np.maximum(np.sum(force**2, axis=-1), TINY**2)
     return np.asarray(np.sqrt(squares))
 
 
@@ -199,12 +208,16 @@ def _way(force: Array, axes: Sequence[str]) -> str:
     return f" along ({', '.join(f'{part:.2f}' for part in force / size)})"
 
 
+def _place_of(event: Contact, estimate: StoredEstimate) -> str:
+    return event.point if estimate.head.frames else point_label(event.point.rpartition(".")[0])
+
+
 def _contact(estimate: StoredEstimate, event: Contact, start: float) -> _Push:
     """Return a contact that a calibration found, at its largest."""
     head, components = estimate.head, estimate.head.identifiability.components
     frames = [point_label(frame) for frame in head.frames]
     columns = [3 * frames.index(event.point) + k for k in range(3)] if frames else [components.index(event.point)]
-    place = event.point if frames else point_label(event.point.rpartition(".")[0])
+    place = _place_of(event, estimate)
     ends = event.onset - start, None if event.end is None else event.end - start
     last = len(estimate) if event.end is None else estimate.start.index(event.end)
     during = estimate.between(max(estimate.start.index(event.onset, "right") - 1, 0), last)
@@ -213,7 +226,7 @@ def _contact(estimate: StoredEstimate, event: Contact, start: float) -> _Push:
         return _Push(place, event.unit, event.size, ends[0], "", None, np.inf, ends=ends)
     at, sure = int(np.argmax(np.linalg.norm(force, axis=1))), during.standard_deviation
     way = _way(force[at], [components[k].rpartition(".")[2] for k in columns])
-    along = None if sure is None else float(_along_itself(force[[at]], sure[[at]][:, columns])[0])
+    along = None if sure is None else float(_along_itself(force[at], sure[at, columns]))
     along = along if along is not None and np.isfinite(along) else None
     return _Push(place, event.unit, event.size, float(during.time[at]) - start, way, along, np.inf, ends=ends)
 
