@@ -9,7 +9,7 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.against_reference import sensor_references
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
 from aerobat_pin.estimation.calibration.check_model import check_model
-from aerobat_pin.estimation.calibration.free_run import noise_where_known
+from aerobat_pin.estimation.calibration.error_bar import noise_where_known
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain

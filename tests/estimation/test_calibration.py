@@ -218,7 +218,7 @@ def test_flights_that_differ_show_how_the_error_depends_on_the_state() -> None:
     for learnt_from in (flights[:1], flights):
         found = calibrate([one.record() for one in learnt_from], parameters=[])
         other = checked_flight(found, flights[0], ("flight.velocity=[3.15,0,0]",))
-        made.append(np.sqrt(np.mean(other.found.force[..., 0] ** 2)))
+        made.append(np.sqrt(np.mean(other.estimate.force[..., 0] ** 2)))
         stated.append(np.mean(other.geometry.deviations(other.factors)[:, 0]))
     assert made[0] > 3e-3 > 2e-3 > made[1]
     assert stated[0] > 2.0 * stated[1]

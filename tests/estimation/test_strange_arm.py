@@ -17,7 +17,7 @@ from support.commands import call
 from support.strange_arm import COULOMB, JOINTS, URDF, arm_map, nothing, pushed, write_log
 
 from aerobat_pin.estimation import Result, calibrate, check_record, estimate
-from aerobat_pin.estimation.calibration.free_run import noise_where_known
+from aerobat_pin.estimation.calibration.error_bar import noise_where_known
 from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.deviations import second_lag
 from aerobat_pin.estimation.fit_known_forces import fitted_forces

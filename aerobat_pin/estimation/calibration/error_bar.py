@@ -1,4 +1,4 @@
-"""The error bar of a calibration: the force that is found where nothing pushes, and where nothing was fitted."""
+"""How large errors are where nothing pushes, and nothing was fitted: of the rows, and of the forces that are found."""
 
 from __future__ import annotations
 
@@ -7,11 +7,64 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from aerobat_pin.estimation.against_reference import PairedEstimate, sensor_references
-from aerobat_pin.estimation.calibration.map_fits import held_out_stretch
+from aerobat_pin.estimation.calibration.free_run import FreeRun, free_runs
+from aerobat_pin.estimation.calibration.map_fits import held_out_stretch, used_by_fits
 from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.gain_regression import fits_to_sensor
+from aerobat_pin.estimation.inverse_dynamics import contact_torque
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import inputs_between, observers_of, points_of, rms_in, run_observers
+from aerobat_pin.estimation.run_observers import inputs_between, observers_of, points_of, rms_in, run_observers, settled
+from aerobat_pin.observers import low_passed, row_names, typical_step
+from aerobat_pin.records import FREE_NV
+
+RAISED_BY = 2.0  # deviations by which the second moment of errors of rows is raised
+FEWEST_LEFT = 10  # intervals that no fit used, from which the noise of the rows follows
+
+
+def row_noise(runs: Sequence[FreeRun], *, learnt: bool) -> dict[str, float]:
+    """Return row -> root second moment of what is left where it moves [N, N m], in data that no fit used.
+
+    It is taken behind the low-pass of the observers, as errors that this takes out do not reach their forces. A joint
+    at rest says nothing of its errors when it slides: an instant counts by how far it does. A few errors may all be
+    small: the second moment is raised by twice its deviation, and is at least that of the data that a fit used. A row
+    that hardly moves has none.
+
+    Args:
+        runs: the runs, with all that is known of them.
+        learnt: whether more than the map's fits was learnt from them, from all but the part that is held out.
+    """
+    names = row_names(runs[0].record.robot.model) if runs else {}
+    count, square, different = np.zeros((3, 2, len(names)))  # where nothing was fitted, and where it was
+    for run in runs:
+        robot, time, v = run.record.robot, run.inputs.time, run.inputs.v
+        fitted = used_by_fits(run.record, run.forces.values, time[:-1])
+        if learnt:
+            fitted[run.fitted] = True
+        share = -np.expm1(-float(run.record.map.observer.gain) * typical_step(time))
+        sliding = np.tanh(0.5 * (v[1:] + v[:-1]) / run.forces.values.stiction(robot)[1])
+        sliding[:, : FREE_NV if robot.free else 0] = 1.0
+        residual = sliding * low_passed(run.residual, share)
+        for which, kept in enumerate(settled(run.record, time[:-1]) & part for part in (~fitted, fitted)):
+            if not kept.any():
+                continue
+            power = np.abs(np.fft.fft(residual[kept], axis=0)) ** 2  # as many errors differ as frequencies have a part
+            different[which] += np.sum(power, axis=0) ** 2 / np.maximum(np.sum(power**2, axis=0), 1e-300)
+            count[which] += np.sum(sliding[kept] ** 2, axis=0)
+            square[which] += np.sum(residual[kept] ** 2, axis=0)
+    raised = square / np.maximum(count, 1e-300) * (1.0 + RAISED_BY * np.sqrt(2.0 / np.maximum(different, 1.0)))
+    raised = np.maximum(raised[0], square[1] / np.maximum(count[1], 1e-300))
+    return {name: float(np.sqrt(raised[k])) for k, name in enumerate(names) if count[0, k] >= FEWEST_LEFT}
+
+
+def noise_where_known(forces: KnownForces) -> dict[str, float]:
+    """Return what `row_noise` does for where nothing touches by the map, or a sensor says what; else nothing."""
+    record = forces.record
+    if fits_to_sensor(record.map):
+        pushed = free_runs(record, forces)
+        runs = [run.explained("sensor", contact_torque(record, record.block(*run.stretch))) for run in pushed]
+        return row_noise(runs, learnt=False)
+    free = record.map.use.free
+    return {} if free is None else row_noise(free_runs(record, forces, free), learnt=False)
 
 
 def error_bar(pairs: Sequence[tuple[KnownForces | None, KnownForces]]) -> dict[str, tuple[float, float]]:

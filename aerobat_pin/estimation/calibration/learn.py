@@ -15,14 +15,12 @@ import numpy as np
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation.calibration.calibration import EFFORT, ENCODER, TORQUE, Belief, Calibration, belief_of
 from aerobat_pin.estimation.calibration.detection import Detection, learn_detection
-from aerobat_pin.estimation.calibration.error_bar import bar_words, error_bar
+from aerobat_pin.estimation.calibration.error_bar import bar_words, error_bar, noise_where_known, row_noise
 from aerobat_pin.estimation.calibration.fit_learnt_error import fit_learnt_error
 from aerobat_pin.estimation.calibration.free_run import (
     FreeRun,
     free_runs,
-    noise_where_known,
     pushes,
-    row_noise,
     unexpected,
 )
 from aerobat_pin.estimation.calibration.identify import Identified, identify
