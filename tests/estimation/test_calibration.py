@@ -181,7 +181,7 @@ def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
     for speed in (3.0, 3.4, 4.0):
         more = (f"flight.velocity=[{speed},0,0]", *OTHER_START)
         checked = checked_flight(found, free, more)
-        wrong = checked.found.force
+        wrong = checked.estimate.force
         stated = checked.geometry.deviations(checked.factors).reshape(wrong.shape)
         assert np.all(np.mean((wrong / stated) ** 2, axis=(0, 1)) < 1.7**2)
         assert checked.check.verdict == "unchanged"
