@@ -154,8 +154,7 @@ def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list
     contacts = []
     for contact in use.contacts:
         if contact.point in head.frames and head.are_world_forces:
-            last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
-            during = estimate.between(max(estimate.start.index(contact.onset, "right") - 1, 0), last)
+            during = during_contact(estimate, contact)
             rows, at = during.time[1:] > contact.onset, head.frames.index(contact.point)
             shown = during.shown.reshape(len(rows), -1, 3)[rows, at]
             force = np.where(shown, during.force[rows, at], 0.0)
@@ -167,6 +166,12 @@ def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list
             if (shown.any() or not len(shown)) and sure > SURE_OF_CONTACT:
                 contacts.append(replace(contact, point=point_label(contact.point), size=size))
     return contacts
+
+
+def during_contact(estimate: StoredEstimate, contact: Contact) -> Estimate:
+    """Return the intervals of an estimate from that in which a contact begins."""
+    last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
+    return estimate.between(max(estimate.start.index(contact.onset, "right") - 1, 0), last)
 
 
 def row_contacts(estimate: StoredEstimate) -> list[Contact] | None:

@@ -33,9 +33,7 @@ LOOKED_AT = 2000  # intervals of a record that show the size of efforts and forc
 WEIGHED = 20  # of them, one in so many is weighed
 LEAST_LIFTED = 10  # of these, with a foot in the air
 FOOT_SHARE = 0.15  # of the weight: a point that never holds so much is no foot
-STRAIGHT_LEG = (
-    0.1  # least over largest singular value of a leg's Jacobian, below which it does not show a force along it
-)
+STRAIGHT_LEG = 0.1  # least over largest singular value of a leg's Jacobian: below, it does not show a force along it
 
 
 def expected_of(

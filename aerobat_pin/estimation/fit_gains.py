@@ -17,7 +17,7 @@ import numpy as np
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.gain_regression import Regression, fits_to_sensor, link_errors, regression
 from aerobat_pin.estimation.known_forces import Fit, FittedValues, KnownForces
-from aerobat_pin.estimation.run_observers import believed_rows
+from aerobat_pin.estimation.run_observers import ignored_rows
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE, AllBut
 from aerobat_pin.records import PayloadSection
@@ -55,7 +55,7 @@ def fit_gains(forces: KnownForces, fit: tuple[float, float], rate: float = SMOOT
         MapError: the record does not show the payload.
     """
     record, robot, values = forces.record, forces.record.robot, forces.values
-    section, payload, ignored = record.map.joints.friction, record.map.payload, believed_rows(record)
+    section, payload, ignored = record.map.joints.friction, record.map.payload, ignored_rows(record)
     joints = tuple(joint for joint in record.driven if joint not in ignored)
     rows, n = [robot.v_index(joint) for joint in joints], len(joints)
     sought = payload if payload is not None and payload.com is None else None

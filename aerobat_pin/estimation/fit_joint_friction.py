@@ -19,7 +19,7 @@ from aerobat_pin.estimation.fit_gains import Gains, fit_gains
 from aerobat_pin.estimation.gain_regression import explained, fitted_blocks, friction_columns, rms_or_nan
 from aerobat_pin.estimation.inverse_dynamics import SMOOTHING, accelerations, required_torque
 from aerobat_pin.estimation.known_forces import Fit, KnownForces
-from aerobat_pin.estimation.run_observers import believed_rows
+from aerobat_pin.estimation.run_observers import ignored_rows
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, SMOOTH_RATE, AllBut, JointFriction, fit_friction
 from aerobat_pin.records import FrictionSection, Record
@@ -61,7 +61,7 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
     assert section is not None
     if "joints.effort" not in record.channels:
         raise MapError("map: joints.friction needs joints.effort")
-    ignored = believed_rows(record)
+    ignored = ignored_rows(record)
     joints = tuple(joint for joint in record.driven if joint not in ignored)
     if section.fit is None:
         raise MapError(
@@ -82,11 +82,8 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
         friction = fit_friction(inside.q, inside.v, _rotor(section, inside), residual, rate)
     except ObserverError as error:
         raise MapError(f"map: joints.friction.fit = {list(section.fit)}: {error}") from error
-    fits = []
+    fits, residuals = [], [_friction_residual(section, part, friction) for part in (inside, outside)]
     for k, joint in enumerate(joints):
-        inside_residual, outside_residual = (
-            _friction_residual(section, part, friction)[:, k] for part in (inside, outside)
-        )
         before = rms_or_nan((plain.needed - plain.given - plain.tau)[:, k])
         coefficients = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": rate}
         if section.scale:
@@ -94,8 +91,9 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
         if joint in gains.deviations:
             coefficients |= {"deviation of the factor": gains.deviations[joint]}
         unit = "N" if record.robot.slides(joint) else "N m"
-        sizes = (before, rms_or_nan(inside_residual), rms_or_nan(outside_residual))
-        fits.append(Fit(f"friction of {joint}", coefficients, unit, *sizes, untold=gains.untold.get(joint, "")))
+        within, beyond = (rms_or_nan(residual[:, k]) for residual in residuals)
+        words = gains.untold.get(joint, "")
+        fits.append(Fit(f"friction of {joint}", coefficients, unit, before, within, beyond, untold=words))
     values = replace(forces.values, friction=friction, fits=(*forces.values.fits, *fits))
     return replace(forces, values=values)
 
@@ -120,8 +118,7 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
     fitted = [name for name, known in record.map.known.items() if known.fit is not None]
     if fitted:
         raise MapError(f"calibrate: known.{fitted[0]}.fit takes the mass as given: its coefficients were expected")
-    ignored = believed_rows(record)
-    rows = AllBut(*ignored).kept(robot.model) if ignored else list(range(robot.model.nv))
+    rows = AllBut(*ignored_rows(record)).kept(robot.model)
     joint_rows = {robot.v_index(joint) for joint in record.joints}
     inside, outside = _fitted_samples(record, forces, rows, stretch)
     along, power, lines = 0.0, 0.0, []

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pinocchio as pin
 
@@ -94,6 +96,14 @@ def sensor_point(record: Record) -> str:
     return point
 
 
+def frame_jacobians(
+    model: pin.Model, q: Array, frame: int, axes: pin.ReferenceFrame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+) -> Iterator[Array]:
+    """Yield the Jacobian (6, nv) of a frame's origin at each of some configurations (m, nq)."""
+    data = model.createData()
+    return (frame_jacobian(model, data, q_k, frame, axes) for q_k in q)
+
+
 def contact_torque(record: Record, block: Block) -> Array:
     """Return the generalised force (m, nv) of the sensor's force at its point. Raises MapError without a sensor."""
     if "check.wrench" not in record.channels:
@@ -103,9 +113,6 @@ def contact_torque(record: Record, block: Block) -> Array:
     assert section is not None
     axes = frame_axes(record, block, point) if section.axes == "frame" else None
     force = sensor_force(record, block.time, axes)
-    data, index = model.createData(), model.getFrameId(point)
-    torque = np.empty_like(block.tau)
-    for k in range(len(torque)):
-        jacobian = frame_jacobian(model, data, block.q[k], index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        torque[k] = jacobian[: force.shape[1]].T @ force[k]
-    return torque
+    jacobians = frame_jacobians(model, block.q[:-1], model.getFrameId(point))
+    torque = [J[: force.shape[1]].T @ f for J, f in zip(jacobians, force, strict=True)]
+    return np.array(torque).reshape(-1, model.nv)

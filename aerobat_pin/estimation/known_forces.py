@@ -15,8 +15,8 @@ import pinocchio as pin
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.calibration.learnt_error import LearntError
-from aerobat_pin.estimation.inverse_dynamics import turned
-from aerobat_pin.numerics import Array, frame_jacobian
+from aerobat_pin.estimation.inverse_dynamics import frame_jacobians, turned
+from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE, JointFriction
 from aerobat_pin.records import Block, KnownSection, PlainRobot, Record, world_turn
 
@@ -196,13 +196,12 @@ def unit_direction(section: KnownSection) -> Array:
 def frame_wrench(record: Record, section: KnownSection, block: Block, wrench: Array) -> Array:
     """Return the generalised force (m, nv) of a wrench (m, 6) at a frame, in its axes or those of the world."""
     model = record.robot.model
-    data, base = model.createData(), model.names[1] if record.robot.free else "universe"
+    base = model.names[1] if record.robot.free else "universe"
     frame = model.getFrameId(base if section.frame is None else section.frame)
     if section.frame is not None and not model.existFrame(section.frame):
         raise MapError(f"map: known: no frame '{section.frame}' in robot {record.robot.title}")
     axes = pin.ReferenceFrame.LOCAL if section.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     if record.robot.free and model.frames[frame].parentJoint == 1 and section.axes == "frame":
-        return wrench @ frame_jacobian(model, data, block.q[0], frame, axes)  # the same at every configuration
-    rows = zip(block.q[:-1], wrench, strict=True)
-    turned = [frame_jacobian(model, data, q, frame, axes).T @ each for q, each in rows]
-    return np.array(turned).reshape(-1, model.nv)
+        return wrench @ next(frame_jacobians(model, block.q[:1], frame, axes))  # the same at every configuration
+    jacobians = frame_jacobians(model, block.q[:-1], frame, axes)
+    return np.array([J.T @ w for J, w in zip(jacobians, wrench, strict=True)]).reshape(-1, model.nv)

@@ -93,15 +93,14 @@ class OnlineEstimator:
         asked = (*base_requests(chosen), *joint_requests(chosen, self.robot, names))
         self._requests = {request.key: request for request in asked}
         self._check()
-        columns = [request.names for request in self._requests.values()]
+        requests = tuple(self._requests.values())
+        columns = [request.names for request in requests]
         self._readers: list[tuple[int, Any, Array]] = [
             (c, itemgetter(*names), np.zeros(len(names))) for c, names in enumerate(columns)
         ]
         lead = [key for key in LEADING if key in self._requests]
         self._leading = [*self._requests].index(lead[0] if lead else next(iter(self._requests)))
-        self._memory = ring_kernels.new_rings(
-            chosen, self.robot, names, tuple(self._requests.values()), self._values, wait
-        )
+        self._memory = ring_kernels.new_rings(chosen, self.robot, names, requests, self._values, wait)
         self._rings = fields_of(self._memory, ring_kernels.Rings)
         self._epoch: float | None = None
         self._estimates = self._starts = self._failed = 0

@@ -256,9 +256,7 @@ class Result:
         lines += [f"fit: {fit}" for fit in self.fits]
         header, rows = score_table(self.observers)
         lines += text_table([header, *rows]) if rows else []
-        if sum(len(scores.scored) for scores in self.observers.values()) < sum(
-            len(scores.components) for scores in self.observers.values()
-        ):
+        if any(len(scores.scored) < len(scores.components) for scores in self.observers.values()):
             lines += text_table(self.sizes)
         lines += self.hints
         for name, scores in self.observers.items():

@@ -101,12 +101,10 @@ def built_observers(
     return observers
 
 
-def believed_rows(record: Record) -> tuple[str, ...]:
+def ignored_rows(record: Record) -> tuple[str, ...]:
     """Return the joints, and parts of the base, whose rows are not believed."""
     rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
-    if isinstance(rows, AllBut):
-        return rows.names
-    return () if rows == "all" else record.robot.joints
+    return rows.names if isinstance(rows, AllBut) else () if rows == "all" else record.robot.joints
 
 
 def rows_of(

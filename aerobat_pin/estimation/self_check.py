@@ -11,15 +11,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.calibration.calibration import Calibration
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
+from aerobat_pin.estimation.inverse_dynamics import frame_jacobians
 from aerobat_pin.estimation.run_observers import observers_of, rows_of
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
-from aerobat_pin.numerics import Array, frame_jacobian, guarded
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Observer, moving_weight
 from aerobat_pin.records import Record
 
@@ -113,7 +113,8 @@ def _played(observer: Observer, record: Record, inputs: KnownInputs, size: float
     before = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, known)
     columns = [before.identifiability.components.index(f"{frame}.F{axis}") for frame in frames for axis in "xyz"]
     for at, frame in enumerate(frames):
-        rows = _jacobians(record.robot.model, inputs.q[:-1], frame)
+        model = record.robot.model
+        rows = np.stack([J[:3] for J in frame_jacobians(model, inputs.q[:-1], model.getFrameId(frame))])
         for k, axis in enumerate("xyz"):
             pushed = {**known, "self-check": -size * rows[:, k]}
             after = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, pushed)
@@ -121,12 +122,3 @@ def _played(observer: Observer, record: Record, inputs: KnownInputs, size: float
             wrong = np.max(np.abs(change - size * np.eye(len(columns))[3 * at + k]), axis=1)
             share = float(np.mean(wrong <= FORCE_TOLERANCE * size))
             yield Check.of(observer.name, frames, at, axis, size, np.mean(change, axis=0).reshape(-1, 3), share)
-
-
-def _jacobians(model: pin.Model, q: Array, frame: str) -> Array:
-    """Return the Jacobians (m, 3, nv) of a frame's origin, world axes, at configurations (m, nq)."""
-    data, index, axes = model.createData(), model.getFrameId(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    jacobians = np.empty((len(q), 3, model.nv))
-    for k, configuration in enumerate(q):
-        jacobians[k] = frame_jacobian(model, data, configuration, index, axes)[:3]
-    return jacobians

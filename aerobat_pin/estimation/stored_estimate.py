@@ -57,9 +57,7 @@ class StoredEstimate:
             self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
             self._sum, self._squares, self._shown = np.zeros((3, block.components.shape[1]))
             self._doubt, self._judged, self._worst = 0.0, 0, (0.0, float(block.time[0]))
-            self._columns = {
-                name: Series(self._spool, None if rows.ndim == 1 else rows.shape[1]) for name, rows in columns.items()
-            }
+            self._columns = {name: Series(self._spool, *rows.shape[1:]) for name, rows in columns.items()}
         worse = not self._counts or _severity(block) < _severity(self.head)
         self.head = replace(
             block if not self._counts else self.head,

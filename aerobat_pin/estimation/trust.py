@@ -89,9 +89,8 @@ def local_noise(components: Array) -> Array:
         return np.broadcast_to(sample_noise(components), components.shape)
     count = (len(components) - DIFFERENCE) // NOISE_STRETCH
     change = np.abs(np.diff(components, n=DIFFERENCE, axis=0))[: count * NOISE_STRETCH]
-    size = (
-        GAUSSIAN * np.median(change.reshape(count, NOISE_STRETCH, -1), axis=1) / sqrt(comb(2 * DIFFERENCE, DIFFERENCE))
-    )
+    size = GAUSSIAN * np.median(change.reshape(count, NOISE_STRETCH, -1), axis=1)
+    size /= sqrt(comb(2 * DIFFERENCE, DIFFERENCE))
     return np.asarray(size[np.minimum(np.arange(len(components)) // NOISE_STRETCH, count - 1)])
 
 

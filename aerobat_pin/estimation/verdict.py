@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, Contact, ModelCheck
+from aerobat_pin.estimation.contacts import during_contact
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.observer_scores import ObserverScores
 from aerobat_pin.estimation.scores import point_label, quantity, short_label
@@ -111,9 +112,8 @@ def verdict_of(
     else:
         count, places = len(certain), {push.place for push in certain}
     quiet = [push.place for push in pushes if push.place not in places]
-    said = f"{estimate.head.observer} finds " + (
-        f"{what} {_listed(certain, count)}" if certain else f"no {singular[2:]} that stands out from its errors"
-    )
+    what = f"{what} {_listed(certain, count)}" if certain else f"no {singular[2:]} that stands out from its errors"
+    said = f"{estimate.head.observer} finds {what}"
     if certain and quiet:
         said += f"; nothing at {_listed(dict.fromkeys(quiet))} stands out from its errors"
     doubts = [f"the record contradicts itself: {finding.check}" for finding in findings if finding.verdict == "refused"]
@@ -219,8 +219,7 @@ def _contact(estimate: StoredEstimate, event: Contact, start: float) -> _Push:
     columns = [3 * frames.index(event.point) + k for k in range(3)] if frames else [components.index(event.point)]
     place = _place_of(event, estimate)
     ends = event.onset - start, None if event.end is None else event.end - start
-    last = len(estimate) if event.end is None else estimate.start.index(event.end)
-    during = estimate.between(max(estimate.start.index(event.onset, "right") - 1, 0), last)
+    during = during_contact(estimate, event)
     force = np.where(during.shown, during.components, 0.0)[:, columns]
     if not len(force):
         return _Push(place, event.unit, event.size, ends[0], "", None, np.inf, ends=ends)
@@ -236,9 +235,8 @@ def _sureness(scores: ObserverScores, kind: str, certain: list[_Push], pushes: l
     if scores.points:
         forces = {label: score for label, score in scores.scored.items() if label.rpartition(".")[2][0] == "F"}
         error = float(np.linalg.norm([score.rmse for score in forces.values()]))
-        size = float(
-            np.linalg.norm([part.rms or 0.0 for part in scores.components if short_label(part.name) in forces])
-        )
+        sizes = [part.rms or 0.0 for part in scores.components if short_label(part.name) in forces]
+        size = float(np.linalg.norm(sizes))
         share = f"{100.0 * error / size:.2g} % of it" if 0.99 * size > error else "as much as it finds"
         where = f" at {_listed(scores.points)}" if kind == "sensor" else ""
         per_point = quantity(error / len(scores.points) ** 0.5, "N")

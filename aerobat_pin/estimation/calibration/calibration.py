@@ -131,9 +131,8 @@ class Calibration:
     @property
     def origin(self) -> str:
         """Where it comes from, in words."""
-        return (
-            f"learnt from {self.records[0]}" if len(self.records) == 1 else f"learnt from {len(self.records)} records"
-        )
+        count = len(self.records)
+        return f"learnt from {self.records[0]}" if count == 1 else f"learnt from {count} records"
 
     def applied(self, record: Record) -> Record:
         """Return a record whose robot has the learnt parameters, and whose map fits nothing that was learnt.

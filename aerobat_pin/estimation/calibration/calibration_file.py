@@ -219,9 +219,8 @@ class _Parts:
 
     def _texts(self, key: str) -> tuple[str, ...]:
         """Return texts; none if there is no such part."""
-        return (
-            tuple(str(text) for text in np.atleast_1d(self._data[key].values) if str(text)) if key in self._data else ()
-        )
+        texts = np.atleast_1d(self._data[key].values) if key in self._data else ()
+        return tuple(str(text) for text in texts if str(text))
 
     def _numbers(self, key: str, *shape: int, finite: bool = True) -> Array:
         """Return numbers of a shape, all finite and within bounds unless they need not be."""

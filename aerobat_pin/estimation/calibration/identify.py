@@ -94,9 +94,8 @@ class Identified:
             f"({force_size(self.allowed)} count as explained)"
         ]
         hidden = self.unidentifiable
-        for (name, parameter), value, deviation in zip(
-            self.parameters.items(), self.values, self.deviations, strict=True
-        ):
+        changes = zip(self.parameters.items(), self.values, self.deviations, strict=True)
+        for (name, parameter), value, deviation in changes:
             unit, factor = ("mm", 1e3) if parameter.unit == "m" else ("%", 1e2)
             line = f"  {name:<15} {factor * value:+8.2f} {unit:<2}  deviation {factor * deviation:.2g} {unit}"
             if name in hidden:

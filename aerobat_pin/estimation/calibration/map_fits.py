@@ -17,7 +17,7 @@ from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
 from aerobat_pin.estimation.gain_regression import CENTRE_ERROR, MASS_ERROR, fits_to_sensor, in_stretch
 from aerobat_pin.estimation.known_forces import FRICTION_SHOWN, FittedValues, KnownForces
-from aerobat_pin.estimation.run_observers import believed_rows
+from aerobat_pin.estimation.run_observers import ignored_rows
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
 from aerobat_pin.records import FrictionSection, Map, Record
@@ -60,7 +60,7 @@ def with_friction(records: Sequence[Record], *, mass: bool) -> tuple[list[Record
     """
     first = records[0]
     effort, named = "joints.effort" in first.channels, first.map.joints.friction is not None
-    if first.robot.parameters or named or not effort or not set(first.driven) - set(believed_rows(first)):
+    if first.robot.parameters or named or not effort or not set(first.driven) - set(ignored_rows(first)):
         return [*records], [], []
     if len(records) > 1:
         return [*records], [], [NOT_FITTED]

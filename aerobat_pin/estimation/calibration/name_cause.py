@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 
 from aerobat_pin.estimation.calibration.checked_part import CheckedPart
 from aerobat_pin.estimation.calibration.free_run import AT_ONCE
@@ -30,7 +29,6 @@ from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.run_observers import LEAST_EXPECTED
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MomentumObserver, slow_part
-from aerobat_pin.records import Condition
 
 SURE_OF_CAUSE = 4.0  # z from which a cause is named
 
@@ -63,49 +61,43 @@ def named_cause(
         forces: the known forces of the record.
         before: a cause whose size is to be found more exactly, as its effect is not linear.
     """
-    condition, suspects = part.inputs.condition, forces.record.robot.suspects()
-    if condition is None or not suspects or part.estimate.redundancy.belief < LEAST_EXPECTED * part.estimate.weight:
+    estimate = part.estimate
+    if part.inputs.condition is None or estimate.redundancy.belief < LEAST_EXPECTED * estimate.weight:
         return None
-    time, geometry = part.inputs.time, part.geometry
+    names = forces.record.robot.suspects() if before is None else (before.cause.name,)
+    causes = [_cause_of(name, part, series, forces, before) for name in names]
+    return max(filter(None, causes), key=lambda named: named.cause.share, default=None)
+
+
+def _cause_of(
+    name: str, part: CheckedPart, series: LearntError, forces: KnownForces, before: Named | None
+) -> Named | None:
+    """Return what a cause explains of a part; None if its parameters cannot be told apart, or from what is left."""
+    time, geometry, group = part.inputs.time, part.geometry, forces.record.robot.suspects()[name]
     x = slow_part(time, part.estimate.unexplained[:, : geometry.projector.shape[1]])
-    residual = _residual_of(forces.record.robot.model, part.inputs)
-    causes: list[tuple[float, Named]] = []
-    for name, group in suspects.items():
-        if before is not None and before.cause.name != name:
-            continue
-        start = np.zeros(len(group)) if before is None else before.values
-        here = residual
-        if before is not None:
-            here = _residual_with(part.inputs, forces, name, start, inertial=group[0].inertial)
-        slopes = np.stack(
-            [
-                (_residual_with(part.inputs, forces, name, start + step, inertial=suspect.inertial) - here)
-                / suspect.step
-                for suspect, step in zip(group, np.diag([suspect.step for suspect in group]), strict=True)
-            ],
-            axis=2,
-        )
-        G = np.stack([slow_part(time, geometry.unexplained(slope)) for slope in np.moveaxis(slopes, 2, 0)], axis=2)
-        normal = np.einsum("nkp,nkq->pq", G, G)
-        if np.linalg.matrix_rank(normal) < len(group):
-            continue
-        H = G @ np.linalg.inv(normal)
-        change = -np.einsum("nkp,nk->p", H, x)
-        remainder, theta = x + G @ change, start + change
-        covariance = _covariance(part, series, H) + _cycle_sums(condition, H, remainder)
-        z = np.sqrt(theta @ np.linalg.solve(covariance, theta) / len(group))
-        if z < SURE_OF_CAUSE:
-            continue
-        share = 1.0 - float(np.sum(remainder**2) / np.sum(x**2)) if before is None else before.cause.share
-        numbers = theta.tolist(), np.sqrt(np.diag(covariance)).tolist()
-        size, deviation = (
-            tuple(s.factor * value for s, value in zip(group, values, strict=True)) for values in numbers
-        )
-        labels, units = tuple(suspect.label for suspect in group), tuple(suspect.unit for suspect in group)
-        cause = Cause(name, size, deviation, labels, units, share)
-        named = Named(cause, theta, -slopes @ theta, slopes @ np.linalg.cholesky(covariance))
-        causes.append((share, named))
-    return max(causes, key=lambda candidate: candidate[0])[1] if causes else None
+    start, steps = np.zeros(len(group)) if before is None else before.values, np.diag([each.step for each in group])
+    here, *stepped = (_residual_with(part.inputs, forces, name, values) for values in (start, *(start + steps)))
+    slopes = np.stack([(after - here) / step.sum() for after, step in zip(stepped, steps, strict=True)], axis=2)
+    G = np.stack([slow_part(time, geometry.unexplained(slope)) for slope in np.moveaxis(slopes, 2, 0)], axis=2)
+    normal = np.einsum("nkp,nkq->pq", G, G)
+    if np.linalg.matrix_rank(normal) < len(group):
+        return None
+    H = G @ np.linalg.inv(normal)
+    change = -np.einsum("nkp,nk->p", H, x)
+    remainder, theta = x + G @ change, start + change
+    covariance = _covariance(part, series, H) + _cycle_sums(part, H, remainder)
+    if np.sqrt(theta @ np.linalg.solve(covariance, theta) / len(group)) < SURE_OF_CAUSE:
+        return None
+    factors = np.array([suspect.factor for suspect in group])
+    cause = Cause(
+        name=name,
+        estimate=tuple((factors * theta).tolist()),
+        deviation=tuple((factors * np.sqrt(np.diag(covariance))).tolist()),
+        labels=tuple(suspect.label for suspect in group),
+        units=tuple(suspect.unit for suspect in group),
+        share=1.0 - float(np.sum(remainder**2) / np.sum(x**2)) if before is None else before.cause.share,
+    )
+    return Named(cause, theta, -slopes @ theta, slopes @ np.linalg.cholesky(covariance))
 
 
 def cause_corrected(inputs: KnownInputs, named: Named, forces: KnownForces) -> KnownInputs:
@@ -134,17 +126,15 @@ def _changed_inputs(inputs: KnownInputs, forces: KnownForces, name: str, values:
     return inputs_of_block(forces.record, block, forces, inputs.rows)
 
 
-def _residual_with(inputs: KnownInputs, forces: KnownForces, name: str, values: Array, *, inertial: bool) -> Array:
+def _residual_with(inputs: KnownInputs, forces: KnownForces, name: str, values: Array) -> Array:
     """Return R - e (m, nv) of a whole part as it would be with a cause."""
     robot = forces.record.robot
-    if not np.any(values):
-        return _residual_of(robot.model, inputs)
-    robot, _ = robot.suspected(name, values, forces.record.block(*forces.record.parts[0]))
-    return _residual_of(robot.model, inputs if inertial else _changed_inputs(inputs, forces, name, values))
-
-
-def _residual_of(model: pin.Model, inputs: KnownInputs) -> Array:
-    return MomentumObserver(model, (), AT_ONCE).run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known).residual
+    inertial = all(suspect.inertial for suspect in robot.suspects()[name])
+    if np.any(values):
+        robot, _ = robot.suspected(name, values, forces.record.block(*forces.record.parts[0]))
+        inputs = inputs if inertial else _changed_inputs(inputs, forces, name, values)
+    observer = MomentumObserver(robot.model, (), AT_ONCE)
+    return observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known).residual
 
 
 def _covariance(part: CheckedPart, series: LearntError, H: Array) -> Array:
@@ -166,8 +156,10 @@ def _covariance(part: CheckedPart, series: LearntError, H: Array) -> Array:
     return covariance
 
 
-def _cycle_sums(condition: Condition, H: Array, remainder: Array) -> Array:
+def _cycle_sums(part: CheckedPart, H: Array, remainder: Array) -> Array:
     """Return the covariance (p, p) of theta by what is left, summed over each cycle."""
+    condition = part.inputs.condition
+    assert condition is not None
     cycle = np.floor((condition.phase - condition.phase[0]) / (2.0 * np.pi)).astype(int)
     cycle -= cycle.min()
     sums = np.zeros((cycle.max() + 1, H.shape[2]))

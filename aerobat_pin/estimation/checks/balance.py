@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
-from aerobat_pin.estimation.run_observers import believed_rows
+from aerobat_pin.estimation.run_observers import ignored_rows
 from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.observers import MOMENT_ARM, AllBut
 from aerobat_pin.records import Block, Record
@@ -74,9 +74,8 @@ class Balance:
         """Return the sum of squares that the efforts leave, those of a pair exchanged, over the needed one."""
         residual = self.residual if signs is None else self.needed - self.given @ signs
         for j, k in zip(*pair, strict=True):
-            residual = (
-                residual - (self.reach[:, j] - self.reach[:, k]) * (self.effort[:, k] - self.effort[:, j])[self.at]
-            )
+            change = (self.effort[:, k] - self.effort[:, j])[self.at]
+            residual = residual - (self.reach[:, j] - self.reach[:, k]) * change
         return float(residual @ residual) / self.size
 
     def of_joints(self, equations: Array) -> tuple[Array, Array]:
@@ -92,8 +91,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
     robot, model, free = record.robot, record.robot.model, record.map.use.free
     if free is None and not (record.map.robot.points or record.map.robot.wrenches):
         return None  # a force that is not sought may be in every row
-    ignored = believed_rows(record)
-    rows = AllBut(*ignored).kept(model) if ignored else list(range(model.nv))
+    rows = AllBut(*ignored_rows(record)).kept(model)
     arms = 3 * [1.0] + 3 * [1.0 / MOMENT_ARM] if robot.free else []
     arms += [1.0 if robot.slides(joint) else 1.0 / MOMENT_ARM for joint in robot.joints]
     weight, at = np.array(arms)[rows], [robot.v_index(joint) for joint in record.driven]
@@ -121,10 +119,8 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
             reach.append(project @ unit)
             motion.append((given.tau[k, at], v[at], a[k, at]))
             base.append(np.zeros(Q.shape[1]))
-            pulls = [pin.computeGeneralizedGravity(world, data, block.q[k])[rows] for world in falling] or 3 * [
-                0.0 * weight
-            ]
-            pulled.append(project @ np.stack(pulls, axis=1))
+            pulls = [pin.computeGeneralizedGravity(world, data, block.q[k])[rows] for world in falling]
+            pulled.append(project @ np.stack(pulls or 3 * [0.0 * weight], axis=1))
             if lighter is not None:
                 base[-1] = project @ pin.rnea(lighter, lighter_data, block.q[k], v, a[k])[rows]
     if not needed:

@@ -257,9 +257,8 @@ def _measured_per_needed(balance: Balance, factors: Array, residual: Array) -> t
         noise = x - X @ np.linalg.lstsq(X * np.sqrt(w)[:, None], x * np.sqrt(w), rcond=1e-9)[0]
         least = 1e-12 + 1e-12 * float(w @ x**2)
         share = count / (float(w @ noise**2) + least)
-        inverse = np.linalg.pinv(
-            share * (X.T * w) @ X + np.diag([0.0, *(4 * [1.0 / (priors[k] ** 2 + least)])]), rcond=1e-18
-        )
+        prior = np.diag([0.0, *(4 * [1.0 / (priors[k] ** 2 + least)])])
+        inverse = np.linalg.pinv(share * (X.T * w) @ X + prior, rcond=1e-18)
         gain[k], deviation[k] = (inverse @ (share * (X.T * w) @ x))[0], np.sqrt(max(inverse[0, 0], 0.0))
         if gain[k] * ((w * x) @ needed[:, k]) < 0.0:
             deviation[k] = np.inf

@@ -189,9 +189,8 @@ def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Itera
     """
     model, fixed = record.robot.model, ["the base"] if record.map.base.held else []
     fast = [(frame, speed) for frame, speed in zip(frames, speeds.tolist(), strict=True) if speed > STANDS]
-    carrying = {
-        joint for frame, _ in fast for joint in model.supports[model.frames[model.getFrameId(frame)].parentJoint]
-    }
+    bodies = [model.frames[model.getFrameId(frame)].parentJoint for frame, _ in fast]
+    carrying = {joint for body in bodies for joint in model.supports[body]}
     fixed += [name for name in record.map.joints.held if model.getJointId(name) in carrying]
     if fixed and fast:
         words = ", ".join(f"{frame} at {speed:.2g} m/s" for frame, speed in fast)
