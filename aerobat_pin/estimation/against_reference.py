@@ -63,12 +63,8 @@ class PairedEstimate:
         values, clean = self.reference.values, self.reference.noise_free
         for first in range(0, len(self.start), EXTENT):
             rows = slice(first, first + EXTENT)
-            yield (
-                self.start[rows],
-                self.estimate[rows],
-                values[rows],
-                values[rows] if clean is None else clean[rows],
-            )
+            truth = values[rows]
+            yield self.start[rows], self.estimate[rows], truth, truth if clean is None else clean[rows]
 
     def sample(self, most: int) -> tuple[Array, Array]:
         """Return estimate and reference without noise (n, k) of the first `most` intervals that are scored."""

@@ -54,10 +54,8 @@ def expected_of(
     stretches = [given for given in map(lambda ends: inputs(*ends), record.spread(LOOKED_AT)) if len(given.tau) > 1]
     if not stretches:
         return None
-    needed = [
-        required_torque(record, block, accelerations(block, record))
-        for block in (Block(stretch.time, stretch.q, stretch.v, stretch.tau) for stretch in stretches)
-    ]
+    blocks = [Block(stretch.time, stretch.q, stretch.v, stretch.tau) for stretch in stretches]
+    needed = [required_torque(record, block, accelerations(block, record)) for block in blocks]
     efforts = np.concatenate([stretch.tau for stretch in stretches])
     expected = expected_from(record.robot, values, points, column_rms(efforts), column_rms(np.concatenate(needed)))
     if not points:

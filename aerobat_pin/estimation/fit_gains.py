@@ -103,10 +103,8 @@ def _precision(values: FittedValues, joints: Sequence[str], rows: int, errors: i
     if len(values.gain_covariance):
         chosen = [joint for joint in joints if joint in values.joints]
         links = range(len(values.joints), len(values.gain_covariance))
-        source, target = (
-            [*map(values.joints.index, chosen), *links],
-            [*map(joints.index, chosen), *range(rows, rows + errors)],
-        )
+        source = [*map(values.joints.index, chosen), *links]
+        target = [*map(joints.index, chosen), *range(rows, rows + errors)]
         known = np.linalg.pinv(values.gain_covariance[np.ix_(source, source)], rcond=1e-14, hermitian=True)
         precision[np.ix_(target, target)] = known
     return precision

@@ -52,10 +52,8 @@ def fitted_forces(record: Record, learnt: FittedValues | None = None) -> KnownFo
 
 def _refuse_the_untellable(record: Record, payload: PayloadSection) -> None:
     """Raise MapError if a payload that is sought looks like something else that is sought."""
-    friction, fitted = (
-        record.map.joints.friction,
-        [name for name, section in record.map.known.items() if section.fit is not None],
-    )
+    friction = record.map.joints.friction
+    fitted = [name for name, section in record.map.known.items() if section.fit is not None]
     if payload.mass is None and friction is not None and friction.scale:
         raise MapError(
             "map: payload has no mass, and joints.friction.scale = true: a heavier payload and smaller factors look "
@@ -102,12 +100,5 @@ def _fit_thrust(record: Record, name: str, section: KnownSection) -> tuple[Array
     held_out = ~inside
     values = {f"of power {p}": float(c) for p, c in zip(section.powers, coefficients, strict=True)}
     spread = target[held_out] if held_out.any() else target
-    outside = rms_or_nan(residual[held_out]) if held_out.any() else float("nan")
-    return coefficients, Fit(
-        f"known.{name}",
-        values,
-        "N",
-        rms_or_nan(spread - spread.mean()),
-        rms_or_nan(residual[inside]),
-        outside,
-    )
+    before, within, beyond = map(rms_or_nan, (spread - spread.mean(), residual[inside], residual[held_out]))
+    return coefficients, Fit(f"known.{name}", values, "N", before, within, beyond)

@@ -111,10 +111,8 @@ class Regression:
                 values are then more exact than the covariance says, which holds for errors as large as expected.
         """
         n, p = len(precision) - self.errors, self.errors
-        x, prior = (
-            np.concatenate([np.ones(n), np.zeros(p + n * self.friction)]),
-            np.zeros(2 * [n + p + n * self.friction]),
-        )
+        x = np.concatenate([np.ones(n), np.zeros(p + n * self.friction)])
+        prior = np.zeros(2 * [len(x)])
         prior[: n + p, : n + p] = precision
         prior[range(n + p, len(x)), range(n + p, len(x))] = float(self.changes)
         if self.payload is not None:

@@ -208,11 +208,9 @@ def next_time(rings: Rings, leading: int, begin: float, ready: float) -> float:
         now[INDEX] += 1.0
         return float(t)
     count = rings.filled[leading]
-    after = (
-        max(now[LAST_SEEN], np.nextafter(begin, -np.inf))
-        if not np.isnan(now[LAST_SEEN])
-        else np.nextafter(begin, -np.inf)
-    )
+    after = np.nextafter(begin, -np.inf)
+    if not np.isnan(now[LAST_SEEN]):
+        after = max(now[LAST_SEEN], after)
     i = bracket(rings, leading, after)
     while i < count and stamp_at(rings, leading, i) <= after:
         i += 1

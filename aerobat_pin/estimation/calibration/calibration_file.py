@@ -204,10 +204,8 @@ class _Parts:
         if not np.all(scale > 0.0):
             raise ValueError("state_scale: units above 0 were expected")
         units = dict(zip(states, self._texts("state_unit"), strict=True))
-        mean, spread = (
-            self._numbers("weight", weights, count),
-            self._numbers("weight_covariance", count, weights, weights),
-        )
+        mean = self._numbers("weight", weights, count)
+        spread = self._numbers("weight_covariance", count, weights, weights)
         return LearntError((terms - 1) // 2, units, centre, scale, size, mean, spread, remainder)
 
     def _detection(self) -> Detection:

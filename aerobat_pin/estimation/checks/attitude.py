@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from aerobat_pin.estimation.checks.compare import COMPARED_OVER, comparison_of
-from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.estimation.findings import Finding, FindingVerdict
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Agreement, G
 from aerobat_pin.robot import rotation_matrices
@@ -114,8 +114,6 @@ def accelerometer_findings(
         f"turned to the world it is {np.linalg.norm(world) / gravity:.3f} of gravity and {tilt:.2f} deg off the "
         f"vertical: {f'{seeming:.3g} N' if seeming >= 1.0 else f'{1e3 * seeming:.3g} mN'} of seeming force"
     )
-    if tilt > 90.0:
-        text += "; up is down: log.world or base.axes"
-        yield Finding("accelerometer against gravity", "refused", text, tilt, "deg")
-    else:
-        yield Finding("accelerometer against gravity", "good" if tilt < 5.0 else "warning", text, tilt, "deg")
+    text += "; up is down: log.world or base.axes" if tilt > 90.0 else ""
+    verdict: FindingVerdict = "refused" if tilt > 90.0 else "good" if tilt < 5.0 else "warning"
+    yield Finding("accelerometer against gravity", verdict, text, tilt, "deg")

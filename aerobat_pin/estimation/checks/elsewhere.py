@@ -39,10 +39,8 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
     if moves.sum() < FEWEST_MEANS:
         return
     lean = np.linalg.norm(means - np.median(means[moves], axis=0), axis=1)
-    usual, worst = (
-        float(np.quantile(lean[moves], USUAL_SHARE)),
-        int(np.argmax(np.where(settled(record, time), lean, 0.0))),
-    )
+    usual = float(np.quantile(lean[moves], USUAL_SHARE))
+    worst = int(np.argmax(np.where(settled(record, time), lean, 0.0)))
     if lean[worst] > max(TIMES_USUAL * usual, np.sqrt(estimate.redundancy.redundant)):
         text = (
             f"from {time[worst] - record.start:.2f} s on, what no force explains leans one way for {LEANS_FOR:g} s, "

@@ -12,7 +12,7 @@ from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
 from aerobat_pin.estimation.checks.elsewhere import elsewhere_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.expected_of_record import column_rms
-from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.estimation.findings import Finding, FindingVerdict
 from aerobat_pin.estimation.known_forces import BESIDE, KnownForces, command_sum, unit_direction
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import rms_in, settled
@@ -141,16 +141,12 @@ def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[F
     expected = 0.0 if carried else 1.0
     text = f"mean force over weight is {mean[0]:.3f}, {mean[1]:.3f}, {mean[2]:.3f} (x, y, z)"
     off = float(np.linalg.norm(mean - [0.0, 0.0, expected]))
+    verdict: FindingVerdict = "good"
     if carried and float(np.linalg.norm(mean - [0.0, 0.0, 2.0])) < 2.0 - UPSIDE_DOWN:
-        yield Finding(
-            "mean force", "refused", f"{text}: about 2 if the attitude is misread and thrust points down", off, "1"
-        )
+        verdict, text = "refused", f"{text}: about 2 if the attitude is misread and thrust points down"
     elif off > 0.5:
-        yield Finding(
-            "mean force", "warning", f"{text}; {'the weight' if expected else 'little'} was expected", off, "1"
-        )
-    else:
-        yield Finding("mean force", "good", text, off, "1")
+        verdict, text = "warning", f"{text}; {'the weight' if expected else 'little'} was expected"
+    yield Finding("mean force", verdict, text, off, "1")
 
 
 def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:

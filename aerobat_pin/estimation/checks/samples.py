@@ -6,7 +6,6 @@ import filecmp
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,8 +68,9 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
                 f"{name}: {clock.repeated} of {count} samples have the stamp of the one before, and are merged with it"
             )
             what += f"; {clock.differing} of them differ: the first value stays" if clock.differing else ""
-            verdict: Literal["warning", "note"] = "warning" if clock.differing else "note"
-            yield Finding("repeated stamps", verdict, what, clock.repeated / count, "1")
+            yield Finding(
+                "repeated stamps", "warning" if clock.differing else "note", what, clock.repeated / count, "1"
+            )
         for number, what in (
             (clock.off, "have stamps that do not fit between their neighbours': left out"),
             (clock.backward, "go back in time (a file appended to itself?): dropped"),
