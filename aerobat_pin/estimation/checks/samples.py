@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.estimation.findings import Finding, FindingVerdict
 from aerobat_pin.records import EXTENT, Channel, Columns, Record, typical_spacing
 
 FEWEST_CHANGES = 4  # of a channel that can be told to be held
@@ -64,21 +64,19 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
     for name, clock in columns.clocks.items():
         count = len(clock.time) + clock.repeated + clock.off + clock.backward
         if clock.repeated:
+            differ = f"; {clock.differing} of them differ: the first value stays" if clock.differing else ""
             what = (
-                f"{name}: {clock.repeated} of {count} samples have the stamp of the one before, and are merged with it"
+                f"{clock.repeated} of {count} samples have the stamp of the one before, and are merged with it{differ}"
             )
-            what += f"; {clock.differing} of them differ: the first value stays" if clock.differing else ""
-            yield Finding(
-                "repeated stamps", "warning" if clock.differing else "note", what, clock.repeated / count, "1"
-            )
-        for number, what in (
+            verdict: FindingVerdict = "warning" if differ else "note"
+            yield Finding("repeated stamps", verdict, f"{name}: {what}", clock.repeated / count, "1")
+        for number, words in (
             (clock.off, "have stamps that do not fit between their neighbours': left out"),
             (clock.backward, "go back in time (a file appended to itself?): dropped"),
         ):
             if number:
-                yield Finding(
-                    "time goes back", "warning", f"{name}: {number} of {count} samples {what}", number / count, "1"
-                )
+                what = f"{name}: {number} of {count} samples {words}"
+                yield Finding("time goes back", "warning", what, number / count, "1")
         if clock.set_back:
             what = f"{name}: the clock was set back {clock.set_back} x; samples stand where their stamps say"
             yield Finding("time goes back", "warning", what, clock.set_back, "1")
