@@ -116,7 +116,7 @@ def point_label(frame: str) -> str:
 
 def quantity(value: float, unit: str) -> str:
     """Return a size with three digits, in thousandths of the unit below 1, as `238 mN`."""
-    factor, prefix = (1e3, "m") if value < 1.0 else (1.0, "") if value < 1e3 else (1e-3, "k")
+    factor, prefix = (1e3, "m") if value < 0.9995 else (1.0, "") if value < 999.5 else (1e-3, "k")
     return f"{factor * value:.3g} {prefix}{unit}"
 
 

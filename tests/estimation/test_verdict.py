@@ -180,6 +180,6 @@ def test_every_observer_is_drawn(paper: Experiment) -> None:
 
 def test_sizes_are_read_at_a_glance() -> None:
     """Three digits, and a unit that needs no power of ten."""
-    assert [quantity(size, "N") for size in (0.0, 4.04e-4, 0.2384, 1.0, 12.34, 12340.0)] == [
-        *("0 mN", "0.404 mN", "238 mN", "1 N", "12.3 N", "12.3 kN"),
+    assert [quantity(size, "N") for size in (0.0, 4.04e-4, 0.2384, 0.9997, 12.34, 999.7, 12340.0)] == [
+        *("0 mN", "0.404 mN", "238 mN", "1 N", "12.3 N", "1 kN", "12.3 kN"),
     ]

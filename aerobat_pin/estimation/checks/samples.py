@@ -65,11 +65,9 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
         count = len(clock.time) + clock.repeated + clock.off + clock.backward
         if clock.repeated:
             differ = f"; {clock.differing} of them differ: the first value stays" if clock.differing else ""
-            what = (
-                f"{clock.repeated} of {count} samples have the stamp of the one before, and are merged with it{differ}"
-            )
+            what = f"{clock.repeated} of {count} samples have the stamp of the one before, and are merged with it"
             verdict: FindingVerdict = "warning" if differ else "note"
-            yield Finding("repeated stamps", verdict, f"{name}: {what}", clock.repeated / count, "1")
+            yield Finding("repeated stamps", verdict, f"{name}: {what}{differ}", clock.repeated / count, "1")
         for number, words in (
             (clock.off, "have stamps that do not fit between their neighbours': left out"),
             (clock.backward, "go back in time (a file appended to itself?): dropped"),
