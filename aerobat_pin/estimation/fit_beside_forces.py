@@ -86,17 +86,17 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     expected = expected_of(record, inputs, values, points) if points and sought else None
     if expected is None:
         return forces
-    some = _looked_at(record, inputs, expected.stiction_rate)
-    y, J, robot = some.rows[:, some.kept], some.jacobians[:, :, some.kept], record.robot
+    instants = _looked_at(record, inputs, expected.stiction_rate)
+    y, J, robot = instants.rows[:, instants.kept], instants.jacobians[:, :, instants.kept], record.robot
     force, lifts = np.broadcast_to(expected.force, J.shape[:2]), False
     if walks_on(robot, record.map):
         lifted, _ = lifted_feet(y, J, robot.weight)
         force, lifts = force * np.where(np.repeat(lifted, 3, axis=1), 0.0, 1.0), bool(lifted.any())
     if y.size <= np.count_nonzero(force) or len(y) < FEWEST_INSTANTS:
         return forces
-    fitted = _fitted(forces, some, expected, force, lifts)
+    fitted = _fitted(forces, instants, expected, force, lifts)
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
-        fitted = _fitted(forces, some, expected, np.broadcast_to(expected.force, J.shape[:2]), False)
+        fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), False)
     return replace(forces, values=fitted) if _smaller_errors(fitted, values.row_noise) else forces
 
 
@@ -138,28 +138,29 @@ def _looked_at(record: Record, inputs: Callable[[int, int], KnownInputs], sticti
     return _Instants(q, y, jacobians, kept, joints, at, sliding[:, kept], np.stack(columns)[:, :, kept], every)
 
 
-def _fitted(forces: KnownForces, some: _Instants, expected: Expected, force: Array, lifts: bool) -> FittedValues:
+def _fitted(forces: KnownForces, instants: _Instants, expected: Expected, force: Array, lifts: bool) -> FittedValues:
     """Return friction, errors of rows and, where feet lift, factors of efforts, for forces (m, c) of a size."""
-    record, robot, kept, at, n = forces.record, forces.record.robot, some.kept, some.at, len(some.at)
-    y, J, error = some.rows[:, kept], some.jacobians[:, :, kept], expected.row_error[kept]
+    record, robot, kept, at, n = forces.record, forces.record.robot, instants.kept, instants.at, len(instants.at)
+    y, J, error = instants.rows[:, kept], instants.jacobians[:, :, kept], expected.row_error[kept]
     sought = lifts and kept[0] == 0  # factors, by rows of the base
-    x = some.columns[: 3 if sought else 2, :, at]
+    x = instants.columns[: 3 if sought else 2, :, at]
     known = np.array([np.inf, np.inf, EFFORT_ERROR])[: len(x)]
     g = float(np.linalg.norm(robot.model.gravity.linear))
     offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
-    tables = y, x, known, J, at, some.sliding, force, error
+    tables = y, x, known, J, at, instants.sliding, force, error
     b, size, unsure, error_rms = most_likely(*tables, offset=robot.mass * offset if sought else 0.0)
     coulomb, viscous, factors = *b[:2], b[2] if sought else np.zeros(n)
     if lifts and not sought:
-        rows = some.rows.copy()
+        rows = instants.rows.copy()
         rows[:, np.array(kept)[at]] -= np.einsum("bmi,bi->mi", x, b)
-        least = robot.mass * row_scale(robot.model)[:6] * (UNKNOWN_SPEED / (len(y) * some.every * record.dt) + offset)
+        acceleration = UNKNOWN_SPEED / (len(y) * instants.every * record.dt) + offset
+        least = robot.mass * row_scale(robot.model)[:6] * acceleration
         SJ = force[..., None] ** 2 * J
         G = SJ @ np.linalg.inv(np.swapaxes(J, 1, 2) @ SJ + np.diag(size * error**2))
-        efforts, attitude = some.columns[2], rotation_matrices(some.q[:, 3:7])
-        factors, deviation = factors_by_balance(rows, some.jacobians, G, kept, efforts, attitude, least, EFFORT_ERROR)
-        unsure = np.mean((efforts * deviation) ** 2, axis=0)
-        factors = factors[at]
+        efforts, attitude = instants.columns[2], rotation_matrices(instants.q[:, 3:7])
+        d, sigma = factors_by_balance(rows, instants.jacobians, G, kept, efforts, attitude, least, EFFORT_ERROR)
+        unsure = np.mean((efforts * sigma) ** 2, axis=0)
+        factors = d[at]
     level = 1.0 if lifts else max(1.0, float(np.mean(size)))
     noise = np.sqrt((size * error**2 + unsure) / level)
     before, zero = column_rms(y), np.zeros(n)
@@ -173,12 +174,12 @@ def _fitted(forces: KnownForces, some: _Instants, expected: Expected, force: Arr
             float(error_rms[at[i]]),
             float("nan"),
         )
-        for i, joint in enumerate(some.joints)
+        for i, joint in enumerate(instants.joints)
     ]
     names = list(row_names(robot.model))
     return replace(
         forces.values,
-        joints=tuple(some.joints),
+        joints=tuple(instants.joints),
         friction=JointFriction(coulomb, viscous, zero, zero, float(expected.stiction_rate.max())),
         scale=1.0 + factors,
         row_noise=dict(zip([names[row] for row in kept], noise.tolist(), strict=True)),

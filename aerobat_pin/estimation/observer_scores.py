@@ -170,13 +170,13 @@ class ObserverScores:
 
 def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
     """Return the table of scores, without columns that say nothing, and rows of a truth that is no force."""
-    some = any(score.tells for scores in observers.values() for score in scores.scored.values())
+    tells = any(score.tells for scores in observers.values() for score in scores.scored.values())
     say, rows = one_unit(_sizes_of(observers.values())), []
     for name, scores in observers.items():
         sizes = {short_label(size.name): size for size in scores.components}
         for point, axes in scores.points.items():
             for axis, score in axes.items():
-                if some and not score.tells:
+                if tells and not score.tells:
                     continue
                 component = sizes[f"{point}.{axis}"]
                 cells = {"observer": name, "point": point, "axis": axis, **_score_cells(score, component.unit, say)}

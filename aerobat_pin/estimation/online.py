@@ -90,8 +90,8 @@ class OnlineEstimator:
                 raise MapError("online: a calibration with a series over a phase needs a whole record")
             self.robot = calibration.believed(self.robot)
         self.robot = self.robot.carrying(chosen.payload)
-        asked = (*base_requests(chosen), *joint_requests(chosen, self.robot, names))
-        self._requests = {request.key: request for request in asked}
+        every_request = (*base_requests(chosen), *joint_requests(chosen, self.robot, names))
+        self._requests = {request.key: request for request in every_request}
         self._check()
         requests = tuple(self._requests.values())
         columns = [request.names for request in requests]

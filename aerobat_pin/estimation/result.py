@@ -170,11 +170,11 @@ class Result:
     @property
     def _of_calibration(self) -> list[str]:
         """Warnings of the calibration, but those that a finding says in the same words, with numbers of its own."""
-        said = {NUMBERS.sub("", str(finding)) for finding in self.findings if finding.warns}
+        findings = {NUMBERS.sub("", str(finding)) for finding in self.findings if finding.warns}
         return [
             line
             for line in (self.calibration.warnings if self.calibration else ())
-            if NUMBERS.sub("", line) not in said
+            if NUMBERS.sub("", line) not in findings
         ]
 
     def metrics(self) -> dict[str, Any]:

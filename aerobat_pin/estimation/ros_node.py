@@ -178,18 +178,18 @@ class ForceNode:
         values = {"estimates": health.estimates, "starts": health.starts, "skipped": health.skipped}
         values |= {"failed": health.failed} | {fate: health.count(fate) for fate in sorted(fates)}
         idle, self._estimates = health.estimates == self._estimates, health.estimates
-        level, said = kind.OK, "estimates"
+        level, words = kind.OK, "estimates"
         if health.stalled:
-            level, said = kind.WARN, f"no samples of {', '.join(health.stalled)}"
+            level, words = kind.WARN, f"no samples of {', '.join(health.stalled)}"
         elif self._wanted:
-            level, said = kind.WARN, f"nobody publishes {', '.join(sorted(self._wanted))}"
+            level, words = kind.WARN, f"nobody publishes {', '.join(sorted(self._wanted))}"
         elif not health.settled:
-            level, said = kind.WARN, "the observers have just started"
+            level, words = kind.WARN, "the observers have just started"
         if idle:
             level = kind.STALE
-            said = "no estimates in the last second" if said == "estimates" else said
+            words = "no estimates in the last second" if words == "estimates" else words
         pairs = [self._diagnostic.KeyValue(key=key, value=str(value)) for key, value in values.items()]
-        status = kind(level=level, name=f"{self._name}: stream", message=said, values=pairs)
+        status = kind(level=level, name=f"{self._name}: stream", message=words, values=pairs)
         message = self._diagnostic.DiagnosticArray(status=[status])
         message.header.stamp = self.node.get_clock().now().to_msg()
         if "diagnostics" not in self._publishers:

@@ -51,8 +51,8 @@ class StoredEstimate:
         """Append the intervals of a block, which begins where the last one ended or after a hole."""
         columns = {"components": block.components, "residual": block.residual, "unexplained": block.unexplained}
         nis = None if block.innovation is None else block.innovation.nis
-        some = {"standard_deviation": block.standard_deviation, "seen": block.seen, "doubt": block.doubt, "nis": nis}
-        columns |= {name: rows for name, rows in some.items() if rows is not None}
+        optional = {name: getattr(block, name) for name in ("standard_deviation", "seen", "doubt")} | {"nis": nis}
+        columns |= {name: rows for name, rows in optional.items() if rows is not None}
         if not self._counts:
             self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
             self._sum, self._squares, self._shown = np.zeros((3, block.components.shape[1]))

@@ -89,7 +89,7 @@ def new_rings(
     chosen: Map,
     robot: PlainRobot,
     joints: tuple[str, ...],
-    asked: tuple[Request, ...],
+    requests: tuple[Request, ...],
     values: FittedValues,
     wait: float,
 ) -> Array:
@@ -99,7 +99,7 @@ def new_rings(
         chosen: the map.
         robot: its robot.
         joints: joints that have channels, in the order of their columns.
-        asked: what the map asks of the channels.
+        requests: what the map asks of the channels.
         values: friction of joints, and factors of their efforts.
         wait: by how much samples may arrive late [s].
 
@@ -109,12 +109,12 @@ def new_rings(
     if not 0.0 <= wait < CLOCK_JUMP:
         raise MapError(f"online: wait = {wait}: at least 0 s and less than {CLOCK_JUMP:g} s was expected")
     rubbing = values.joints if values.friction is not None or len(values.scale) else ()
-    width = max(4, *(len(request.names) for request in asked))
+    width = max(4, *(len(request.names) for request in requests))
     model = robot.model
-    memory = new_state(Rings, channels=len(asked), width=width, nq=model.nq, nv=model.nv, rubbing=len(rubbing))
+    memory = new_state(Rings, channels=len(requests), width=width, nq=model.nq, nv=model.nv, rubbing=len(rubbing))
     rings = fields_of(memory, Rings)
     rings.slot[:] = -1
-    for c, request in enumerate(asked):
+    for c, request in enumerate(requests):
         count = len(request.names)
         rings.columns[c], rings.delay[c] = count, request.delay
         rings.factor[c, :count] = request.factor
@@ -136,7 +136,7 @@ def new_rings(
     if len(values.scale):
         rings.friction[5] = values.scale
     rings.setting[:4] = chosen.log.longest_gap, wait, chosen.log.rate or 0.0, 0.0
-    base, keys = chosen.base, {request.key: request for request in asked}
+    base, keys = chosen.base, {request.key: request for request in requests}
     if base.velocity is not None and base.velocity.axes == "world" and "base.velocity" in keys:
         rings.setting[4] = float(not keys["base.velocity"].names[0].startswith(f"{base.topic}.linear"))
     if base.rate is not None and base.rate.columns and base.rate.axes == "world":

@@ -113,14 +113,14 @@ def verdict_of(
         count, places = len(certain), {push.place for push in certain}
     quiet = [push.place for push in pushes if push.place not in places]
     what = f"{what} {_listed(certain, count)}" if certain else f"no {singular[2:]} that stands out from its errors"
-    said = f"{estimate.head.observer} finds {what}"
+    sentence = f"{estimate.head.observer} finds {what}"
     if certain and quiet:
-        said += f"; nothing at {_listed(dict.fromkeys(quiet))} stands out from its errors"
+        sentence += f"; nothing at {_listed(dict.fromkeys(quiet))} stands out from its errors"
     doubts = [f"the record contradicts itself: {finding.check}" for finding in findings if finding.verdict == "refused"]
     words, wrong = scores.judgement
     doubts += [words.removeprefix("belief: ").partition(";")[0]] * wrong
     doubts += ["something has changed since the calibration"] * (model is not None and model.verdict == "changed")
-    return "; ".join([said, _sureness(scores, kind, certain, pushes), *doubts, _unseen(scores)]) + "."
+    return "; ".join([sentence, _sureness(scores, kind, certain, pushes), *doubts, _unseen(scores)]) + "."
 
 
 def _listed(things: Iterable[object], count: int = 0) -> str:

@@ -161,11 +161,11 @@ class Calibration:
 
     def forces(self, record: Record) -> KnownForces:
         """Return the known forces of a record that `applied` returned: what the map still fits, and what was learnt."""
-        mine = self.fitted
-        forces = fitted_forces(record, mine)
-        fits = tuple(replace(fit, log=fit.log or self.records[0]) for fit in mine.fits)
+        fitted = self.fitted
+        forces = fitted_forces(record, fitted)
+        fits = tuple(replace(fit, log=fit.log or self.records[0]) for fit in fitted.fits)
         sources = {} if self.series is None else {CALIBRATION: self.origin}
-        sources |= {} if mine.friction is None else {FRICTION: "calibrated"}
+        sources |= {} if fitted.friction is None else {FRICTION: "calibrated"}
         values = replace(forces.values, fits=(*fits, *forces.values.fits), row_noise=self.row_noise)
         return replace(forces, values=values, series=self.series, sources=sources)
 

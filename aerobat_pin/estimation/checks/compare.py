@@ -152,10 +152,10 @@ def compare(first: Array, second: Array, time: Array) -> CrossCorrelation | None
         by, after = (other, remaining) if SHIFT_GAIN * remaining < after else (by, after)
     fits = before > SHIFT_GAIN * after
     a, b = first[inside], shifted(by if fits else 0.0, inside)[0]
-    difference, both = a - b, np.stack([centred(a), centred(b)])
-    swings = _root_mean_square(both)
+    difference, about_mean = a - b, np.stack([centred(a), centred(b)])
+    swings = _root_mean_square(about_mean)
     products = np.outer(*swings) * len(a)
-    match = _divided(both[0].T @ both[1], products)
+    match = _divided(about_mean[0].T @ about_mean[1], products)
     return CrossCorrelation(
         lag=-by if fits else 0.0,
         certain=fits and after < EXPLAINED_BY_SHIFT * power,

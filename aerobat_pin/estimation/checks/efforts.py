@@ -198,15 +198,16 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     if min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
         what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link"
         yield Finding("mass", "warning", what, 1.0 + float(fitted[n]), "1")
-    ours, doubt = _measured_per_needed(balance, fitted[:n], residual)
-    factors = 1.0 / np.where(ours == 0.0, np.inf, ours)
-    sure = doubt * SURE < np.abs(ours) * np.minimum(1.0, np.maximum(np.abs(1.0 - ours), NAMED))
+    shown, deviation = _measured_per_needed(balance, fitted[:n], residual)
+    factors = 1.0 / np.where(shown == 0.0, np.inf, shown)
+    sure = deviation * SURE < np.abs(shown) * np.minimum(1.0, np.maximum(np.abs(1.0 - shown), NAMED))
     off = np.flatnonzero(sure & (np.abs(factors - 1.0) > NAMED))
     c, given = float(np.mean(factors[off])) if len(off) else 1.0, balance.given.sum(axis=1)
     common = float(given @ balance.needed) / max(float(given @ given), 1e-300)
-    if len(off) and np.all(np.abs(c * ours - 1.0) < SAME_FACTOR + SURE * abs(c) * doubt) and abs(common - 1.0) > NAMED:
+    alike = bool(np.all(np.abs(c * shown - 1.0) < SAME_FACTOR + SURE * abs(c) * deviation))
+    if len(off) and alike and abs(common - 1.0) > NAMED:
         if c < 0.0:
-            yield from _reversed(record, ours, off)
+            yield from _reversed(record, shown, off)
             return
         what, effort = f"all efforts would have to be {c:.3g} times as large: ", record.map.joints.effort
         milli = abs(np.log(1e3 * c)) < SAME_FACTOR
@@ -219,7 +220,7 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
         return
     gain, unsure = _measured_per_needed(balance, np.ones(n), balance.residual)
     off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]
-    yield from _reversed(record, ours, off[factors[off] < 0.0])
+    yield from _reversed(record, shown, off[factors[off] < 0.0])
     for k in off[factors[off] > 0.0]:
         what = f"the effort of {record.driven[k]} would have to be {factors[k]:.3g} times as large: its unit (A, N m)"
         friction = "; or friction: joints.friction" if factors[k] < 1.0 else ""

@@ -63,11 +63,11 @@ def unit_findings(chosen: Map) -> Iterator[Finding]:
     for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
         if section is None or section.unit is not None or getattr(section, "torque_per_unit", None):
             continue
-        said, taken = said_unit(part, section.columns), TAKEN_FOR[part]
-        if said not in (None, taken):
-            torque = " and torque_per_unit" if said in ("A", "mA") else ""
-            what = f"{', '.join(section.columns)} look like {said} and are taken for {taken}, as the map states no unit"
-            yield Finding(f"unit of joints.{part}", "warning", f'{what}: unit = "{said}"{torque}')
+        unit, taken = said_unit(part, section.columns), TAKEN_FOR[part]
+        if unit not in (None, taken):
+            torque = " and torque_per_unit" if unit in ("A", "mA") else ""
+            what = f"{', '.join(section.columns)} look like {unit} and are taken for {taken}, as the map states no unit"
+            yield Finding(f"unit of joints.{part}", "warning", f'{what}: unit = "{unit}"{torque}')
 
 
 def motion_findings(record: Record) -> Iterator[Finding]:
