@@ -257,7 +257,6 @@ def rms_in(record: Record, estimate: StoredEstimate, stretch: tuple[float, float
 
 
 def _some_intervals(estimate: Estimate, inside: slice) -> Estimate:
-    """Return some intervals of an estimate."""
     innovation = estimate.innovation
     names = ("components", "residual", "unexplained", "standard_deviation", "seen", "doubt")
     given = {name: getattr(estimate, name) for name in names}

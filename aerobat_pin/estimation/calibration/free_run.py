@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 
 from aerobat_pin.estimation.calibration.detection import settled_intervals
 from aerobat_pin.estimation.gain_regression import MOST_FITTED
@@ -63,7 +64,7 @@ class FreeRun:
         """Return a run as it is believed with some known forces."""
         inputs = _inputs(record, forces, stretch)
         condition, model = record.robot.condition(record.block(*stretch)), record.robot.model
-        return cls(record, forces, stretch, inputs, _residual(record, inputs), condition, moving_weight(model))
+        return cls(record, forces, stretch, inputs, residual_at_once(model, inputs), condition, moving_weight(model))
 
     @property
     def name(self) -> str:
@@ -87,7 +88,8 @@ class FreeRun:
         inputs, forces = self.inputs, replace(self.forces, record=record)
         if any(value != 0.0 and not known[name].inertial for name, value in values.items()):
             inputs = _inputs(record, forces, self.stretch)
-        return replace(self, record=record, forces=forces, inputs=inputs, residual=_residual(record, inputs))
+        residual = residual_at_once(record.robot.model, inputs)
+        return replace(self, record=record, forces=forces, inputs=inputs, residual=residual)
 
     def explained(self, name: str, force: Array) -> FreeRun:
         """Return what is left once a generalised force (m, nv) is known."""
@@ -122,8 +124,9 @@ def _inputs(record: Record, forces: KnownForces, stretch: tuple[int, int]) -> Kn
     return inputs_of(record, *stretch, forces, rows_of(record.map, record.robot, record.joints, record.channels)[0])
 
 
-def _residual(record: Record, inputs: KnownInputs) -> Array:
-    observer = MomentumObserver(record.robot.model, (), AT_ONCE)
+def residual_at_once(model: pin.Model, inputs: KnownInputs) -> Array:
+    """Return the mean generalised force (m, nv) that inputs leave unexplained in each interval, not filtered."""
+    observer = MomentumObserver(model, (), AT_ONCE)
     return observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known).residual
 
 

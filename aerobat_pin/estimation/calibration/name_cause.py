@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerobat_pin.estimation.calibration.checked_part import CheckedPart
-from aerobat_pin.estimation.calibration.free_run import AT_ONCE
+from aerobat_pin.estimation.calibration.free_run import residual_at_once
 from aerobat_pin.estimation.calibration.learnt_error import (
     LearntError,
     alone,
@@ -28,7 +28,7 @@ from aerobat_pin.estimation.inputs import KnownInputs, inputs_of_block
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.run_observers import LEAST_EXPECTED
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import MomentumObserver, slow_part
+from aerobat_pin.observers import slow_part
 
 SURE_OF_CAUSE = 4.0  # z from which a cause is named
 
@@ -133,8 +133,7 @@ def _residual_with(inputs: KnownInputs, forces: KnownForces, name: str, values: 
     if np.any(values):
         robot, _ = robot.suspected(name, values, forces.record.block(*forces.record.parts[0]))
         inputs = inputs if inertial else _changed_inputs(inputs, forces, name, values)
-    observer = MomentumObserver(robot.model, (), AT_ONCE)
-    return observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known).residual
+    return residual_at_once(robot.model, inputs)
 
 
 def _covariance(part: CheckedPart, series: LearntError, H: Array) -> Array:
