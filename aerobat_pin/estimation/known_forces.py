@@ -145,10 +145,8 @@ class KnownForces:
         """Return the size (m,) of a thrust [N], interval means."""
         commands = command_sum(self.record, name, block.time)
         section = self.record.map.known[name]
-        return sum(
-            (c * commands**p for c, p in zip(self.values.coefficients[name], section.powers, strict=True)),
-            0.0 * commands,
-        )
+        terms = zip(self.values.coefficients[name], section.powers, strict=True)
+        return sum((c * commands**p for c, p in terms), 0.0 * commands)
 
     @property
     def _rows(self) -> list[int]:

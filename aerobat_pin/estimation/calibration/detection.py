@@ -92,8 +92,7 @@ def settled_intervals(inputs: KnownInputs) -> NDArray[np.bool_]:
 
 def learn_detection(frames: Sequence[str], runs: Iterable[tuple[pin.Model, KnownInputs, Array | float]]) -> Detection:
     """Return the thresholds that free runs show, given model, calibrated inputs and factor of thresholds of each."""
-    parts, weights = [], []
-    widths = []
+    parts, widths, weights = [], [], []
     for model, inputs, widened in runs:
         settled = settled_intervals(inputs)
         parts.append(_detected(model, frames, inputs)[:, settled])

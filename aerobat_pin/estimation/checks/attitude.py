@@ -95,13 +95,8 @@ def accelerometer_findings(
     off = min(abs(np.log(size * G)), abs(np.log(size / G))) if size > 0.0 else np.inf
     if off < np.log(2.0):
         slip = "g is read as m/s2" if size < 1.0 else "m/s2 is read as g"
-        yield Finding(
-            "accelerometer against gravity",
-            "refused" if off < 0.1 else "warning",
-            f"its median is {size:.3g} of gravity: {slip}",
-            size,
-            "1",
-        )
+        text = f"its median is {size:.3g} of gravity: {slip}"
+        yield Finding("accelerometer against gravity", "refused" if off < 0.1 else "warning", text, size, "1")
         return
     n = 2 * min(max(1, round(0.25 * COMPARED_OVER * (len(time) - 1) / float(time[-1] - time[0]))), len(time) // 6)
     inside = slice(n // 2, len(time) - n // 2)  # between the middles of the first and the last n steps

@@ -209,13 +209,8 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
     moving = int(np.sum(comparison.swings.max(axis=0) > LEAST_MOTION))
     for slip, columns in slips.items():
         certain = bool(slip) and (pair.apart or len(columns) >= max(moving, 1))
-        yield Finding(
-            pair.check,
-            "refused" if certain else "warning",
-            _sentence(pair, comparison, limit, columns, slip),
-            float(comparison.factor[columns[0]]),
-            "1",
-        )
+        text, factor = _sentence(pair, comparison, limit, columns, slip), float(comparison.factor[columns[0]])
+        yield Finding(pair.check, "refused" if certain else "warning", text, factor, "1")
     if not slips and pair.kind == "rates":
         yield _whole_channel(pair, comparison)
 
@@ -239,14 +234,11 @@ def exchanged(comparison: CrossCorrelation) -> list[tuple[int, int]]:
 def _late(pair: Agreement, comparison: CrossCorrelation) -> Iterator[Finding]:
     if comparison.certain and abs(comparison.lag) > pair.latest:
         early, late = pair.names if comparison.lag > 0.0 else pair.names[::-1]
-        yield Finding(
-            "late channel",
-            "warning",
+        text = (
             f"{late} come{'s' if late[-1] != 's' else ''} {1e3 * abs(comparison.lag):.1f} ms after {early}, "
-            f"{1e3 * pair.latest:g} ms are allowed; shift one of them (in a map: delay = {abs(comparison.lag):.4f})",
-            comparison.lag,
-            "s",
+            f"{1e3 * pair.latest:g} ms are allowed; shift one of them (in a map: delay = {abs(comparison.lag):.4f})"
         )
+        yield Finding("late channel", "warning", text, comparison.lag, "s")
 
 
 def _sentence(pair: Agreement, comparison: CrossCorrelation, limit: Array, columns: list[int], slip: str) -> str:

@@ -219,14 +219,11 @@ def _accelerations(position: Array, time: Array) -> Iterator[Finding]:
     size = np.sqrt(np.mean(bends**2, axis=0))
     worst = int(np.argmax(size))
     if size[worst] > LARGEST_ACCELERATION:
-        yield Finding(
-            "position against gravity",
-            "warning",
+        text = (
             f"{'xyz'[worst]} accelerates with {size[worst]:.0f} m/s2 (rms), {LARGEST_ACCELERATION:g} are allowed; "
-            "metres and seconds were expected",
-            float(size[worst]),
-            "m/s2",
+            "metres and seconds were expected"
         )
+        yield Finding("position against gravity", "warning", text, float(size[worst]), "m/s2")
 
 
 def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:

@@ -173,9 +173,8 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:
     if count:
         yield from _held_still(record, frames, np.sqrt(moved / np.maximum(pushed, 1e-12)))
         means = ", ".join(f"{frame} {power / count:.3g} W" for frame, power in zip(frames, powers, strict=True))
-        yield Finding(
-            "power", "note", f"mean power of the force at its point: {means}", float(powers.sum()) / count, "W"
-        )
+        text = f"mean power of the force at its point: {means}"
+        yield Finding("power", "note", text, float(powers.sum()) / count, "W")
 
 
 def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Iterator[Finding]:
