@@ -1,4 +1,4 @@
-"""The compiled part of `believed_air` and `air_stream`: what happens between Pinocchio's calls."""
+"""The compiled part of `believed_air`: what happens between Pinocchio's calls."""
 
 from __future__ import annotations
 
