@@ -273,7 +273,7 @@ def test_a_robot_with_a_phase_gets_a_series_over_it(tmp_path: Path) -> None:
 
     found = {robot: calibrate([opened("free", robot)], parameters=["mass"]) for robot in (plain, geared)}
     assert found[plain].series is None
-    assert any("8 harmonics of the gear" in note for note in found[geared].notes)
+    assert any("12 harmonics of the gear" in note for note in found[geared].notes)
     (tmp_path / "gear.nc").write_bytes(calibration_bytes(found[geared]))
     found[geared] = read_calibration(tmp_path / "gear.nc")
     without, with_it = (

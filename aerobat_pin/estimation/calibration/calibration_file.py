@@ -15,14 +15,14 @@ from aerobat_pin.errors import CalibrationError, LogError
 from aerobat_pin.estimation.calibration.calibration import Belief, Calibration
 from aerobat_pin.estimation.calibration.detection import Detection
 from aerobat_pin.estimation.calibration.identify import Identified
-from aerobat_pin.estimation.calibration.learnt_error import LearntError
+from aerobat_pin.estimation.calibration.learnt_error import LearntError, weight_count
 from aerobat_pin.estimation.known_forces import Fit, FittedValues
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction
 from aerobat_pin.records import Parameter, netcdf_bytes, read_netcdf
 
 FAMILY = "aerobat calibration"
-KIND = f"{FAMILY} 5"  # with the number of the form
+KIND = f"{FAMILY} 6"  # with the number of the form
 LARGEST_LEARNT = 1.0e9  # of any number in a file
 EXTRA_PART = "extra_"  # prefix of what only the robot itself reads
 MOST_POWERS = 3  # of a thrust's polynomial
@@ -93,6 +93,7 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         "kept": int(identified is not None and identified.kept),
         "allowed": 0.0 if identified is None else identified.allowed,
         "friction_rate": 0.0 if fitted.friction is None else fitted.friction.rate,
+        "harmonics": -1 if calibration.series is None else calibration.series.order,
     }
     return netcdf_bytes(xr.Dataset(parts, coords, attributes))
 
@@ -197,8 +198,8 @@ class _Parts:
 
     def _series(self) -> LearntError:
         states, count = self._texts("state"), int(self._data.sizes["v_axis"])
-        terms = (int(self._data.sizes["term"]) // (1 + 2 * len(states)) - 1) | 1  # mean, and as many sines as cosines
-        weights = (1 + 2 * len(states)) * terms
+        order = int(self._noted["harmonics"])
+        weights = weight_count(order, len(states))
         size, remainder = self._numbers("error_size", count, 2).T
         centre, scale = self._numbers("state_scale", len(states), 2).T
         if not np.all(scale > 0.0):
@@ -206,7 +207,7 @@ class _Parts:
         units = dict(zip(states, self._texts("state_unit"), strict=True))
         mean = self._numbers("weight", weights, count)
         spread = self._numbers("weight_covariance", count, weights, weights)
-        return LearntError((terms - 1) // 2, units, centre, scale, size, mean, spread, remainder)
+        return LearntError(order, units, centre, scale, size, mean, spread, remainder)
 
     def _detection(self) -> Detection:
         frames = self._texts("frame")

@@ -3,7 +3,7 @@
 Every flight is turned by a discrete sine transform, in which the derivative of white noise of the velocity sensors has
 the independent variances a 4 sin^2(pi k / 2 (m + 1)), to which b is added: what follows neither phase nor state. a is
 read from frequencies in which no error of a belief is left, b from expectation and maximisation together with the
-weights. For the weights b is at least a twentieth of the error's size: evidence alone would believe that a few seconds
+weights. For the weights b is at least a tenth of the error's size: evidence alone would believe that a few seconds
 of flight show everything. What a flight is said to leave is what these were found to leave.
 """
 
@@ -16,18 +16,20 @@ import numpy as np
 
 from aerobat_pin.estimation.calibration.learnt_error import (
     CURVED,
+    DAILY,
     LINEAR,
     LearntError,
     falling,
-    flight_share,
+    orders,
     series,
     shares,
+    weight_count,
     weight_regressors,
 )
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Condition
 
-LEAST_SERIES_NOISE = 0.05  # of the error's size: least rms of what a series leaves, for its weights
+LEAST_SERIES_NOISE = 0.1  # of the error's size: least rms of what a series leaves, for its weights
 HIGHEST = 0.5  # cycles above the highest harmonic, up to which the flights are fitted
 NOISE_ABOVE = 150.0  # [Hz]: where nothing but noise of the sensors is left; of slow records the upper half
 MEDIAN_OF_SQUARE = 0.455  # of a normal variable of deviation 1
@@ -43,7 +45,6 @@ class _Flight:
         terms: (k, p) regressors.
         target: (k, nv) error to be explained.
         noise: (nv,) a.
-        distance: mean variance of what belongs to this flight, for an error of size 1.
         share: of all frequencies, those that are fitted.
     """
 
@@ -51,7 +52,6 @@ class _Flight:
     terms: Array
     target: Array
     noise: Array
-    distance: float
     share: float
 
 
@@ -72,8 +72,8 @@ def fit_learnt_error(
     targets = [one.reduced(residual) for one, residual in zip(conditions, residuals, strict=True)]
     size = _error_sizes(conditions, targets, order)
     flights = [_flight_terms(*one, order, centre, scale) for one in zip(conditions, targets, steps, strict=True)]
-    count, width = (1 + 2 * len(centre)) * (2 * order + 1), 2 * order + 1
-    prior = np.concatenate([_prior(order, len(centre)), *(one.distance * shares(order) for one in flights)])
+    count, width = weight_count(order, len(centre)), 2 * order + 1
+    prior = np.concatenate([_prior(order, len(centre)), np.tile(DAILY**2 * shares(order), len(flights))])
     terms = np.zeros((sum(len(one.slope) for one in flights), count + width * len(flights)))
     at = 0
     for j, one in enumerate(flights):
@@ -133,14 +133,22 @@ def _flight_terms(condition: Condition, target: Array, step: float, order: int, 
     terms = np.concatenate(
         [dst(part, 1, axis=0, norm="ortho")[fitted] for part in np.array_split(regressors, 8, axis=1)], axis=1
     )
-    distance = float(np.mean(flight_share(condition, centre, scale)))
-    return _Flight(slope[fitted], terms, turned[fitted], noise, distance, float(np.mean(fitted)))
+    return _Flight(slope[fitted], terms, turned[fitted], noise, float(np.mean(fitted)))
 
 
 def _prior(order: int, states: int) -> Array:
     """Return the variances (p,) of the weights for an error of size 1."""
-    own = shares(order)
-    return np.concatenate([falling(order) ** -2.0, np.tile(LINEAR**2 * own, states), np.tile(CURVED**2 * own, states)])
+    _, linear, square = (_up_to(shares(order), highest) for highest in orders(order))
+    products = states * (states + 1) // 2
+    return np.concatenate(
+        [falling(order) ** -2.0, np.tile(LINEAR**2 * linear, states), np.tile(CURVED**2 * square, products)]
+    )
+
+
+def _up_to(values: Array, highest: int) -> Array:
+    """Return those of mean, cosines and sines that are of no higher harmonic."""
+    order = len(values) // 2
+    return values[[*range(highest + 1), *range(order + 1, order + 1 + highest)]]
 
 
 def _error_sizes(conditions: Sequence[Condition], targets: Sequence[Array], order: int) -> Array:

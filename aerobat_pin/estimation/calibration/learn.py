@@ -44,7 +44,7 @@ from aerobat_pin.numerics import guarded, shown
 from aerobat_pin.observers import JointFriction, fit_friction, force_size, typical_step
 from aerobat_pin.records import Condition, Extras, Record
 
-HARMONICS, MOST_HARMONICS = 8, 40
+HARMONICS, MOST_HARMONICS = 12, 40
 FEWEST_TURNS = 3.0  # that a series over the phase can be learnt from
 MASS_NAME = "mass"  # what can be identified of a robot that knows no parameters
 
@@ -119,8 +119,8 @@ def calibrate(
         tested_series = _learnt_error(tested, harmonics, held_out=True)
         before, runs, tested = _sizes(runs), _without(runs, series), _without(tested, tested_series)
         notes.append(
-            f"{series.order} harmonics of {conditions_of(runs)[0].cycle}, each of second order in "
-            f"{', '.join(series.states)}: {before} becomes {_sizes(runs)}"
+            f"{series.order} harmonics of {conditions_of(runs)[0].cycle}, half of them linear and a quarter quadratic "
+            f"in {', '.join(series.states)}: {before} becomes {_sizes(runs)}"
         )
         warnings += _pushed(runs, trust=trust)
 

@@ -1,16 +1,17 @@
 """The error of a belief over phase and state, with how sure it is: a Gaussian process of few weights.
 
-    e_i = f.w_i + sum_s (x_s f.a_is + x_s^2 f.b_is) + f.d_i + n_i,      f(phase) = [1, cos k phase, sin k phase]
+    e_i = f.w_i + sum_s x_s f.a_is + sum_(s <= t) x_s x_t f.b_ist + f.d_i + n_i,     f = [1, cos k phase, sin k phase]
 
-e_i is row i of the generalised force, x_s = (z_s - zc_s) / z0_s the state at the instant. w, a and b belong to the
-belief and are learnt from free flights; d belongs to one flight and is never known of another; n is what does not
-repeat itself. Before any flight was seen the weights are independent, with mean zero and variances
+e_i is row i of the generalised force, x_s = (z_s - zc_s) / z0_s the state at the instant. Forces of air and of inertia
+are quadratic in all velocities at once, so every product of two states counts. w and d have all harmonics, a half of
+them, b a quarter. w, a and b belong to the belief and are learnt from free flights; d belongs to one flight and is
+never known of another; n is what does not repeat itself. Before any flight was seen the weights are independent, with
+mean zero and variances
 
-    w: (A / (1 + k^2/9))^2     a: (c A)^2 h_k     b: (q A)^2 h_k     h_k = 1 / (1 + k^2/9) over its sum over all k
-    d: (kappa^2 + q^2 sum_(s != t) x_s^2 x_t^2) A^2 h_k,     x the mean state over a cycle
+    w: (A / (1 + k^2/9))^2     a: (c A)^2 h_k     b: (q A)^2 h_k     d: (kappa A)^2 h_k
 
-with A the rms size of the error in like rows: the error is nearly linear in the state, and what is not grows with the
-square of the distance. So a prediction far from what was flown is not refused: it has a large deviation.
+with h_k = 1 / (1 + k^2/9) over its sum over all k, and A the rms size of the error in like rows. So a prediction far
+from what was flown is not refused: it has a large deviation.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records import Condition
 
 BEND = 9.0  # square of the harmonic from which errors are expected to fall
-LINEAR = 1.6  # c: an error may change this often its own size where a state changes by its unit
-DAILY = 0.016  # kappa: share of the error that differs from flight to flight at the same state
-NEARLY_KNOWN = 2.7  # times what differs from day to day: up to this deviation thresholds stay as they are
-CURVED = 0.8  # q: share of it that goes with the square of a state, where this is 1
+LINEAR = 2.0  # c: an error may change this often its own size where a state changes by its unit
+CURVED = 1.2  # q: share of it that goes with the product of two states, where these are 1
+DAILY = 0.008  # kappa: share of the error that differs from flight to flight at the same state
+NEARLY_KNOWN = 0.043  # of the error's size: up to this deviation thresholds stay as they are
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class LearntError:
         centre: (s,) state in the middle of what was flown.
         scale: (s,) units z0 of the states.
         size: (nv,) rms size A of the error in rows like this one [N, N m].
-        mean: (p, nv) weights, p = (1 + 2 s)(2 order + 1); first those of the phase alone.
+        mean: (p, nv) weights, in the order of `weight_regressors`.
         covariance: (nv, p, p) of the weights of each row.
         remainder: (nv,) root mean square of n_i below the highest harmonic [N, N m].
     """
@@ -67,16 +68,11 @@ class LearntError:
         """Return what the weights are multiplied with (m, p)."""
         return weight_regressors(condition, self.order, self.centre, self.scale)
 
-    def flight_variance(self, condition: Condition) -> Array:
-        """Return the variance (m, nv) of f.d, of a flight that was not learnt from."""
-        share = flight_share(condition, self.centre, self.scale)
-        return np.asarray(np.outer(share, self.size**2))
-
     def deviation(self, condition: Condition) -> Array:
         """Return the standard deviation (m, nv) of the reduced error about `force` [N, N m]."""
         terms = self.regressors(condition)
         weights = np.stack([np.sum((terms @ one) * terms, axis=1) for one in self.covariance], axis=1)
-        variance = np.maximum(weights, 0.0) + self.flight_variance(condition) + self.remainder**2
+        variance = np.maximum(weights, 0.0) + (DAILY * self.size) ** 2 + self.remainder**2
         return np.asarray(np.sqrt(variance))
 
     def factors(self, condition: Condition) -> Array:
@@ -92,8 +88,8 @@ class LearntError:
     def widened(self, condition: Condition) -> Array:
         """Return the factor (m,) by which thresholds grow: 1 where the error is known nearly as well as anywhere."""
         rows = self.learnt_rows
-        times = np.sqrt(np.mean((self.deviation(condition)[:, rows] / (DAILY * self.size[rows])) ** 2, axis=1))
-        return np.asarray(np.maximum(times / NEARLY_KNOWN, 1.0))
+        share = np.sqrt(np.mean((self.deviation(condition)[:, rows] / self.size[rows]) ** 2, axis=1))
+        return np.asarray(np.maximum(share / NEARLY_KNOWN, 1.0))
 
 
 def alone(values: Array, row: int) -> Array:
@@ -101,12 +97,6 @@ def alone(values: Array, row: int) -> Array:
     found = np.zeros_like(values)
     found[:, row] = values[:, row]
     return found
-
-
-def flight_share(condition: Condition, centre: Array, scale: Array) -> Array:
-    """Return the variance (m,) of what belongs to one flight, as a share of the squared error."""
-    squares = ((condition.means - centre) / scale) ** 2
-    return np.asarray(DAILY**2 + CURVED**2 * (np.sum(squares, axis=1) ** 2 - np.sum(squares**2, axis=1)))
 
 
 def falling(order: int) -> Array:
@@ -127,8 +117,24 @@ def series(phase: Array, order: int) -> Array:
     return np.concatenate([np.ones((len(angles), 1)), np.cos(angles), np.sin(angles)], axis=1)
 
 
+def orders(order: int) -> tuple[int, int, int]:
+    """Return the highest harmonic of what is constant, linear and quadratic in the state."""
+    return order, order // 2, order // 4
+
+
+def weight_count(order: int, states: int) -> int:
+    """Return p, the number of weights of a row."""
+    counts = 1, states, states * (states + 1) // 2
+    return sum(count * (2 * highest + 1) for count, highest in zip(counts, orders(order), strict=True))
+
+
 def weight_regressors(condition: Condition, order: int, centre: Array, scale: Array) -> Array:
-    """Return f, and f times each state about the centre in its unit and its square (m, (1 + 2 s)(2 order + 1))."""
-    terms, x = series(condition.phase, order), (condition.values - centre) / scale
-    factors = np.concatenate([np.ones((len(x), 1)), x, x**2], axis=1)
-    return np.asarray((factors[:, :, None] * terms[:, None]).reshape(len(x), -1))
+    """Return what the weights are multiplied with (m, p): f, f times each state, f times each product of two states."""
+    x = (condition.values - centre) / scale
+    first, second = np.triu_indices(x.shape[1])
+    factors = np.ones((len(x), 1)), x, x[:, first] * x[:, second]
+    parts = [
+        (factor[:, :, None] * series(condition.phase, highest)[:, None]).reshape(len(x), -1)
+        for factor, highest in zip(factors, orders(order), strict=True)
+    ]
+    return np.concatenate(parts, axis=1)

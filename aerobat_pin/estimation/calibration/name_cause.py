@@ -17,12 +17,7 @@ import numpy as np
 
 from aerobat_pin.estimation.calibration.checked_part import CheckedPart
 from aerobat_pin.estimation.calibration.free_run import residual_at_once
-from aerobat_pin.estimation.calibration.learnt_error import (
-    LearntError,
-    alone,
-    flight_share,
-    shares,
-)
+from aerobat_pin.estimation.calibration.learnt_error import DAILY, LearntError, alone, shares
 from aerobat_pin.estimation.calibration_use import Cause
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of_block
 from aerobat_pin.estimation.known_forces import KnownForces
@@ -145,7 +140,7 @@ def _covariance(part: CheckedPart, series: LearntError, H: Array) -> Array:
     at = np.maximum(np.searchsorted(geometry.at, np.arange(count), "right") - 1, 0)
     onto = geometry.rows[at] @ (geometry.projector[at] @ back)
     terms, width = series.regressors(condition), 2 * series.order + 1
-    of_flight = shares(series.order) * np.mean(flight_share(condition, series.centre, series.scale))
+    of_flight = DAILY**2 * shares(series.order)
     covariance = np.zeros((p, p))
     for i in series.learnt_rows:
         row = condition.spread(alone(np.ones((count, onto.shape[1])), i))
