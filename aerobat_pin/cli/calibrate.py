@@ -31,7 +31,7 @@ def calibrate_command(
     settings: Settings = None,
     harmonics: Annotated[
         int, typer.Option(min=-1, max=40, help="Harmonics of the crank to learn; 0: the mean alone, -1: nothing.")
-    ] = 8,
+    ] = 12,
     identify: Annotated[
         list[str] | None,
         typer.Option(
