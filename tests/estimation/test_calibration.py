@@ -175,7 +175,7 @@ def part_of(log: FlightLog, seconds: float) -> FlightLog:
 
 
 def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
-    """At 3, 3.4 and 4 m/s: 4, 8 and 21 mN are made up of an axis of 120, and within 1.7 stated deviations rms."""
+    """At 3, 3.4 and 4 m/s: 4, 8 and 21 mN are made up of an axis of 120, and within 1.5 stated deviations rms."""
     free, found = free_flight(QUASI_STEADY), learnt(QUASI_STEADY)
     sizes, widths = [], []
     for speed in (3.0, 3.4, 4.0):
@@ -183,7 +183,7 @@ def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
         checked = checked_flight(found, free, more)
         wrong = checked.estimate.force
         stated = checked.geometry.deviations(checked.factors).reshape(wrong.shape)
-        assert np.all(np.mean((wrong / stated) ** 2, axis=(0, 1)) < 1.7**2)
+        assert np.all(np.mean((wrong / stated) ** 2, axis=(0, 1)) < 1.5**2)
         assert checked.check.verdict == "unchanged"
         sizes.append(np.sqrt(np.mean(wrong**2, axis=(0, 1))).max())
         widths.append(float(np.mean(found.series.widened(checked.inputs.condition))))
@@ -327,12 +327,15 @@ def test_names_and_short_flights_are_refused() -> None:
 
 
 def test_the_error_bar_is_that_of_a_part_that_no_fit_has_seen() -> None:
-    """Of the last quarter, with a series of the first three: 4 mN of Fy for 104, and as much on another flight."""
+    """Of the last quarter, with a series of the first three: .2 mN of Fy for 104, and not twice that on another flight.
+
+    There the air, whose past nobody knows, has forgotten it after .3 s.
+    """
     free, found = free_flight(QUASI_STEADY), learnt(QUASI_STEADY)
     without, bar = found.error_bar["left_force_point.Fy"]
     assert without == pytest.approx(0.104, abs=2e-3)
-    assert 0.0 < bar < 6e-3
+    assert 0.0 < bar < 1e-3
     assert any("error bar, rms where nothing was fitted: left_force_point.Fx" in line for line in found.notes)
-    still = made_up(estimated("force_level", seen_with(found, free, "no force", 1, OTHER_START)))
-    assert still[1] < 2.0 * bar
+    still = estimated("force_level", seen_with(found, free, "no force", 1, OTHER_START)).force[300:, 0, 1]
+    assert np.sqrt(np.mean(still**2)) < 2.0 * bar
     assert found.row_noise["base.Fx"] < 2e-3
