@@ -349,14 +349,12 @@ VERDICTS = """### Verdicts
 
 The calibration is that of [a flight day](calibration.md#a-flight-day): free flights at 2.7 m/s, 4.5 Hz, at 3.4 m/s,
 5.0 Hz, and the lively one. (Of the first two alone, which show no roll, yaw or drift, unchanged pushed flights were
-wrong by 10 mN of Fy, and corrected ones by as much.) Errors are those of `force_level`, with noisy sensors of the
-smoother. Every flight has a speed, frequency, pitch and crank angle of
-its own in between; every fourth of the unchanged ones is a manoeuvre, and half of them are pushed, which the error in
-the first row is of. The ratio is that of what no force explains to what was expected. Changed flights are all pushed.
-A gust of 0.4 s and an encoder that slipped by 1 degree are told and not asked for. A payload's height is worth 0.1 mN
-in these flights: with exact air the same fit finds 144 to 171 g mm of 184, with the wrong air it takes up what the
-air's error changes. A whole run has 40 unchanged flights and 20 with each change; fewer were flown where the second
-column says so.
+wrong by 5 mN of Fx and of Fy, and corrected ones by as much.) Errors are those of `force_level`, with noisy sensors of
+the smoother. Every flight has a speed, frequency, pitch and crank angle of its own in between; every fourth of the
+unchanged ones is a manoeuvre, and half of them are pushed, which the error in the first row is of. The ratio is that of
+what no force explains to what was expected. Changed flights are all pushed. A gust of 0.4 s and an encoder that slipped
+by 1 degree are told and not asked for. A whole run has 40 unchanged flights and 20 with each change; fewer were flown
+where the second column says so.
 
 | after the calibration | flights | called changed | ratio | named rightly | estimate | error [mN] | corrected |
 |---|---|---|---|---|---|---|---|"""

@@ -117,8 +117,11 @@ def aerobat_suspects(kind: str) -> Mapping[str, tuple[Suspect, ...]]:
 
 def carrying(model: pin.Model, load: Array) -> pin.Model:
     """Return a model whose body has a point mass more: mass [kg] and mass times place (4,) [kg m], body axes."""
-    loaded, parameters = model.copy(), model.inertias[1].toDynamicParameters()
-    loaded.inertias[1] = pin.Inertia.FromDynamicParameters(parameters + np.concatenate([load, np.zeros(6)]))
+    loaded, (mass, moment) = model.copy(), (float(load[0]), np.asarray(load[1:]))
+    second = np.outer(moment, moment) / mass if mass else np.zeros((3, 3))  # a moment without a mass turns nothing
+    inertia = (np.trace(second) * np.eye(3) - second)[np.tril_indices(3)]  # xx, xy, yy, xz, yz, zz
+    parameters = model.inertias[1].toDynamicParameters() + np.concatenate([load, inertia])
+    loaded.inertias[1] = pin.Inertia.FromDynamicParameters(parameters)
     return loaded
 
 

@@ -175,7 +175,7 @@ def part_of(log: FlightLog, seconds: float) -> FlightLog:
 
 
 def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
-    """At 3, 3.4 and 4 m/s: 4, 8 and 21 mN are made up of an axis of 120, and within 1.5 stated deviations rms."""
+    """At 3, 3.4 and 4 m/s: 1, 8 and 22 mN are made up of an axis of 120, and within 1.5 stated deviations rms."""
     free, found = free_flight(QUASI_STEADY), learnt(QUASI_STEADY)
     sizes, widths = [], []
     for speed in (3.0, 3.4, 4.0):

@@ -74,6 +74,18 @@ def test_a_slipped_encoder_is_noticed_named_and_corrected() -> None:
     assert better.contacts[0] == CONTACTS
 
 
+def test_a_payload_is_weighed_and_its_place_found() -> None:
+    """9.2 g, 30 mm forward and 20 mm above, of a point mass, which has a moment of inertia: within three deviations."""
+    better = seen("payload 10 %", corrected(learnt(*DAY)))
+    assert better.cause is not None
+    assert better.cause["name"] == "payload"
+    apart = np.array(better.cause["estimate"]) - [9.2, 276.0, 0.0, 184.0]
+    assert np.all(np.abs(apart) < 3.0 * np.array(better.cause["deviation"]))
+    assert np.all(np.array(better.cause["deviation"]) < [0.2, 10.0, 10.0, 40.0])
+    assert np.max(better.error["force_level"]) < 4e-3
+    assert np.all(np.array(better.nees["kalman"]) < 1.8)
+
+
 def test_an_elbow_that_bends_is_noticed_and_named() -> None:
     """Its size is found within a factor of two, and half of the error goes."""
     found, better = (seen("elbow 5 rad/(N m)", one) for one in (learnt(*DAY), corrected(learnt(*DAY))))

@@ -9,7 +9,7 @@ import numpy as np
 
 from aerobat_pin.estimation.calibration.calibration import Calibration
 from aerobat_pin.estimation.calibration.checked_part import CheckedPart, error_factors, part_to_check, slice_of_part
-from aerobat_pin.estimation.calibration.name_cause import Named, cause_corrected, cause_moves, named_cause
+from aerobat_pin.estimation.calibration.name_cause import Named, cause_corrected, named_cause
 from aerobat_pin.estimation.calibration.row_geometry import RowGeometry
 from aerobat_pin.estimation.calibration_use import ModelCheck
 from aerobat_pin.estimation.inputs import KnownInputs
@@ -78,8 +78,6 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
 
     better = with_cause(named)
     for _ in range(MOST_STEPS):
-        if better.check.verdict != "changed" or not cause_moves(forces, named.cause.name, named.values):
-            break
         nearer = named_cause(better, series, forces, named)
         trial = None if nearer is None else with_cause(nearer)
         if nearer is None or trial is None or trial.check.size >= better.check.size:

@@ -1,12 +1,14 @@
 """Name what changed after a calibration, from what no force explains.
 
-    x = N L^T (R - e), low-passed     G = dx/dtheta     theta = -(G^T G)^-1 G^T x     C = H^T Cov(e) H + cycle sums
+    x = N L^T (R - e), low-passed     G = dx/dtheta     theta = -(G^T G)^-1 G^T x     C = H^T Cov(e) H + sums
 
 R - e is the residual that the calibration leaves, theta the parameters of one cause, dx/dtheta a finite difference of
-the whole belief, H = G (G^T G)^-1. What the calibration does not know of e has its covariance there; what else is left
-enters by sums over whole cycles, in which it is hardly correlated. A cause can be told from what the calibration leaves
-if z = sqrt(theta^T C^-1 theta / p) is above 4; of several the one that explains most is named, as z favours causes that
-the calibration happens to know well. Forces at the points do not enter x.
+the whole belief, H = G (G^T G)^-1; a few steps of Gauss and Newton, as effects are not linear. What the calibration
+does not know of e has its covariance there. What else is left enters by sums over whole cycles, in which it is hardly
+correlated, and, as errors may repeat themselves with the cycle, by sums at other phases than its own, at which theta
+was fitted and nothing is left. A cause can be told from what the calibration leaves if z = sqrt(theta^T C^-1 theta / p)
+is above 4; of several the one that explains most is named, as z favours causes that the calibration happens to know well.
+Forces at the points do not enter x.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import slow_part
 
 SURE_OF_CAUSE = 4.0  # z from which a cause is named
+SHIFTS = 24  # of what is left against a cause, over a cycle
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,8 @@ def named_cause(
         before: a cause whose size is to be found more exactly, as its effect is not linear.
     """
     estimate = part.estimate
-    if part.inputs.condition is None or estimate.redundancy.belief < LEAST_EXPECTED * estimate.weight:
+    small = before is None and estimate.redundancy.belief < LEAST_EXPECTED * estimate.weight
+    if part.inputs.condition is None or small:
         return None
     names = forces.record.robot.suspects() if before is None else (before.cause.name,)
     causes = [_cause_of(name, part, series, forces, before) for name in names]
@@ -80,7 +84,7 @@ def _cause_of(
     H = G @ np.linalg.inv(normal)
     change = -np.einsum("nkp,nk->p", H, x)
     remainder, theta = x + G @ change, start + change
-    covariance = _covariance(part, series, H) + _cycle_sums(part, H, remainder)
+    covariance = _covariance(part, series, H) + _of_remainder(part, H, remainder)
     if np.sqrt(theta @ np.linalg.solve(covariance, theta) / len(group)) < SURE_OF_CAUSE:
         return None
     factors = np.array([suspect.factor for suspect in group])
@@ -92,7 +96,10 @@ def _cause_of(
         units=tuple(suspect.unit for suspect in group),
         share=1.0 - float(np.sum(remainder**2) / np.sum(x**2)) if before is None else before.cause.share,
     )
-    return Named(cause, theta, -slopes @ theta, slopes @ np.linalg.cholesky(covariance))
+    force = -slopes @ theta
+    if group[0].inertial:
+        force = np.subtract(*(_residual_with(part.inputs, forces, name, values) for values in (0.0 * theta, theta)))
+    return Named(cause, theta, force, slopes @ np.linalg.cholesky(covariance))
 
 
 def cause_corrected(inputs: KnownInputs, named: Named, forces: KnownForces) -> KnownInputs:
@@ -150,12 +157,14 @@ def _covariance(part: CheckedPart, series: LearntError, H: Array) -> Array:
     return covariance
 
 
-def _cycle_sums(part: CheckedPart, H: Array, remainder: Array) -> Array:
-    """Return the covariance (p, p) of theta by what is left, summed over each cycle."""
+def _of_remainder(part: CheckedPart, H: Array, remainder: Array) -> Array:
+    """Return the covariance (p, p) of theta by what is left: of its sums over each cycle, and at other phases."""
     condition = part.inputs.condition
     assert condition is not None
     cycle = np.floor((condition.phase - condition.phase[0]) / (2.0 * np.pi)).astype(int)
     cycle -= cycle.min()
     sums = np.zeros((cycle.max() + 1, H.shape[2]))
     np.add.at(sums, cycle, np.einsum("nkp,nk->np", H, remainder))
-    return sums.T @ sums
+    shifts = np.round(len(remainder) / max(condition.turns, 1.0) * np.arange(1, SHIFTS) / SHIFTS).astype(int)
+    shifted = np.stack([np.einsum("nkp,nk->p", H, np.roll(remainder, shift, axis=0)) for shift in shifts])
+    return np.asarray(sums.T @ sums + shifted.T @ shifted / len(shifts))
