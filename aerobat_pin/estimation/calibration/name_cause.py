@@ -7,8 +7,8 @@ the whole belief, H = G (G^T G)^-1; a few steps of Gauss and Newton, as effects 
 does not know of e has its covariance there. What else is left enters by sums over whole cycles, in which it is hardly
 correlated, and, as errors may repeat themselves with the cycle, by sums at other phases than its own, at which theta
 was fitted and nothing is left. A cause can be told from what the calibration leaves if z = sqrt(theta^T C^-1 theta / p)
-is above 4; of several the one that explains most is named, as z favours causes that the calibration happens to know well.
-Forces at the points do not enter x.
+is above 4; of several the one that explains most is named, as z favours causes that the calibration happens to know
+well. Forces at the points do not enter x.
 """
 
 from __future__ import annotations
