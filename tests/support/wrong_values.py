@@ -318,7 +318,7 @@ def _recordings(
             {"chosen": read, "folder": folder, "heard": None, "calibration": None, "wait": 0.0, "expected": None},
         ),
         "LiveRecording": (api.LiveRecording, {"log": folder / "drone.csv", "chosen": read, "folder": folder}),
-        "write_mcap": (api.write_mcap, {"found": found, "path": folder / "drone.mcap"}),
+        "write_mcap": (api.write_mcap, {"result": found, "path": folder / "drone.mcap"}),
         "write_flight_mcap": (
             api.write_flight_mcap,
             {"model": model, "log": log, "estimates": data, "path": folder / "bat.mcap"},

@@ -124,7 +124,7 @@ class Plant:
 
     @guarded()
     def rates(
-        self, q: Array, v: Array, joints: Array, air: Array, means: Array, time: float = 0.0
+        self, q: Array, v: Array, joints: Array, air: Array, held: Array, time: float = 0.0
     ) -> tuple[Array, Array, Forces]:
         """Evaluate the equations of motion at one instant, with joints that accelerate as given.
 
@@ -133,7 +133,7 @@ class Plant:
             v: (nv,) velocity.
             joints: (3, 2) angle, rate and acceleration of shoulder and elbow; angle and rate as in q and v.
             air: (3N,) aerodynamic state.
-            means: (2, f) mean noise and mean signal of each unknown force [N].
+            held: (2, f) mean noise and mean signal of each unknown force [N].
             time: time at which the wind is evaluated [s].
 
         Returns:
@@ -144,10 +144,10 @@ class Plant:
         """
         q, v = shaped(q, (self.model.nq,), "q"), shaped(v, (self.model.nv,), "v")
         joints, air = shaped(joints, (3, 2), "joints"), shaped(air, (self.air.state_size,), "air")
-        means = shaped(means, (2, len(self.forces)), "held")[:, :, None]
+        held = shaped(held, (2, len(self.forces)), "held")[:, :, None]
         state = np.concatenate([v[:BASE_SIZE], air])
         rate = np.empty_like(state)
-        self.evaluate(q, v, joints, self.wind(np.array([time]))[0], means, state, rate)
+        self.evaluate(q, v, joints, self.wind(np.array([time]))[0], held, state, rate)
         return rate[:BASE_SIZE], rate[BASE_SIZE:], Forces(*(part[None].copy() for part in self.fields.forces))
 
     def evaluate(
