@@ -180,7 +180,7 @@ def calls() -> dict[str, Call]:
         "write_csv": {"path": folder / "again.csv"},
         "load_sweep": {"source": next(iter(api.shipped_sweeps()))},
         "write": {"experiment": done},
-        "beside_pd": {"made": done},
+        "beside_pd": {"experiment": done},
         "sweep_effects": {"grid": grid},
         "effects_text": {"effects": api.sweep_effects(grid)},
         "estimate_dataset": {"estimates": done.estimates},

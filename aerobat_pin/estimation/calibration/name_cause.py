@@ -28,7 +28,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import slow_part
 
 SURE_OF_CAUSE = 4.0  # z from which a cause is named
-PHASES_TRIED = 24  # of what is left against a cause, over a cycle
+PHASES = 24  # of what is left against a cause, over a cycle
 
 
 @dataclass(frozen=True)
@@ -165,6 +165,6 @@ def _of_remainder(part: CheckedPart, H: Array, remainder: Array) -> Array:
     cycle -= cycle.min()
     sums = np.zeros((cycle.max() + 1, H.shape[2]))
     np.add.at(sums, cycle, np.einsum("nkp,nk->np", H, remainder))
-    shifts = np.round(len(remainder) / max(condition.turns, 1.0) * np.arange(1, PHASES_TRIED) / PHASES_TRIED).astype(int)
+    shifts = np.round(len(remainder) / max(condition.turns, 1.0) * np.arange(1, PHASES) / PHASES).astype(int)
     shifted = np.stack([np.einsum("nkp,nk->p", H, np.roll(remainder, shift, axis=0)) for shift in shifts])
     return np.asarray(sums.T @ sums + shifted.T @ shifted / len(shifts))
