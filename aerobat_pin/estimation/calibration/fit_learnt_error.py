@@ -106,10 +106,13 @@ def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, f
         weighted = terms / variance[:, None]
         covariance = np.linalg.inv(terms.T @ weighted + np.eye(terms.shape[1]))
         mean = covariance @ (weighted.T @ target)
-        if step < STEPS:
-            square = (target - terms @ mean) ** 2 + np.sum((terms @ covariance) * terms, axis=1)
-            share = rest / variance
-            rest = max(float(np.mean(share**2 * square + rest * (1.0 - share))), LEAST_SERIES_NOISE**2)
+        if step == STEPS:
+            break
+        square = (target - terms @ mean) ** 2 + np.sum((terms @ covariance) * terms, axis=1)
+        share, before = rest / variance, rest
+        rest = max(float(np.mean(share**2 * square + rest * (1.0 - share))), LEAST_SERIES_NOISE**2)
+        if rest == before:
+            break
     used = np.eye(len(mean)) - covariance  # tr H = tr used, tr H^2 = |used|^2
     free = 1.0 - (2.0 * np.trace(used) - np.sum(used**2)) / len(target)
     share = rest / variance
