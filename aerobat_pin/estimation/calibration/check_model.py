@@ -21,6 +21,7 @@ from aerobat_pin.records import Record
 
 InputsAt = Callable[[int, int], KnownInputs]
 MOST_STEPS = 4  # of a search for the size of a cause
+SETTLED_SHARE = 0.9  # of what the step before left: a step that leaves more is the last
 MOST_JUDGED = 60_000  # intervals of a part of a record from whose beginning the belief is judged
 
 
@@ -82,7 +83,10 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
         trial = None if nearer is None else with_cause(nearer)
         if nearer is None or trial is None or trial.check.size >= better.check.size:
             break
+        settled = trial.check.size > SETTLED_SHARE * better.check.size
         named, better = nearer, trial
+        if settled:
+            break
     remaining = better.check.size / max(part.check.size, 1e-12) if calibration.correct else 1.0  # of the cause's effect
     spread = np.concatenate([better.factors, remaining * named.force[:, :, None]], axis=2)
     if not calibration.correct:
