@@ -97,7 +97,7 @@ def inputs_of_block(record: Record, block: Block, forces: KnownForces, rows: Row
         condition = record.robot.condition(block)
         if condition is None:
             raise CalibrationError(f"{record.title}: the calibration follows a phase, and this robot has none")
-        known[CALIBRATION] = forces.series.force(condition)
+        known[CALIBRATION] = forces.series.force(condition, known)
     source = {**block.source, **{name: block.source.get(name, "reconstructed") for name in known}, **forces.sources}
     return KnownInputs(block.time, block.q, block.v, tau, known, rows, source, condition=condition)
 

@@ -65,6 +65,7 @@ class Condition:
         states: state -> its unit, s of them.
         scale: (s,) change of each state by which an error of the belief may change as much as it is large.
         alike: rows of the generalised force whose errors are of one size; every other row stands alone.
+        doubted: names of the known forces of which the error of the belief may be a share.
     """
 
     cycle: str
@@ -73,6 +74,7 @@ class Condition:
     states: Mapping[str, str]
     scale: Array
     alike: tuple[tuple[int, ...], ...] = ()
+    doubted: tuple[str, ...] = ()
 
     @property
     def turns(self) -> float:
@@ -90,6 +92,11 @@ class Condition:
         total = np.concatenate([np.zeros((1, self.values.shape[1])), np.cumsum(self.values, axis=0)])
         means = (total[count:] - total[:-count]) / count
         return np.concatenate([np.repeat(means[:1], count - 1, axis=0), means])
+
+    def doubted_force(self, known: Mapping[str, Array]) -> Array:
+        """Return the reduced sum (m, nv) of the doubted ones of known forces (m, nv); zeros (m, 1) if there is none."""
+        forces = [known[name] for name in self.doubted if name in known]
+        return self.reduced(np.sum(forces, axis=0)) if forces else np.zeros((len(self.phase), 1))
 
     def reduced(self, force: Array) -> Array:
         """Return what is a smooth function of the phase in a generalised force (m, nv) of the whole stretch."""

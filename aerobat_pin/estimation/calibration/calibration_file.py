@@ -22,7 +22,7 @@ from aerobat_pin.observers import FRICTION_COEFFICIENTS, JointFriction
 from aerobat_pin.records import Parameter, netcdf_bytes, read_netcdf
 
 FAMILY = "aerobat calibration"
-KIND = f"{FAMILY} 6"  # with the number of the form
+KIND = f"{FAMILY} 7"  # with the number of the form
 LARGEST_LEARNT = 1.0e9  # of any number in a file
 EXTRA_PART = "extra_"  # prefix of what only the robot itself reads
 MOST_POWERS = 3  # of a thrust's polynomial
@@ -67,6 +67,7 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         coords |= {"known": list(fitted.coefficients)}
     if calibration.series is not None:
         series = calibration.series
+        parts["share"] = ((), series.share, {"long_name": "error over the doubted known force", "units": "1"})
         parts["weight"] = (("term", "v_axis"), series.mean)
         parts["weight_covariance"] = (("v_axis", "term", "term_too"), series.covariance)
         parts["error_size"] = (("v_axis", "size"), np.column_stack([series.size, series.remainder]))
@@ -207,7 +208,8 @@ class _Parts:
         units = dict(zip(states, self._texts("state_unit"), strict=True))
         mean = self._numbers("weight", weights, count)
         spread = self._numbers("weight_covariance", count, weights, weights)
-        return LearntError(order, units, centre, scale, size, mean, spread, remainder)
+        share = float(self._numbers("share"))
+        return LearntError(order, units, share, centre, scale, size, mean, spread, remainder)
 
     def _detection(self) -> Detection:
         frames = self._texts("frame")

@@ -9,7 +9,7 @@ of flight show everything. What a flight is said to leave is what these were fou
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +44,7 @@ class _Flight:
         slope: (k,) 4 sin^2 of each frequency.
         terms: (k, p) regressors.
         target: (k, nv) error to be explained.
+        doubted: (k, nv) forces of which it may be a share.
         noise: (nv,) a.
         share: of all frequencies, those that are fitted.
     """
@@ -51,18 +52,24 @@ class _Flight:
     slope: Array
     terms: Array
     target: Array
+    doubted: Array
     noise: Array
     share: float
 
 
 def fit_learnt_error(
-    conditions: Sequence[Condition], residuals: Sequence[Array], steps: Sequence[float], order: int
+    conditions: Sequence[Condition],
+    residuals: Sequence[Array],
+    known: Sequence[Mapping[str, Array]],
+    steps: Sequence[float],
+    order: int,
 ) -> LearntError:
     """Learn from flights in which no unknown force acts.
 
     Args:
         conditions: phase and state of each flight.
         residuals: (m, nv) generalised force that is left unexplained in each.
+        known: name -> (m, nv) known forces in each.
         steps: length of an interval of each [s].
         order: highest harmonic.
     """
@@ -71,7 +78,8 @@ def fit_learnt_error(
     scale = np.where(scale > 0.0, scale, 1.0)
     targets = [one.reduced(residual) for one, residual in zip(conditions, residuals, strict=True)]
     size = _error_sizes(conditions, targets, order)
-    flights = [_flight_terms(*one, order, centre, scale) for one in zip(conditions, targets, steps, strict=True)]
+    flights = [_flight_terms(*one, order, centre, scale) for one in zip(conditions, targets, known, steps, strict=True)]
+    share = _share(flights, size)
     count, width = weight_count(order, len(centre)), 2 * order + 1
     prior = np.concatenate([_prior(order, len(centre)), np.tile(DAILY**2 * shares(order), len(flights))])
     terms = np.zeros((sum(len(one.slope) for one in flights), count + width * len(flights)))
@@ -82,7 +90,7 @@ def fit_learnt_error(
         terms[rows, count + width * j : count + width * (j + 1)] = one.terms[:, :width]
         at += len(one.slope)
     terms *= np.sqrt(prior)
-    target = np.concatenate([one.target for one in flights])
+    target = np.concatenate([one.target - share * one.doubted for one in flights])
     mean, covariance = np.zeros((count, len(size))), np.zeros((len(size), count, count))
     left = np.zeros(len(size))
     for i in np.flatnonzero(size > 0.0):
@@ -91,7 +99,17 @@ def fit_learnt_error(
         root = size[i] * np.sqrt(prior[:count])
         mean[:, i], covariance[i] = root * found[:count], np.outer(root, root) * spread[:count, :count]
         left[i] = size[i] * np.sqrt(rest * np.mean([one.share for one in flights]))
-    return LearntError(order, conditions[0].states, centre, scale, size, mean, covariance, left)
+    return LearntError(order, conditions[0].states, share, centre, scale, size, mean, covariance, left)
+
+
+def _share(flights: Sequence[_Flight], size: Array) -> float:
+    """Return the share of the doubted forces that explains most of the error, in rows of its size."""
+    weight = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0) ** 2
+    moment, square = (
+        sum(float(np.sum(weight * one.doubted * other)) for one, other in zip(flights, others, strict=True))
+        for others in ([one.target for one in flights], [one.doubted for one in flights])
+    )
+    return moment / square if square > 0.0 else 0.0
 
 
 def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, float]:
@@ -121,7 +139,15 @@ def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, f
     return mean, covariance @ told @ covariance, left
 
 
-def _flight_terms(condition: Condition, target: Array, step: float, order: int, centre: Array, scale: Array) -> _Flight:
+def _flight_terms(
+    condition: Condition,
+    target: Array,
+    known: Mapping[str, Array],
+    step: float,
+    order: int,
+    centre: Array,
+    scale: Array,
+) -> _Flight:
     from scipy.fft import dst
 
     count = len(target)
@@ -136,7 +162,8 @@ def _flight_terms(condition: Condition, target: Array, step: float, order: int, 
     terms = np.concatenate(
         [dst(part, 1, axis=0, norm="ortho")[fitted] for part in np.array_split(regressors, 8, axis=1)], axis=1
     )
-    return _Flight(slope[fitted], terms, turned[fitted], noise, float(np.mean(fitted)))
+    doubted = dst(condition.doubted_force(known), 1, axis=0, norm="ortho")[fitted]
+    return _Flight(slope[fitted], terms, turned[fitted], doubted, noise, float(np.mean(fitted)))
 
 
 def _prior(order: int, states: int) -> Array:

@@ -287,11 +287,13 @@ def _learnt_error(runs: Sequence[FreeRun], order: int, *, held_out: bool) -> Lea
     parts = [run.fitted if held_out else slice(0, len(run.residual)) for run in runs]
     conditions = [condition.part(part) for condition, part in zip(conditions_of(runs), parts, strict=True)]
     residuals = [run.residual[part] for run, part in zip(runs, parts, strict=True)]
-    return fit_learnt_error(conditions, residuals, [typical_step(run.inputs.time) for run in runs], order)
+    known = [run.inputs.between(part.start, part.stop).known for run, part in zip(runs, parts, strict=True)]
+    return fit_learnt_error(conditions, residuals, known, [typical_step(run.inputs.time) for run in runs], order)
 
 
 def _without(runs: Sequence[FreeRun], series: LearntError) -> list[FreeRun]:
-    return [run.explained(CALIBRATION, series.force(run.condition)) for run in runs if run.condition is not None]
+    expected = [series.force(one, run.inputs.known) for one, run in zip(conditions_of(runs), runs, strict=True)]
+    return [run.explained(CALIBRATION, force) for run, force in zip(runs, expected, strict=True)]
 
 
 def _pushed(runs: Sequence[FreeRun], *, trust: bool) -> list[str]:

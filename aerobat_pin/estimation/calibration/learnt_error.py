@@ -1,12 +1,14 @@
 """The error of a belief over phase and state, with how sure it is: a Gaussian process of few weights.
 
-    e_i = f.w_i + sum_s x_s f.a_is + sum_(s <= t) x_s x_t f.b_ist + f.d_i + n_i,     f = [1, cos k phase, sin k phase]
+    e_i = g F_i + f.w_i + sum_s x_s f.a_is + sum_(s <= t) x_s x_t f.b_ist + f.d_i + n_i
+    f = [1, cos k phase, sin k phase]
 
-e_i is row i of the generalised force, x_s = (z_s - zc_s) / z0_s the state at the instant. Forces of air and of inertia
-are quadratic in all velocities at once, so every product of two states counts. w and d have all harmonics, a half of
-them, b a quarter. w, a and b belong to the belief and are learnt from free flights; d belongs to one flight and is
-never known of another; n is what does not repeat itself. Before any flight was seen the weights are independent, with
-mean zero and variances
+e_i is row i of the generalised force, F_i that of the known forces that the robot doubts, such as its air, and x_s =
+(z_s - zc_s) / z0_s the state at the instant. Forces of air and of inertia are quadratic in all velocities at once, so
+every product of two states counts. w and d have all harmonics, a half of them, b a quarter. g, w, a and b belong to the
+belief and are learnt from free flights; d belongs to one flight and is never known of another; n is what does not
+repeat itself. g, one number for all rows, explains as much of e as it can, as a force that is wrong in one state of
+flight is so in others. Before any flight was seen the weights are independent, with mean zero and variances
 
     w: (A / (1 + k^2/9))^2     a: (c A)^2 h_k     b: (q A)^2 h_k     d: (kappa A)^2 h_k
 
@@ -39,6 +41,7 @@ class LearntError:
     Attributes:
         order: highest harmonic.
         states: state -> its unit, s of them.
+        share: g.
         centre: (s,) state in the middle of what was flown.
         scale: (s,) units z0 of the states.
         size: (nv,) rms size A of the error in rows like this one [N, N m].
@@ -49,6 +52,7 @@ class LearntError:
 
     order: int
     states: Mapping[str, str]
+    share: float
     centre: Array
     scale: Array
     size: Array
@@ -56,9 +60,10 @@ class LearntError:
     covariance: Array
     remainder: Array
 
-    def force(self, condition: Condition) -> Array:
-        """Return the expected error (m, nv) [N, N m], interval means."""
-        return condition.spread(self.regressors(condition) @ self.mean)
+    def force(self, condition: Condition, known: Mapping[str, Array]) -> Array:
+        """Return the expected error (m, nv) [N, N m], interval means, given the known forces (m, nv) by name."""
+        doubted = self.share * condition.doubted_force(known)
+        return condition.spread(self.regressors(condition) @ self.mean + doubted)
 
     def times(self, factor: float) -> LearntError:
         """Return an error that is larger by a factor, as that of the air is in denser air."""
