@@ -30,7 +30,7 @@ def test_a_free_run_calibrates_another_run_and_its_log(
     assert call(monkeypatch, "calibrate", "free", "--out", "c.nc", "--identify", "density") == 0
     printed = capsys.readouterr().out
     assert "density" in printed
-    assert "12 harmonics of the crank" in printed
+    assert "of the known force aerodynamic; 12 harmonics of the crank" in printed
     assert read_calibration(tmp_path / "c.nc").changes["density"] == pytest.approx(-1.0 / 6.0, abs=0.02)
     assert fly(monkeypatch, "used", "--set", "simulation.duration=0.5", "--calibration", "c.nc") == 0
     metrics = json.loads((tmp_path / "used" / "metrics.json").read_text())

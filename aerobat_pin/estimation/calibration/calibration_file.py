@@ -67,7 +67,7 @@ def calibration_bytes(calibration: Calibration) -> bytes:
         coords |= {"known": list(fitted.coefficients)}
     if calibration.series is not None:
         series = calibration.series
-        parts["share"] = ((), series.share, {"long_name": "error over the doubted known force", "units": "1"})
+        parts["doubted_share"] = ((), series.share, {"long_name": "error over the doubted known force", "units": "1"})
         parts["weight"] = (("term", "v_axis"), series.mean)
         parts["weight_covariance"] = (("v_axis", "term", "term_too"), series.covariance)
         parts["error_size"] = (("v_axis", "size"), np.column_stack([series.size, series.remainder]))
@@ -208,7 +208,7 @@ class _Parts:
         units = dict(zip(states, self._texts("state_unit"), strict=True))
         mean = self._numbers("weight", weights, count)
         spread = self._numbers("weight_covariance", count, weights, weights)
-        share = float(self._numbers("share"))
+        share = float(self._numbers("doubted_share"))
         return LearntError(order, units, share, centre, scale, size, mean, spread, remainder)
 
     def _detection(self) -> Detection:

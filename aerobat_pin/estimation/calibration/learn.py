@@ -118,9 +118,11 @@ def calibrate(
         series = _learnt_error(runs, harmonics, held_out=False)
         tested_series = _learnt_error(tested, harmonics, held_out=True)
         before, runs, tested = _sizes(runs), _without(runs, series), _without(tested, tested_series)
+        first = conditions_of(runs)[0]
+        share = f"{series.share:+.1%} of the known force {' and '.join(first.doubted)}; " if first.doubted else ""
         notes.append(
-            f"{series.order} harmonics of {conditions_of(runs)[0].cycle}, half of them linear and a quarter quadratic "
-            f"in {', '.join(series.states)}: {before} becomes {_sizes(runs)}"
+            f"{share}{series.order} harmonics of {first.cycle}, half of them linear and a quarter quadratic in "
+            f"{', '.join(series.states)}: {before} becomes {_sizes(runs)}"
         )
         warnings += _pushed(runs, trust=trust)
 
