@@ -108,6 +108,8 @@ MUTANTS = (
            "values = section.sign * (", "values = (", RECORDINGS),
     Mutant("a learnt mass dropped", "estimation/calibration/calibration.py",
            "else robot.heavier(self.fitted.mass)", "else robot", CALIBRATIONS),
+    Mutant("the share of the air dropped", "estimation/calibration/learnt_error.py",
+           "self.share * condition.doubted_force(known)", "0.0", "tests/estimation/test_changed_robot.py"),
     Mutant("one number for two dimensions", "records/netcdf.py",
            "next(numbers)", "len(scales)", "tests/flight/test_netcdf_library.py"),
     Mutant("steering late instead of ahead", "control/controller.py", "(1.0 - 1j * self._crank_rate * believed.lag)",

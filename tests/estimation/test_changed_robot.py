@@ -110,13 +110,13 @@ def test_a_payload_is_weighed_and_its_place_found() -> None:
 
 
 def test_an_elbow_that_bends_is_noticed_and_named() -> None:
-    """Its size is found within a factor of two, and half of the error goes."""
+    """5 rad/(N m) behind a lag of 10 ms are found within 3 %, in air that is wrong; three quarters of the error go."""
     found, better = (seen("elbow 5 rad/(N m)", one) for one in (learnt(*DAY), corrected(learnt(*DAY))))
     assert found.verdict == "changed"
     assert found.cause is not None
     assert found.cause["name"] == "compliance"
-    assert 2.5 < found.cause["estimate"][0] < 10.0
-    assert np.max(better.error["force_level"]) < 0.5 * np.max(found.error["force_level"])
+    assert found.cause["estimate"] == pytest.approx((5.0, 0.05), rel=0.03)
+    assert np.max(better.error["force_level"]) < 0.25 * np.max(found.error["force_level"])
 
 
 def test_an_elbow_is_found_as_it_is_where_the_believed_air_is_right() -> None:
