@@ -3,7 +3,7 @@
 Every flight is turned by a discrete sine transform, in which the derivative of white noise of the velocity sensors has
 the independent variances a 4 sin^2(pi k / 2 (m + 1)), to which b is added: what follows neither phase nor state. a is
 read from frequencies in which no error of a belief is left, b from expectation and maximisation together with the
-weights. For the weights b is at least a tenth of the error's size: evidence alone would believe that a few seconds
+weights. For the weights b is at least 8 % of the error's size: evidence alone would believe that a few seconds
 of flight show everything. What a flight is said to leave is what these were found to leave.
 """
 
@@ -29,7 +29,7 @@ from aerobat_pin.estimation.calibration.learnt_error import (
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Condition
 
-LEAST_SERIES_NOISE = 0.1  # of the error's size: least rms of what a series leaves, for its weights
+LEAST_SERIES_NOISE = 0.08  # of the error's size: least rms of what a series leaves, for its weights
 HIGHEST = 0.5  # cycles above the highest harmonic, up to which the flights are fitted
 NOISE_ABOVE = 150.0  # [Hz]: where nothing but noise of the sensors is left; of slow records the upper half
 MEDIAN_OF_SQUARE = 0.455  # of a normal variable of deviation 1

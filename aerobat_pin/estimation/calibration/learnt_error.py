@@ -28,10 +28,10 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records import Condition
 
 BEND = 9.0  # square of the harmonic from which errors are expected to fall
-LINEAR = 2.0  # c: an error may change this often its own size where a state changes by its unit
-CURVED = 1.2  # q: share of it that goes with the product of two states, where these are 1
-DAILY = 0.004  # kappa: share of the error that differs from flight to flight at the same state
-NEARLY_KNOWN = 0.043  # of the error's size: up to this deviation thresholds stay as they are
+LINEAR = 1.6  # c: an error may change this often its own size where a state changes by its unit
+CURVED = 1.0  # q: share of it that goes with the product of two states, where these are 1
+DAILY = 0.005  # kappa: share of the error that differs from flight to flight at the same state
+NEARLY_KNOWN = 0.035  # of the error's size: up to this deviation thresholds stay as they are
 
 
 @dataclass(frozen=True)
