@@ -33,7 +33,7 @@ from aerobat_pin.records import Map, PlainRobot, Record, Spool
 BLOCK = 30_000  # intervals that are estimated at once
 LEAD = 15.0  # time constants 1/K by which a block begins before its first result: what is left of its start is e^-15
 LEAST_EXPECTED = 5.0e-4  # of the robot's weight, per spare row: no belief, and no step of a record, is more exact
-ADDED_MISFIT = 3.0e-4  # the same that a filter assumes of its model beside errors that a calibration states
+ADDED_MISFIT = 2.0e-4  # the same that a filter assumes of its model beside errors that a calibration states
 
 
 class ErrorOfBelief(Protocol):
