@@ -175,7 +175,7 @@ def part_of(log: FlightLog, seconds: float) -> FlightLog:
 
 
 def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
-    """At 3, 3.4 and 4 m/s: 1, 8 and 22 mN are made up of an axis of 120, and within 1.5 stated deviations rms."""
+    """At 3, 3.4 and 4 m/s: 1, 11 and 26 mN are made up of an axis of 120, and within 1.5 stated deviations rms."""
     free, found = free_flight(QUASI_STEADY), learnt(QUASI_STEADY)
     sizes, widths = [], []
     for speed in (3.0, 3.4, 4.0):
@@ -187,7 +187,7 @@ def test_far_from_what_was_flown_a_prediction_says_how_unsure_it_is() -> None:
         assert checked.check.verdict == "unchanged"
         sizes.append(np.sqrt(np.mean(wrong**2, axis=(0, 1))).max())
         widths.append(float(np.mean(found.series.widened(checked.inputs.condition))))
-    assert np.all(np.array(sizes) < [5e-3, 12e-3, 26e-3])
+    assert np.all(np.array(sizes) < [2e-3, 12e-3, 28e-3])
     assert 1.0 <= widths[0] < 1.1
     assert 2.0 < widths[1] < 0.5 * widths[2]
 
