@@ -87,12 +87,14 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     if expected is None:
         return forces
     instants = _looked_at(record, inputs, expected.stiction_rate)
+    if len(instants.rows) < FEWEST_INSTANTS:
+        return forces
     y, J, robot = instants.rows[:, instants.kept], instants.jacobians[:, :, instants.kept], record.robot
     force, lifts = np.broadcast_to(expected.force, J.shape[:2]), False
     if walks_on(robot, record.map):
         lifted, _ = lifted_feet(y, J, robot.weight)
         force, lifts = force * np.where(np.repeat(lifted, 3, axis=1), 0.0, 1.0), bool(lifted.any())
-    if y.size <= np.count_nonzero(force) or len(y) < FEWEST_INSTANTS:
+    if y.size <= np.count_nonzero(force):
         return forces
     fitted = _fitted(forces, instants, expected, force, lifts)
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
@@ -130,7 +132,8 @@ def _looked_at(record: Record, inputs: Callable[[int, int], KnownInputs], sticti
         parts.append(table[:, chosen])
         places.append(stretch.q[chosen + 1])
     (y, sliding, *columns), q = np.concatenate(parts, axis=1), np.concatenate(places)
-    jacobians = np.stack([observer.applications.jacobian(q_k) for q_k in q])
+    components = len(observer.applications.components)
+    jacobians = np.array([observer.applications.jacobian(q_k) for q_k in q]).reshape(len(q), components, model.nv)
     driven = [robot.v_index(joint) for joint in joints]
     still = [row for row in range(model.nv) if row not in driven]
     sliding[:, still] = 1.0

@@ -120,7 +120,8 @@ def verdict_of(
     words, wrong = scores.judgement
     doubts += [words.removeprefix("belief: ").partition(";")[0]] * wrong
     doubts += ["something has changed since the calibration"] * (model is not None and model.verdict == "changed")
-    return "; ".join([sentence, _sureness(scores, kind, certain, pushes), *doubts, _unseen(scores)]) + "."
+    parts = [sentence, _sureness(scores, kind, certain, pushes), *doubts, _unseen(scores)]
+    return "; ".join(part for part in parts if part) + "."
 
 
 def _listed(things: Iterable[object], count: int = 0) -> str:
@@ -231,7 +232,7 @@ def _contact(estimate: StoredEstimate, event: Contact, start: float) -> _Push:
 
 
 def _sureness(scores: ObserverScores, kind: str, certain: list[_Push], pushes: list[_Push]) -> str:
-    """Return how sure the forces are: errors against a reference, or as stated."""
+    """Return how sure the forces are: errors against a reference, or as stated; nothing where none is ever seen."""
     if scores.points:
         forces = {label: score for label, score in scores.scored.items() if label.rpartition(".")[2][0] == "F"}
         error = float(np.linalg.norm([score.rmse for score in forces.values()]))
@@ -245,6 +246,8 @@ def _sureness(scores: ObserverScores, kind: str, certain: list[_Push], pushes: l
         return "+- is one standard deviation at that time, as stated"
     if any(size.deviation is not None for size in scores.components):
         return f"its standard deviation, as stated, is {_listed(quantity(push.error, push.unit) for push in pushes)}"
+    if scores.components and all(size.seen == 0.0 for size in scores.components):
+        return ""  # nothing is seen that could be sure
     return "how sure that is cannot be said: a calibration, kalman or smoother would state it"
 
 

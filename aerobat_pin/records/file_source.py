@@ -24,6 +24,7 @@ from aerobat_pin.records.robot_files import robot_of_map
 from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series, typical_spacing
 
+STEP_ERROR = 0.05  # share by which usual steps may be longer than `log.longest_gap`: stamps scatter
 LEAST_SAMPLES = 10  # of a part; a shorter one is dropped
 LEAST_OWN = 3  # of a part at times of its own: fewer samples do not give rates
 FASTEST = 20_000.0  # [Hz] of the common times
@@ -192,7 +193,7 @@ def _common_times(
     if chosen.log.times == "own":
         leading = max(channels.values(), key=lambda channel: len(channel.time))
         knots, least = leading.time, LEAST_OWN - 1.5
-    if (spacing := typical_spacing(leading.time)) > chosen.log.longest_gap:
+    if (spacing := typical_spacing(leading.time)) > chosen.log.longest_gap * (1.0 + STEP_ERROR):
         raise LogError(
             f"log {path}: time rises by {spacing:g} s from sample to sample of {leading.key} (log.time.unit = "
             f"'{chosen.log.time.unit}'): at most log.longest_gap = {chosen.log.longest_gap:g} s was expected"

@@ -181,6 +181,8 @@ def model_of_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
         model = read_robot(path, read)  # the file has a free joint of its own
     if model.nv == 0:
         raise LogError(f"robot {path}: no joint of it moves")
+    if not pin.computeTotalMass(model) > 0.0:
+        raise LogError(f"robot {path}: nothing that moves has a mass: links with an inertia were expected")
     return model
 
 

@@ -294,6 +294,7 @@ def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(tmp_path: Path) ->
         (lambda data: data.assign_attrs(fits='[{"name": 1}]'), "a part is missing or damaged"),
         (lambda data: data.assign_attrs(kind="other"), "a file that `aerobat calibrate` wrote was expected"),
         (lambda data: data.assign_attrs(kind="aerobat calibration 2"), "an older file: calibrate again"),
+        (lambda data: data.assign_attrs(kind="aerobat calibration 99"), "a newer file: calibrate again, or install"),
     ],
 )
 def test_a_forged_file_is_refused(damage: Callable[[xr.Dataset], xr.Dataset], message: str, tmp_path: Path) -> None:

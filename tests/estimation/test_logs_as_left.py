@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -389,3 +390,45 @@ def test_an_mjcf_file_can_have_a_free_base(free: str, tmp_path: Path) -> None:
     record = open_record(tmp_path / "log.csv", parse_map(chosen, "-"), tmp_path)
     assert (record.robot.free, record.robot.joints) == (True, ("knee",))
     assert record.robot.mass == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize("rows", [11, 20, 27])
+def test_a_record_too_short_to_settle_is_estimated(rows: int, swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Friction beside the forces has no instant then; 5 time constants of a gain of 100 1/s are 25 rows."""
+    found = estimate(opened(swing.head(rows), tmp_path)).estimates["force_level"]
+    assert found.components.shape == (rows - 1, 3)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 2e-3])
+def test_a_record_of_ten_samples_a_second_is_whole(jitter: float, swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Its steps are as long as `log.longest_gap` but for rounding: half of them were holes."""
+    slow = swing.iloc[::50].copy()
+    slow["t"] = 0.1 * np.arange(len(slow)) + jitter * np.random.default_rng(1).uniform(-1.0, 1.0, len(slow))
+    assert len(opened(slow, tmp_path).parts) == 1
+
+
+def test_efforts_that_never_change_are_said(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """A driver that measures none may fill in zeros; of an arm at rest they may be constant."""
+    efforts = [f"{joint}_i" for joint in JOINTS]
+    dead = "joint efforts never change although the joints move"
+    assert any(dead in text for text in said(opened(swing.assign(**dict.fromkeys(efforts, 0.0)), tmp_path)))
+    still = pd.concat([swing.head(1)] * 50).assign(t=np.arange(50) / 500.0)
+    assert not any(dead in text for text in [*said(opened(swing, tmp_path)), *said(opened(still, tmp_path))])
+
+
+def test_a_robot_without_a_mass_is_refused_by_name(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """A URDF for drawing alone often has no inertias."""
+    opened(swing, tmp_path)
+    (tmp_path / "arm.urdf").write_text(re.sub("<inertial>.*?</inertial>", "", arm()))
+    with pytest.raises(LogError, match="nothing that moves has a mass"):
+        open_record(tmp_path / "log.csv", parse_map(arm_map(), "-"), tmp_path)
+
+
+def test_a_point_that_no_joint_moves_is_not_said_to_be_unsure(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """No calibration would tell the force on a link's origin that lies on the axes of all joints that move it."""
+    opened(swing, tmp_path)
+    values = arm_map() | {"robot": ROBOT | {"points": ["turn_link"]}}
+    del values["joints"]["friction"]
+    words = str(estimate(open_record(tmp_path / "log.csv", parse_map(values, "-"), tmp_path), trust=True))
+    assert "it cannot see turn_link.Fx" in words
+    assert "would state it" not in words

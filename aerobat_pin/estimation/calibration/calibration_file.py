@@ -101,7 +101,7 @@ def calibration_bytes(calibration: Calibration) -> bytes:
 
 @guarded()
 def read_calibration(path: Path) -> Calibration:
-    """Read a calibration's file. Raises CalibrationError if it is missing, damaged, older or another."""
+    """Read a calibration's file. Raises CalibrationError if it is missing, damaged, older, newer or another."""
     name = f"calibration {path}"
     try:
         data = read_netcdf(path, "calibration")[""]
@@ -109,7 +109,10 @@ def read_calibration(path: Path) -> Calibration:
         raise CalibrationError(str(error)) from error
     kind = str(data.attrs.get("kind", ""))
     if kind != KIND and kind.startswith(FAMILY):
-        raise CalibrationError(f"{name}: an older file: calibrate again")
+        form, read = kind.removeprefix(FAMILY).strip(), KIND.removeprefix(FAMILY).strip()
+        newer = form.isdecimal() and int(form) > int(read)
+        age, remedy = ("a newer", ", or install a newer aerobat-pinocchio") if newer else ("an older", "")
+        raise CalibrationError(f"{name}: {age} file: calibrate again{remedy}")
     if kind != KIND:
         raise CalibrationError(f"{name}: a file that `aerobat calibrate` wrote was expected")
     try:

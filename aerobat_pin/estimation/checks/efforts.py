@@ -103,7 +103,9 @@ def _mounting(record: Record, balance: Balance, least: float) -> Finding | None:
     v = balance.v[balance.at]
     rubs = np.column_stack([balance.reach * np.tanh(v / SMOOTH_RATE), balance.reach * v])
     table = np.column_stack([balance.weight, rubs])
-    size = np.maximum(np.linalg.norm(table, axis=0), 1e-300)
+    size = np.linalg.norm(table, axis=0)
+    size[:3] = np.maximum(size[:3], RANK * size[:3].max())  # a direction that no row feels is rounding alone
+    size = np.maximum(size, 1e-300)
     fitted, friction = (np.linalg.lstsq(A, -residual, rcond=RANK)[0] for A in (table / size, rubs / size[3:]))
     gravity = believed + fitted[:3] / size[:3]
     down, moved = gravity / max(float(np.linalg.norm(gravity)), 1e-300), balance.weight @ (gravity - believed)

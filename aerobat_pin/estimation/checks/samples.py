@@ -50,6 +50,7 @@ def sample_findings(record: Record) -> Iterator[Finding]:
         for begin, end, whose in channel.holes:
             if end > record.start and record.knots is None:
                 gaps.setdefault((begin, end), []).append(whose)
+    yield from _dead_efforts(record)
     for (begin, end), keys in gaps.items():
         whose = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} other channels"
         what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
@@ -129,6 +130,15 @@ def _changes(channel: Channel) -> NDArray[np.bool_]:
         changed = np.any(np.diff(values, axis=0) != 0.0, axis=1)
         changes.append(changed | np.all(values[1:] == 0.0, axis=1) if of_force else changed)
     return np.concatenate(changes)
+
+
+def _dead_efforts(record: Record) -> Iterator[Finding]:
+    """Yield that no effort ever changes although the joints move: a driver may fill in zeros for what it lacks."""
+    efforts, positions = (record.channels.get(f"joints.{part}") for part in ("effort", "position"))
+    if efforts is None or positions is None or _changes(efforts).any() or not _changes(positions).any():
+        return
+    what = "joint efforts never change although the joints move: are they measured at all?"
+    yield Finding("held channel", "warning", what, 1.0, "1")
 
 
 def _held(changed: NDArray[np.bool_]) -> bool:
