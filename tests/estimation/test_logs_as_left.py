@@ -432,3 +432,16 @@ def test_a_point_that_no_joint_moves_is_not_said_to_be_unsure(swing: pd.DataFram
     words = str(estimate(open_record(tmp_path / "log.csv", parse_map(values, "-"), tmp_path), trust=True))
     assert "it cannot see turn_link.Fx" in words
     assert "would state it" not in words
+
+
+def test_forces_that_no_robot_stands_are_doubted(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Degrees that are read as radians agree with one another; 52 kN at an arm of 4.5 kg were a push upward."""
+    degrees = swing.assign(
+        **{f"{joint}_{part}": np.degrees(swing[f"{joint}_{part}"]) for joint in JOINTS for part in "qv"}
+    )
+    values = arm_map()
+    del values["joints"]["friction"]
+    for table, doubted in ((swing, False), (degrees, True)):
+        opened(table, tmp_path)
+        result = estimate(open_record(tmp_path / "log.csv", parse_map(values, "-"), tmp_path), trust=True)
+        assert any(finding.check == "size of forces" for finding in result.findings) is doubted

@@ -27,6 +27,7 @@ HARDLY, LARGE = 0.8, 0.2  # of what is left without a fit of friction, and of th
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
 ALWAYS_SEEN = 0.95  # share of the time from which a component counts as always seen
+MOST_WEIGHTS = 10.0  # rms of a force, from which units are doubted
 MANY = 20_000  # intervals of which the power is taken
 MOST_NAMED = 3  # stretches of a component that is not seen
 ALWAYS = 0.995  # share of the time that counts as all of it
@@ -44,14 +45,16 @@ def result_findings(result: Result, expected: Expected | None = None) -> Iterato
     estimate = next(iter(estimates.values()))
     for side in next(iter(result.compared.values())):
         yield from _sensor_findings(record, side, estimate)
-    sums, count = np.zeros(len(estimate.head.units)), 0
+    (sums, squares), count = np.zeros((2, len(estimate.head.units))), 0
     for block in estimate.blocks():
         good = settled(record, block.time[:-1])
-        sums += np.where(block.shown, block.components, 0.0)[good].sum(axis=0)
+        shown = np.where(block.shown, block.components, 0.0)[good]
+        sums, squares = sums + shown.sum(axis=0), squares + (shown**2).sum(axis=0)
         count += int(good.sum())
     if not count:
         yield Finding("settling", "warning", "no part is longer than five time constants 1/K of the observer")
         return
+    yield from _sizes(record, estimate, np.sqrt(squares / count))
     if estimate.head.are_world_forces:
         yield from _mean_force(record, forces, sums.reshape(-1, 3).sum(axis=0) / count)
         yield from _power(record, estimate)
@@ -130,6 +133,14 @@ def _check_commands(record: Record, forces: KnownForces) -> Iterator[Finding]:
             )
             late = abs(comparison.lag) > max(LATE_COMMAND, record.dt)
             yield Finding("lag of command", "warning" if late else "good", text, comparison.lag, "s")
+
+
+def _sizes(record: Record, estimate: StoredEstimate, rms: Array) -> Iterator[Finding]:
+    """Yield that a force is larger than any that a robot stands, given the rms of each component."""
+    weights = [size / record.robot.weight for size, unit in zip(rms, estimate.head.units, strict=True) if unit == "N"]
+    if max(weights, default=0.0) > MOST_WEIGHTS:
+        what = f"a force of {max(weights):.0f} weights of the robot, rms: rad, rad/s, N m and s were expected"
+        yield Finding("size of forces", "warning", what, max(weights), "1")
 
 
 def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[Finding]:
