@@ -19,7 +19,7 @@ LENGTH = 2048  # samples that a ring keeps; a power of two
 CLOCK_JUMP = 1.0  # [s]: a stamp further from the newest one is off, unless `CONFIRM` that follow each other agree
 CONFIRM = 3
 STALL = 0.1  # [s] behind the newest stamp of all channels, after which a channel is named as stalled
-SLOW_CHANNEL = 2.5  # usual steps of a slow channel, beyond which it has a hole
+SLOW_CHANNEL = 2.5  # usual steps of a channel, which a hole is longer than
 SETTLE_STEP = 1.1  # factor by which the usual step of a channel changes at most from sample to sample
 LARGEST_SAMPLE = 1.0e6  # SI: no sample of a robot is larger
 UNIT_TOLERANCE = 0.05  # of a quaternion's length, as in records
@@ -171,8 +171,7 @@ def bracket(rings: Rings, c: int, t: float) -> int:
 @inner
 def longest_step(rings: Rings, c: int) -> float:
     """Return the step of a channel [s] beyond which it has a hole."""
-    usual = rings.usual[c]
-    return float(max(rings.setting[0], SLOW_CHANNEL * usual if usual > rings.setting[0] else 0.0))
+    return float(max(rings.setting[0], SLOW_CHANNEL * rings.usual[c]))
 
 
 @inner
