@@ -6,6 +6,7 @@ import fcntl
 import os
 import shutil
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,9 @@ from aerobat_pin.visualization.result_pages import write_figures_and_pages
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # in the background, under nohup
     signal.signal(signal.SIGINT, lambda *_: None)  # tests ignore Ctrl-C further on, the programs that they start do not
+
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # the hundreds of programs that tests start would compile every source
+sys.dont_write_bytecode = False
 
 LONGEST = (  # a quarter of a minute of processor time and more
     "test_docs",
