@@ -19,6 +19,7 @@ from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.robot.aerobat import load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.visualization import style
 from aerobat_pin.visualization.result_pages import write_figures_and_pages
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # in the background, under nohup
@@ -108,6 +109,12 @@ def paper_plant() -> Plant:
     """Build the paper's plant."""
     scenario = load_scenario("paper")
     return Plant(load_aerobat(scenario.robot.morphology, scenario.robot.changes), scenario)
+
+
+@pytest.fixture
+def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lay figures out, but save empty files: rendering takes six seconds of a processor for each folder of results."""
+    monkeypatch.setattr(style, "_rendered", lambda figure: {"png": b"", "pdf": b""})
 
 
 @pytest.hookimpl(trylast=True)

@@ -72,6 +72,7 @@ def test_a_map_gives_every_file(
     assert "force_level" in (folder / "runs" / "walk-estimate" / "report.html").read_text()
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_self_check_opens_the_record_once(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -106,6 +107,7 @@ def check_arrows(time: int, update: Any) -> None:
     np.testing.assert_allclose(scales, scales[0], rtol=0.02)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_suggested_map_is_a_map(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -144,6 +144,7 @@ def test_the_page_on_recorded_flights_lists_every_column_with_its_unit() -> None
         assert units_of[name] in units.split(", ")
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_page_on_recorded_flights_does_what_it_says(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -129,6 +129,7 @@ def commands() -> Iterator[list[str]]:
     yield from (shlex.split(text) for text in dict.fromkeys(typed))
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_every_command_of_the_readme_works_as_it_is_typed(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
