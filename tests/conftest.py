@@ -32,8 +32,8 @@ LONGEST = (  # ten seconds of processor time and more
     "docs sweep_interrupted bad_inputs tutorials site play screens files calibration changed_robot bad_logs house "
     "wheel recordings estimate_recordings strange_arm planted_mistakes changed_model moving_page replay flights "
     "gains live_page stream map_calibration calibrate simulated_elsewhere crank_page map_joints raw_sensors "
-    "contradictions ros_node jit events cli shipped_scenarios kalman mistakes estimate legs pages lattice_cases closed_loop locate "
-    "observer_kernels"
+    "contradictions ros_node jit events cli shipped_scenarios kalman mistakes estimate legs pages "
+    "lattice_cases closed_loop locate observer_kernels"
 ).split()
 
 settings.register_profile("untimed", deadline=None)  # a busy machine is no failure
