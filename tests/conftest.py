@@ -6,6 +6,7 @@ import fcntl
 import os
 import shutil
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,32 +19,22 @@ from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.robot.aerobat import load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.visualization import style
 from aerobat_pin.visualization.result_pages import write_figures_and_pages
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # in the background, under nohup
     signal.signal(signal.SIGINT, lambda *_: None)  # tests ignore Ctrl-C further on, the programs that they start do not
 
-LONGEST = (  # a quarter of a minute of processor time and more
-    "test_docs",
-    "test_sweep_interrupted",
-    "test_bad_inputs",
-    "test_tutorials",
-    "test_play",
-    "test_wheel",
-    "test_site",
-    "test_replay",
-    "test_screens",
-    "test_recording",
-    "test_calibration",
-    "test_shipped_scenarios",
-    "test_jit",
-    "test_pages",
-    "test_raw_sensors",
-    "test_sweep",
-    "test_mismatch",
-    "test_files",
-    "test_estimate",
-)
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # the hundreds of programs that tests start would compile every source
+sys.dont_write_bytecode = False
+
+LONGEST = (  # ten seconds of processor time and more
+    "docs sweep_interrupted bad_inputs tutorials site play screens files calibration changed_robot bad_logs house "
+    "wheel recordings estimate_recordings strange_arm planted_mistakes changed_model moving_page replay flights "
+    "gains live_page stream map_calibration calibrate simulated_elsewhere crank_page map_joints raw_sensors "
+    "contradictions ros_node jit events cli shipped_scenarios kalman mistakes estimate legs pages "
+    "lattice_cases closed_loop locate observer_kernels"
+).split()
 
 settings.register_profile("untimed", deadline=None)  # a busy machine is no failure
 settings.load_profile("untimed")
@@ -106,10 +97,17 @@ def paper_plant() -> Plant:
     return Plant(load_aerobat(scenario.robot.morphology, scenario.robot.changes), scenario)
 
 
+@pytest.fixture
+def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Lay figures out, but save empty files: rendering takes six seconds of a processor for each folder of results."""
+    monkeypatch.setattr(style, "_rendered", lambda figure: {"png": b"", "pdf": b""})
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that take longest, so that no process is busy with one long after the others have ended."""
-    items.sort(key=lambda item: LONGEST.index(item.path.stem) if item.path.stem in LONGEST else len(LONGEST))
+    places = {f"test_{name}": place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path.stem, len(places)))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:

@@ -20,6 +20,7 @@ def fly(monkeypatch: pytest.MonkeyPatch, out: str, *words: str) -> int:
     return call(monkeypatch, "run", "paper", "--out", out, "--no-report", *QUICK, *BELIEF, *words)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_free_run_calibrates_another_run_and_its_log(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

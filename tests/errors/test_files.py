@@ -22,7 +22,7 @@ import pytest
 import support.broken_runs as broken
 from support.bench import RUN, Bench
 from support.broken_runs import Case
-from support.commands import last_words
+from support.commands import aerobat, last_words
 
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import OutputError, OutputWarning, claimed, output_folder, write_files
@@ -288,20 +288,20 @@ def test_a_full_disk_costs_a_message(free: int, bench: Bench) -> None:
     assert broken.full_disk(free).play(bench, bench.new_folder()) == []
 
 
-def test_a_diverged_flight_can_be_replayed_and_estimated(bench: Bench) -> None:
+def test_a_diverged_flight_can_be_replayed_and_estimated(request: pytest.FixtureRequest, tmp_path: Path) -> None:
     """Report, replay and `aerobat estimate` mark it; none of them goes beyond `diverged_at`."""
-    folder = bench.new_folder()
     push = "unknown_force=[{frame='left_force_point', signal='step', start=0.005, height=1e5}]"
     words = [word for word in RUN if word != "--no-report"]
-    done = bench.forks.start([*words, "--set", push], folder).result()
+    done = aerobat(*words, "--set", push, cwd=tmp_path)
     assert done.returncode == 2
     assert "the flight diverged at t = 0.00" in done.stderr
-    log = FlightLog.load(folder / "result" / "flight.nc")
+    log = FlightLog.load(tmp_path / "result" / "flight.nc")
     assert log.time[-1] < log.measured.attrs["diverged_at"] < 0.02
     for page in ("report.html", "replay.html"):
-        assert f"DIVERGED at {log.measured.attrs['diverged_at']:.4g} s" in (folder / "result" / page).read_text()
-    assert "diverged at" in (folder / "result" / "report.html").read_text()
+        assert f"DIVERGED at {log.measured.attrs['diverged_at']:.4g} s" in (tmp_path / "result" / page).read_text()
+    assert "diverged at" in (tmp_path / "result" / "report.html").read_text()
+    request.getfixturevalue("unrendered")  # the same figures once more
     for words in (["play", "result", "--out", "page.html"], ["estimate", "result/flight.nc", "--out", "again"]):
-        assert bench.forks.start(words, folder).result().returncode == 0
-    assert "DIVERGED at" in (folder / "page.html").read_text()
-    assert "DIVERGED at" in (folder / "again" / "metrics.json").read_text()
+        assert aerobat(*words, cwd=tmp_path).returncode == 0
+    assert "DIVERGED at" in (tmp_path / "page.html").read_text()
+    assert "DIVERGED at" in (tmp_path / "again" / "metrics.json").read_text()

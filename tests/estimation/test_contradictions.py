@@ -135,6 +135,7 @@ def test_a_rounded_slow_signal_is_not_held(paper: Experiment) -> None:
     assert "held channel" not in kinds(warned(FlightLog(measured), paper.robot))
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_warnings_stand_in_terminal_report_and_metrics(
     recorded: FlightLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -52,6 +52,7 @@ def test_a_simulated_log_gives_again_what_its_run_gave(paper: Experiment, tmp_pa
     assert names >= {"belief.toml", "estimate.nc", "estimate.csv", "metrics.json", *pages}
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_table_from_a_hall_gives_forces_and_says_what_it_cannot(recorded: Path, paper: Experiment) -> None:
     """Poses, crank, airspeed and thrust: no torque, so the squeeze is named, and what is seen is right."""
     folder = recorded.parent

@@ -82,6 +82,7 @@ def calibrated(folder: Path, name: str, values: dict[str, Any], *parameters: str
     return calibrate([open_record(folder / f"{name}.csv", chosen, folder)], parameters=parameters)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_free_swing_makes_the_force_of_another_recording_right(
     arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -235,6 +236,7 @@ def test_online_estimates_take_the_friction_of_a_calibration(arms: tuple[Path, n
     np.testing.assert_allclose(list(heard[-1].components.values()), whole.components[398], atol=1e-6)
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_knock_is_found_by_what_a_free_swing_shows(
     arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -268,6 +268,7 @@ def test_a_passive_joint_needs_no_effort_and_its_row_is_believed(tmp_path: Path)
     assert errors[:, [0, 2]].max() < 0.03 * np.abs(true).max()
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.parametrize("kinds", FEW.values(), ids=FEW)
 def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
     kinds: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -32,12 +32,12 @@ from aerobat_pin.errors import OutputError, ScenarioError, SweepError
 from aerobat_pin.experiments import load_sweep, run_sweep
 from aerobat_pin.experiments.sweep import run_sweep as executors
 
-RUNS = 40
+RUNS = 24
 PROGRAM = [sys.executable, "-m", "aerobat_pin", "sweep"]
 SWEEP = """
 name = "short"
 base = "paper"
-seeds = 10
+seeds = 6
 [set]
 "simulation.duration" = 0.05
 "air.strips" = 4
@@ -107,7 +107,7 @@ def test_a_sweep_killed_twice_ends_as_if_it_had_not_been(file: Path, uninterrupt
     kills = 0
     while kills < 2:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        wait_for(tmp_path, len(kept) + 1 + chance.randrange(8), process)
+        wait_for(tmp_path, len(kept) + 1 + chance.randrange(5), process)
         time.sleep(chance.uniform(0.0, 0.05))
         if process.poll() is not None:  # it was quicker than this process, on a busy machine: once more
             assert process.returncode == 0
@@ -144,7 +144,7 @@ def test_ctrl_c_says_how_to_go_on(count: int, file: Path, uninterrupted: Path, t
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the workers too
     _, said = process.communicate()
     assert process.returncode == 130, said
-    told = rb"\d+ of 40 runs are finished"
+    told = rb"\d+ of %d runs are finished" % RUNS
     progress = rb"((starting|" + told + rb")[^\n]*\n)*"
     assert re.fullmatch(progress + rb"\ninterrupted: " + told + rb"; the same command goes on from there\n", said), said
     assert count <= len(lines(tmp_path)) < RUNS

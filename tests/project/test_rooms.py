@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 import re
 import tomllib
@@ -20,7 +21,6 @@ MODULES = {
     for package in (PIN, DESCRIPTION)
     for path in sorted(package.rglob("*.py"))
 }
-TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
 SHARED = {"main": "where a program begins: `aerobat`, and `python -m aerobat_description.generate`"}
 
 
@@ -31,9 +31,15 @@ EXPORTED = {
 }
 
 
+@functools.cache
+def trees() -> dict[str, ast.Module]:
+    """Return what each module says, parsed."""
+    return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
+
+
 def imports(module: str) -> Iterator[tuple[str, str]]:
     """Yield what a module imports of ours, in functions too: the module, and the name of it or nothing."""
-    for node in ast.walk(TREES[module]):
+    for node in ast.walk(trees()[module]):
         if isinstance(node, ast.ImportFrom) and node.module:
             for name in node.names:
                 inner = f"{node.module}.{name.name}"
@@ -66,7 +72,7 @@ def test_the_top_of_the_package_fits_on_a_screen() -> None:
 @pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.name)
 def test_a_room_says_in_one_sentence_what_it_is_for(room: Path) -> None:
     """The first paragraph of its door's docstring; how the door works may follow."""
-    said = (ast.get_docstring(TREES[f"aerobat_pin.{room.name}"]) or "").split("\n\n")[0]
+    said = (ast.get_docstring(trees()[f"aerobat_pin.{room.name}"]) or "").split("\n\n")[0]
     assert said.endswith(".")
     assert re.findall(r"[.?!](?=\s)", said) == []
 
@@ -80,7 +86,7 @@ def test_no_file_is_long() -> None:
 def test_a_name_is_one_thing() -> None:
     """No function, class or constant is defined at the top of two modules; commands carry the names that users type."""
     places = defaultdict(list)
-    for module, tree in TREES.items():
+    for module, tree in trees().items():
         kept = ast.Module([node for node in tree.body if not is_command(node)], [])
         for name in set(definitions(kept)) - set(SHARED):
             if not name.startswith("__"):  # Python's own: `__all__`, `__getattr__`
@@ -92,7 +98,7 @@ def test_rooms_are_entered_through_their_doors() -> None:
     """From another room: `from aerobat_pin.<room> import name`, a name that the room exports."""
     doors = {f"aerobat_pin.{room.name}" for room in ROOMS}
     wrong = []
-    for module in TREES:
+    for module in MODULES:
         for target, name in imports(module):
             door = ".".join(target.split(".")[:2])
             if door in doors and not f"{module}.".startswith(f"{door}."):

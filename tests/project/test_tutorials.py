@@ -32,6 +32,7 @@ CHECKS = {
 }
 
 
+@pytest.mark.usefixtures("unrendered")
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_a_tutorial_does_what_it_says(page: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Commands end with code 0, Python runs through, and files appear; `console` shows what needs several machines."""
@@ -129,6 +130,7 @@ def commands() -> Iterator[list[str]]:
     yield from (shlex.split(text) for text in dict.fromkeys(typed))
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_every_command_of_the_readme_works_as_it_is_typed(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -162,14 +162,16 @@ def test_pictures_are_taken_at_the_rate_asked_for(
 ) -> None:
     """Two seconds at ten times their speed are six pictures; old ones do not stay; the time is all of the controls."""
     out = tmp_path / "frames"
-    arguments = [str(paper_folder), "--frames", str(out), "--rate", "10"]
-    assert call(monkeypatch, "play", *arguments) == 0
-    assert "6 pictures, 30 a second" in capsys.readouterr().out
+    arguments = [str(paper_folder), "--frames", str(out), "--rate"]
+    assert call(monkeypatch, "play", *arguments, "30") == 0
+    assert "2 pictures, 30 a second" in capsys.readouterr().out
+    arguments += ["10"]
     assert call(monkeypatch, "play", *arguments) == 2
     assert "is not empty" in capsys.readouterr().err
     (out / "frame_00099.png").write_text("of an earlier run")
     (out / "notes.txt").write_text("mine")
     assert call(monkeypatch, "play", *arguments, "--force") == 0
+    assert "6 pictures, 30 a second" in capsys.readouterr().out
     names = [f"frame_{k:05d}.png" for k in range(6)]
     assert sorted(path.name for path in out.iterdir()) == [*names, "notes.txt"]
     images = [imread(out / name)[..., :3] for name in names]
