@@ -54,7 +54,7 @@ def result_findings(result: Result, expected: Expected | None = None) -> Iterato
     if not count:
         yield Finding("settling", "warning", "no part is longer than five time constants 1/K of the observer")
         return
-    yield from _sizes(record, estimate, np.sqrt(squares / count))
+    yield from _force_sizes(record, estimate, np.sqrt(squares / count))
     if estimate.head.are_world_forces:
         yield from _mean_force(record, forces, sums.reshape(-1, 3).sum(axis=0) / count)
         yield from _power(record, estimate)
@@ -135,7 +135,7 @@ def _check_commands(record: Record, forces: KnownForces) -> Iterator[Finding]:
             yield Finding("lag of command", "warning" if late else "good", text, comparison.lag, "s")
 
 
-def _sizes(record: Record, estimate: StoredEstimate, rms: Array) -> Iterator[Finding]:
+def _force_sizes(record: Record, estimate: StoredEstimate, rms: Array) -> Iterator[Finding]:
     """Yield that a force is larger than any that a robot stands, given the rms of each component."""
     weights = [size / record.robot.weight for size, unit in zip(rms, estimate.head.units, strict=True) if unit == "N"]
     if max(weights, default=0.0) > MOST_WEIGHTS:
