@@ -398,8 +398,8 @@ between neighbours of one wing, in flaps.
 COST = """
 ## Time
 
-For 4 s of flight at 1 kHz, as whole commands after the first run, the best of four: {times} ({cores}
-cores, load {load:.1f}).
+For 4 s of flight at 1 kHz, as whole commands after the first run, the best of four:
+{times} ({cores} cores, load {load:.1f}).
 """
 
 if __name__ == "__main__":
