@@ -36,7 +36,7 @@ STATES = MappingProxyType(
     }
 )
 WINGS = ((0, 1, 2), (3, 4, 5), (6, 8), (7, 9))  # rows whose errors are of one size: body, shoulders, elbows
-UNCERTAIN_AIR = ("aerodynamic",)  # known force of which the error of a belief may be a share
+DOUBTED_FORCES = ("aerodynamic",)  # known force of which the error of a belief may be a share
 LOWEST_FREQUENCY = 0.2  # [Hz]: a crank that turns less often has no phase
 FREQUENCY_SCALE = 10.0  # how much less than with other states errors per squared frequency change with it
 LEVER = 0.18  # [m]: airspeed over it is the body rate that changes the wings' flow as much as that speed
@@ -121,5 +121,5 @@ def crank_condition(moved: Motion, robot: Aerobat, kind: str) -> CrankCondition:
     at_the_crank = moved if kind == "motor_only" else None
     alike = WINGS if at_the_crank is None else WINGS[:2]
     return CrankCondition(
-        "the crank", phase, values, STATES, scale, alike, UNCERTAIN_AIR, pace=pace, robot=robot, moved=at_the_crank
+        "the crank", phase, values, STATES, scale, alike, DOUBTED_FORCES, pace=pace, robot=robot, moved=at_the_crank
     )

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from aerobat_pin.errors import CalibrationError
 from aerobat_pin.numerics import Array
 
 
@@ -94,8 +95,15 @@ class Condition:
         return np.concatenate([np.repeat(means[:1], count - 1, axis=0), means])
 
     def doubted_force(self, known: Mapping[str, Array]) -> Array:
-        """Return the reduced sum (m, nv) of the doubted ones of known forces (m, nv); zeros (m, 1) if there is none."""
-        forces = [known[name] for name in self.doubted if name in known]
+        """Return the reduced sum (m, nv) of the doubted ones of known forces (m, nv); zeros (m, 1) if none is doubted.
+
+        Raises:
+            CalibrationError: a force that is doubted is not known.
+        """
+        for name in self.doubted:
+            if name not in known:
+                raise CalibrationError(f"condition: doubted has '{name}': of {', '.join(known)} some were expected")
+        forces = [known[name] for name in self.doubted]
         return self.reduced(np.sum(forces, axis=0)) if forces else np.zeros((len(self.phase), 1))
 
     def reduced(self, force: Array) -> Array:

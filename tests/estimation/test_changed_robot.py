@@ -25,6 +25,7 @@ from support.changed_flights import (
     somewhere,
 )
 
+from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation import Calibration
 from aerobat_pin.estimation.calibration.fit_learnt_error import fit_learnt_error
 from aerobat_pin.records import Condition
@@ -75,6 +76,8 @@ def test_a_force_that_is_too_large_by_a_share_is_so_in_every_state() -> None:
     assert learnt_error.share == pytest.approx(0.3, abs=1e-3)
     elsewhere = replace(condition, values=np.full((4000, 1), 2.7))
     assert np.allclose(learnt_error.force(elsewhere, {"air": 3.0 * air}), 0.9 * air, atol=0.02)
+    with pytest.raises(CalibrationError, match="doubted has 'air': of drag some were expected"):
+        learnt_error.force(elsewhere, {"drag": air})
 
 
 def test_a_gust_is_noticed_where_it_is() -> None:

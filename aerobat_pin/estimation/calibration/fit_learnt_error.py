@@ -79,7 +79,6 @@ def fit_learnt_error(
     targets = [one.reduced(residual) for one, residual in zip(conditions, residuals, strict=True)]
     size = _error_sizes(conditions, targets, order)
     flights = [_flight_terms(*one, order, centre, scale) for one in zip(conditions, targets, known, steps, strict=True)]
-    share = _share(flights, size)
     count, width = weight_count(order, len(centre)), 2 * order + 1
     prior = np.concatenate([_prior(order, len(centre)), np.tile(DAILY**2 * shares(order), len(flights))])
     terms = np.zeros((sum(len(one.slope) for one in flights), count + width * len(flights)))
@@ -90,7 +89,11 @@ def fit_learnt_error(
         terms[rows, count + width * j : count + width * (j + 1)] = one.terms[:, :width]
         at += len(one.slope)
     terms *= np.sqrt(prior)
-    target = np.concatenate([one.target - share * one.doubted for one in flights])
+    target, doubted = (
+        np.concatenate(parts) for parts in zip(*((one.target, one.doubted) for one in flights), strict=True)
+    )
+    share = _share(target, doubted, size)
+    target -= share * doubted
     mean, covariance = np.zeros((count, len(size))), np.zeros((len(size), count, count))
     left = np.zeros(len(size))
     for i in np.flatnonzero(size > 0.0):
@@ -102,14 +105,11 @@ def fit_learnt_error(
     return LearntError(order, conditions[0].states, share, centre, scale, size, mean, covariance, left)
 
 
-def _share(flights: Sequence[_Flight], size: Array) -> float:
-    """Return the share of the doubted forces that explains most of the error, in rows of its size."""
+def _share(target: Array, doubted: Array, size: Array) -> float:
+    """Return by which share of the doubted forces (k, nv) least is left of errors (k, nv), each row over its size."""
     weight = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0) ** 2
-    moment, square = (
-        sum(float(np.sum(weight * one.doubted * other)) for one, other in zip(flights, others, strict=True))
-        for others in ([one.target for one in flights], [one.doubted for one in flights])
-    )
-    return moment / square if square > 0.0 else 0.0
+    square = float(np.sum(weight * doubted**2))
+    return float(np.sum(weight * doubted * target)) / square if square > 0.0 else 0.0
 
 
 def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, float]:

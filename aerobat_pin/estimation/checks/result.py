@@ -136,7 +136,7 @@ def _check_commands(record: Record, forces: KnownForces) -> Iterator[Finding]:
 
 
 def _force_sizes(record: Record, estimate: StoredEstimate, rms: Array) -> Iterator[Finding]:
-    """Yield that a force is larger than any that a robot stands, given the rms of each component."""
+    """Yield that a force is larger than any that a robot stands; `rms` (c,) is that of each component [N, N m]."""
     weights = [size / record.robot.weight for size, unit in zip(rms, estimate.head.units, strict=True) if unit == "N"]
     if max(weights, default=0.0) > MOST_WEIGHTS:
         what = f"a force of {max(weights):.0f} weights of the robot, rms: rad, rad/s, N m and s were expected"
