@@ -25,7 +25,7 @@ from aerobat_pin.aerobat import FlightLog, flight_channels, read_log, write_csv
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, find_mount, mounted, raw_record
 from aerobat_pin.aerobat.raw.channels import part_of
 from aerobat_pin.aerobat.raw.layout import first_prior
-from aerobat_pin.aerobat.raw.nominal import first_guess
+from aerobat_pin.aerobat.raw.nominal_motion import first_guess
 from aerobat_pin.estimation import r_squared
 from aerobat_pin.robot import believed_robot
 from aerobat_pin.scenario import RawSection, Scenario

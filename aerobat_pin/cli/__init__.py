@@ -11,8 +11,8 @@ def main() -> None:
         import signal
         import sys
 
+        from aerobat_pin.cli.spoken_progress import voice
         from aerobat_pin.cli.surroundings import prepare_surroundings
-        from aerobat_pin.cli.voice import voice
         from aerobat_pin.errors import end_on_signals
 
         end_on_signals()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from aerobat_pin.cli.voice import voice
+from aerobat_pin.cli.spoken_progress import voice
 from aerobat_pin.errors import OutputError, check_file, cleaned, output_folder
 
 if TYPE_CHECKING:

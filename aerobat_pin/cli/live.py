@@ -9,7 +9,7 @@ import typer
 
 from aerobat_pin.cli.console import doing, write_results
 from aerobat_pin.cli.options import CalibrationFile, Settings, option_names
-from aerobat_pin.cli.voice import voice
+from aerobat_pin.cli.spoken_progress import voice
 
 if TYPE_CHECKING:
     from aerobat_pin.experiments import LiveSource

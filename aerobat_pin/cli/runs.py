@@ -11,7 +11,7 @@ import typer
 
 from aerobat_pin.cli.console import doing, progress_bar
 from aerobat_pin.cli.options import BelievedMorphology, Force, out_option
-from aerobat_pin.cli.voice import voice
+from aerobat_pin.cli.spoken_progress import voice
 
 if TYPE_CHECKING:
     from aerobat_pin.visualization import Replay

@@ -12,7 +12,7 @@ from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.disturbance import Disturbance, DisturbanceObserver, TrueDisturbance
 from aerobat_pin.control.margins import Margins, loop_margins, noise_slew, wrong_plant_ms
 from aerobat_pin.control.monitor import FAILED, LoopState
-from aerobat_pin.control.nominal import Nominal, nominal_flight
+from aerobat_pin.control.nominal_wrench import Nominal, nominal_flight
 from aerobat_pin.control.summary import ControlSummary, control_summary, course_rms
 
 if TYPE_CHECKING:

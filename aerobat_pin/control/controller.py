@@ -29,7 +29,7 @@ from aerobat_pin.control.disturbance import (
 )
 from aerobat_pin.control.law import Law, law_wrench, write_commands
 from aerobat_pin.control.monitor import LoopState, Monitor
-from aerobat_pin.control.nominal import PITCHING, control_of, nominal_flight, waves
+from aerobat_pin.control.nominal_wrench import PITCHING, control_of, nominal_flight, waves
 from aerobat_pin.control.sensed import SensedMotion
 from aerobat_pin.errors import ControlWarning, ScenarioError, ShapeError
 from aerobat_pin.flight import LaggedThrust, Plant, ThrusterSet, thrusters_of

@@ -27,7 +27,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat import AirStream
-from aerobat_pin.control.nominal import Nominal, control_of
+from aerobat_pin.control.nominal_wrench import Nominal, control_of
 from aerobat_pin.flight import Plant
 from aerobat_pin.numerics import Array, kernel
 from aerobat_pin.observers import Application, ForceLevelObserver

@@ -39,7 +39,7 @@ from gymnasium import spaces
 
 from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.control.monitor import FARTHEST_OFF, TILTED
-from aerobat_pin.control.nominal import control_of, nominal_flight
+from aerobat_pin.control.nominal_wrench import control_of, nominal_flight
 from aerobat_pin.errors import ScenarioError, SimulationError
 from aerobat_pin.flight import LaggedThrust, Plant, Sensing, interval_means, thrusters_of
 from aerobat_pin.numerics import Array, checked, shown

@@ -33,7 +33,7 @@ from math import asin, cos, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from aerobat_pin.control.allocation import Limited, limited_thrusts
-from aerobat_pin.control.nominal import PITCHING
+from aerobat_pin.control.nominal_wrench import PITCHING
 from aerobat_pin.numerics import Array, fields_of, inner, kernel
 
 UNREALISED = 1.0e-6  # [N, N m]: more than rounding

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.control.controller import Controller, integral_shares
 from aerobat_pin.control.disturbance import observer_gains, sample_variance
-from aerobat_pin.control.nominal import control_of
+from aerobat_pin.control.nominal_wrench import control_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.scenario import Scenario
 

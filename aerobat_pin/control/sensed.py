@@ -26,7 +26,7 @@ from math import cos, isfinite, pi, sin, sqrt
 import numpy as np
 
 from aerobat_pin.control.law import add_waves
-from aerobat_pin.control.nominal import Nominal
+from aerobat_pin.control.nominal_wrench import Nominal
 from aerobat_pin.control.sensed_across import follow_attitude, follow_position, gyro
 from aerobat_pin.control.sensed_channels import (
     ANCHOR,

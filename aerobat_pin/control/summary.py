@@ -11,7 +11,7 @@ from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.margins import Margins, loop_margins, noise_slew, wrong_plant_ms
 from aerobat_pin.control.monitor import AXES, LoopState
-from aerobat_pin.control.nominal import control_of
+from aerobat_pin.control.nominal_wrench import control_of
 from aerobat_pin.flight import thrusters_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.robot import euler_angles

@@ -7,12 +7,12 @@ from .flight_summary import FlightSummary as FlightSummary
 from .flight_summary import flight_note as flight_note
 from .flight_summary import flight_summary as flight_summary
 from .live.flight import LiveFlight as LiveFlight
-from .live.heard import LiveRecording as LiveRecording
-from .live.heard import LiveTopics as LiveTopics
+from .live.heard_robot import LiveRecording as LiveRecording
+from .live.heard_robot import LiveTopics as LiveTopics
 from .live.source import LIVE_OBSERVERS as LIVE_OBSERVERS
 from .live.source import LiveRow as LiveRow
 from .live.source import LiveSource as LiveSource
-from .live.standing import LiveRobot as LiveRobot
+from .live.standing_robot import LiveRobot as LiveRobot
 from .self_check import self_check as self_check
 from .sweep.plan import load_sweep as load_sweep
 from .sweep.results import Effect as Effect

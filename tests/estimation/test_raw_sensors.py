@@ -26,7 +26,7 @@ from aerobat_pin.aerobat.raw.air import AirForces
 from aerobat_pin.aerobat.raw.channels import part_of, stretches
 from aerobat_pin.aerobat.raw.layout import Prior, first_prior
 from aerobat_pin.aerobat.raw.linear import LinearRecord
-from aerobat_pin.aerobat.raw.nominal import NominalMotion, first_guess
+from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
 from aerobat_pin.aerobat.raw.results import notes_of
 from aerobat_pin.aerobat.raw.tuning import Tuning
 from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError

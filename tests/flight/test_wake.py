@@ -15,7 +15,7 @@ from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerodynamics.flapping_wing import Stroke
 from aerobat_pin.aerodynamics.wind import Wind
 from aerobat_pin.errors import LogError
-from aerobat_pin.flight.shown import Wake, wake_of
+from aerobat_pin.flight.motion_and_wake import Wake, wake_of
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.robot.aerobat import flown_robot
 from aerobat_pin.scenario.air_tables import AirSection

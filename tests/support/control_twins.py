@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.control.controller import PITCHED_IN, Controller, integral_shares
-from aerobat_pin.control.nominal import waves
+from aerobat_pin.control.nominal_wrench import waves
 
 Vector = np.ndarray
 

@@ -18,7 +18,7 @@ from aerobat_pin.aerobat.flight_log import FlightLog, true_force
 from aerobat_pin.aerobat.tables import read_log
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.experiments.write_results import estimate_dataset
-from aerobat_pin.flight.shown import wake_of
+from aerobat_pin.flight.motion_and_wake import wake_of
 from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.robot.closed_model import bar_placements
 from aerobat_pin.scenario.scenario import load_scenario

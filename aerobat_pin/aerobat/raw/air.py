@@ -9,7 +9,7 @@ import numpy as np
 from aerobat_pin.aerobat.believed_air import AirAlongMotion
 from aerobat_pin.aerobat.motion import Motion, wind_of
 from aerobat_pin.aerobat.raw.dynamics_kernels import half_step_motion
-from aerobat_pin.aerobat.raw.nominal import NominalMotion
+from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion
 from aerobat_pin.linkage import joint_series
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table

@@ -19,7 +19,7 @@ import pinocchio as pin
 from aerobat_pin.aerobat.raw.air import AirForces
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics, Middle, linearise, wing_angles
 from aerobat_pin.aerobat.raw.layout import Layout
-from aerobat_pin.aerobat.raw.nominal import NominalMotion
+from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat
 

@@ -21,7 +21,7 @@ from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR, first_prior
 from aerobat_pin.aerobat.raw.linear import added_variances
-from aerobat_pin.aerobat.raw.nominal import NominalMotion, first_guess
+from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
 from aerobat_pin.aerobat.raw.recursion import advance, take_samples
 from aerobat_pin.aerobat.raw.rows import ROWS_BY_SENSOR, Sensed
 from aerobat_pin.aerobat.raw.smoother import JointSmoother

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.raw.nominal import NominalMotion
+from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion
 from aerobat_pin.numerics import Array, Integers
 from aerobat_pin.scenario import RawSection
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, Layout, Prior
-from aerobat_pin.aerobat.raw.nominal import NominalMotion
+from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion
 from aerobat_pin.aerobat.raw.recursion import Filtered, SampleRows, Smoothed, filter_record, smooth_record
 from aerobat_pin.aerobat.raw.tuning import Tuning, white_variance
 from aerobat_pin.numerics import Array, Integers

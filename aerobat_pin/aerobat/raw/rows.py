@@ -21,7 +21,7 @@ from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
 from aerobat_pin.aerobat.raw.dynamics import cross_matrices
 from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
-from aerobat_pin.aerobat.raw.nominal import NominalMotion
+from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion
 from aerobat_pin.aerobat.raw.recursion import SampleRows
 from aerobat_pin.aerobat.raw.rows_kernels import accelerometer_rows, felt_accelerations
 from aerobat_pin.aerobat.torque import Torque

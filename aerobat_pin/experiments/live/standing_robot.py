@@ -21,7 +21,7 @@ from scipy.linalg import cho_factor, cho_solve
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import OnlineEstimator, Result, estimate
 from aerobat_pin.experiments.experiment import Progress
-from aerobat_pin.experiments.live.heard import LiveStream
+from aerobat_pin.experiments.live.heard_robot import LiveStream
 from aerobat_pin.experiments.live.source import KEPT, PUSH_SHARE, LiveRow
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import robot_length
