@@ -19,15 +19,16 @@ from support.bad_bytes import READERS
 from support.bad_inputs import CLASSES, FAULTS, MORE_MEMORY, Doors, drawn_classes
 
 from aerobat_description import toml_text
+from aerobat_pin.errors import LARGEST_TABLE
 from aerobat_pin.experiments.sweep import plan
-from aerobat_pin.scenario import csv_rows, scenario
+from aerobat_pin.scenario import scenario
 
 LIMITS = (
     scenario.LARGEST_LOG / 1e9,
     scenario.MOST_SECONDS,
     plan.MOST_RUNS,
     plan.MOST_DAYS,
-    csv_rows.LARGEST_TABLE / 1e6,
+    LARGEST_TABLE / 1e6,
     toml_text.LARGEST_TOML / 1e6,
     toml_text.MOST_LEVELS,
 )

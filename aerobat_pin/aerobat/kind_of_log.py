@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import csv
 import difflib
 import os
 from functools import cache
@@ -15,10 +16,9 @@ from pathlib import Path
 
 from aerobat_description.reading import did_you_mean
 from aerobat_pin.aerobat.robot import AerobatRobot
-from aerobat_pin.errors import LogError
-from aerobat_pin.records import BAGS, NETCDF, Map, Request, load_map, requests_of
+from aerobat_pin.errors import LARGEST_TABLE, LogError, foreign_file
+from aerobat_pin.records import BAGS, NETCDF, Map, Request, header_of, load_map, requests_of
 from aerobat_pin.robot import JOINTS, load_aerobat
-from aerobat_pin.scenario import TextTable
 
 STATE_TABLE, RAW_TABLE = "states", "raw_samples"
 POSE = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")
@@ -58,11 +58,12 @@ def kind_of_log(path: Path) -> str | None:
         raise needs_map(path)
     if path.suffix.lower() in NETCDF or _begins_as_netcdf(path):
         return None
-    text = TextTable(path, "log", LogError)
-    names, sensors = text.names, table_units(RAW_TABLE)
+    foreign_file(path, f"log {path}", LARGEST_TABLE)
+    separator, cells = header_of(path)
+    names, sensors = [cell.partition("[")[0].strip() for cell in cells], table_units(RAW_TABLE)
     _check_columns(path, names)
     raw = "ax" in names or ("wx" in names and "vx" not in names)
-    if set(names) <= sensors.keys() and (raw or text.has_gaps()):
+    if set(names) <= sensors.keys() and (raw or _has_gaps(path, separator)):
         return RAW_TABLE
     if alone := [name for name in names if name not in table_units(STATE_TABLE)]:
         other = next(name for name in names if name not in sensors)
@@ -87,6 +88,13 @@ def _check_columns(path: Path, names: list[str]) -> None:
         raise needs_map(path, f"no column named {', '.join(hints)}")
     if strangers:
         raise LogError(f"log {path}: unknown column '{strangers[0][:60]}'; {did_you_mean(strangers[0][:60], known)}")
+
+
+def _has_gaps(path: Path, separator: str) -> bool:
+    """Return whether a cell of a table is empty."""
+    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+        rows = ([cell.strip() for cell in row] for row in csv.reader(file, delimiter=separator))
+        return any(not all(row) for row in rows if any(row))
 
 
 def _begins_as_netcdf(path: Path) -> bool:

@@ -30,6 +30,7 @@ from aerobat_pin.errors.exceptions import (
 )
 from aerobat_pin.errors.foreign_files import (
     DEEPEST_XML,
+    LARGEST_TABLE,
     MOST_TIMES_LARGER,
     MOST_UNPACKED,
     check_private,
@@ -44,6 +45,7 @@ from aerobat_pin.errors.whole_files import check_file, locked, opened_folder, wr
 
 __all__ = [
     "DEEPEST_XML",
+    "LARGEST_TABLE",
     "MOST_TIMES_LARGER",
     "MOST_UNPACKED",
     "AerobatError",

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 LARGEST_XML = 100_000_000  # bytes: a mesh as Collada
+LARGEST_TABLE = 100_000_000  # bytes, of one that is kept in memory: five minutes of 25 columns at 1 kHz
 DEEPEST_XML, MOST_ELEMENTS = 100, 200_000
 MOST_UNPACKED = 50_000_000  # bytes in memory at a time: a chunk of a recorder has some 1e6
 MOST_TIMES_LARGER = 300  # than its file is all that a file unpacks to; LZ4 cannot make it more than 255 times

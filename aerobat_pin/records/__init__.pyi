@@ -14,6 +14,7 @@ from .channels import Request as Request
 from .channels import base_requests as base_requests
 from .checked_netcdf import seal_netcdf as seal_netcdf
 from .columns import Columns as Columns
+from .csv_columns import header_of as header_of
 from .file_source import open_record as open_record
 from .joint_channels import encoder_words as encoder_words
 from .joint_channels import joint_requests as joint_requests
@@ -30,6 +31,7 @@ from .map_file import parse_map as parse_map
 from .map_file import with_options as with_options
 from .map_tables import FrictionSection as FrictionSection
 from .map_tables import KnownSection as KnownSection
+from .map_tables import LogTable as LogTable
 from .map_tables import Map as Map
 from .map_tables import QuaternionSection as QuaternionSection
 from .messages import entries as entries

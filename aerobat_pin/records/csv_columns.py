@@ -27,8 +27,8 @@ NUMBER, LETTER = re.compile(r"nan|inf|(?<=[\d.])e(?=[-+\d])", re.IGNORECASE), re
 NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\]]*)\]")
 
 
-def header_of(path: Path, log: LogTable) -> tuple[str, list[str]]:
-    """Return the separator and the names of the columns of a table. Raises LogError if it is none."""
+def header_of(path: Path, log: LogTable = LogTable()) -> tuple[str, list[str]]:  # noqa: B008 - it is frozen
+    """Return the separator and the cells of the header of a table. Raises LogError if it is none."""
     foreign_file(path, f"log {path}")
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:

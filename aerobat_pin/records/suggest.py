@@ -178,7 +178,7 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
 
 def _suggested_time(log: Path, columns: Columns) -> tuple[str, str, float] | None:
     """Return the column of a table that looks like a time, its unit, and its step in that unit; None if none does."""
-    match = next((match for match in map(TIME.match, header_of(log, LogTable())[1]) if match), None)
+    match = next((match for match in map(TIME.match, header_of(log)[1]) if match), None)
     if match is None:
         return None
     series = columns.values.get(match[0], columns.clocks["table"].time)

@@ -5,7 +5,6 @@ from .changes import described as described
 from .changes import differing_keys as differing_keys
 from .changes import keys_text as keys_text
 from .changes import shipped_description as shipped_description
-from .csv_rows import TextTable as TextTable
 from .describe import describe_scenario as describe_scenario
 from .describe import describe_tables as describe_tables
 from .describe import scenario_keys as scenario_keys

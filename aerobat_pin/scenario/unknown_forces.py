@@ -10,6 +10,7 @@ over each step of the integrator, so that no impulse is lost between two steps.
 from __future__ import annotations
 
 import math
+import warnings
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,9 +18,8 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from aerobat_pin.errors import ScenarioError
+from aerobat_pin.errors import LARGEST_TABLE, LogError, ScenarioError, foreign_file
 from aerobat_pin.numerics import Array, Integers, guarded
-from aerobat_pin.scenario.csv_rows import TextTable
 from aerobat_pin.scenario.tables import NonNegative, Number, Positive, Section, Triple
 
 Axes = Literal["link", "body", "world"]
@@ -264,12 +264,33 @@ def _ticks(time: Array, tick: float) -> Integers:
 
 def _read_series(path: Path, column: str) -> tuple[Array, Array]:
     """Read `time` and one other column of a CSV file. Raises ScenarioError, which says what is wrong with the file."""
-    text = TextTable(path, "unknown_force: recorded file", ScenarioError)
-    where, names = f"unknown_force: recorded file {path}", text.names
+    import pandas as pd  # slow to import
+
+    where = f"unknown_force: recorded file {path}"
+    try:
+        foreign_file(path, where, LARGEST_TABLE)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # rows with more cells than the header
+            table = pd.read_csv(
+                path, encoding="utf-8-sig", skipinitialspace=True, skip_blank_lines=False, index_col=False
+            ).dropna(how="all")
+    except LogError as error:
+        raise ScenarioError(str(error)) from error
+    except (ValueError, OSError, pd.errors.ParserWarning) as error:
+        raise ScenarioError(f"{where}: cannot be read as CSV: {' '.join(str(error).split())[:200]}") from error
+    names = [str(name).partition("[")[0].strip() for name in table.columns]
+    chosen = []
     for name in ("time", column):
         if name not in names:
-            raise ScenarioError(f"{where}: no column named '{name}'; its header has {', '.join(names) or 'nothing'}")
-    time, force = text.numbers([names.index("time"), names.index(column)]).T.copy()
+            raise ScenarioError(f"{where}: no column named '{name}'; its header has {', '.join(names)}")
+        cells = table.iloc[:, names.index(name)]
+        numbers = np.asarray(pd.to_numeric(cells, errors="coerce"), float)
+        if not np.all(np.isfinite(numbers)):
+            k = int(np.argmin(np.isfinite(numbers)))
+            wrong = f"line {table.index[k] + 2}: {name} = {str(cells.iloc[k])[:40]}"
+            raise ScenarioError(f"{where}, {wrong}: a finite number was expected")
+        chosen.append(numbers)
+    time, force = chosen
     if len(time) < 2 or np.any(np.diff(time) <= 0.0):
         raise ScenarioError(f"{where}: two rows or more with rising times were expected")
     return time, force

@@ -11,13 +11,12 @@ from typing import Any
 
 import pytest
 
-from aerobat_pin.errors import AerobatError, LogError, MorphologyFileError, ScenarioError, SweepError, TrimError
+from aerobat_pin.errors import AerobatError, MorphologyFileError, ScenarioError, SweepError, TrimError
 from aerobat_pin.experiments import run
 from aerobat_pin.experiments.sweep.sweep_file import read_sweep
 from aerobat_pin.flight import find_trim, simulate
 from aerobat_pin.robot import load_morphology
 from aerobat_pin.scenario import (
-    TextTable,
     changed_keys,
     changes_text,
     described,
@@ -314,12 +313,3 @@ def test_a_search_for_trim_is_sized_too() -> None:
     tiny = load_scenario("paper", ["simulation.dt=1e-6", "simulation.duration=1e-3"])
     with pytest.raises(TrimError, match=r"takes some 320 flaps, about 6\.7\d+e\+03 s; at most 3600 s"):
         find_trim(tiny)
-
-
-def test_a_table_of_hundreds_of_megabytes_is_refused_by_its_size(tmp_path: Path) -> None:
-    """Before a byte of it becomes a number; the number of rows is estimated from its beginning."""
-    with (tmp_path / "log.csv").open("wb") as file:
-        file.write(50_000 * b"0,1\n")
-        file.truncate(200_000_000)
-    with pytest.raises(LogError, match=r"log\.csv: 200 MB, about 5e\+07 rows; at most 100 MB are read"):
-        TextTable(tmp_path / "log.csv", "log", LogError)

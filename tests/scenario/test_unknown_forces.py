@@ -117,13 +117,14 @@ def test_a_recorded_series_is_straight_between_its_samples_and_nothing_outside(t
     ("text", "message"),
     [
         (None, "there is no such file"),
-        ("", "no column named 'time'; its header has nothing"),
+        ("", "cannot be read as CSV"),
         ("time, push\n0, 1\n1, 2\n", "no column named 'force'; its header has time, push"),
         ("time, force\n0, 1\n", "two rows or more"),
         ("time, force\n0, 1\n0, 2\n", "rising times"),
-        ("time, force\n0, 1\n1, nan\n", "line 3: force is not finite"),
-        ("time, force\n0, 1\n1, much\n", "line 3: force = ' much': a number was expected"),
-        ("time, force\n0, 1\n1\n", "line 3: 1 values: 2 were expected"),
+        ("time, force\n0, 1\n1, nan\n", "line 3: force = nan: a finite number was expected"),
+        ("time, force\n0, 1\n1, much\n", "line 3: force = much: a finite number was expected"),
+        ("time, force\n0, 1\n\n1\n", "line 4: force = nan: a finite number was expected"),
+        ("time, force\n0, 1, 2\n1, 2, 3\n", "cannot be read as CSV: Length of header"),
     ],
 )
 def test_a_file_that_is_no_series_is_refused(tmp_path: Path, text: str | None, message: str) -> None:

@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.errors import LogError, foreign_file, foreign_xml
+from aerobat_pin.errors import LARGEST_TABLE, LogError, foreign_file, foreign_xml
 from aerobat_pin.numerics import Array, Packages, checked_robot, read_robot
-from aerobat_pin.scenario import TextTable
+from aerobat_pin.records import LogTable, header_of, read_columns
 from aerobat_pin.visualization.replay.moving_page import Replay, record
 
 FREE_BASE = 7  # number of entries of q for a free base
@@ -102,18 +102,15 @@ def replay_table(table: Path, urdf: Path) -> Replay:
     Raises:
         LogError: the table or the URDF cannot be read, or they do not fit together.
         FrameNotFoundError: a force acts at a frame that the model does not have.
-        ShapeError: the time decreases.
     """
     names, values = _read_table(table)
-    if "time" not in names:
-        raise LogError(f"motion {table}: no column named time; there are {', '.join(names)}")
     forces: dict[str, Array] = {}
     columns = []
-    for k, name in enumerate(names):
+    for k, name in enumerate(names, start=1):
         if match := FORCE_COLUMN.fullmatch(name):
             force = forces.setdefault(match["frame"], np.full((len(values), 3), np.nan))
             force[:, "xyz".index(match["axis"])] = values[:, k]
-        elif name != "time":
+        else:
             columns.append(k)
     for frame, force in forces.items():
         if np.isnan(force).any():
@@ -125,20 +122,21 @@ def replay_table(table: Path, urdf: Path) -> Replay:
         if np.any(np.abs(length - 1.0) > 0.01):
             raise LogError(f"motion {table}: columns 4 to 7 of the configuration are no unit quaternion, w last")
         q[:, 3:7] /= length[:, None]
-    return record(model, visual_model, values[:, names.index("time")], q, forces, title=table.stem)
+    return record(model, visual_model, values[:, 0], q, forces, title=table.stem)
 
 
 def _read_table(table: Path) -> tuple[list[str], Array]:
-    """Return the names of the columns without units, and the values (n, columns)."""
-    text = TextTable(table, "motion", LogError)
-    if len(set(text.names)) < len(text.names):
-        twice = next(name for name in text.names if text.names.count(name) > 1)
-        raise LogError(f"motion {table}: two columns are named {twice}")
-    numbers = text.numbers()
-    if np.any(np.abs(numbers) > LARGEST_MOTION):
-        row, column = np.argwhere(np.abs(numbers) > LARGEST_MOTION)[0]
-        where = f"line {text.line(int(row))}: {text.names[column]} = {numbers[row, column]:g}"
-        raise LogError(f"motion {table}, {where}: numbers up to {LARGEST_MOTION:g} were expected")
-    if len(numbers) < 2:
-        raise LogError(f"motion {table}: a header and two rows or more were expected")
-    return text.names, numbers
+    """Return the names of the columns but for the time, and the values (n, 1 + columns), the time first."""
+    foreign_file(table, f"log {table}", LARGEST_TABLE)
+    names = [cell.partition("[")[0].strip() for cell in header_of(table)[1]]
+    if "time" not in names:
+        raise LogError(f"log {table}: no column named time; there are {', '.join(names)}")
+    columns = read_columns(table, LogTable.model_validate({"times": "own", "time": {"column": "time"}}), names)
+    names.remove("time")
+    numbers = np.column_stack([columns.clocks["table"].time, *(columns.values[name] for name in names)])
+    wrong = ~(np.abs(numbers) <= LARGEST_MOTION)
+    if np.any(wrong):
+        row, column = np.argwhere(wrong)[0]
+        where = f"{['time', *names][column]} = {numbers[row, column]:g} at {numbers[row, 0]:g} s"
+        raise LogError(f"log {table}: {where}: numbers up to {LARGEST_MOTION:g} were expected")
+    return names, numbers
