@@ -19,6 +19,7 @@ along the normal exactly. Moments of inertia are not exact: against flapping 6 %
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -99,17 +100,24 @@ def added_mass_factor(chord: Callable[[Array], Array], span: float, y: Array) ->
         span: length of the wing from tip to tip [m].
         y: stations (n,) [m].
     """
+    edge_y, centre = _edges_and_centres(PANELS[1])
+    factor = _factor_of_chords(span, *(tuple(chord(0.5 * span * at).tolist()) for at in (centre, edge_y)))
+    # mu vanishes at the tips as a square root: interpolating over the angle of the cosine follows it.
+    angles, factors = np.arccos([1.0, *centre[::-1], -1.0]), [0.0, *factor[::-1], 0.0]
+    return np.asarray(np.interp(np.arccos(2.0 * y / span), angles, factors))
+
+
+@lru_cache(maxsize=16)  # a plant, a belief and each run of a sweep have the same wing
+def _factor_of_chords(span: float, chords: tuple[float, ...], at_edges: tuple[float, ...]) -> Array:
+    """Return the factor between the edges of panels, given the chords there and at the edges."""
     edge_x, x = _edges_and_centres(PANELS[0])
     edge_y, centre = _edges_and_centres(PANELS[1])
-    length, corner_x, half = chord(0.5 * span * centre), 0.5 * np.outer(edge_x, chord(0.5 * span * edge_y)), len(x) // 2
+    length, corner_x, half = np.array(chords), 0.5 * np.outer(edge_x, at_edges), len(x) // 2
     at_x, at_y = 0.5 * np.outer(x[:half], length), np.broadcast_to(0.5 * span * centre, (half, len(centre)))
     rings = _rings(corner_x, np.broadcast_to(0.5 * span * edge_y, corner_x.shape), at_x.ravel(), at_y.ravel())
     influence = (rings[:, :half] + rings[:, : half - 1 : -1]).reshape(at_x.size, -1)  # mu is even about mid-chord
     jump = _solved(influence, np.ones(at_x.size)).reshape(at_x.shape)
-    factor = np.abs(np.diff(edge_x)[:half] @ jump) / (0.25 * np.pi * length)
-    # mu vanishes at the tips as a square root: interpolating over the angle of the cosine follows it.
-    angles, factors = np.arccos([1.0, *centre[::-1], -1.0]), [0.0, *factor[::-1], 0.0]
-    return np.asarray(np.interp(np.arccos(2.0 * y / span), angles, factors))
+    return np.asarray(np.abs(np.diff(edge_x)[:half] @ jump) / (0.25 * np.pi * length))
 
 
 def _solved(matrix: Array, values: Array) -> Array:

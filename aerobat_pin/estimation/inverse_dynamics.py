@@ -11,6 +11,7 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.records import Block, Record, slopes, world_turn
 
+ALL = slice(None)
 SMOOTHING = 0.03  # [s]: window of the parabolas whose slope is the acceleration
 
 
@@ -20,23 +21,31 @@ def accelerations(block: Block, record: Record) -> Array:
     return np.asarray(0.5 * (a[1:] + a[:-1]))
 
 
-def required_torque(record: Record, block: Block, acceleration: Array) -> Array:
-    """Return the generalised force (m, nv) that the motion needs: inertia, Coriolis and gravity (Pinocchio's rnea)."""
+def required_torque(record: Record, block: Block, acceleration: Array, at: slice = ALL) -> Array:
+    """Return the generalised force (m, nv) that the motion needs: inertia, Coriolis and gravity (Pinocchio's rnea).
+
+    Args:
+        record: the record.
+        block: a stretch of it.
+        acceleration: (intervals, nv) of the block.
+        at: the m intervals of the block that are wanted.
+    """
     model = record.robot.model
-    data, torque = model.createData(), np.empty_like(block.tau)
-    for k, motion in enumerate(
-        zip(halfway(record, block), 0.5 * (block.v[1:] + block.v[:-1]), acceleration, strict=True)
-    ):
+    data, v = model.createData(), 0.5 * (block.v[1:] + block.v[:-1])
+    motions = zip(halfway(record, block, at), v[at], acceleration[at], strict=True)
+    torque = np.empty_like(block.tau[at])
+    for k, motion in enumerate(motions):
         torque[k] = pin.rnea(model, data, *motion)
     return torque
 
 
-def halfway(record: Record, block: Block) -> Array:
-    """Return the configurations (m, nq) in the middle of a block's intervals."""
+def halfway(record: Record, block: Block, at: slice = ALL) -> Array:
+    """Return the configurations (m, nq) in the middle of intervals of a block, of all when omitted."""
+    before, after = block.q[:-1][at], block.q[1:][at]
     if not record.robot.free:
-        return np.asarray(0.5 * (block.q[1:] + block.q[:-1]))
+        return np.asarray(0.5 * (after + before))
     model = record.robot.model
-    return np.stack([pin.interpolate(model, *ends, 0.5) for ends in zip(block.q[:-1], block.q[1:], strict=True)])
+    return np.array([pin.interpolate(model, *ends, 0.5) for ends in zip(before, after, strict=True)])
 
 
 def sensor_force(record: Record, time: Array, attitude_of: Array | None = None) -> Array:

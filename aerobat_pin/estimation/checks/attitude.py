@@ -15,6 +15,7 @@ from aerobat_pin.robot import rotation_matrices
 Reading = tuple[str, str]  # order and sense, as a map says them
 
 BETTER, FITS = 0.6, 0.7  # share of the own misfit, and of the motion, below which another reading fits
+CERTAINLY_FITS = 0.05  # of the motion: what the map's reading leaves, where no other one is tried
 MISREAD = 0.9  # of the motion: what a reading leaves that is certainly wrong
 WORSE, WORSE_FROM = 1.5, 0.1  # of the own share of gyro or velocity: a reading that spoils one does not fit
 ALIKE = 1.3  # of the smallest misfit: readings that the motion does not tell apart
@@ -42,10 +43,16 @@ def reading_findings(
         specific_force: (m, 3) of an accelerometer, body axes; without it, the body is taken to fly upright.
     """
     mapped, *others = attitudes
-    shares = {reading: _shares(pairs(turns)) for reading, turns in attitudes.items()}
-    misfit = {reading: float(np.linalg.norm(each)) / max(len(each), 1) ** 0.5 for reading, each in shares.items()}
+    low, gain = (UPWARD, UPWARD) if specific_force is not None else (-UPWARD, 2.0 * UPWARD)
+    shares, misfit, upward = dict[Reading, Array](), dict[Reading, float](), dict[Reading, float]()
+    for reading, turns in attitudes.items():
+        shares[reading] = share = _shares(pairs(turns))
+        misfit[reading] = float(np.linalg.norm(share)) / max(len(share), 1) ** 0.5
+        upward[reading] = _upward(turns, specific_force)
+        if reading == mapped and len(share) > 0 and misfit[mapped] < CERTAINLY_FITS and upward[mapped] > low:
+            others = []
+            break
     moving, worst = len(shares[mapped]) > 0, np.maximum(WORSE * shares[mapped], WORSE_FROM)
-    upward = {reading: _upward(turns, specific_force) for reading, turns in attitudes.items()}
     text = (
         f"read as {_words(mapped)}, it leaves {misfit[mapped]:.2g} of the motion and points up by {upward[mapped]:.2f}"
     )
@@ -54,7 +61,6 @@ def reading_findings(
     best = max(alike, key=lambda reading: upward[reading], default=mapped)
     certain = misfit[mapped] > MISREAD if moving else specific_force is not None and upward[mapped] < 0.0
     motion_says = misfit[best] < min(BETTER * misfit[mapped], FITS)
-    low, gain = (UPWARD, UPWARD) if specific_force is not None else (-UPWARD, 2.0 * UPWARD)
     if motion_says or (upward[mapped] < low and upward[best] > upward[mapped] + gain):
         what = (
             f"{text}, as {_words(best)} {misfit[best]:.2g} and {upward[best]:.2f}: the columns seem to be "

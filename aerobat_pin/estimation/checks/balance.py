@@ -108,14 +108,18 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
         given = inputs(*stretch)
         block = Block(given.time, given.q, given.v, given.tau)
         a = accelerations(block, record)
-        whole = required_torque(record, block, a) - sum(given.known.values())
         count = len(given.tau)
-        for k in range(count // 10, count - count // 10, step):
-            Q = np.eye(len(rows)) if free is not None else _beyond_forces(record, data, block.q[k], rows, weight)
-            if Q.shape[1] == 0:
-                return None
+        chosen = slice(count // 10, count - count // 10, step)
+        whole = required_torque(record, block, a, chosen) - sum(force[chosen] for force in given.known.values())
+        every = range(count)[chosen]
+        beyond: list[Array] = len(every) * [np.eye(len(rows))]
+        if free is None:
+            beyond = _beyond_forces(record, data, block.q[:-1][chosen], rows, weight)
+        if any(Q.shape[1] == 0 for Q in beyond):
+            return None
+        for k, Q, asked in zip(every, beyond, whole[:, rows], strict=True):
             project, v = Q.T * weight, 0.5 * (block.v[k] + block.v[k + 1])
-            needed.append(project @ whole[k, rows])
+            needed.append(project @ asked)
             reach.append(project @ unit)
             motion.append((given.tau[k, at], v[at], a[k, at]))
             base.append(np.zeros(Q.shape[1]))
@@ -146,18 +150,16 @@ def _heavier_base(model: pin.Model) -> pin.Model:
     return alone
 
 
-def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], weight: Array) -> Array:
-    """Return an orthonormal basis (rows, k) of what the forces sought cannot reach."""
-    model, chosen = record.robot.model, record.map.robot
-    parts = []
-    for frame, size in [(name, 3) for name in chosen.points] + [(name, 6) for name in chosen.wrenches]:
-        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        jacobian = frame_jacobian(model, data, q, model.getFrameId(frame), axes)
-        parts.append((jacobian[:size, rows] * weight).T)
-    A = np.concatenate(parts, axis=1)
-    u, values, _ = np.linalg.svd(A)
-    rank = int(np.sum(values > RANK * max(float(values.max(initial=0.0)), 1e-300)))
-    return np.asarray(u[:, rank:])
+def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], weight: Array) -> list[Array]:
+    """Return orthonormal bases (rows, k) of what the forces sought cannot reach, at each configuration (m, nq)."""
+    model, chosen, axes = record.robot.model, record.map.robot, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    frames = [(model.getFrameId(frame), 3) for frame in chosen.points]
+    frames += [(model.getFrameId(frame), 6) for frame in chosen.wrenches]
+    sought = [[frame_jacobian(model, data, q_k, frame, axes)[:size] for frame, size in frames] for q_k in q]
+    A = np.array([np.concatenate(parts) for parts in sought])[:, :, rows] * weight
+    u, values, _ = np.linalg.svd(np.swapaxes(A, 1, 2))
+    ranks = np.sum(values > RANK * np.maximum(values.max(axis=1, keepdims=True), 1e-300), axis=1)
+    return [basis[:, rank:] for basis, rank in zip(u, ranks, strict=True)]
 
 
 def with_exchanged(record: Record, inputs: InputsBetween, pair: Exchange) -> InputsBetween:

@@ -167,25 +167,22 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:
     block = record.block(first, min(last, first + MANY))
     offset = estimate.index(block.time[0])
     estimated = estimate.between(offset, offset + len(block.tau))
-    good, frames, force = settled(record, estimated.time[:-1]), estimated.frames, estimated.force
-    data, powers, count = model.createData(), np.zeros(len(frames)), 0
-    moved, pushed = np.zeros((2, len(frames)))
-    for k in range(0, len(estimated.components), max(1, len(block.tau) // 2000)):
-        if not good[k]:
-            continue
+    every = slice(None, None, max(1, len(block.tau) // 2000))
+    chosen = np.flatnonzero(settled(record, estimated.time[:-1])[every]) * every.step
+    if not len(chosen):
+        return
+    data, frames, axes = model.createData(), estimated.frames, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    indices, speed = [model.getFrameId(frame) for frame in frames], np.empty((len(chosen), len(frames), 3))
+    for k, speeds in zip(chosen, speed, strict=True):
         pin.forwardKinematics(model, data, block.q[k], block.v[k])
-        count += 1
-        for i, frame in enumerate(frames):
-            index = model.getFrameId(frame)
-            speed = pin.getFrameVelocity(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED).linear
-            powers[i] += float(force[k, i] @ speed)
-            size = float(force[k, i] @ force[k, i])
-            moved[i], pushed[i] = moved[i] + size * float(speed @ speed), pushed[i] + size
-    if count:
-        yield from _held_still(record, frames, np.sqrt(moved / np.maximum(pushed, 1e-12)))
-        means = ", ".join(f"{frame} {power / count:.3g} W" for frame, power in zip(frames, powers, strict=True))
-        text = f"mean power of the force at its point: {means}"
-        yield Finding("power", "note", text, float(powers.sum()) / count, "W")
+        for index, velocity in zip(indices, speeds, strict=True):
+            velocity[:] = pin.getFrameVelocity(model, data, index, axes).linear
+    force = estimated.force[chosen]
+    powers, size = np.mean(np.sum(force * speed, axis=2), axis=0), np.sum(force**2, axis=2)
+    moved = np.sum(size * np.sum(speed**2, axis=2), axis=0) / np.maximum(np.sum(size, axis=0), 1e-12)
+    yield from _held_still(record, frames, np.sqrt(moved))
+    means = ", ".join(f"{frame} {power:.3g} W" for frame, power in zip(frames, powers, strict=True))
+    yield Finding("power", "note", f"mean power of the force at its point: {means}", float(powers.sum()), "W")
 
 
 def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Iterator[Finding]:
