@@ -6,7 +6,7 @@ Projected on the directions that A does not reach, f disappears.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -112,7 +112,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
         chosen = slice(count // 10, count - count // 10, step)
         whole = required_torque(record, block, a, chosen) - sum(force[chosen] for force in given.known.values())
         every = range(count)[chosen]
-        beyond: list[Array] = len(every) * [np.eye(len(rows))]
+        beyond: Sequence[Array] = len(every) * [np.eye(len(rows))]
         if free is None:
             beyond = _beyond_forces(record, data, block.q[:-1][chosen], rows, weight)
         if any(Q.shape[1] == 0 for Q in beyond):
