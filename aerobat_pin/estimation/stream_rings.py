@@ -13,13 +13,12 @@ import numpy as np
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.numerics import Array, Integers, fields_of, inner, kernel, new_state
-from aerobat_pin.records import Map, PlainRobot, Request, axes_of, imu_arm
+from aerobat_pin.records import HOLE, Map, PlainRobot, Request, axes_of, imu_arm
 
 LENGTH = 2048  # samples that a ring keeps; a power of two
 CLOCK_JUMP = 1.0  # [s]: a stamp further from the newest one is off, unless `CONFIRM` that follow each other agree
 CONFIRM = 3
 STALL = 0.1  # [s] behind the newest stamp of all channels, after which a channel is named as stalled
-SLOW_CHANNEL = 2.5  # usual steps of a channel, which a hole is longer than
 SETTLE_STEP = 1.1  # factor by which the usual step of a channel changes at most from sample to sample
 LARGEST_SAMPLE = 1.0e6  # SI: no sample of a robot is larger
 UNIT_TOLERANCE = 0.05  # of a quaternion's length, as in records
@@ -171,7 +170,7 @@ def bracket(rings: Rings, c: int, t: float) -> int:
 @inner
 def longest_step(rings: Rings, c: int) -> float:
     """Return the step of a channel [s] beyond which it has a hole."""
-    return float(max(rings.setting[0], SLOW_CHANNEL * rings.usual[c]))
+    return float(max(rings.setting[0], HOLE * rings.usual[c]))
 
 
 @inner

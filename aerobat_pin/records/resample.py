@@ -18,7 +18,7 @@ import pinocchio as pin
 from aerobat_pin.numerics import Array
 from aerobat_pin.records.spool import Series, typical_spacing
 
-SLOW = 2.5  # usual steps of a channel, which a hole is longer than
+HOLE = 2.5  # usual steps of a channel, which a hole is longer than
 
 
 def sampled(time: Array, values: Array, wanted: Array) -> Array:
@@ -103,9 +103,9 @@ def turn_rates(quaternions: Array, dt: float, window: float) -> Array:
 def holes(time: Series, longest: float) -> list[tuple[float, float]]:
     """Return the holes in stamps (n,) that are longer than `longest` [s]: their start and end.
 
-    It is also longer than `SLOW` of the samples' usual steps, which may be about as long.
+    It is also longer than `HOLE` of the samples' usual steps, which may be about as long.
     """
-    longest = max(longest, SLOW * typical_spacing(time))
+    longest = max(longest, HOLE * typical_spacing(time))
     gaps, before = [], float(time[0])
     for piece in time.pieces():
         stamps = np.concatenate([[before], piece])

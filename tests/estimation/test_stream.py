@@ -155,6 +155,16 @@ def test_a_leg_in_the_air_tells_a_stream_what_it_tells_a_record(folder: Path) ->
     assert np.all(told > 0.9 * rub)
 
 
+@pytest.mark.parametrize("jitter", [0.0, 2e-3])
+def test_ten_samples_a_second_have_no_holes(folder: Path, jitter: float) -> None:
+    """Steps as long as `log.longest_gap` but for jitter are no holes, as in a record: the stream begins once."""
+    late = jitter * np.random.default_rng(1).uniform(-1.0, 1.0, 41)
+    stamped = [(t + dt, row | {"t": t + dt}) for (t, row), dt in zip(messages(walk(4.0, 10.0)), late, strict=True)]
+    _, stream = batch(folder, mapped(folder, 10.0), stamped)
+    assert len(streamed(stream, stamped)) >= 38
+    assert stream.health.starts == 1
+
+
 @pytest.fixture(scope="module")
 def clean(folder: Path) -> tuple[OnlineEstimator, Stamped, np.ndarray]:
     """Return a stream, samples without a fault, and their estimates."""
