@@ -281,17 +281,33 @@ def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(tmp_path: Path) ->
             read_calibration(tmp_path / name)
 
 
+def reworded(data: xr.Dataset, before: str, after: str) -> xr.Dataset:
+    """Return a file's content with other words."""
+    words = str(data["words"].values)
+    assert before in words
+    return data.assign(words=((), words.replace(before, after)))
+
+
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
-        (lambda data: data.assign(change=data["change"] * 0.0 - 2.0), "change of -1 or less"),
-        (lambda data: data.assign(weight=data["weight"] * np.nan), "weight holds a number that is not finite"),
-        (lambda data: data.isel(term=slice(0, 4)), r"weight has shape \(4, 10\)"),
-        (lambda data: data.assign(state_scale=data["state_scale"] * 0.0), "units above 0 were expected"),
-        (lambda data: data.isel(point=[0]), r"normal has shape \(6, 3\)"),
-        (lambda data: data.drop_vars("error_size"), "a part is missing or damaged"),
-        (lambda data: data.assign_attrs(settings="{}}"), "a part is missing or damaged"),
-        (lambda data: data.assign_attrs(fits='[{"name": 1}]'), "a part is missing or damaged"),
+        (lambda data: reworded(data, '"mass": 1.0', '"mass": NaN'), "mass nan: a factor above 0"),
+        (lambda data: reworded(data, '"array series.scale"', '"array [1000000000, 4]"'), "has no numbers"),
+        (lambda data: reworded(data, '"array series.scale"', "0"), "a part is missing or damaged"),
+        (
+            lambda data: data.assign({"identified.values": data["identified.values"] * 0.0 - 2.0}),
+            "change of -1 or less",
+        ),
+        (
+            lambda data: data.assign({"series.mean": data["series.mean"] * np.nan}),
+            "series.mean holds a number that is not finite",
+        ),
+        (lambda data: data.isel({"series.mean.0": slice(0, 4)}), r"series.mean has shape \(4, 10\)"),
+        (lambda data: data.assign({"series.scale": data["series.scale"] * 0.0}), "units above 0 were expected"),
+        (lambda data: data.isel({"detection.bias.0": [0]}), r"detection.bias has shape \(1,\)"),
+        (lambda data: data.drop_vars("series.size"), "a part is missing or damaged"),
+        (lambda data: data.assign(words=((), "{}}")), "a part is missing or damaged"),
+        (lambda data: reworded(data, '"fits": []', '"fits": [{"name": 1}]'), "a part is missing or damaged"),
         (lambda data: data.assign_attrs(kind="other"), "a file that `aerobat calibrate` wrote was expected"),
         (lambda data: data.assign_attrs(kind="aerobat calibration 2"), "an older file: calibrate again"),
         (lambda data: data.assign_attrs(kind="aerobat calibration 99"), "a newer file: calibrate again, or install"),

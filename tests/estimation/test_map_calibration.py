@@ -153,7 +153,7 @@ def test_the_file_keeps_all_that_was_learnt(arms: tuple[Path, np.ndarray]) -> No
     assert found.fitted.friction is not None
     np.testing.assert_array_equal(again.fitted.friction.coulomb, found.fitted.friction.coulomb)
     assert calibration_bytes(again) == content
-    for damaged in (content[: len(content) // 2], content.replace(b"friction_rate", b"friction_rote")):
+    for damaged in (content[: len(content) // 2], content.replace(b'"rate"', b'"rote"')):
         (folder / "damaged.nc").write_bytes(damaged)
         with pytest.raises(CalibrationError):
             read_calibration(folder / "damaged.nc")
