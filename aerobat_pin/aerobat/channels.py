@@ -16,6 +16,7 @@ import xarray as xr
 from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
+from aerobat_pin.records import LARGEST_VALUE
 from aerobat_pin.robot import JOINTS, LINKS
 
 KNOWN = "known_"  # prefix of the channels with known generalised forces or body wrenches
@@ -32,7 +33,6 @@ LABELS = {
     "link": LINKS,
     "wrench_axis": ("fx", "fy", "fz", "mx", "my", "mz"),
 }
-LARGEST_VALUE = 1e9  # no quantity of a flight is larger in SI units; a larger number is a damaged one
 QUATERNION_ERROR = 0.01  # allowed deviation of a quaternion's length from 1
 FASTEST_CRANK = 60.0  # [Hz]: if the crank seems faster, its angle is in degrees
 LARGEST_JOINT_ANGLE = 2.0 * np.pi  # [rad]: no joint turns that far; a larger angle is in degrees

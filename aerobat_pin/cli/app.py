@@ -87,11 +87,11 @@ def run_command(
     from aerobat_pin import experiments
     from aerobat_pin.errors import SimulationError
     from aerobat_pin.estimation import read_calibration
-    from aerobat_pin.flight import MujocoRobot
-    from aerobat_pin.robot import flown_robot
     from aerobat_pin.scenario import load_scenario
 
     changes = list(settings or [])
+    if plant is not None:
+        changes.append(f"plant.simulator={plant}")
     if seed is not None:
         changes.append(f"simulation.seed={seed}")
     if observers:
@@ -104,9 +104,7 @@ def run_command(
 
     def flown(show: experiments.Progress) -> experiments.Experiment:
         try:
-            moved = None if plant is None else MujocoRobot(flown_robot(loaded))
-            experiment = experiments.run(loaded, show, calibration=learnt, simulator=moved)
-            return experiment if moved else experiments.beside_pd(experiment, show)
+            return experiments.beside_pd(experiments.run(loaded, show, calibration=learnt), show)
         except SimulationError as error:
             if not isinstance(error.kept, experiments.Experiment):
                 raise

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from aerobat_pin.records import Record
     from aerobat_pin.scenario import Scenario
 
-CHANGED_MODEL = 3  # exit code
+EXIT_CODES = {"unchanged": 0, "changed": 3, "unverified": 4}
 FIGURE_KINDS = ("png", "pdf", "svg")
 
 
@@ -146,9 +146,10 @@ def check_command(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Is a calibration still good? Print one line, draw one figure; exit code 0 if nothing changed, else 3.
+    """Is a calibration still good? Print one line, draw one figure; exit code 0 if nothing changed, 3 if something has.
 
-    Five seconds without unknown forces suffice, and forces at the known points do no harm.
+    It is 4 where the forces sought leave no row that could tell. Five seconds without unknown forces suffice, and
+    forces at the known points do no harm.
     """
     from aerobat_pin.errors import CalibrationError, check_file, write_files
     from aerobat_pin.estimation import estimate, read_calibration
@@ -169,5 +170,4 @@ def check_command(
     typer.echo(f"{result.model}; figure: {figure}")
     for line in learnt.warnings:
         typer.echo(f"warning: calibration: {line}", err=True)
-    if result.model.verdict == "changed":
-        raise typer.Exit(CHANGED_MODEL)
+    raise typer.Exit(EXIT_CODES[result.model.verdict])

@@ -28,6 +28,8 @@ SOMETIMES = 0.95  # share of the time below which a component is not always seen
 TINY = 1e-12  # [N, N m]
 ROW_TORQUE, ROW_TORQUES = "a torque that the motion does not explain", "torques that the motion does not explain"
 WAYS = {"Fx": ("along x", "against x"), "Fy": ("along y", "against y"), "Fz": ("upward", "downward")}
+DOUBTFUL_CHECKS = ("effort sign", "swapped joints", "mounting", "mass", "effort unit or mass")
+UNTESTED = "no row is to spare: a wrong sign, order, mass, mounting or friction would look like this force"
 COMPARED_WITH = {"truth": "true force", "sensor": "force sensor"}
 
 
@@ -116,8 +118,13 @@ def verdict_of(
     sentence = f"{estimate.head.observer} finds {what}"
     if certain and quiet:
         sentence += f"; nothing at {_listed(dict.fromkeys(quiet))} stands out from its errors"
+    findings = tuple(findings)
     doubts = [f"the record contradicts itself: {finding.check}" for finding in findings if finding.verdict == "refused"]
+    doubted = dict.fromkeys(finding.check for finding in findings if finding.warns and finding.check in DOUBTFUL_CHECKS)
+    doubts += [f"a check doubts the record: {', '.join(doubted)}"] if doubted else []
     words, wrong = scores.judgement
+    blind = estimate.redundancy.verdict == "blind" and not scores.points
+    doubts += [UNTESTED] if blind and certain else []
     doubts += [words.removeprefix("belief: ").partition(";")[0]] * wrong
     doubts += ["something has changed since the calibration"] * (model is not None and model.verdict == "changed")
     parts = [sentence, _sureness(scores, kind, certain, pushes), *doubts, _unseen(scores)]

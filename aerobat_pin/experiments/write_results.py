@@ -109,7 +109,8 @@ def estimate_table(estimates: dict[str, Estimate]) -> str:
     A cell is empty where the component is not seen.
     """
     first = next(iter(estimates.values()))
-    columns = {"start [s]": first.time[:-1], "end [s]": first.time[1:]}
+    ends = {"start [s]": first.time[:-1], "end [s]": first.time[1:]}  # Unix stamps need more digits than forces
+    columns: dict[str, Any] = {name: [f"{stamp:.9f}" for stamp in stamps] for name, stamps in ends.items()}
     for name, estimate in estimates.items():
         shown = estimate.shown
         for i, (label, unit) in enumerate(zip(estimate.identifiability.components, estimate.units, strict=True)):

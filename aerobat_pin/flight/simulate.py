@@ -11,6 +11,7 @@ from aerobat_pin.errors import ScenarioError, SimulationError
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
 from aerobat_pin.flight.log_channels import flight_log_of
 from aerobat_pin.flight.loop import ClosedLoop, Pilot
+from aerobat_pin.flight.mujoco_robot import MujocoRobot
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.simulated_elsewhere import Simulator
@@ -39,7 +40,8 @@ def simulate(
         drive: crank drive or motor that replaces the scenario's.
         robot: the scenario's robot, if it is already loaded by `flown_robot`.
         pilot: what flies the robot by its thrusters; needed if, and only if, the scenario has a table `control`.
-        simulator: what integrates the motion in the plant's place, see `Simulator`.
+        simulator: what integrates the motion in the plant's place, see `Simulator`; what `plant.simulator` names when
+            omitted.
 
     Raises:
         ScenarioError, MorphologyFileError, LinkageError: the scenario does not fit its robot, or is too large.
@@ -57,7 +59,10 @@ def simulate(
             f"scenario {scenario.name} has {table} control, but {given}: `run` closes the loop by itself, and so does "
             "`simulate(scenario, pilot=aerobat_pin.control.Controller(scenario))`"
         )
-    plant = Plant(flown_robot(scenario) if robot is None else robot, scenario, drive, simulator)
+    robot = flown_robot(scenario) if robot is None else robot
+    if simulator is None and scenario.plant.simulator is not None:
+        simulator = MujocoRobot(robot)
+    plant = Plant(robot, scenario, drive, simulator)
     count, dt = settings.count, settings.dt
     time = np.arange(count + 1) * dt
 

@@ -9,6 +9,7 @@ from .block import Block as Block
 from .block import Channel as Channel
 from .block import SmoothedMotion as SmoothedMotion
 from .channels import EXTRA as EXTRA
+from .channels import LARGEST_VALUE as LARGEST_VALUE
 from .channels import G as G
 from .channels import Request as Request
 from .channels import base_requests as base_requests

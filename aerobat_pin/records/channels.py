@@ -19,6 +19,7 @@ from aerobat_pin.records.table_cells import line_of
 
 EXTRA = "extra."  # prefix of the keys of channels that only the robot itself reads
 G = 9.80665  # [m/s2] of the unit g
+LARGEST_VALUE = 1e9  # no quantity of a robot is larger; a larger number is a damaged one
 SI_FACTORS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
     "angle": {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3},
@@ -142,7 +143,9 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
     time, values = clock if whole else Series(clock.spool), Series(clock.spool, len(parts))
     for rows in (slice(first, min(first + EXTENT, high)) for first in range(low, high, EXTENT)):
         stamps = clock[rows]
-        table = request.converted(np.stack([_column_at(stamps, rows, clock, *part) for part in parts], axis=1))
+        table = np.stack([_column_at(stamps, rows, clock, *part) for part in parts], axis=1)
+        _check_sizes(columns, request, stamps, table)
+        table = request.converted(table)
         if request.key == "base.quaternion":
             table = _unit_length(columns, request, stamps, table)
         if request.wraps:
@@ -152,6 +155,14 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
             time.append(stamps - request.delay)
     gaps = _holes(request, [stamps for stamps, _ in parts], longest_gap)
     return Channel(request.key, request.names, time, values, holes=gaps)
+
+
+def _check_sizes(columns: Columns, request: Request, time: Array, values: Array) -> None:
+    """Raise LogError for a number of a log (m, k), in its own units, that no quantity has."""
+    if not (np.abs(values) <= LARGEST_VALUE).all():
+        row, k = np.argwhere(~(np.abs(values) <= LARGEST_VALUE))[0]
+        where = f"log {columns.path}: {request.names[k]} ({request.key}) = {values[row, k]:g} at {time[row]:.10g} s"
+        raise LogError(f"{where}: a number between -{LARGEST_VALUE:g} and {LARGEST_VALUE:g} was expected")
 
 
 def check_same_rows(request: Request, columns: Columns) -> None:

@@ -32,7 +32,9 @@ MOST_TIMES = 1 << 45  # common times from the first to the last, holes included;
 
 
 @guarded()
-def open_record(path: Path, chosen: Map | Path, folder: Path | None = None, robot: PlainRobot | None = None) -> Record:
+def open_record(
+    path: Path | str, chosen: Map | Path | str, folder: Path | str | None = None, robot: PlainRobot | None = None
+) -> Record:
     """Read a recording by its map.
 
     Args:
@@ -44,9 +46,10 @@ def open_record(path: Path, chosen: Map | Path, folder: Path | None = None, robo
     Raises:
         LogError, MapError: the log or the map lacks something, or they do not fit together.
     """
-    if isinstance(chosen, Path):
-        folder = folder or chosen.parent
-        chosen = load_map(chosen)
+    path, folder = Path(path), None if folder is None else Path(folder)
+    if not isinstance(chosen, Map):
+        folder = folder or Path(chosen).parent
+        chosen = load_map(Path(chosen))
     folder = folder or Path()
     robot = (robot or robot_of_map(chosen.robot, folder)).carrying(chosen.payload)
     chosen = _with_held(chosen, robot)

@@ -77,7 +77,8 @@ def _check_lines(path: Path, lines: bytes, separator: str, columns: int, first: 
     ends = np.flatnonzero(data == ord("\n"))
     before = np.searchsorted(np.flatnonzero(data == ord(separator)), ends)
     cells = np.diff(before, prepend=0) + 1
-    filled = np.diff(ends, prepend=-1) > 2  # a blank line is no row
+    starts = np.append(0, ends + 1)[:-1]
+    filled = (ends - starts > 1) | ((ends - starts == 1) & (data[starts] > ord(" ")))  # a blank line is no row
     wrong = filled & (cells != columns)
     if wrong.any():
         k = int(np.argmax(wrong))

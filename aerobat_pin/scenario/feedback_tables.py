@@ -156,7 +156,9 @@ class SensorsSection(Section):
     @model_validator(mode="before")
     @classmethod
     def _without_those_taken_away(cls, values: Any) -> Any:
-        return {k: v for k, v in values.items() if v != "none"} if isinstance(values, dict) else values
+        if not isinstance(values, dict):
+            return values
+        return {k: v for k, v in values.items() if v != "none" or k not in cls.model_fields}
 
     @model_validator(mode="after")
     def _raw_or_not(self) -> SensorsSection:

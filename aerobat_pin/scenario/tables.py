@@ -264,11 +264,14 @@ class LoadSection(Section):
 
 
 class PlantSection(Section):
-    """What has changed in the robot that flies, and in its air, since the tables robot and air were written.
+    """What moves the robot, and what has changed in it and its air since the tables robot and air were written.
 
     Observers do not know of it: they believe these tables, with `believed` laid over them.
     """
 
+    simulator: Literal["mujoco"] | None = Field(
+        None, description="what moves the robot in our air; needs the extra of its name"
+    )
     air_density: Positive = Field(1.0, description="of the air that flies, as a factor of air.density [-]")
     crank_zero_deg: Number = Field(
         0.0, description="what the crank's encoder shows too much; the wings do not move [deg]"

@@ -24,8 +24,8 @@ from aerobat_pin.records import netcdf_bytes, read_netcdf
 
 FAMILY = "aerobat calibration"
 KIND = f"{FAMILY} 8"  # with the number of the form
-WORDS = "words"  # the variable with all that is no array
-ARRAY = "array "  # begins what stands there in place of an array: its place, or the shape of one without numbers
+ALL_ELSE = "words"  # the variable with all that is no array
+STANDS_FOR = "array "  # begins what stands there in place of an array: its place, or the shape of one without numbers
 LARGEST_LEARNT = 1.0e9  # of any number in a file
 UNKNOWN_SIZES = ("fitted.friction.deviation",)  # arrays that may have infinite entries
 
@@ -34,22 +34,22 @@ UNKNOWN_SIZES = ("fitted.friction.deviation",)  # arrays that may have infinite 
 def calibration_bytes(calibration: Calibration) -> bytes:
     """Return the content of a calibration's file."""
     arrays: dict[str, Array] = {}
-    words = json.dumps(_plain(replace(calibration, correct=False), "", arrays))
+    words = json.dumps(_taken_apart(replace(calibration, correct=False), "", arrays))
     parts = {name: (tuple(f"{name}.{axis}" for axis in range(a.ndim)), a) for name, a in arrays.items()}
-    return netcdf_bytes(xr.Dataset(parts | {WORDS: ((), words)}, attrs={"kind": KIND}))
+    return netcdf_bytes(xr.Dataset(parts | {ALL_ELSE: ((), words)}, attrs={"kind": KIND}))
 
 
-def _plain(value: Any, place: str, arrays: dict[str, Array]) -> Any:
+def _taken_apart(value: Any, place: str, arrays: dict[str, Array]) -> Any:
     """Return what JSON can hold of a value, and collect its arrays by their place."""
     if isinstance(value, np.ndarray):
         arrays |= {place: value} if value.size else {}
-        return f"{ARRAY}{place if value.size else list(value.shape)}"
+        return f"{STANDS_FOR}{place if value.size else list(value.shape)}"
     if is_dataclass(value):
         value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, Mapping):
-        return {key: _plain(entry, f"{place}.{key}".strip("."), arrays) for key, entry in value.items()}
+        return {key: _taken_apart(entry, f"{place}.{key}".strip("."), arrays) for key, entry in value.items()}
     if isinstance(value, tuple):
-        return [_plain(entry, f"{place}.{k}", arrays) for k, entry in enumerate(value)]
+        return [_taken_apart(entry, f"{place}.{k}", arrays) for k, entry in enumerate(value)]
     return value.item() if isinstance(value, np.generic) else value
 
 
@@ -70,11 +70,11 @@ def read_calibration(path: Path) -> Calibration:
     if kind != KIND:
         raise CalibrationError(f"{name}: a file that `aerobat calibrate` wrote was expected")
     try:
-        found: Calibration = _of_type(Calibration, json.loads(str(data[WORDS].values)), data)
+        found: Calibration = _of_type(Calibration, json.loads(str(data[ALL_ELSE].values)), data)
         for part, values, wanted in _shapes(found):
             if values.shape != wanted:
                 raise ValueError(f"{part} has shape {values.shape}: {wanted} was expected")
-        _check_values(found)
+        _refuse_values(found)
     except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200]
         raise CalibrationError(f"{name}: a part is missing or damaged: {reason}") from error
@@ -85,36 +85,36 @@ def _of_type(kind: Any, value: Any, data: xr.Dataset) -> Any:
     """Return what JSON held as a value of a type. Raises KeyError, TypeError or ValueError if it is none."""
     origin, inner = get_origin(kind), get_args(kind)
     if origin is np.ndarray:
-        return _array(value, data)
+        return _stored_array(value, data)
     if origin is UnionType:  # of something and None
         return None if value is None else _of_type(inner[0], value, data)
     if origin in (dict, Mapping):
-        return {key: _of_type(inner[1], entry, data) for key, entry in _checked(value, dict).items()}
+        return {key: _of_type(inner[1], entry, data) for key, entry in _of_kind(value, dict).items()}
     hints = {} if origin is tuple else get_type_hints(kind)
     if is_dataclass(kind):
-        names, entries = [field.name for field in fields(kind)], _checked(value, dict)
+        names, entries = [field.name for field in fields(kind)], _of_kind(value, dict)
         make: Any = kind
         return make(**{name: _of_type(hints[name], entries[name], data) for name in names})
     if origin is tuple or hints:
-        entries = _checked(value, list)
+        entries = _of_kind(value, list)
         kinds = hints.values() or (len(entries) * inner[:1] if inner[-1] is ... else inner)
         made = [_of_type(each, entry, data) for each, entry in zip(kinds, entries, strict=True)]
         return kind(*made) if hints else tuple(made)
-    return _checked(value, *((float, int) if kind is float else (kind,)))
+    return _of_kind(value, *((float, int) if kind is float else (kind,)))
 
 
-def _checked(value: Any, *kinds: type) -> Any:
+def _of_kind(value: Any, *kinds: type) -> Any:
     """Return a value of one of some types. Raises TypeError for another one."""
     if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
         raise TypeError(f"{str(value)[:40]}: {kinds[0].__name__} was expected")
     return value
 
 
-def _array(value: Any, data: xr.Dataset) -> Array:
+def _stored_array(value: Any, data: xr.Dataset) -> Array:
     """Return the array for which a text of JSON stands. Raises KeyError, TypeError or ValueError."""
-    if not isinstance(value, str) or not value.startswith(ARRAY):
+    if not isinstance(value, str) or not value.startswith(STANDS_FOR):
         raise TypeError(f"{str(value)[:40]}: an array was expected")
-    place = value.removeprefix(ARRAY)
+    place = value.removeprefix(STANDS_FOR)
     if place.startswith("["):
         shape = tuple(json.loads(place))
         if 0 not in shape:
@@ -154,7 +154,7 @@ def _shapes(learnt: Calibration) -> Iterator[tuple[str, Array, tuple[int, ...]]]
             yield f"detection.{name}", getattr(learnt.detection, name), (3 * len(learnt.detection.frames),)
 
 
-def _check_values(learnt: Calibration) -> None:
+def _refuse_values(learnt: Calibration) -> None:
     """Raise ValueError for numbers that no calibration has."""
     if not 0.0 < learnt.fitted.mass <= LARGEST_LEARNT:
         raise ValueError(f"mass {learnt.fitted.mass:g}: a factor above 0 was expected")

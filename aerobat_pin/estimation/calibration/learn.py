@@ -128,8 +128,8 @@ def calibrate(
 
     values, learnt = kept_of(records[0], forces[0].values), tested is not runs or identified is not None
     bar = error_bar([(raw, replace(known, series=tested_series)) for raw, known in zip(plain, forces, strict=True)])
-    for known in forces:
-        findings += effort_findings(known.record, inputs_between(known.record, known), findings)
+    for raw, known in zip(plain, forces, strict=True):  # friction that is fitted first takes up a reversed effort
+        findings += effort_findings(known.record, inputs_between(known.record, raw or known), findings)
         findings += fit_findings(known)
     notes.append(f"as calibrated: {_sizes(runs)} unexplained" if runs else "contacts: not learnt, as something pushed")
     return Calibration(

@@ -29,6 +29,7 @@ LARGEST_MESH = 100_000_000  # bytes
 MESHES = (".dae", ".obj", ".stl")  # what the page can draw; none of them but Collada names other files
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"BM")  # how the content of a texture begins
 FORCE_COLUMN = re.compile(r"(?P<frame>.+)\.F(?P<axis>[xyz])")
+PLAYED_UNITS = ("", "m", "rad", "-", "1", "N")
 LARGEST_MOTION = 1e6  # of any number: no motion goes further, and a page holds single precision
 
 
@@ -128,15 +129,23 @@ def replay_table(table: Path, urdf: Path) -> Replay:
 def _read_table(table: Path) -> tuple[list[str], Array]:
     """Return the names of the columns but for the time, and the values (n, 1 + columns), the time first."""
     foreign_file(table, f"log {table}", LARGEST_TABLE)
-    names = [cell.partition("[")[0].strip() for cell in header_of(table)[1]]
+    names = []
+    for cell in header_of(table)[1]:
+        name, _, unit = (part.strip("] ") for part in cell.partition("["))
+        if unit not in PLAYED_UNITS and name != "time":
+            raise LogError(f"log {table}: column '{name} [{unit}]': {', '.join(PLAYED_UNITS[1:])} was expected")
+        names.append(name)
     if "time" not in names:
         raise LogError(f"log {table}: no column named time; there are {', '.join(names)}")
     columns = read_columns(table, LogTable.model_validate({"times": "own", "time": {"column": "time"}}), names)
     names.remove("time")
     numbers = np.column_stack([columns.clocks["table"].time, *(columns.values[name] for name in names)])
+    if abs(numbers[0, 0]) > LARGEST_MOTION:  # Unix time
+        numbers[:, 0] -= numbers[0, 0]
     wrong = ~(np.abs(numbers) <= LARGEST_MOTION)
     if np.any(wrong):
         row, column = np.argwhere(wrong)[0]
-        where = f"{['time', *names][column]} = {numbers[row, column]:g} at {numbers[row, 0]:g} s"
-        raise LogError(f"log {table}: {where}: numbers up to {LARGEST_MOTION:g} were expected")
+        what = "is empty" if np.isnan(numbers[row, column]) else f"= {numbers[row, column]:g}"
+        where = f"log {table}, row {row + 1}: {['time', *names][column]} {what}"
+        raise LogError(f"{where}: numbers up to {LARGEST_MOTION:g} were expected")
     return names, numbers
