@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.errors import ExtraError, raising
+from aerobat_pin.errors import ExtraError, MapError, raising
 from aerobat_pin.estimation.calibration.calibration import Calibration
 from aerobat_pin.estimation.contacts import ContactWatch, contact_probability
 from aerobat_pin.estimation.online import OnlineEstimator
@@ -75,6 +75,8 @@ class ForceNode:
         self.estimator = OnlineEstimator(chosen, folder, self._publish, calibration, wait=wait)
         self._say, self._name, self._heard = say, name, heard
         self._wanted = {column.partition(".")[0] for column in self.estimator.columns}
+        if columns := sorted(name for name in self._wanted if not name.startswith("/")):
+            raise MapError(f"map: '{columns[0]}' is a column: a node hears topics, such as topic = \"/joint_states\"")
         self._publishers: dict[str, Any] = {}
         self._watches: dict[str, ContactWatch] = {}
         self._stamps: dict[float, Any] = {}  # time [s] -> the stamp that it was

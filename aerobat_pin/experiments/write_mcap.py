@@ -13,6 +13,7 @@ from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Result, blocks_of
 from aerobat_pin.experiments.mcap_messages import McapStretch, joint_rows, write_mcap_stretches
+from aerobat_pin.flight import log_with_motion
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate
 
@@ -79,9 +80,10 @@ def write_flight_mcap(model: pin.Model, log: FlightLog, estimates: xr.Dataset, p
         path: the MCAP file.
 
     Raises:
-        LogError: the log has no configuration.
+        LogError: the log has no configuration, nor raw samples with their true motion.
         OutputError: the file cannot be written.
     """
+    log = log_with_motion(log)
     if "q" not in log.measured or "v" not in log.measured:
         raise LogError("convert: the flight log has no channels q and v")
     q, v = log.measured["q"].values, log.measured["v"].values

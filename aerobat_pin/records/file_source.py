@@ -140,6 +140,8 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
 def _check_complete(chosen: Map, robot: PlainRobot, channels: dict[str, Channel]) -> None:
     """Raise MapError if a free base lacks what its motion is found from, or that does not tell what the robot needs."""
     source = chosen.base.from_
+    if not robot.free and source != "measured":
+        raise MapError(f'map: base.from = "{source}", but the base is fixed: robot.root = "free_flyer" was expected')
     if robot.free and not chosen.base.held and source != "measured":
         if robot.knows_forces:
             raise MapError(

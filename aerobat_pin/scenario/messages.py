@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar, get_args, get_origin
 
 from pydantic import ValidationError
 
@@ -76,6 +76,7 @@ def _fixed_length(section: type[Section], key: str) -> int:
     """Return how many entries the list of a key must have, or 0 if any number is allowed."""
     field = section.model_fields.get(key)
     entries = () if field is None else get_args(field.annotation)
+    entries = next((get_args(kind) for kind in entries if get_origin(kind) is tuple), entries)  # of a list or None
     return 0 if Ellipsis in entries else len(entries)
 
 

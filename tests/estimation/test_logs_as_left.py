@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+import tomli_w
 from support.foreign_channels import with_foreign_channels
 from support.swinging_arm import JOINTS, arm, arm_map, recording
 from support.walking_log import bag, bag_map, urdf, walk
@@ -445,3 +446,35 @@ def test_forces_that_no_robot_stands_are_doubted(swing: pd.DataFrame, tmp_path: 
         opened(table, tmp_path)
         result = estimate(open_record(tmp_path / "log.csv", parse_map(values, "-"), tmp_path), trust=True)
         assert any(finding.check == "size of forces" for finding in result.findings) is doubted
+
+
+@pytest.mark.parametrize("value", [1e300, -2e9])
+@pytest.mark.parametrize("column", ["bend_q", "lift_v", "turn_i"])
+def test_a_number_that_no_quantity_has_is_refused_by_its_place(
+    column: str, value: float, swing: pd.DataFrame, tmp_path: Path
+) -> None:
+    """Damaged cells: squares of 1e300 overflow, and the scores were NaN."""
+    damaged = swing.copy()
+    damaged.loc[100, column] = value
+    with pytest.raises(
+        LogError, match=rf"{column} \(joints\..*\) = {re.escape(f'{value:g}')} at 0\.2 s: a number between"
+    ):
+        opened(damaged, tmp_path)
+
+
+def test_a_row_of_one_character_is_no_blank_line(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Lines without anything may stand anywhere, also with a carriage return."""
+    lines = swing.to_csv(index=False).splitlines()
+    assert len(opened("\n".join([*lines[:50], "", "\r", *lines[50:], ""]), tmp_path).parts) == 1
+    with pytest.raises(LogError, match="line 51: 1 cells"):
+        opened("\n".join([*lines[:50], "5", *lines[50:], ""]), tmp_path)
+
+
+def test_paths_may_be_texts_and_a_fixed_base_has_no_imu(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """As everywhere in Python; a key that nothing reads is refused."""
+    opened(swing, tmp_path)
+    (tmp_path / "map.toml").write_text(tomli_w.dumps(arm_map()))
+    assert open_record(str(tmp_path / "log.csv"), str(tmp_path / "map.toml")).joints == tuple(JOINTS)
+    (tmp_path / "map.toml").write_text(tomli_w.dumps(arm_map() | {"base": {"from": "imu"}}))
+    with pytest.raises(MapError, match="the base is fixed"):
+        open_record(str(tmp_path / "log.csv"), str(tmp_path / "map.toml"))

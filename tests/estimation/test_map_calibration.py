@@ -82,6 +82,19 @@ def calibrated(folder: Path, name: str, values: dict[str, Any], *parameters: str
     return calibrate([open_record(folder / f"{name}.csv", chosen, folder)], parameters=parameters)
 
 
+@pytest.mark.parametrize("slip", ["reversed", "exchanged"])
+def test_a_slip_of_the_efforts_is_no_friction(slip: str, arms: tuple[Path, np.ndarray]) -> None:
+    """An offset of friction can take up most of a reversed effort: it is looked for before friction is fitted."""
+    folder, _ = arms
+    free = pd.read_csv(folder / "free.csv")
+    wrong = {"lift_i": -free["lift_i"]} if slip == "reversed" else {"lift_i": free["bend_i"], "bend_i": free["lift_i"]}
+    free.assign(**wrong).to_csv(folder / f"{slip}.csv", index=False)
+    values = arm_map()
+    values["joints"]["friction"]["law"] = "coulomb+viscous"
+    warnings = calibrated(folder, slip, values).warnings
+    assert any("lift" in line and ("reversed" in line or "exchanged" in line) for line in warnings)
+
+
 @pytest.mark.usefixtures("unrendered")
 def test_a_free_swing_makes_the_force_of_another_recording_right(
     arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

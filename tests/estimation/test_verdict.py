@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.swinging_arm import arm, arm_map, recording
 from support.walking_log import table, table_map, urdf, walk
 
-from aerobat_pin.estimation import CalibrationUse, Contact, Result, StoredEstimate, estimate
+from aerobat_pin.estimation import CalibrationUse, Contact, Finding, Result, StoredEstimate, estimate
 from aerobat_pin.estimation.observer_scores import score_table
 from aerobat_pin.estimation.verdict import quantity
 from aerobat_pin.experiments import Experiment
@@ -142,6 +143,18 @@ def test_what_cannot_be_seen_is_said(paper: Experiment) -> None:
     assert hidden.verdict.endswith("it cannot see right.Fy; it sees only at times right.Fx (75 % of the time).")
     off = replace(noisy(paper), unexplained=np.full((len(made.components), 18), 0.1), standard_deviation=None)
     assert "belief off by about" in judged(paper, off).verdict
+
+
+def test_what_a_check_doubts_and_what_nothing_tests_is_said(paper: Experiment, tmp_path: Path) -> None:
+    """A wrong sign is a sure push where no row is to spare: three joints, three components."""
+    doubted = replace(judged(paper, noisy(paper)), findings=(Finding("effort sign", "warning", "lift is reversed"),))
+    assert "a check doubts the record: effort sign" in doubted.verdict
+    (tmp_path / "arm.urdf").write_text(arm())
+    recording(tmp_path, "pushed", pushed=True, seed=2, seconds=2.0)
+    values = arm_map()
+    del values["joints"]["friction"]
+    found = estimate(open_record(tmp_path / "pushed.csv", parse_map(values, "-"), tmp_path), trust=True)
+    assert "no row is to spare: a wrong sign, order, mass, mounting or friction would look like" in found.verdict
 
 
 def test_a_recording_is_judged_by_its_sensor(tmp_path: Path) -> None:

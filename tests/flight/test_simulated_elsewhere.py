@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 
@@ -121,6 +122,11 @@ def test_the_command_line_flies_in_mujoco(monkeypatch: pytest.MonkeyPatch, tmp_p
     words = ["run", "paper", "--plant", "mujoco", "--no-report", "--set", "simulation.duration=0.02"]
     assert call(monkeypatch, *words) == 0
     assert (tmp_path / "runs" / "paper" / "flight.nc").exists()
+    again = ["run", "runs/paper/scenario.toml", "--no-report", "--out", "again"]
+    assert call(monkeypatch, *again) == 0
+    first, second = (json.loads(Path(folder, "metrics.json").read_text()) for folder in ("runs/paper", "again"))
+    assert first["observers"] == second["observers"]
+    assert first["changed"]["plant.simulator"] == "mujoco"
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ExtraError, match=r"aerobat-pinocchio\[mujoco\]"):
         MujocoRobot(flown_robot(load_scenario("paper")))

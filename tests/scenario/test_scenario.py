@@ -133,6 +133,7 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ("sensors.gyro.dropout=1", "sensors.gyro.dropout = 1: input should be less than 1"),
         ("sensors.gyro.rate=1001", "sensors.gyro.rate = 1001 Hz: the log has 1000 samples a second"),
         ("sensors.gyr.noise=1", "unknown key 'sensors.gyr'; did you mean 'gyro'?"),
+        ("sensors.gyr=none", "unknown key 'sensors.gyr'; did you mean 'gyro'?"),
         ("sensors.gyro.nois=1", "unknown key 'sensors.gyro.nois'; did you mean 'noise'?"),
         (
             "observers.kalman.sensor_noise=[0.1, 0.1]",
