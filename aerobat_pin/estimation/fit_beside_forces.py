@@ -216,7 +216,7 @@ def most_likely(
         error: (k,) square roots of R.
         offset: force [N] that a base's accelerometer with an offset may find in each of the first three rows for ever.
     """
-    k, (kinds, _, n), rubs = y.shape[1], x.shape, np.isinf(known)
+    k, (kinds, _, n) = y.shape[1], x.shape
     forces = np.einsum("mci,mc,mcj->mij", J, force**2, J, optimize=True)
     b, stiction, every = np.zeros((kinds, n)), np.zeros(k), range(kinds * n)
     size = np.maximum((column_rms(y) / error) ** 2, LEAST_SIZE)  # from below they would hardly move
@@ -228,8 +228,8 @@ def most_likely(
         normal = np.einsum("ami,mij,bmj->aibj", x, inverse[:, at][:, :, at], x, optimize=True).reshape(kinds * n, -1)
         normal[every, every] += LEAST_SHOWN * np.diag(normal) + np.finfo(float).tiny + np.repeat(known, n) ** -2.0
         white = np.einsum("mij,mj->mi", inverse, y, optimize=True)
-        b = np.linalg.solve(normal, np.einsum("ami,mi->ai", x, white[:, at]).ravel()).reshape(kinds, n)
-        b[rubs] = np.maximum(b[rubs], 0.0)
+        target = np.einsum("ami,mi->ai", x, white[:, at]).ravel()
+        b = _bounded(normal, target, np.repeat(np.isinf(known), n)).reshape(kinds, n)
         stiction[at] = b[0]
         remainder = y.copy()
         remainder[:, at] -= np.einsum("ami,ai->mi", x, b)
@@ -244,6 +244,16 @@ def most_likely(
     unsure = np.zeros(k)
     unsure[at] = np.sum(np.mean(np.einsum("ami,aio->omi", x, change) ** 2, axis=1), axis=0)
     return b, size, unsure, column_rms(mean)
+
+
+def _bounded(normal: Array, target: Array, positive: Array) -> Array:
+    """Return b that makes b^T N b / 2 - b^T t least, with some of it positive: all at once, as its parts go together."""
+    from scipy.optimize import lsq_linear
+
+    scale = np.diag(normal) ** -0.5
+    L = np.linalg.cholesky(normal * scale * scale[:, None])
+    least = np.where(positive, 0.0, -np.inf)
+    return scale * lsq_linear(L.T, np.linalg.solve(L, scale * target), (least, np.inf), method="bvls").x
 
 
 def factors_by_balance(
