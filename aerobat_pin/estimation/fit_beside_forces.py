@@ -42,6 +42,8 @@ UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: somet
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
 FEWEST_INDEPENDENT = 3.0  # instants that count at least: Student's distribution of fewer has no variance
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
+CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for its error, which is as expected
+LEAST_SEEN = 1e-9  # of the largest force by the rows' errors
 FACTOR_SIZES = np.linspace(0.05, 1.0, 20)  # of g, over the largest: one is as likely as another before
 BALANCE_STRETCHES = 8  # of a record, whose means show how far its momentum changes
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
@@ -238,12 +240,20 @@ def most_likely(
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
         size = np.maximum(size, LEAST_SIZE)
     count = np.maximum(independent(mean), FEWEST_INDEPENDENT)
+    checked = _spare(J, force, np.sqrt(size) * error) > CHECKED
     size *= count / (count - 2.0)  # Student's variance: r follows from so few
+    size = np.where(checked, size, np.minimum(size, 1.0))
     pushed = np.einsum("ami,mio->aio", x, inverse[:, at, :3]) * offset  # what an offset of each axis adds to the target
     change = np.linalg.solve(normal, pushed.reshape(kinds * n, -1)).reshape(kinds, n, -1)
     unsure = np.zeros(k)
     unsure[at] = np.sum(np.mean(np.einsum("ami,aio->omi", x, change) ** 2, axis=1), axis=0)
     return b, size, unsure, column_rms(mean)
+
+
+def _spare(J: Array, force: Array, error: Array) -> Array:
+    """Return which share (k,) of each row's error the other rows show whatever the forces are: 1 - its leverage."""
+    B = force[..., None] * J / error
+    return 1.0 - np.mean(np.einsum("mic,mci->mi", np.linalg.pinv(B, rcond=LEAST_SEEN), B), axis=0)
 
 
 def _bounded(normal: Array, target: Array, positive: Array) -> Array:
