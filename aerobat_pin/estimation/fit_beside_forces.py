@@ -42,7 +42,9 @@ UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: somet
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
 FEWEST_INDEPENDENT = 3.0  # instants that count at least: Student's distribution of fewer has no variance
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
-CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for its error, which is as expected
+CHECKED = (
+    0.02  # of a row's error that other rows show at least: else a force passes for its error, which is as expected
+)
 LEAST_SEEN = 1e-9  # of the largest force by the rows' errors
 FACTOR_SIZES = np.linspace(0.05, 1.0, 20)  # of g, over the largest: one is as likely as another before
 BALANCE_STRETCHES = 8  # of a record, whose means show how far its momentum changes
@@ -220,7 +222,7 @@ def most_likely(
     """
     k, (kinds, _, n) = y.shape[1], x.shape
     forces = np.einsum("mci,mc,mcj->mij", J, force**2, J, optimize=True)
-    b, stiction, every = np.zeros((kinds, n)), np.zeros(k), range(kinds * n)
+    stiction, every = np.zeros(k), range(kinds * n)
     size = np.maximum((column_rms(y) / error) ** 2, LEAST_SIZE)  # from below they would hardly move
     for _ in range(EXPECTATION_ROUNDS):
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
@@ -253,17 +255,17 @@ def most_likely(
 def _spare(J: Array, force: Array, error: Array) -> Array:
     """Return which share (k,) of each row's error the other rows show whatever the forces are: 1 - its leverage."""
     B = force[..., None] * J / error
-    return 1.0 - np.mean(np.einsum("mic,mci->mi", np.linalg.pinv(B, rcond=LEAST_SEEN), B), axis=0)
+    return np.asarray(1.0 - np.mean(np.einsum("mic,mci->mi", np.linalg.pinv(B, rcond=LEAST_SEEN), B), axis=0))
 
 
 def _bounded(normal: Array, target: Array, positive: Array) -> Array:
-    """Return b that makes b^T N b / 2 - b^T t least, with some of it positive: all at once, as its parts go together."""
+    """Return b (p,) that makes b^T N b / 2 - b^T t least, with some parts positive: all at once, as they correlate."""
     from scipy.optimize import lsq_linear
 
     scale = np.diag(normal) ** -0.5
     L = np.linalg.cholesky(normal * scale * scale[:, None])
     least = np.where(positive, 0.0, -np.inf)
-    return scale * lsq_linear(L.T, np.linalg.solve(L, scale * target), (least, np.inf), method="bvls").x
+    return np.asarray(scale * lsq_linear(L.T, np.linalg.solve(L, scale * target), (least, np.inf), method="bvls").x)
 
 
 def factors_by_balance(
