@@ -20,6 +20,7 @@ from aerobat_pin.observers import (
     Applications,
     Expected,
     MomentumObserver,
+    Rows,
     moving_weight,
     robot_length,
     row_names,
@@ -28,7 +29,7 @@ from aerobat_pin.observers import (
 from aerobat_pin.records import Block, PlainRobot, Record
 
 EFFORT_ERROR = 0.1  # of the rms of a row's effort, or of what its motion needs: its error if nothing better is known
-LEAST_ROW_ERROR = 1e-3  # of the weight (moments: times the robot's length): no row is known better than that
+LEAST_ROW_ERROR = 1e-3  # of the weight that rows move (moments: times the robot's length): none is known better
 LOOKED_AT = 2000  # intervals of a record that show the size of efforts and forces
 WEIGHED = 20  # of them, one in so many is weighed
 LEAST_LIFTED = 10  # of these, with a foot in the air
@@ -57,11 +58,12 @@ def expected_of(
     blocks = [Block(stretch.time, stretch.q, stretch.v, stretch.tau) for stretch in stretches]
     needed = [required_torque(record, block, accelerations(block, record)) for block in blocks]
     efforts = np.concatenate([stretch.tau for stretch in stretches])
-    expected = expected_from(record.robot, values, points, column_rms(efforts), column_rms(np.concatenate(needed)))
+    effort, need, believed = column_rms(efforts), column_rms(np.concatenate(needed)), stretches[0].rows
+    expected = expected_from(record.robot, believed, values, points, effort, need)
     if not points:
         return expected
     gain, instants = float(record.map.observer.gain), []
-    observer = MomentumObserver(record.robot.model, points, gain, stretches[0].rows)
+    observer = MomentumObserver(record.robot.model, points, gain, believed)
     for stretch in stretches:
         residual = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
         at = np.flatnonzero(stretch.time[:-1] - stretch.time[0] > TIME_CONSTANTS_TO_SETTLE / gain)[::WEIGHED]
@@ -72,12 +74,17 @@ def expected_of(
     if walks_on(record.robot, record.map) and not values.row_noise:
         lifted = lifted_errors(rows, jacobians, record.robot.weight)
         expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
-    weighed = with_record(expected, stretches[0].rows, record.robot.model, v, rows, jacobians)
+    weighed = with_record(expected, believed, record.robot.model, v, rows, jacobians)
     return replace(weighed, doubt=max(weighed.doubt, values.doubt))
 
 
 def expected_from(
-    robot: PlainRobot, values: FittedValues, points: Sequence[str | Application], effort: Array, needed: Array
+    robot: PlainRobot,
+    rows: Rows,
+    values: FittedValues,
+    points: Sequence[str | Application],
+    effort: Array,
+    needed: Array,
 ) -> Expected:
     """Return what is expected of a robot whose efforts, and what its motion needs, have some rms (nv,) [N or N m]."""
     model, weight = robot.model, moving_weight(robot.model)
@@ -86,7 +93,7 @@ def expected_from(
         error[k] = values.row_noise.get(name, error[k])
     applications = Applications(model, points)
     lever = np.array([1.0 if unit == "N" else robot_length(model) for unit in applications.units])
-    least = LEAST_ROW_ERROR * weight * row_scale(model)
+    least = LEAST_ROW_ERROR * (moving_weight(model, rows) or weight) * row_scale(model)
     return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), *values.stiction(robot))
 
 

@@ -42,6 +42,10 @@ UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: somet
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
 FEWEST_INDEPENDENT = 3.0  # instants that count at least: Student's distribution of fewer has no variance
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
+CHECKED = (
+    0.02  # of a row's error that other rows show at least: else a force passes for its error, which is as expected
+)
+LEAST_SEEN = 1e-9  # of the largest force by the rows' errors
 FACTOR_SIZES = np.linspace(0.05, 1.0, 20)  # of g, over the largest: one is as likely as another before
 BALANCE_STRETCHES = 8  # of a record, whose means show how far its momentum changes
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
@@ -216,9 +220,9 @@ def most_likely(
         error: (k,) square roots of R.
         offset: force [N] that a base's accelerometer with an offset may find in each of the first three rows for ever.
     """
-    k, (kinds, _, n), rubs = y.shape[1], x.shape, np.isinf(known)
+    k, (kinds, _, n) = y.shape[1], x.shape
     forces = np.einsum("mci,mc,mcj->mij", J, force**2, J, optimize=True)
-    b, stiction, every = np.zeros((kinds, n)), np.zeros(k), range(kinds * n)
+    stiction, every = np.zeros(k), range(kinds * n)
     size = np.maximum((column_rms(y) / error) ** 2, LEAST_SIZE)  # from below they would hardly move
     for _ in range(EXPECTATION_ROUNDS):
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
@@ -228,8 +232,8 @@ def most_likely(
         normal = np.einsum("ami,mij,bmj->aibj", x, inverse[:, at][:, :, at], x, optimize=True).reshape(kinds * n, -1)
         normal[every, every] += LEAST_SHOWN * np.diag(normal) + np.finfo(float).tiny + np.repeat(known, n) ** -2.0
         white = np.einsum("mij,mj->mi", inverse, y, optimize=True)
-        b = np.linalg.solve(normal, np.einsum("ami,mi->ai", x, white[:, at]).ravel()).reshape(kinds, n)
-        b[rubs] = np.maximum(b[rubs], 0.0)
+        target = np.einsum("ami,mi->ai", x, white[:, at]).ravel()
+        b = _bounded(normal, target, np.repeat(np.isinf(known), n)).reshape(kinds, n)
         stiction[at] = b[0]
         remainder = y.copy()
         remainder[:, at] -= np.einsum("ami,ai->mi", x, b)
@@ -238,12 +242,30 @@ def most_likely(
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
         size = np.maximum(size, LEAST_SIZE)
     count = np.maximum(independent(mean), FEWEST_INDEPENDENT)
+    checked = _spare(J, force, np.sqrt(size) * error) > CHECKED
     size *= count / (count - 2.0)  # Student's variance: r follows from so few
+    size = np.where(checked, size, np.minimum(size, 1.0))
     pushed = np.einsum("ami,mio->aio", x, inverse[:, at, :3]) * offset  # what an offset of each axis adds to the target
     change = np.linalg.solve(normal, pushed.reshape(kinds * n, -1)).reshape(kinds, n, -1)
     unsure = np.zeros(k)
     unsure[at] = np.sum(np.mean(np.einsum("ami,aio->omi", x, change) ** 2, axis=1), axis=0)
     return b, size, unsure, column_rms(mean)
+
+
+def _spare(J: Array, force: Array, error: Array) -> Array:
+    """Return which share (k,) of each row's error the other rows show whatever the forces are: 1 - its leverage."""
+    B = force[..., None] * J / error
+    return np.asarray(1.0 - np.mean(np.einsum("mic,mci->mi", np.linalg.pinv(B, rcond=LEAST_SEEN), B), axis=0))
+
+
+def _bounded(normal: Array, target: Array, positive: Array) -> Array:
+    """Return b (p,) that makes b^T N b / 2 - b^T t least, with some parts positive: all at once, as they correlate."""
+    from scipy.optimize import lsq_linear
+
+    scale = np.diag(normal) ** -0.5
+    L = np.linalg.cholesky(normal * scale * scale[:, None])
+    least = np.where(positive, 0.0, -np.inf)
+    return np.asarray(scale * lsq_linear(L.T, np.linalg.solve(L, scale * target), (least, np.inf), method="bvls").x)
 
 
 def factors_by_balance(

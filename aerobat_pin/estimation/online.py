@@ -287,7 +287,7 @@ class OnlineEstimator:
         if not self.robot.limits_forces:
             return None
         carried = self.robot.weight * row_scale(self.robot.model)
-        return expected_from(self.robot, self._values, points_of(self._map), effort, carried)
+        return expected_from(self.robot, self._rows, self._values, points_of(self._map), effort, carried)
 
     def _learn_size(self) -> None:
         """Expect errors in proportion to the efforts: anew whenever twice as many intervals have shown their size."""

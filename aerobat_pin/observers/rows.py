@@ -159,10 +159,18 @@ class AllBut:
 Rows = Literal["all", "base", "base+power"] | Tie | AllBut
 
 
-def moving_weight(model: pin.Model) -> float:
-    """Return the weight [N] of everything that moves: the physical scale of forces on a robot, gravity or not."""
-    gravity = -float(pin.Model.gravity981[2])
-    return gravity * float(sum(inertia.mass for inertia in model.inertias.tolist()[1:]))
+def moving_weight(model: pin.Model, rows: Rows = "all") -> float:
+    """Return the weight [N] of everything that moves: the physical scale of forces on a robot, gravity or not.
+
+    Where some rows are not believed, as of joints that are held, it is what the joints of the others move: of a robot
+    with a free base all of it, as its legs carry it.
+    """
+    masses = np.array([inertia.mass for inertia in model.inertias.tolist()])[1:]
+    if isinstance(rows, AllBut) and not has_free_base(model):
+        kept, joints = {*rows.kept(model)}, model.joints.tolist()[1:]
+        believed = {joint.id for joint in joints if not kept.isdisjoint(range(joint.idx_v, joint.idx_v + joint.nv))}
+        masses = masses[[not believed.isdisjoint(chain) for chain in model.supports.tolist()[1:]]]
+    return -float(pin.Model.gravity981[2]) * float(masses.sum())
 
 
 @guarded()

@@ -1,0 +1,72 @@
+"""Friction and errors of rows that are found beside unknown forces: by records of which the answer is known."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from aerobat_pin.estimation.expected_of_record import expected_from, row_scale
+from aerobat_pin.estimation.fit_beside_forces import most_likely
+from aerobat_pin.estimation.known_forces import FittedValues
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import AllBut, moving_weight
+from aerobat_pin.records.robot_files import robot_of_map
+from aerobat_pin.records.robot_tables import RobotTable
+
+SLIDING = 1.0  # tanh(v / v_s) of joints that never rest: no stiction
+
+
+def unlikely(b: Array, y: Array, x: Array, cov: Array) -> float:
+    """Return minus the log-likelihood, up to a constant, of rows (m, k) with friction b (2 k,) beside forces."""
+    remainder = y - np.einsum("ami,ai->mi", x, b.reshape(2, -1))
+    return 0.5 * float(np.einsum("mi,ij,mj->", remainder, np.linalg.inv(cov), remainder))
+
+
+def test_friction_that_cannot_be_negative_leaves_the_rest_as_likely_as_can_be() -> None:
+    """Four joints, of which two move alike, without friction; by scipy's search of the likelihood from five starts."""
+    rng, m, k = np.random.default_rng(7), 400, 4
+    rate = rng.standard_normal((m, 2))[:, [0, 0, 1, 1]] + 0.05 * rng.standard_normal((m, k))
+    x = np.stack([-np.sign(rate), -rate])
+    J = np.broadcast_to(np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]]), (m, 2, k))
+    error, force = np.full(k, 0.1), np.full((m, 2), 20.0)
+    y = np.einsum("mck,mc->mk", J, 3.0 * rng.standard_normal((m, 2))) + error * rng.standard_normal((m, k))
+    b, size, *_ = most_likely(y, x, np.full(2, np.inf), J, list(range(k)), np.full((m, k), SLIDING), force, error)
+    cov = J[0].T @ np.diag(force[0] ** 2) @ J[0] + np.diag(size * error**2)
+    best = min(
+        minimize(unlikely, start, (y, x, cov), method="L-BFGS-B", bounds=[(0.0, None)] * (2 * k)).fun
+        for start in rng.uniform(0.0, 1.0, (5, 2 * k))
+    )
+    assert unlikely(b.ravel(), y, x, cov) == pytest.approx(best, abs=0.05)
+    assert b.min() >= 0.0
+
+
+def test_a_row_that_no_other_row_checks_is_no_worse_than_expected() -> None:
+    """A push of 5 N that one row feels is no error of it; errors of 0.3 N that three rows show are found."""
+    rng, m = np.random.default_rng(8), 400
+    J = np.zeros((m, 2, 4))
+    J[:, 0, 0], J[:, 1, 1:] = 1.0, 1.0
+    error, sizes = np.full(4, 0.1), np.array([0.1, 0.3, 0.3, 0.3])
+    y = sizes * rng.standard_normal((m, 4))
+    y[m // 2 :, 0] += 5.0
+    x, force, sliding = -rng.standard_normal((2, m, 4)), np.full((m, 2), 20.0), np.full((m, 4), SLIDING)
+    _, size, *_ = most_likely(y, x, np.full(2, np.inf), J, list(range(4)), sliding, force, error)
+    assert size[0] <= 1.0
+    np.testing.assert_allclose(0.1 * size[1:] ** 0.5, 0.3, rtol=0.15)
+
+
+@pytest.mark.parametrize("root", ["fixed", "free_flyer"])
+def test_rows_are_known_to_a_share_of_what_they_move(root: Literal["fixed", "free_flyer"]) -> None:
+    """An arm of a humanoid whose other joints are held, by its URDF's masses; of a free one the legs carry it all."""
+    robot = robot_of_map(RobotTable(name="g1", root=root, points=("left_rubber_hand",)), Path())
+    model, arm = robot.model, re.compile("left_(shoulder|elbow|wrist)")
+    rows = AllBut(*(joint for joint in robot.joints if not arm.match(joint)))
+    moved = [inertia.mass for name, inertia in zip(model.names, model.inertias, strict=True) if arm.match(name)]
+    weight = moving_weight(model) if root == "free_flyer" else 9.81 * sum(moved)
+    nothing = np.zeros(model.nv)
+    found = expected_from(robot, rows, FittedValues(), ("left_rubber_hand",), nothing, nothing).row_error
+    np.testing.assert_allclose(found, 1e-3 * weight * row_scale(model), rtol=1e-3)
