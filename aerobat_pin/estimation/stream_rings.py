@@ -13,7 +13,7 @@ import numpy as np
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.numerics import Array, Integers, fields_of, inner, kernel, new_state
-from aerobat_pin.records import HOLE, Map, PlainRobot, Request, axes_of, imu_arm
+from aerobat_pin.records import HOLE, NEAR_TURN, Map, PlainRobot, Request, axes_of, imu_arm
 
 LENGTH = 2048  # samples that a ring keeps; a power of two
 CLOCK_JUMP = 1.0  # [s]: a stamp further from the newest one is off, unless `CONFIRM` that follow each other agree
@@ -67,6 +67,9 @@ class Rings(NamedTuple):
     factor: Annotated[Array, "channels, width"]
     mix: Annotated[Array, "channels, width, width"]
     shift: Annotated[Array, "channels, width"]
+    turn: Annotated[Array, "channels, width"]  # a full turn of a column, 0 if it does not turn
+    shown: Annotated[Array, "channels, width"]  # what it showed last, the jumps by full turns taken out
+    jumped: Annotated[Array, "channels, width"]  # what takes these jumps out of what it shows
     usual: Annotated[Array, "channels"]  # usual step of a channel [s]
     pending: Annotated[Array, "channels, 2"]  # stamps in a row that are off but agree: their number, and the latest
     friction: Annotated[Array, "6, rubbing"]  # coulomb, viscous, inertia, offset, rate, factor of the effort
@@ -117,6 +120,7 @@ def new_rings(
         count = len(request.names)
         rings.columns[c], rings.delay[c] = count, request.delay
         rings.factor[c, :count] = request.factor
+        rings.turn[c, : len(request.turns)] = request.turns
         mix, shift = request.mix, request.shift
         if (turn := axes_of(chosen, request)) is not None:
             mix = turn if mix is None else turn @ mix
@@ -140,7 +144,7 @@ def new_rings(
         rings.setting[4] = float(not keys["base.velocity"].names[0].startswith(f"{base.topic}.linear"))
     if base.rate is not None and base.rate.columns and base.rate.axes == "world":
         rings.setting[5] = 1.0
-    rings.now[:COUNT] = np.nan
+    rings.shown[:] = rings.now[:COUNT] = np.nan
     rings.now[BROKEN] = 0.0
     rings.arm[:], rings.gravity[:], rings.neutral[:] = imu_arm(chosen), model.gravity.linear, robot.neutral()
     for joint, place in chosen.joints.held.items():
@@ -197,11 +201,15 @@ def usable(rings: Rings, c: int, given: Array) -> bool:
     if given.shape[0] != count:
         return False
     for j in range(count):
-        sample[j] = rings.factor[c, j] * given[j]
+        step = given[j] + rings.jumped[c, j] - rings.shown[c, j]
+        if abs(abs(step) - rings.turn[c, j]) < NEAR_TURN * rings.turn[c, j]:
+            rings.jumped[c, j] -= np.copysign(rings.turn[c, j], step)
+    for j in range(count):
+        sample[j] = rings.factor[c, j] * (given[j] + rings.jumped[c, j])
         if rings.mixed[c] > 0:
             sample[j] = 0.0
             for k in range(count):
-                sample[j] += rings.mix[c, j, k] * (rings.factor[c, k] * given[k])
+                sample[j] += rings.mix[c, j, k] * (rings.factor[c, k] * (given[k] + rings.jumped[c, k]))
             sample[j] += rings.shift[c, j]
         if not abs(sample[j]) <= LARGEST_SAMPLE:  # NaN too
             return False
@@ -213,6 +221,8 @@ def usable(rings: Rings, c: int, given: Array) -> bool:
             return False
         for j in range(count):
             sample[j] /= np.sqrt(square)
+    for j in range(count):
+        rings.shown[c, j] = given[j] + rings.jumped[c, j]
     return True
 
 

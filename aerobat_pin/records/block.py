@@ -24,6 +24,7 @@ class Channel:
         place: (3,) of the sensor from the base's centre of mass, base axes [m]; None where that has no meaning.
         turn: (3, 3) rotation matrix, sensor to base; None likewise.
         holes: from, to [s], and what has no sample there, for holes that split the record.
+        turns: joint -> number of jumps by a full turn that were taken out of its reading.
     """
 
     key: str
@@ -35,6 +36,7 @@ class Channel:
     place: Array | None = None
     turn: Array | None = None
     holes: tuple[tuple[float, float, str], ...] = ()
+    turns: Mapping[str, int] = field(default_factory=dict)
 
     def between(self, first: float, last: float, extra: int = 0) -> tuple[Array, Array]:
         """Return stamps and samples from a time to another [s], and `extra` more on either side."""

@@ -13,7 +13,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records.block import Channel
 from aerobat_pin.records.columns import Columns, in_step, same_unit
 from aerobat_pin.records.map_tables import ChannelSection, KnownSection, Map
-from aerobat_pin.records.resample import holes
+from aerobat_pin.records.resample import holes, without_turns
 from aerobat_pin.records.spool import EXTENT, Series
 from aerobat_pin.records.table_cells import line_of
 
@@ -58,6 +58,7 @@ class Request:
         wraps: whether full turns are taken out.
         mix: (k, k) from the columns in SI to the channel; None if they are the channel.
         shift: (k,) that is added then.
+        turns: (k,) a full turn as the columns show it, of those of joints that turn, else 0; none where it is empty.
     """
 
     key: str
@@ -70,6 +71,7 @@ class Request:
     wraps: bool = False
     mix: Array | None = None
     shift: float | Array = 0.0
+    turns: tuple[float, ...] = ()
 
     def converted(self, values: Array) -> Array:
         """Return the channel (..., k) in SI units of what the columns hold."""
@@ -134,6 +136,11 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
         if name in columns.units and not same_unit(columns.units[name], unit):
             raise LogError(f"log {columns.path}: column '{name} [{columns.units[name]}]': {unit} was expected")
     parts = [columns.series(name, request.key) for name in request.names]
+    turned: dict[str, int] = {}
+    for k, turn in enumerate(request.turns):
+        if turn:
+            angles, count = without_turns(*parts[k], turn, longest_gap)
+            parts[k], turned = (parts[k][0], angles), turned | ({request.joints[k]: count} if count else {})
     clock = max((stamps for stamps, _ in parts), key=len)
     low = clock.index(max(float(stamps[0]) for stamps, _ in parts))
     high = clock.index(min(float(stamps[-1]) for stamps, _ in parts), "right")
@@ -154,7 +161,7 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
         if time is not clock:
             time.append(stamps - request.delay)
     gaps = _holes(request, [stamps for stamps, _ in parts], longest_gap)
-    return Channel(request.key, request.names, time, values, holes=gaps)
+    return Channel(request.key, request.names, time, values, holes=gaps, turns=turned)
 
 
 def _check_sizes(columns: Columns, request: Request, time: Array, values: Array) -> None:

@@ -77,7 +77,9 @@ def open_record(
     driven = next(
         (request.joints for request in asked if request.key == "joints.effort" and request.key in channels), ()
     )
-    log, notes = replace(columns, values={}), (*columns.notes, *notes, *dropped)
+    turned = (item for channel in channels.values() for item in channel.turns.items())
+    taken = [f"{joint}: {count} jumps by a full turn are taken out" for joint, count in turned]
+    log, notes = replace(columns, values={}), (*columns.notes, *notes, *taken, *dropped)
     start = start if knots is None else float(knots[0])
     return Record(chosen, robot, channels, joints, driven, start, rate, parts, notes, knots, log, folder)
 

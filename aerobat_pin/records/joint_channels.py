@@ -64,6 +64,10 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
             mix = effort_matrix(table, joints, whose) if part == "effort" else encoder_matrix(table, joints)
             shift = encoder_offset(table, joints) if part == "position" else 0.0
             request = replace(request, mix=mix, shift=shift)
+        if part == "position":
+            gear = [0.0 if robot.slides(joint) else abs(_gear(table, joint)) for joint in whose]
+            turns = [2.0 * np.pi / (each * one) if each else 0.0 for each, one in zip(gear, factor, strict=True)]
+            request = replace(request, turns=tuple(turns))
         yield request
 
 
@@ -107,7 +111,7 @@ def encoder_matrix(table: JointsTable, joints: Sequence[str]) -> Array:
     for key, names in named.items():
         if strangers := sorted(names - set(joints)):
             raise MapError(f"map: joints.{key}: no joint '{strangers[0]}' with a channel: {', '.join(joints)}")
-    factor = [table.factor.get(name, table.factor.get("*", 1.0)) for name in joints]
+    factor = [_gear(table, name) for name in joints]
     shares = np.array([[table.coupling.get(j, {j: 1.0}).get(k, 0.0) for k in joints] for j in joints])
     if 0.0 in factor:
         raise MapError(f"map: joints.factor of {joints[factor.index(0.0)]} = 0: another number was expected")
@@ -115,6 +119,11 @@ def encoder_matrix(table: JointsTable, joints: Sequence[str]) -> Array:
         rows = ", ".join(table.coupling)
         raise MapError(f"map: joints.coupling: its encoders do not tell {rows} apart: independent rows were expected")
     return shares.reshape(len(joints), len(joints)) * factor
+
+
+def _gear(table: JointsTable, joint: str) -> float:
+    """Return a joint's motion over that of its encoder [1, m/rad]."""
+    return float(table.factor.get(joint, table.factor.get("*", 1.0)))
 
 
 def encoder_offset(table: JointsTable, joints: Sequence[str]) -> Array:

@@ -5,7 +5,7 @@ every channel has samples. At these times, positions, velocities and commands ar
 samples around them, and quaternions likewise and made unit length again. Torques and measured forces are means over
 each interval: the exact integral of the straight lines between samples. Rates that are not measured are the slopes of
 parabolas (Savitzky & Golay 1964) over a stated window. An interval with a hole longer than `log.longest_gap` in any
-column is not used.
+column is not used. An angle that jumps by a full turn between neighbouring samples goes on instead, before all that.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ import itertools
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.numerics import Array
-from aerobat_pin.records.spool import Series, typical_spacing
+from aerobat_pin.numerics import Array, runs_of_true
+from aerobat_pin.records.spool import EXTENT, Series, typical_spacing
 
 HOLE = 2.5  # usual steps of a channel, which a hole is longer than
+NEAR_TURN = 0.25  # of a turn: a joint turns less from sample to sample, and a jump by a full turn is as near to one
 
 
 def sampled(time: Array, values: Array, wanted: Array) -> Array:
@@ -98,6 +99,37 @@ def turn_rates(quaternions: Array, dt: float, window: float) -> Array:
     return 2.0 * np.stack(
         [w * a - x * d - y * c + z * b, w * b - y * d - z * a + x * c, w * c - z * d - x * b + y * a], axis=1
     )
+
+
+def without_turns(time: Series, values: Series, turn: float, longest: float) -> tuple[Series, int]:
+    """Return angles (n,) without jumps by a full turn between neighbouring samples, and how many there were.
+
+    Steps between a joint's own and a full turn's are those of another unit: what they lead to is no jump.
+
+    Args:
+        time: (n,) stamps [s].
+        values: (n,) angles in any unit.
+        turn: a full turn in that unit.
+        longest: step [s] beyond which samples are no neighbours, if it is also beyond `HOLE` usual steps.
+    """
+    longest, count = max(longest, HOLE * typical_spacing(time)), len(values)
+    rows, signs = [np.zeros(0, int)], [np.zeros(1)]
+    for first in range(0, count - 1, EXTENT):
+        steps, spaces = np.diff(values[first : first + EXTENT + 1]), np.diff(time[first : first + EXTENT + 1])
+        jumps = (np.abs(np.abs(steps) - turn) < NEAR_TURN * turn) & (spaces <= longest)
+        for begin, end in runs_of_true(jumps):
+            beside = [*steps[max(begin - 1, 0) : begin], *steps[end : end + 1]]
+            jumps[begin:end] = np.all(np.abs(beside) < NEAR_TURN * turn)
+        rows.append(first + 1 + np.flatnonzero(jumps))
+        signs.append(-np.sign(steps[jumps]))
+    at, shifts = np.concatenate(rows), turn * np.cumsum(np.concatenate(signs))
+    if not len(at):
+        return values, 0
+    whole = Series(values.spool)
+    for first in range(0, count, EXTENT):
+        piece = values[first : first + EXTENT]
+        whole.append(piece + shifts[np.searchsorted(at, np.arange(first, first + len(piece)), side="right")])
+    return whole, len(at)
 
 
 def holes(time: Series, longest: float) -> list[tuple[float, float]]:

@@ -19,7 +19,8 @@ from aerobat_pin.estimation import OnlineEstimator, estimate
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.records import Record, open_record, parse_map, suggested_map
 from aerobat_pin.records.columns import GrowingTable, in_order
-from aerobat_pin.records.spool import Spool
+from aerobat_pin.records.resample import without_turns
+from aerobat_pin.records.spool import Spool, series_of
 
 ROBOT = {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]}
 
@@ -478,3 +479,72 @@ def test_paths_may_be_texts_and_a_fixed_base_has_no_imu(swing: pd.DataFrame, tmp
     (tmp_path / "map.toml").write_text(tomli_w.dumps(arm_map() | {"base": {"from": "imu"}}))
     with pytest.raises(MapError, match="the base is fixed"):
         open_record(str(tmp_path / "log.csv"), str(tmp_path / "map.toml"))
+
+
+@pytest.fixture(scope="module")
+def turning(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
+    """Return six seconds of the arm, whose first joint turns on and on."""
+    folder = tmp_path_factory.mktemp("turning")
+    recording(folder, "turning", pushed=True, seed=3, seconds=6.0, turning=3.0)
+    return pd.read_csv(folder / "turning.csv")
+
+
+FROM_POSITION = {"velocity": {"from": "position", "window": 0.04}}
+COLUMNS = [f"{joint}_q" for joint in JOINTS]
+WRAPPED = {  # what an angle [rad] is read as, and the map of that
+    "rad": (lambda q: (q + np.pi) % (2.0 * np.pi) - np.pi, {}),
+    "deg": (lambda q: np.degrees(q) % 360.0, {"position": {"columns": COLUMNS, "unit": "deg"}}),
+    "counts": (lambda q: np.rint(-q * 65536 / (2.0 * np.pi)) % 65536, {"factor": {"turn": -2.0 * np.pi / 65536}}),
+}
+
+
+@pytest.mark.parametrize("kind", WRAPPED)
+@pytest.mark.parametrize("more", [{}, FROM_POSITION], ids=["measured", "differentiated"])
+def test_an_angle_that_starts_again_after_a_turn_goes_on(
+    kind: str, more: dict[str, Any], turning: pd.DataFrame, tmp_path: Path
+) -> None:
+    """Forces are those of the angle that does not jump, and a note counts the jumps; it was a kilonewton."""
+    read, joints = WRAPPED[kind]
+    table = turning.copy()
+    if "position" in joints:
+        table[COLUMNS] = np.degrees(table[COLUMNS])
+    table["turn_q"] = read(turning.turn_q)
+    if "factor" in joints:  # which rates and torques have, too
+        table["turn_v"], table["turn_i"] = (
+            table.turn_v / joints["factor"]["turn"],
+            table.turn_i * joints["factor"]["turn"],
+        )
+    jumps = int(np.sum(np.abs(np.diff(table.turn_q)) > 0.5 * np.ptp(table.turn_q)))
+    record = opened(table, tmp_path, **joints, **more)
+    assert jumps >= 2
+    assert f"turn: {jumps} jumps by a full turn are taken out" in record.notes
+    found, whole = (
+        estimate(one, trust=True).estimates["force_level"] for one in (record, opened(turning, tmp_path, **more))
+    )
+    np.testing.assert_allclose(found.components, whole.components, atol=0.5 if kind == "counts" else 1e-6)
+
+
+def test_a_stream_takes_full_turns_out_as_a_record_does(turning: pd.DataFrame, tmp_path: Path) -> None:
+    """The efforts and rates come between the angles, so that a jump would be interpolated; the same forces."""
+    (tmp_path / "arm.urdf").write_text(arm())
+    values, angles = arm_map(), set(COLUMNS)
+    del values["joints"]["friction"]
+    found = []
+    for wrapped in (False, True):
+        stream, estimates = OnlineEstimator(parse_map(values, "-"), tmp_path), []
+        for row in turning.to_dict("records"):
+            row["turn_q"] = (row["turn_q"] + np.pi) % (2.0 * np.pi) - np.pi if wrapped else row["turn_q"]
+            for time, chosen in ((row["t"], angles), (row["t"] + 0.0007, set(row) - angles)):
+                estimates += stream.push(time, {name: row[name] for name in chosen})
+        found.append(np.array([list(one.components.values()) for one in estimates]))
+    np.testing.assert_allclose(found[1], found[0], atol=1e-6)
+
+
+def test_steps_that_grow_to_a_full_turn_are_no_jump() -> None:
+    """An angle in degrees that is taken for rad passes 6.3 from sample to sample; what a slide shows never turns."""
+    time = np.arange(200) / 50.0
+    fast, jumps = 90.0 * np.sin(4.0 * time), np.where(time > 2.0, 3.1, -3.1)
+    spool = Spool()
+    for values, spread, expected in ((fast, time, 0), (jumps, time, 1), (jumps, time + 9.0 * (time > 2.0), 0)):
+        assert without_turns(series_of(spool, spread), series_of(spool, values), 2.0 * np.pi, 0.1)[1] == expected
+    assert np.max(np.abs(np.diff(fast))) > 6.3

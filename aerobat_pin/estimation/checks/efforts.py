@@ -34,7 +34,7 @@ UNFIT = 0.05  # of the needed square sum left by the best factors, from which th
 CLEAR = 0.9  # share of the imbalance that is explained, from which they are named all the same
 SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
 WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
-RIGHT_PLACES = 0.25  # of the needed square sum, that limbs in the right places leave at most
+RIGHT_PLACES = 0.25  # of the needed square sum, that joints or limbs in the right places leave at most
 LEAST_TILT = np.radians(5.0)  # by which a robot must be mounted otherwise than believed before that is said
 ABOVE_NOISE = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
 WORTH_SIGNS = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
@@ -63,11 +63,14 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
         free = "" if record.map.use.free else "; use.free names a stretch without contact"
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{free}")
         return
-    share = balance.imbalance()
+    share, (factors, least) = balance.imbalance(), _least_squares(balance)
+    idle = balance.size < UNFIT * float(np.sum(balance.given**2)) and float(least @ least) > UNFIT * balance.size
     text = (
         f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
         "efforts and known forces"
     )
+    if idle:
+        text = "in the rows that unknown forces leave, weight and motion need next to nothing beside what efforts give"
     if beyond and share < GOOD:
         text += ": they fit the angles as they are, also those of joints beyond their limits"
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
@@ -76,19 +79,20 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
     limbs, signs = _limb_pairs(record), _best_signs(balance)
     joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
-    if share > WORTH and least_share < min(SWAP * share, 1.0, balance.imbalance(signs=signs)):
-        yield _swap(record, "efforts", pair, least_share, share)
-        return
-    factors, least = _least_squares(balance)
-    mounting = None if record.robot.free else _mounting(record, balance, balance.imbalance(signs=signs))
+    turned = balance.imbalance(signs=signs)
+    mounting = None if record.robot.free else _mounting(record, balance, min(turned, least_share))
     if mounting is not None:
         yield mounting
+    if mounting is not None or idle:
+        return
+    if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned):
+        yield _swap(record, "efforts", pair, least_share, share)
         return
     if share > GOOD:
         others = ((pair, balance_of(record, with_exchanged(record, inputs, pair))) for pair in limbs)
         sizes = ((other.imbalance(), pair) for pair, other in others if other is not None)
         least_share, pair = min(sizes, default=(np.inf, ((), ())))
-        if least_share < min(SWAP * share, balance.imbalance(signs=signs), RIGHT_PLACES):
+        if least_share < min(SWAP * share, turned, RIGHT_PLACES):
             yield _swap(record, "all columns", pair, least_share, share)
             return
     yield from _factors(record, balance, signs, factors, least)
@@ -99,11 +103,11 @@ def _mounting(record: Record, balance: Balance, least: float) -> Finding | None:
 
     And better than what leaves the share `least` of what is needed.
     """
-    residual, believed = balance.residual, record.robot.model.gravity.linear
-    v = balance.v[balance.at]
-    rubs = np.column_stack([balance.reach * np.tanh(v / SMOOTH_RATE), balance.reach * v])
+    residual, believed, rubs = balance.residual, record.robot.model.gravity.linear, _rubbing(balance)
     table = np.column_stack([balance.weight, rubs])
     size = np.linalg.norm(table, axis=0)
+    if size[:3].max() < RANK * np.sqrt(balance.size):
+        return None  # no row feels gravity
     size[:3] = np.maximum(size[:3], RANK * size[:3].max())  # a direction that no row feels is rounding alone
     size = np.maximum(size, 1e-300)
     fitted, friction = (np.linalg.lstsq(A, -residual, rcond=RANK)[0] for A in (table / size, rubs / size[3:]))
@@ -123,6 +127,12 @@ def _mounting(record: Record, balance: Balance, least: float) -> Finding | None:
         "first joints off?"
     )
     return Finding("mounting", "warning", what, float(np.sqrt(after / needed)), "1")
+
+
+def _rubbing(balance: Balance) -> Array:
+    """Return what Coulomb and viscous friction of 1 N m, 1 N m s/rad of each joint give, (n, 2 joints)."""
+    v = balance.v[balance.at]
+    return np.column_stack([balance.reach * np.tanh(v / SMOOTH_RATE), balance.reach * v])
 
 
 def _swap(record: Record, columns: str, pair: Exchange, share_after: float, share: float) -> Finding:
@@ -180,7 +190,10 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     n = len(record.driven)
     gain, unsure = _measured_per_needed(balance, signs, balance.needed - balance.given @ signs)
     if np.any(turned := gain + SURE * unsure < 0.0):
-        yield from _reversed(record, gain, np.flatnonzero(turned))
+        rubs, other = _rubbing(balance), balance.needed - balance.given @ np.where(turned, -1.0, 1.0)
+        left, before = (each - rubs @ np.linalg.lstsq(rubs, each, rcond=RANK)[0] for each in (other, balance.residual))
+        if left @ left < RIGHT_PLACES * (before @ before):
+            yield from _reversed(record, gain, np.flatnonzero(turned))
         return
     explained = 1.0 - float(residual @ residual) / max(balance.imbalance() * balance.size, 1e-300)
     if explained < EXPLAINED or balance.imbalance() < ABOVE_NOISE * _white_share(balance):
@@ -197,7 +210,9 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
         return
     alone = -float(balance.base @ balance.residual)
     alone /= max(float(balance.base @ balance.base), 1e-300)
-    if min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
+    heavier = balance.residual + balance.base * alone
+    explains = fitted[n] > -1.0 and float(heavier @ heavier) < EXPLAINED * float(balance.residual @ balance.residual)
+    if explains and min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
         what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link"
         yield Finding("mass", "warning", what, 1.0 + float(fitted[n]), "1")
     shown, deviation = _measured_per_needed(balance, fitted[:n], residual)
@@ -211,14 +226,14 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
         if c < 0.0:
             yield from _reversed(record, shown, off)
             return
-        what, effort = f"all efforts would have to be {c:.3g} times as large: ", record.map.joints.effort
+        what, effort = f"all efforts would have to be {common:.3g} times as large: ", record.map.joints.effort
         milli = abs(np.log(1e3 * c)) < SAME_FACTOR
         if milli and effort is not None and effort.torque_per_unit and effort.unit in MILLI:
             what += f"torque_per_unit counts for each {effort.unit}, as the map states: a thousandth was expected"
             yield Finding("effort unit or mass", "refused", what, c, "1")
         else:
-            what += f"their unit (A, N m), or all masses {c:.3g} times too large"
-            yield Finding("effort unit or mass", "warning", what, c, "1")
+            what += f"their unit (A, N m), or all masses {1.0 / common:.3g} times what is believed"
+            yield Finding("effort unit or mass", "warning", what, common, "1")
         return
     gain, unsure = _measured_per_needed(balance, np.ones(n), balance.residual)
     off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]

@@ -235,7 +235,7 @@ def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:
         low, high = float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at])
         least, most = np.quantile(column, (RARE, 1.0 - RARE))
         excess, span = float(max(low - least, most - high)), high - low
-        if not 0.0 < span < UNLIMITED or excess <= SLIGHT * span:
+        if not 0.0 < span < UNLIMITED or excess <= SLIGHT * span or joint in record.channels["joints.position"].turns:
             continue
         where = f"{joint} is at {least:.3g} to {most:.3g} {unit}, its limits are {low:.3g} to {high:.3g} {unit}"
         beyond.append((excess / span, joint, where, unit))
