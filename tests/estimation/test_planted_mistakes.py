@@ -208,7 +208,7 @@ def chain(kinds: str) -> PlainRobot:
 
 @pytest.mark.filterwarnings("error")
 def test_an_arm_whose_tool_bears_all_weight_needs_nothing_and_is_no_percentage(tmp_path: Path) -> None:
-    """Of a SCARA only the last axis is left beside the tool's force: its own inertia, and no gravity, by its drawing."""
+    """Of a SCARA only the last axis is left beside the tool's force: its own inertia, and no gravity."""
     record = planted(arm_table(tmp_path, known=chain("zzsz")), noisy(0.5))
     (one,) = effort_findings(record, inputs_between(record, KnownForces(record)), [])
     assert (one.verdict, "%" in one.text) == ("note", False), one
