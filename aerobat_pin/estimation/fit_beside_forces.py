@@ -42,9 +42,7 @@ UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: somet
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
 FEWEST_INDEPENDENT = 3.0  # instants that count at least: Student's distribution of fewer has no variance
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
-CHECKED = (
-    0.02  # of a row's error that other rows show at least: else a force passes for its error, which is as expected
-)
+CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
 LEAST_SEEN = 1e-9  # of the largest force by the rows' errors
 FACTOR_SIZES = np.linspace(0.05, 1.0, 20)  # of g, over the largest: one is as likely as another before
 BALANCE_STRETCHES = 8  # of a record, whose means show how far its momentum changes
@@ -91,7 +89,7 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     if expected is None:
         return forces
     instants = _looked_at(record, inputs, expected.stiction_rate)
-    if len(instants.rows) < FEWEST_INSTANTS:
+    if len(instants.rows) < FEWEST_INSTANTS or not instants.joints:
         return forces
     y, J, robot = instants.rows[:, instants.kept], instants.jacobians[:, :, instants.kept], record.robot
     force, lifts = np.broadcast_to(expected.force, J.shape[:2]), False

@@ -30,7 +30,8 @@ from aerobat_pin.records.suggest_joints import (
 )
 
 TIME = re.compile(
-    r"^(t|time|timestamp|stamp|time_stamp|elapsed|seconds)[ _]*[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$", re.IGNORECASE
+    r"^(t|time|timestamp|stamp|time_stamp|elapsed|seconds|(?=[mun]s$))[ _]*[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$",
+    re.IGNORECASE,
 )
 GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
 STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
@@ -90,7 +91,9 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
         f"gain = {float(f'{gain:.2g}'):g}  # K [1/s]: 1/K is the lag; smaller is smoother",
         "",
     ]
-    return "\n".join(lines)
+    text = "\n".join(lines)
+    unused = [name for name in columns.names if not columns.kinds and f'"{name}"' not in text]
+    return text + (f"# Columns that are not used here: {', '.join(unused)}\n" if unused else "")
 
 
 def _all_columns(log: Path) -> Columns:

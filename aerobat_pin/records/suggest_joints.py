@@ -16,7 +16,7 @@ from aerobat_pin.records.joint_names import as_names, nearest_joints
 NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)(?P<tail>(?:\D.*)?)$", re.IGNORECASE)
 PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
     "velocity": {"v", "vel", "velocity", "velocities", "qd", "dq", "rate", "speed"},
-    "effort": {"tau", "torque", "effort", "efforts", "current", "cur", "i", "moment"},
+    "effort": {"tau", "torque", "effort", "efforts", "eff", "current", "cur", "i", "moment"},
     "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
 }
 CURRENT_WORDS = {"current", "cur", "i"}

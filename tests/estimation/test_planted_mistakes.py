@@ -193,3 +193,41 @@ def test_without_points_whatever_pushes_is_not_taken_for_a_wrong_effort(records:
     bare = replace(record, map=record.map.model_copy(update={"robot": robot}))
     found = list(effort_findings(bare, inputs_between(bare, KnownForces(bare)), []))
     assert [str(one) for one in found if "leave no row to check efforts by" not in one.text] == []
+
+
+def chain(kinds: str) -> PlainRobot:
+    """Return links of 1 kg in a row, each 0.3 m ahead: joints about z or y, or `s` that slide along z."""
+    model, joints = pin.Model(), {"z": pin.JointModelRZ(), "y": pin.JointModelRY(), "s": pin.JointModelPZ()}
+    names = tuple(f"joint{k}" for k in range(len(kinds)))
+    for k, kind in enumerate(kinds):
+        model.addJoint(k, joints[kind], pin.SE3(np.eye(3), np.array([0.3 * (k > 0), 0.0, 0.1])), names[k])
+        model.appendBodyToJoint(k + 1, pin.Inertia(1.0, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity())
+    model.addFrame(pin.Frame("tool0", len(kinds), 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    return PlainRobot(model, False, names, kinds)
+
+
+@pytest.mark.filterwarnings("error")
+def test_an_arm_whose_tool_bears_all_weight_needs_nothing_and_is_no_percentage(tmp_path: Path) -> None:
+    """Of a SCARA only the last axis is left beside the tool's force: its own inertia, and no gravity."""
+    record = planted(arm_table(tmp_path, known=chain("zzsz")), noisy(0.5))
+    (one,) = effort_findings(record, inputs_between(record, KnownForces(record)), [])
+    assert (one.verdict, "%" in one.text) == ("note", False), one
+
+
+def test_an_exchange_that_leaves_most_does_not_hide_the_mounting(tmp_path: Path) -> None:
+    """Gravity is planted along -z and believed along y: exchanged efforts would have left 56 % of what is needed."""
+    record = planted(arm_table(tmp_path, known=chain("zyy"), pushed=False), rubbing(0.1))
+    model = record.robot.model.copy()
+    model.gravity.linear = np.array([0.0, 9.81, 0.0])
+    found = warned(replace(record, robot=replace(record.robot, model=model)))
+    assert len(found) == 1
+    assert re.match(r"mounting: gravity along \(-?0.00, -?0.00, -1.00\)", found[0]), found
+
+
+def test_masses_that_are_too_small_are_called_too_small(records: dict[str, Record]) -> None:
+    """The arm is believed to have five sixths of its masses: 1.2 times as much is planted, beside friction."""
+    record = planted(records["arm"], rubbing(0.05))
+    (found,) = warned(replace(record, robot=record.robot.heavier(1.0 / 1.2)))
+    told = re.search(r"all efforts would have to be (.*) times as large: .* or all masses (.*) times what", found)
+    assert told is not None, found
+    np.testing.assert_allclose([float(part) for part in told.groups()], [1.0 / 1.2, 1.2], rtol=0.06)

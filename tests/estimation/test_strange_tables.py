@@ -170,3 +170,16 @@ def test_stamps_that_no_clock_can_show_are_refused(tmp_path: Path) -> None:
     """Between them the common times would not be evenly spaced any more."""
     with pytest.raises(LogError, match=r"its stamps go from -1e\+300 to 1\.4 s .* is one of them wrong\?"):
         wrongly_stamped(tmp_path, slice(0, 1), -1e300)
+
+
+def test_columns_that_a_suggestion_does_not_use_are_listed(tmp_path: Path) -> None:
+    """A time called ms is in ms, efforts may be called eff, and a thrust is not dropped without a word."""
+    (tmp_path / "arm.urdf").write_text(ARM.format(LINK.format(1, "b")))
+    wave = np.sin(np.arange(50) / 10.0)
+    table = pd.DataFrame({"ms": 10.0 * np.arange(50), "pos_joint1": wave, "eff_joint1": wave, "thrust": wave})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    suggested = tomllib.loads(text)
+    assert suggested["log"]["time"] == {"column": "ms", "unit": "ms"}
+    assert suggested["joints"]["effort"]["columns"] == ["eff_joint1"]
+    assert text.rstrip().endswith("# Columns that are not used here: thrust")

@@ -64,7 +64,7 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{free}")
         return
     share, (factors, least) = balance.imbalance(), _least_squares(balance)
-    idle = balance.size < UNFIT * float(np.sum(balance.given**2)) and float(least @ least) > UNFIT * balance.size
+    idle = UNFIT * share > 1.0 and float(least @ least) > UNFIT * balance.size
     text = (
         f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
         "efforts and known forces"

@@ -32,6 +32,7 @@ MANY = 20_000  # intervals of which the power is taken
 MOST_NAMED = 3  # stretches of a component that is not seen
 ALWAYS = 0.995  # share of the time that counts as all of it
 STRAIGHT_ARM = 0.3  # sine of the angle between an unseen force and the lines from far joints to it, in a straight arm
+ALONG = 0.3  # share of the faintest direction along a component, from which the pose hides it
 FAR = 0.3  # of the farthest joint's distance: joints nearer to the force have little lever anyhow
 
 
@@ -242,7 +243,7 @@ def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, S
             )
             times += f" and {len(hidden) - MOST_NAMED} times more" if len(hidden) > MOST_NAMED else ""
             sure = "" if size.deviation is None else f", +-{size.deviation:.2g} {size.unit} there"
-            why = _reason(record, estimate, (begin + end) // 2)
+            why = _reason(record, estimate, (begin + end) // 2, k)
             text = f"{size.name}: seen {size.seen:.0%} of the time{sure}; not seen {times}: {why}"
             yield Finding("what the pose shows", "note", text, size.seen, "1")
         if (
@@ -256,8 +257,8 @@ def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, S
             yield Finding("error bar", "note", text)
 
 
-def _reason(record: Record, estimate: StoredEstimate, at: int) -> str:
-    """Return in words which force the rows do not show at an interval."""
+def _reason(record: Record, estimate: StoredEstimate, at: int, component: int) -> str:
+    """Return in words which force the rows do not show at an interval, or that they err too much for a component."""
     head, time = estimate.head, estimate.start[at]
     if not head.are_world_forces:
         return "no row shows it"
@@ -265,6 +266,8 @@ def _reason(record: Record, estimate: StoredEstimate, at: int) -> str:
     q = record.block(index, index + 1).q[0]
     J = Applications(record.robot.model, head.frames).jacobian(q)
     faintest: Array = np.linalg.svd(J.T, full_matrices=True)[2][-1].reshape(-1, 3)
+    if abs(faintest.flat[component]) < ALONG:
+        return "the rows that show it err too much there"
     loudest = int(np.argmax(np.linalg.norm(faintest, axis=1)))
     direction = faintest[loudest] / np.linalg.norm(faintest[loudest])
     direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
