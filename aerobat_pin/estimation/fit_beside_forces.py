@@ -43,7 +43,7 @@ UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
 FEWEST_INDEPENDENT = 3.0  # instants that count at least: Student's distribution of fewer has no variance
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
 CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
-LEAST_SEEN = 1e-9  # of the largest force by the rows' errors
+LEAST_TRACE = 1e-9  # of the largest singular value: a fainter force leaves none
 FACTOR_SIZES = np.linspace(0.05, 1.0, 20)  # of g, over the largest: one is as likely as another before
 BALANCE_STRETCHES = 8  # of a record, whose means show how far its momentum changes
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
@@ -253,7 +253,7 @@ def most_likely(
 def _spare(J: Array, force: Array, error: Array) -> Array:
     """Return which share (k,) of each row's error the other rows show whatever the forces are: 1 - its leverage."""
     B = force[..., None] * J / error
-    return np.asarray(1.0 - np.mean(np.einsum("mic,mci->mi", np.linalg.pinv(B, rcond=LEAST_SEEN), B), axis=0))
+    return np.asarray(1.0 - np.mean(np.einsum("mic,mci->mi", np.linalg.pinv(B, rcond=LEAST_TRACE), B), axis=0))
 
 
 def _bounded(normal: Array, target: Array, positive: Array) -> Array:
