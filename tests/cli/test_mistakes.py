@@ -80,7 +80,7 @@ FILES = {
         (["play", "nowhere.nc"], "there is no such file"),
         (["play", "."], "has no scenario.toml, flight.nc, estimate.nc"),
         (["play", "--from-csv", "a.csv"], "with --urdf FILE"),
-        (["play", "--from-csv", "a.csv", "--urdf", "b.urdf"], "motion a.csv: there is no such file"),
+        (["play", "--from-csv", "a.csv", "--urdf", "b.urdf"], "log a.csv: there is no such file"),
         (["play", "--from-csv", "motion.csv", "--urdf", "b.urdf"], "robot b.urdf: there is no such file"),
         (["play", "nowhere.nc", "--from-csv", "a.csv", "--urdf", "b.urdf"], "a run or a log was expected"),
         (["play", "nowhere.nc", "--rate", "0"], "--rate"),

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from aerobat_pin.cli import console, voice
+from aerobat_pin.cli import console, spoken_progress
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.numerics import told_of_compilation
 from aerobat_pin.numerics.jit import kernels_within
@@ -83,8 +83,8 @@ def test_without_a_terminal_slow_work_is_told_in_lines(
 ) -> None:
     """A quick command says nothing; no other is silent for two seconds, whatever step of it takes long."""
     clock = [0.0]
-    monkeypatch.setattr(voice.time, "monotonic", lambda: clock[0])
-    lines = voice.Voice()
+    monkeypatch.setattr(spoken_progress.time, "monotonic", lambda: clock[0])
+    lines = spoken_progress.Voice()
     for now, label, share in (
         (0.5, "flying", 0.0),
         (1.0, "flying", 0.5),
@@ -108,8 +108,8 @@ def test_a_step_that_says_nothing_itself_is_told(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """By a thread of its own, which ends with the work."""
-    monkeypatch.setattr(voice, "QUIET", 0.02)
-    monkeypatch.setattr(voice, "TICK_TIME", 0.005)
+    monkeypatch.setattr(spoken_progress, "QUIET", 0.02)
+    monkeypatch.setattr(spoken_progress, "TICK_TIME", 0.005)
     before = threading.active_count()
     with console.doing("searching"):
         time.sleep(0.2)

@@ -195,7 +195,7 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
         if left @ left < RIGHT_PLACES * (before @ before):
             yield from _reversed(record, gain, np.flatnonzero(turned))
         elif balance.imbalance() > 1.0:  # more is left than is needed
-            yield _unexplained("no signs", 100.0 * float(np.sqrt(balance.imbalance())))
+            yield _left_unexplained("no signs", 100.0 * float(np.sqrt(balance.imbalance())))
         return
     explained = 1.0 - float(residual @ residual) / max(balance.imbalance() * balance.size, 1e-300)
     if explained < EXPLAINED or balance.imbalance() < ABOVE_NOISE * _white_share(balance):
@@ -203,7 +203,7 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     if float(residual @ residual) > UNFIT * balance.size and explained < CLEAR:
         if balance.imbalance() * balance.size < UNFIT * float(np.sum(balance.given**2)):
             return  # what is needed is small beside efforts that hold each other
-        yield _unexplained("no factors", 100.0 * float(np.sqrt(residual @ residual / balance.size)))
+        yield _left_unexplained("no factors", 100.0 * float(np.sqrt(residual @ residual / balance.size)))
         return
     alone = -float(balance.base @ balance.residual)
     alone /= max(float(balance.base @ balance.base), 1e-300)
@@ -241,7 +241,7 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
         yield Finding("effort unit", "warning", f"{what}: torque_per_unit{friction}", float(factors[k]), "1")
 
 
-def _unexplained(what: str, percent: float) -> Finding:
+def _left_unexplained(what: str, percent: float) -> Finding:
     text = (
         f"{what} of the efforts explain it ({percent:.0f} % left): friction of the joints, other axes, "
         "another order of joints, another robot"
