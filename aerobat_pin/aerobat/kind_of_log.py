@@ -91,10 +91,13 @@ def _check_columns(path: Path, names: list[str]) -> None:
 
 
 def _has_gaps(path: Path, separator: str) -> bool:
-    """Return whether a cell of a table is empty."""
-    with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-        rows = ([cell.strip() for cell in row] for row in csv.reader(file, delimiter=separator))
-        return any(not all(row) for row in rows if any(row))
+    """Return whether a cell of a table is empty. Raises LogError if its quotes do not end."""
+    try:
+        with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
+            rows = ([cell.strip() for cell in row] for row in csv.reader(file, delimiter=separator))
+            return any(not all(row) for row in rows if any(row))
+    except csv.Error as error:
+        raise LogError(f"log {path}: cannot be read as CSV: {error}") from error
 
 
 def _begins_as_netcdf(path: Path) -> bool:

@@ -87,7 +87,7 @@ def test_what_an_observer_states_before_it_knows_anything_counts_nowhere(paper: 
     made = noisy(paper)
     assert made.standard_deviation is not None
     made.standard_deviation[:50] = 10.0
-    made.components[:50] = 5.0
+    made.components[:50] = 500.0
     stored = StoredEstimate.of(made)
     assert stored.risen == made.time[50]
     assert stored.deviation == pytest.approx(np.full(6, 0.01))

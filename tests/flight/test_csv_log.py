@@ -131,6 +131,15 @@ def test_another_sign_between_columns_is_recognised(sign: str, tmp_path: Path) -
         np.testing.assert_array_equal(channel.values, plain[name].values)
 
 
+def test_a_quote_that_does_not_end_is_refused(tmp_path: Path) -> None:
+    """The rest of the file is one cell then, longer than any."""
+    rows = [[*row[:9]] for row in table(4000)]
+    file = write(tmp_path / "hall.csv", HEADER[:9], rows)
+    file.write_text(file.read_text().replace("\n0.05,", '\n"0.05,', 1))
+    with pytest.raises(LogError, match=r"hall\.csv: cannot be read as CSV: field larger"):
+        read_log(file)
+
+
 def test_lines_are_counted_as_an_editor_does(tmp_path: Path) -> None:
     """Header and empty lines too."""
     file = write(tmp_path / "hall.csv", HEADER, changed(4, 1, "far"))
