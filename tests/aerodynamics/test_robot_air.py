@@ -57,6 +57,16 @@ def test_the_planform_has_the_published_area_and_spans() -> None:
     assert 2.0 * (25e-3 + proximal + distal) == pytest.approx(0.414)  # the drawing's own span
 
 
+def test_the_left_wing_is_where_y_is_positive(robot: Aerobat) -> None:
+    """Body axes point ahead, left and up, in the arc's coordinate as in the URDF's names."""
+    shoulder, elbow, tip = robot.wing.breaks
+    link, _ = robot.wing.attach(
+        [-0.5 * (elbow + tip), -0.5 * (shoulder + elbow), 0.0, 0.5 * (shoulder + elbow), 0.9 * tip]
+    )
+    names = [LINKS[k] for k in link]
+    assert names == ["right_distal", "right_proximal", "base_link", "left_proximal", "left_distal"]
+
+
 def test_strips_lie_on_the_membrane(robot: Aerobat) -> None:
     """Chords equal the planform's at root, elbow and mid-span; mid-chords lie half a chord behind the leading edge."""
     shoulder, elbow, tip = WING.breaks
