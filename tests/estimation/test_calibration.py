@@ -293,6 +293,11 @@ def reworded(data: xr.Dataset, before: str, after: str) -> xr.Dataset:
     [
         (lambda data: reworded(data, '"mass": 1.0', '"mass": NaN'), "mass nan: a factor above 0"),
         (lambda data: reworded(data, '"array series.scale"', '"array [1000000000, 4]"'), "has no numbers"),
+        (lambda data: reworded(data, '"array series.scale"', f'"array [0, {10**30}]"'), "a part is missing or damaged"),
+        (
+            lambda data: reworded(data, '"share": ', '"share": 1e999, "was": '),
+            "series.share holds a number that is not",
+        ),
         (lambda data: reworded(data, '"array series.scale"', "0"), "a part is missing or damaged"),
         (
             lambda data: data.assign({"identified.values": data["identified.values"] * 0.0 - 2.0}),

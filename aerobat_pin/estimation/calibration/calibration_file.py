@@ -75,7 +75,7 @@ def read_calibration(path: Path) -> Calibration:
             if values.shape != wanted:
                 raise ValueError(f"{part} has shape {values.shape}: {wanted} was expected")
         _refuse_values(found)
-    except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as error:
+    except (KeyError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200]
         raise CalibrationError(f"{name}: a part is missing or damaged: {reason}") from error
     return found
@@ -156,11 +156,21 @@ def _shapes(learnt: Calibration) -> Iterator[tuple[str, Array, tuple[int, ...]]]
 
 def _refuse_values(learnt: Calibration) -> None:
     """Raise ValueError for numbers that no calibration has."""
-    if not 0.0 < learnt.fitted.mass <= LARGEST_LEARNT:
-        raise ValueError(f"mass {learnt.fitted.mass:g}: a factor above 0 was expected")
-    if learnt.identified is not None and np.any(learnt.identified.values <= -1.0):
+    fitted, identified, series = learnt.fitted, learnt.identified, learnt.series
+    numbers = {"row_noise": [*learnt.row_noise.values(), *fitted.row_noise.values()], "fitted.doubt": [fitted.doubt]}
+    numbers |= {} if fitted.friction is None else {"fitted.friction.rate": [fitted.friction.rate]}
+    numbers |= {} if series is None else {"series.share": [series.share]}
+    if identified is not None:
+        expected = [parameter.expected for parameter in identified.parameters.values()]
+        numbers["identified"] = [*identified.before, *identified.after, identified.allowed, *expected]
+    for part, values in numbers.items():
+        if not np.all(np.abs(values) <= LARGEST_LEARNT):
+            raise ValueError(f"{part} holds a number that is not finite, or beyond {LARGEST_LEARNT:g}")
+    if not 0.0 < fitted.mass <= LARGEST_LEARNT:
+        raise ValueError(f"mass {fitted.mass:g}: a factor above 0 was expected")
+    if identified is not None and np.any(identified.values <= -1.0):
         raise ValueError("change of -1 or less: of a factor, more than -1 was expected")
-    if learnt.series is not None and not np.all(learnt.series.scale > 0.0):
+    if series is not None and not np.all(series.scale > 0.0):
         raise ValueError("series.scale: units above 0 were expected")
     if learnt.detection is not None and not np.all(learnt.detection.deviation > 0.0):
         raise ValueError("detection.deviation: deviations above 0 were expected")
