@@ -72,7 +72,7 @@ evidence: $(VENV)/.installed-test
 	PYTHONPATH=tests $(BIN)/python benchmarks/named_robots.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/stream_faults.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/ros_node.py
-	$(BIN)/python benchmarks/extras.py
+	PYTHONPATH=tests $(BIN)/python benchmarks/extras.py
 	$(MAKE) --no-print-directory test-lowest
 	PYTHONPATH=tests $(BIN)/python benchmarks/live.py
 

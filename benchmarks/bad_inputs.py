@@ -6,17 +6,19 @@ PYTHONPATH=tests python benchmarks/bad_inputs.py --count 5000 --seeds 1 2 3
 from __future__ import annotations
 
 import argparse
+import datetime
 import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from support.bad_bytes import READERS
 from support.bad_inputs import CLASSES, FAULTS, MORE_MEMORY, Doors, drawn_classes
+from support.pages import fill, table
 
 from aerobat_description import toml_text
 from aerobat_pin.errors import LARGEST_TABLE
@@ -24,16 +26,11 @@ from aerobat_pin.experiments.sweep import plan
 from aerobat_pin.scenario import scenario
 
 LIMITS = (
-    scenario.LARGEST_LOG / 1e9,
-    scenario.MOST_SECONDS,
-    plan.MOST_RUNS,
-    plan.MOST_DAYS,
-    LARGEST_TABLE / 1e6,
-    toml_text.LARGEST_TOML / 1e6,
-    toml_text.MOST_LEVELS,
+    f"a flight may take {scenario.LARGEST_LOG / 1e9:g} GB of log and {scenario.MOST_SECONDS:g} s, a sweep "
+    f"{plan.MOST_RUNS} runs and {plan.MOST_DAYS:g} days, a table {LARGEST_TABLE / 1e6:g} MB, a TOML file "
+    f"{toml_text.LARGEST_TOML / 1e6:g} MB with {toml_text.MOST_LEVELS} levels"
 )
 SLOWEST, PATIENCE = 900.0, 60.0  # [s] until a command hangs: a good one at first, which compiles, and a bad one
-PAGE = Path(__file__).parents[1] / "docs" / "reliability.md"
 ITEMS = {  # number -> what must hold
     1: "refused by name; other orders of columns read alike",
     2: "refused",
@@ -104,69 +101,34 @@ def main() -> int:
     start, wrong = time.monotonic(), 0
     words = f"--count {chosen.count} --seeds {' '.join(map(str, chosen.seeds))}"
     for found in tried(chosen.count, chosen.seeds):
-        PAGE.write_text(page(found, words, chosen.count, (time.monotonic() - start) / 60.0))
+        fill("docs/reliability.md", page(found, words, chosen.count, (time.monotonic() - start) / 60.0))
         wrong = len(found.faults)
     return int(wrong > 0)
 
 
-def page(found: Tried, words: str, asked: int, minutes: float) -> str:
-    """Return the page of what was tried, of so many inputs that were asked for."""
-    rows = []
+def page(found: Tried, words: str, asked: int, minutes: float) -> dict[str, str]:
+    """Return what the page says of what was tried, of so many inputs that were asked for."""
+    rows: list[list[Any]] = []
     for number, name in CLASSES.items():
         faults = [found.counts[number, fault] for fault in FAULTS]
-        rows.append((number, name, ITEMS[number], sum(faults) + found.counts[number, ""], *faults))
-    rows.append(("", "all", "", *(sum(row[i] for row in rows) for i in range(3, 4 + len(FAULTS)))))
-    return TEXT.format(
-        date=time.strftime("%Y-%m-%d"),
-        count=rows[-1][3],
-        words=words,
-        early="" if rows[-1][3] >= asked else f" of {asked}, as it was ended early",
-        minutes=minutes,
-        longest=found.longest,
-        doors="\n".join(f"| {door} | {number} |" for door, number in sorted(found.doors.items())),
-        memory=MORE_MEMORY / 1e6,
-        patience=PATIENCE,
-        heads=" | ".join(f"{fault}" for fault in FAULTS),
-        rule="|---" * (4 + len(FAULTS)) + "|",
-        faults="".join(f"* Found: {' '.join(fault.split())[:200]}\n" for fault in found.faults),
-        table="\n".join(f"| {' | '.join(map(str, row))} |" for row in rows),
-        limits=LIMITS,
-        readers=len(READERS),
-    )
+        rows.append([number, name, ITEMS[number], sum(faults) + found.counts[number, ""], *faults])
+    count, *faults = (sum(row[i] for row in rows) for i in range(3, 4 + len(FAULTS)))
+    early = "" if count >= asked else f" of {asked}, as it was ended early"
+    head = f"| bad inputs | what must hold | tried | {' | '.join(FAULTS)}"
+    said = [f"* Found: {' '.join(fault.split())[:200]}" for fault in found.faults]
+    by = f'{datetime.date.today()} by `make reliability ARGS="{words}"`'
+    return {
+        "measured": f"{by} in {minutes:.0f} minutes: {count} inputs{early}",
+        "counts": table(head, [*rows, ["", "all", "", count, *faults]]),
+        "patience": f"{PATIENCE:g}",
+        "longest": f"{found.longest:.0f}",
+        "found": "\n".join(said) or "* Found: nothing.",
+        "doors": table("door | inputs", sorted(found.doors.items())),
+        "memory": f"{MORE_MEMORY / 1e6:g}",
+        "readers": str(len(READERS)),
+        "limits": LIMITS,
+    }
 
-
-TEXT = """# Reliability
-
-What strangers, full disks and impatient fingers do to the program, counted. Written on {date} by
-`make reliability ARGS="{words}"` (`benchmarks/bad_inputs.py`) in {minutes:.0f} minutes: {count} inputs{early},
-drawn from these seeds. The same generator makes the 400 bad inputs of every test run (`tests/support/bad_inputs.py`).
-
-| | bad inputs | what must hold | tried | {heads} |
-{rule}
-{table}
-
-* A *traceback* is any error that is none of this package's, or a program that is ended by a signal of its own making.
-* A *hang* takes more than {patience:g} s; the limit only ends it. The longest command line took {longest:.0f} s.
-* A *half-written result* is any file that a refused command adds, changes or removes, or a folder of results that is
-  neither the old one nor the new one.
-* A *silent acceptance* is exit code 0 for an input that must be refused, another estimate from columns in another
-  order, or a contradiction without its warning.
-* A *wrong message* is any other exit code than 2, or not exactly one message.
-{faults}
-| door | inputs |
-|---|---|
-{doors}
-
-Most inputs go through the command line in one process; those of rows 12 and 14 go through processes of their own, which
-are forked from one that has imported everything and read a good file of each kind, and end when they take {memory:g} MB
-more than that one. Of their results that are taken, one in ten is drawn as a page. Nothing is written beside the folder
-in which a command runs. No door reads SRDF: it is only written. Maps (row 13) are drawn from the tables of
-`records/map_tables.py` themselves, robots (row 12) from the numbers that their files have, bytes (row 14) from a good
-file of each of {readers} readers. Sizes are estimated before any work: a flight may take {limits[0]:g} GB of log and
-{limits[1]:g} s, a sweep {limits[2]} runs and {limits[3]:g} days, a table {limits[4]:g} MB, a TOML file {limits[5]:g} MB
-with {limits[6]} levels; what the files of strangers may be stands in `errors/foreign_files.py`.
-[broken_runs.md](broken_runs.md) has the counts of `make evidence` for interruptions and full disks.
-"""
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -9,6 +9,7 @@ Every signal is sent to a process of its own, at any time from its start to its 
 from __future__ import annotations
 
 import argparse
+import datetime
 import shutil
 import signal
 import subprocess
@@ -21,9 +22,8 @@ from pathlib import Path
 import numpy as np
 import support.broken_runs as broken
 from support.bench import NEW, RUN, Bench, content
+from support.pages import fill, table
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "broken_runs.md"
 SIGNALS = {signal.SIGKILL: 1, signal.SIGTERM: 2, signal.SIGINT: 2}  # signal -> at every which moment it is sent
 PLACES = (Path(tempfile.gettempdir()), Path("/dev/shm"))
 COMMAND = [sys.executable, "-m", "aerobat_pin", *RUN, *NEW]
@@ -62,7 +62,7 @@ def undisturbed(bench: Bench) -> float:
     return time.monotonic() - start
 
 
-def signal_rows(bench: Bench, place: str, moments: int, rng: np.random.Generator) -> list[str]:
+def signal_rows(bench: Bench, place: str, moments: int, rng: np.random.Generator) -> list[list[object]]:
     """Return the rows of a file system in the table of signals."""
     undisturbed(bench)  # the first one may compile
     counts, tries = {number: Counter[str]() for number in SIGNALS}, Counter[int]()
@@ -74,18 +74,18 @@ def signal_rows(bench: Bench, place: str, moments: int, rng: np.random.Generator
             tries[number] += 1
         print(f"{place}: {k + 1} of {moments}", {number.name: dict(one) for number, one in counts.items()}, flush=True)
     return [
-        f"| {number.name} | {place} | {tries[number]} | {' | '.join(str(count[name]) for name in (*ENDS, *STATES))} |"
+        [number.name, place, tries[number], *(count[name] for name in (*ENDS, *STATES))]
         for number, count in counts.items()
     ]
 
 
-def case_rows(bench: Bench, place: str) -> list[str]:
+def case_rows(bench: Bench, place: str) -> list[list[object]]:
     """Return the rows of a file system in the table of the other cases."""
     cases = [broken.at_once(2), broken.at_once(4), *(broken.limited(size) for size in SIZES)]
     if broken.can_mount():
         cases += [broken.full_disk(size) for size in SIZES]
     good = [sum(case.play(bench, bench.new_folder()) == [] for _ in range(5)) for case in cases]
-    return [f"| {case.name} | {place} | 5 | {count} |" for case, count in zip(cases, good, strict=True)]
+    return [[case.name, place, 5, count] for case, count in zip(cases, good, strict=True)]
 
 
 def main() -> None:
@@ -96,44 +96,20 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     chosen = parser.parse_args()
     rng = np.random.default_rng(chosen.seed)
-    names = ("signal", "file system", "moments", *ENDS, *STATES)
-    signals = [f"| {' | '.join(names)} |", "|---" * len(names) + "|"]
-    cases = ["| case | file system | tries | as it should be |", "|---|---|---|---|"]
+    signals, cases = list[list[object]](), list[list[object]]()
     for place in (place for place in PLACES if place.is_dir()):
         asked = ["df", "--output=fstype", str(place)]
         kind = subprocess.run(asked, check=True, capture_output=True, text=True).stdout.split()[-1]
         with tempfile.TemporaryDirectory(dir=place) as folder, Bench(Path(folder)) as bench:
             signals += signal_rows(bench, kind, chosen.moments, rng)
             cases += case_rows(bench, kind)
-    PAGE.write_text(TEXT.format(date=time.strftime("%Y-%m-%d"), signals="\n".join(signals), cases="\n".join(cases)))
+    values = {
+        "measured": str(datetime.date.today()),
+        "signals": table(" | ".join(("signal", "file system", "moments", *ENDS, *STATES)), signals),
+        "cases": table("case | file system | tries | as it should be", cases),
+    }
+    fill("docs/broken_runs.md", values)
 
-
-TEXT = """# Broken runs
-
-Written on {date} by `make evidence` (`benchmarks/broken_runs.py`). Each try starts `aerobat run paper --force` in a
-folder with an old result and with files of the user's.
-
-## Signals at random moments
-
-{signals}
-
-Each try is a new process, and the moment is anywhere between its start and its end. It ends in one of four ways: it
-has finished; it ended in one line, with exit code 130 or 143; the signal came before the first line of this package,
-while Python itself was loading; or otherwise, as always with `kill -9`.
-
-Afterwards the folder holds the old result, the new one, or something else, which counts as half-written, as does a
-changed or missing file of the user's. A work folder can be left behind by `kill -9` alone, and the next run removes it.
-A statement is false if a program says that nothing was written and the new result is there.
-
-## Several at once, and no space
-
-{cases}
-
-Of several runs into one folder at once, one writes its result; each of the others refuses with one message and exit
-code 2, or runs after it. "free" is the space that a disk of its own has left beside the old result; the limit is that
-of a process (`ulimit -f`). A run that needs more ends with one message and exit code 2, and leaves the old result as it
-was and nothing else. Mounting a small disk needs root; elsewhere these rows are missing.
-"""
 
 if __name__ == "__main__":
     main()

@@ -1,14 +1,14 @@
-"""What the closed loop shows: `python benchmarks/closed_loop.py [--seeds 20] [--only NAME] [--page PAGE.md]`.
+"""What the closed loop shows: `PYTHONPATH=tests python benchmarks/closed_loop.py [--seeds 20] [--only NAME] [--write]`.
 
 Flies the scenarios of closed loops with several seeds and prints, as medians, every figure that the project claims of
 them, each beside its bound; ends with exit code 1 where one is not reached. Times are processor times of one thread:
-neighbours on the machine lengthen them, too. `--page` writes what was measured into its sections of a page; the others
-stay.
+neighbours on the machine lengthen them, too. `--write` puts what was measured into docs/control_results.md.
 """
 
 from __future__ import annotations
 
 import argparse
+import datetime
 import gc
 import resource
 import sys
@@ -19,15 +19,18 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
-from closed_loop_page import TITLES, Board, draw_blow
+from matplotlib.figure import Figure
+from support.pages import ROOT, fill, save, table
 
 from aerobat_pin.control import AerobatEnv, Controller, loop_margins
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight import ClosedLoop, Plant
 from aerobat_pin.robot import believed_robot, euler_angles, flown_robot
 from aerobat_pin.scenario import Scenario, load_scenario
+from aerobat_pin.visualization import style
 
 PD = ("control.integral=false", "control.feedforward=false")
 PD_I, OBSERVER, BOTH = ("control.feedforward=false",), ("control.integral=false",), ()
@@ -44,9 +47,35 @@ PUSHED, BLOW = "paper_left_closed_loop", "impact_closed_loop"
 BOUNDED = 1.0  # [m]: a flight that stays within this distance of its course, and upright, is bounded
 SETTLED = 0.015  # [m]
 EQUAL_FLIGHTS = 10
-SECTIONS = [name for name in TITLES if name != "fair"]  # that is of `closed_loop_fair`
+PAGE, SECTIONS = "docs/control_results.md", ("margins", "impact", "cost", "environment")
 FIRST_MINUTE = 24  # windows of 2.5 s
 FIXED = tuple(range(8500))  # whose sum takes about as long as a pass of the loop
+
+
+class Board:
+    """The figures that were measured, with their bounds.
+
+    Attributes:
+        rows: of the table of a section.
+        missed: figures that do not reach their bounds.
+    """
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[str, ...]] = []
+        self.missed: list[str] = []
+
+    def show(self, what: str, value: float, bound: float | None = None, unit: str = "", least: bool = False) -> None:
+        """Print a figure and its bound, an upper one unless `least`."""
+        good = bound is None or (value >= bound if least else value <= bound)
+        text = "" if bound is None else f"{'at least' if least else 'at most'} {bound:g}{'' if good else ': MISSED'}"
+        print(f"  {what:<62} {value:10.4g} {unit:<5}   {text}", flush=True)
+        self.rows.append((what, f"{value:.4g}", unit, text))
+        self.missed += [] if good else [what]
+
+    def tell(self, what: str, text: str) -> None:
+        """Print a line of text."""
+        print(f"  {what:<24} {text}", flush=True)
+        self.rows.append((what, text, "", ""))
 
 
 @cache
@@ -143,11 +172,21 @@ def impact(board: Board, seeds: Sequence[int]) -> None:
 
     for law, settings in LAWS.items():
         board.show(f"{law}: settled after", median(settling(settings), seeds), unit="s")
-    if board.figures is not None:
-        away = {law: flight(BLOW, LAWS[law], seeds[0])["error"][:, 1:3] for law in ("PD", "PD + I + observer")}
-        draw_blow(
-            {law: 1e3 * np.linalg.norm(error, axis=1) for law, error in away.items()}, 1e3 * SETTLED, board.figures
-        )
+
+
+def blow(seed: int) -> Figure:
+    """Draw the distances from the course after the blow, by PD and with an observer."""
+    figure = Figure(figsize=(6.5, 2.8), layout="constrained")
+    axis = figure.subplots()
+    for law, colour, line in (("PD", style.MUTED, "--"), ("PD + I + observer", style.BLUE, "-")):
+        away = 1e3 * np.linalg.norm(flight(BLOW, LAWS[law], seed)["error"][:, 1:3], axis=1)
+        axis.plot(1e-3 * np.arange(len(away)), away, line, color=colour, label=law)
+    axis.axhline(1e3 * SETTLED, color=style.INK, linestyle=":", linewidth=0.9, label="settled below")
+    axis.axvline(0.7, color=style.FAINT, linewidth=0.9)
+    axis.set(xlabel="time [s]; the blow is at 0.7 s", ylabel="off the course, sideways\nand upwards [mm]")
+    axis.set_ylim(0.0, None)
+    style.legend_on_top(axis, ncols=3)
+    return figure
 
 
 def cost(board: Board, seconds: float) -> None:
@@ -253,19 +292,24 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=10.0, help="of the flight that shows the memory")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--only", nargs="*", default=SECTIONS, choices=SECTIONS)
-    parser.add_argument("--page", type=Path, help="write what was measured into this page")
+    parser.add_argument("--write", action="store_true", help=f"write what was measured into {PAGE}")
     options = parser.parse_args()
-    board, seeds = Board(options.page), range(1, options.seeds + 1)
+    board, seeds = Board(), range(1, options.seeds + 1)
     for name in options.only:
-        board.section(name, options.seeds)
+        print(f"\n== {name}, {options.seeds} seeds")
+        board.rows = []
         if name == "cost":
             cost(board, 60.0 * options.minutes)
         elif name == "environment":
             environment(board, options.processes)
         else:
             {"margins": margins, "impact": impact}[name](board, seeds)
-        if options.page is not None:
-            board.write(options.page, name)
+        if options.write:
+            told = f"Measured on {datetime.date.today()}; {options.seeds} seeds where noise counts."
+            fill(PAGE, {name: f"{told}\n\n{table('| measured | unit | bound', board.rows)}"})
+        if options.write and name == "impact":
+            with mpl.rc_context(style.RC):
+                save({"control_blow": blow(seeds[0])}, ROOT / "docs" / "figures")
     print("\nmissed: " + (", ".join(board.missed) or "nothing"))
     return 1 if board.missed else 0
 

@@ -14,28 +14,7 @@ goes farther than `FARTHEST`, and of its way only what is within the limits is k
 there, so it goes on where it was stopped (and a run for the observer's law replaces its kept gains), and it takes
 minutes. What each start ends at is printed: where they agree there is one optimum.
 
-Kept is the optimum of PD (two starts: 2.3288, 2.3282), and for the observer's law gains of an earlier search by
-flights, but for one, see below. For PD with integral gains are kept where a search stood with both `SINES` at .96
-of what its optimum without them has (1.2650, 1.2672); `SINES` are what they make, rounded up. They have 1.2873;
-from them this search goes on to 1.2839, which makes 1 % more of a sine of 2 Hz. Of .96, .93 and .90 the first was
-chosen by flights with the seeds 301 and 302, of eight rows of the page (2 Hz and 1 Hz, push, 2 mN, side wind, two
-gusts, attitude) beside what a study has. The optimum for the observer's law here (three starts: 1.125 to 1.128) is
-as good, not better: with other disturbances and seeds (301 to 303) than those of the page, pushes on the right
-wing, gusts from the left and down, sines of .5, 1.5 and 2.5 Hz, longer eddies and a weaker wind, the geometric mean
-of errors is 9.63 mm, of the gains by flights 9.39. With twice the weight on the shortest push it is 9.23, but with
-a velocity that is 30 ms late a push is 28 mm, not 18.
-
-The height of the observer's law is raised by hand, from the 10.927 of the search by flights to 11.4, since a gust
-upwards was 6 % above what a study has (seeds 711 to 720). `--height` tunes the gains of height alone: from four starts
-it ends at 12.5, a damping of .685 and a `lift_gain` of 29.8 (1.3171 to 1.3172), at the limits of delay, slew and lag.
-With them that gust is 4.42 mm, not 4.76 (seeds 301 to 304), but a push leaves 16 % more where thrusters are 20 ms late,
-33 % more where the velocity is 30 ms late (301 to 303). So flights chose again, among heights up to 12, dampings from
-.75 to 1.1 and a `lift_gain` from 12 to 20: 11.4, all else as before, takes 1.5 % of the gust; of ten rows of the page
-no error grows by more than .5 %, and the slew of a push by .8 % (301 to 310). 11.5 and 12 cost 1.3 and 2.4 % where
-thrusters are late (301 to 304), and more with less damping.
-
-`SINES` are there because a study has 10 mm at 2 Hz. `bias` was chosen on those other disturbances, weaker and later
-thrusters and sensors among them: 15, 30, 45 and 70 1/s leave 7.10, 7.09, 7.20 and 8.19 mm, for both laws together.
+Which gains are kept, and why, stands in docs/design/0015-control.md.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Install the project and each of its extras into a fresh environment, and do there what the extra is for.
 
-    python benchmarks/extras.py                # all, some ten minutes; writes the table of docs/installation.md
-    python benchmarks/extras.py --only gym ros # writes the rows of some
+    PYTHONPATH=tests python benchmarks/extras.py                # all, some ten minutes; a table of docs/installation.md
+    PYTHONPATH=tests python benchmarks/extras.py --only gym ros # writes the rows of some
 
 An environment has nothing but the project and the extra; it is removed afterwards. Ends with an error if one fails.
 """
@@ -17,9 +17,9 @@ import time
 import tomllib
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "installation.md"
-BEGIN, END = "<!-- extras: written by benchmarks/extras.py -->\n", "<!-- /extras -->"
+from support.pages import ROOT, cells, fill, marked, table
+
+PAGE = "docs/installation.md"
 FLIGHT = "aerobat run paper --set simulation.duration=0.02 --set air.warm_up_cycles=1 --out made"
 # Extra -> what it is for, in words, and either commands or a program that does it in an empty folder.
 PROGRAMS = {
@@ -102,7 +102,7 @@ def size_of(folder: Path) -> int:
     return int(subprocess.run(["du", "-sm", folder], capture_output=True, text=True, check=True).stdout.split()[0])
 
 
-def tried(extra: str) -> str:
+def tried(extra: str) -> list[str]:
     """Install an extra into a fresh environment, do what it is for, and return its row of the table."""
     words, program = PROGRAMS[extra]
     with tempfile.TemporaryDirectory() as name:
@@ -125,7 +125,7 @@ def tried(extra: str) -> str:
             )
             if done.returncode != 0:
                 raise SystemExit(f"extra {extra}: {line}: {done.stderr or done.stdout}")
-    return f"| {extra if extra == 'none' else f'`{extra}`'} | {size} MiB | {spent:.0f} s | {words} |"
+    return [extra if extra == "none" else f"`{extra}`", f"{size} MiB", f"{spent:.0f} s", words]
 
 
 def main() -> None:
@@ -135,14 +135,13 @@ def main() -> None:
     only = parser.parse_args().only
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["optional-dependencies"]
     named = ["none", *(name for name in extras if name != "test")]
-    before, _, rest = PAGE.read_text("utf-8").partition(BEGIN)
-    head, rule, *lines = rest.partition(END)[0].splitlines()
-    rows = {line.split("|")[1].strip(" `"): line for line in lines}
+    _, before, _ = marked((ROOT / PAGE).read_text("utf-8"), "extras")
+    rows = {row[0].strip("`"): row for row in cells(before)}
     for extra in only or named:
         rows[extra] = tried(extra)
         print(rows[extra], flush=True)
-    table = "\n".join([head, rule, *(rows[extra] for extra in named if extra in rows)])
-    PAGE.write_text(f"{before}{BEGIN}{table}\n{END}{rest.partition(END)[2]}", encoding="utf-8")
+    of_named = (rows[extra] for extra in named if extra in rows)
+    fill(PAGE, {"extras": table("extra | on disk | installed in | what was done with it", of_named)})
 
 
 if __name__ == "__main__":

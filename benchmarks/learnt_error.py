@@ -13,13 +13,13 @@ Exits with 1 if a figure that is asked for is missed.
 from __future__ import annotations
 
 import argparse
+import datetime
 import json
-import os
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -46,9 +46,16 @@ from support.changed_flights import (
     seeds,
     somewhere,
 )
+from support.pages import ROOT, fill, measured, table
 
-ROOT = Path(__file__).resolve().parents[1]
-PAGE, BEGUN = ROOT / "docs" / "learnt_error.md", ROOT / "build" / "learnt_error.jsonl"
+PAGE, BEGUN = "docs/learnt_error.md", ROOT / "build" / "learnt_error.jsonl"
+HEADS = {  # of the tables for each kind of sensors
+    "errors": "flight | one | two | steady and lively",
+    "deviations": "after the calibration | flights | `kalman` | `smoother`",
+    "verdicts": "after the calibration | flights | called changed | ratio | named rightly | estimate | error [mN] | "
+    "corrected",
+    "contacts": "after the calibration | flights | true | false | flaps between false ones",
+}
 NONE, FILTERS = "none", ("kalman", "smoother")
 UNCHANGED = {"exact": 40, "noisy": 20}  # flights
 NOISY_CHANGES = ("density 10 %", "encoder 2 deg")  # that are flown with noisy sensors, too
@@ -161,8 +168,8 @@ class Figures:
             self.missed.append(what)
         return "" if good else " **!**"
 
-    def errors(self) -> Iterator[str]:
-        """Yield the rows of the first table."""
+    def errors(self) -> Iterator[list[str]]:
+        """Yield the rows of the table of errors."""
         for kind in (*FLIGHTS, "a manoeuvre", "outside"):
             cells, sizes = [], []
             for words in ("one", "two", "lively"):
@@ -183,13 +190,12 @@ class Figures:
                 sizes.append(error)
                 cells.append(told + mark)
             else:
-                yield f"| {kind} | {' | '.join(cells)} |"
+                yield [kind, *cells]
                 if kind == "a manoeuvre" and self.exact:
                     later = [self.by_case[f"after {words}: {kind}"][0]["later"] for words in ("one", "two", "lively")]
-                    cells = [_three(1e3 * np.array(one), "{:.1f}") for one in later]
-                    yield f"| {kind}, after {STARTED} s | {' | '.join(cells)} |"
+                    yield [f"{kind}, after {STARTED} s", *(_three(1e3 * np.array(one), "{:.1f}") for one in later)]
 
-    def deviations(self) -> Iterator[str]:
+    def deviations(self) -> Iterator[list[str]]:
         """Yield the rows of the table of stated deviations."""
         for case, rows in self.by_case.items():
             if case.startswith("after") or not rows[0]["nees"]:
@@ -202,9 +208,9 @@ class Figures:
                 asked = not case.startswith(("elbow", f"{NONE}:", "gust of"))
                 good = not asked or bool(np.all((mean >= low) & (mean <= high)))
                 cells.append(_three(mean, "{:.2f}") + self.ask(good, f"NEES of {name}, {case}"))
-            yield f"| {case} | {len(rows)} | {' | '.join(cells)} |"
+            yield [case, str(len(rows)), *cells]
 
-    def verdicts(self) -> Iterator[str]:
+    def verdicts(self) -> Iterator[list[str]]:
         """Yield the rows of the table of verdicts."""
         for case, change in CHANGES.items():
             rows = self.by_case.get(case, [])
@@ -236,11 +242,10 @@ class Figures:
                     most = AS_UNCHANGED * unchanged
                 good = after.max() <= most.max()
                 mark += self.ask(bool(good), f"{case}: {1e3 * after.max():.1f} mN when corrected")
-            cells = [_three(1e3 * one, "{:.1f}") if one is not None else "-" for one in (before, after)]
-            estimate = _estimate(right)
-            yield f"| {case} | {len(rows)} | {sum(found)} | {span} | {words} | {estimate} | {' | '.join(cells)}{mark} |"
+            sizes = [_three(1e3 * one, "{:.1f}") if one is not None else "-" for one in (before, after)]
+            yield [case, str(len(rows)), str(sum(found)), span, words, _estimate(right), sizes[0], sizes[1] + mark]
 
-    def contacts(self) -> Iterator[str]:
+    def contacts(self) -> Iterator[list[object]]:
         """Yield the rows of the table of contacts."""
         for case, rows in self.by_case.items():
             pushes = [row for row in rows if row["contacts"] != [0, 0] or not case.startswith("after")]
@@ -249,7 +254,7 @@ class Figures:
             true, false = np.sum([row["contacts"] for row in pushes], axis=0)
             spaces = [row["spacing"] for row in pushes if row["spacing"] is not None]
             every = f"{np.median(spaces):.2f}" if spaces else "-"
-            yield f"| {case} | {len(pushes)} | {true} | {false} | {every} |"
+            yield [case, len(pushes), true, false, every]
 
     def _error(self, case: str) -> np.ndarray | None:
         """Return the root mean square error (3,) [N] over the flights of a case."""
@@ -271,28 +276,16 @@ def _estimate(rows: Sequence[Row]) -> str:
     return ", ".join(f"{mean:.3g} (spread {spread:.2g}, stated {sure:.2g})" for mean, spread, sure in parts)
 
 
-def page(rows: Sequence[Row], cost: str = "") -> tuple[str, list[str]]:
-    """Return the page and what is missed; `cost` is its section on time."""
-    text, missed = TEXT.format(date=time.strftime("%Y-%m-%d", time.gmtime()), flights=len(rows)), []
+def page(rows: Collection[Row]) -> tuple[dict[str, str], list[str]]:
+    """Return the page's values, and what is missed."""
+    values = {"measured": f"{datetime.date.today()} from {len(rows)} flights", "pushes": str(CONTACTS)}
+    missed: list[str] = []
     for sensors in SENSORS:
         figures = Figures([row for row in rows if row["sensors"] == sensors], exact=sensors == "exact")
-        if not figures.by_case:
-            continue
-        text += f"\n## {sensors.capitalize()} sensors\n"
-        tables = (
-            (ERRORS, figures.errors()),
-            (DEVIATIONS, figures.deviations()),
-            (VERDICTS, figures.verdicts()),
-            (CONTACTS_FOUND.format(count=CONTACTS), figures.contacts()),
-        )
-        for words, table in tables:
-            lines = list(table)
-            if lines:
-                text += f"\n{words}\n" + "\n".join(lines) + "\n"
-        missed += [f"{what}, {sensors} sensors" for what in figures.missed]
-    text += cost
-    told = "\n".join(f"* {what}" for what in missed) or "Every figure is as it should be."
-    return f"{text}\n## What is missed\n\n{told}\n", missed
+        if figures.by_case:
+            values |= {f"{sensors} {name}": table(head, getattr(figures, name)()) for name, head in HEADS.items()}
+            missed += [f"{what}, {sensors} sensors" for what in figures.missed]
+    return values | {"missed": "\n".join(f"* {what}" for what in missed) or "Every figure is as it should be."}, missed
 
 
 def cost() -> str:
@@ -306,8 +299,7 @@ def cost() -> str:
         _seconds([*fly, "free"], folder)
         _seconds([*fly, "slipped", "--set=plant.crank_zero_deg=2"], folder)
         times = {name: min(_seconds(words, folder) for _ in range(4)) for name, words in commands.items()}
-    words = ", ".join(f"`aerobat {name}` {seconds:.1f} s" for name, seconds in times.items())
-    return COST.format(times=words, cores=os.cpu_count(), load=os.getloadavg()[0])
+    return f"{', '.join(f'`aerobat {name}` {seconds:.1f} s' for name, seconds in times.items())} ({measured()})"
 
 
 def _seconds(words: Sequence[str], folder: str) -> float:
@@ -340,66 +332,12 @@ def main() -> int:
                 file.flush()
                 told = done[key]["verdict"], (done[key]["cause"] or {}).get("name"), done[key]["contacts"]
                 print(*key, *told, f"{time.monotonic() - begun:.1f} s", flush=True)
-                PAGE.write_text(page(list(done.values()))[0], encoding="utf-8")
-    text, missed = page(list(done.values()), cost())
-    PAGE.write_text(text, encoding="utf-8")
+                fill(PAGE, page(done.values())[0])
+    values, missed = page(done.values())
+    fill(PAGE, values | {"cost": cost()})
     print("\n".join(missed) or "every figure is as it should be")
     return 1 if missed else 0
 
-
-TEXT = """# What a calibration gives, and what it says of a changed robot
-
-Written on {date} by `make evidence` (`benchmarks/learnt_error.py`) from {flights} flights, which ends with an error if
-a figure is not as it should be. All flights are `paper` with quasi-steady air believed, a structural error of 0.1 N of
-Fy; forces are those of `force_level` at K = 2000 1/s where no other observer is named, compared with the true force
-behind the same low-pass, and three numbers are Fx / Fy / Fz of the worse wing. What changes after a calibration is a
-[key of the plant](changed_robot.md), which no observer knows of. `tests/support/changed_flights.py` has all flights;
-settings of the package were chosen with others, but between choices these were looked at. What is asked for and
-missed is marked **!**, and [listed at the end](#what-is-missed).
-"""
-ERRORS = """### Errors, after one free flight and after two
-
-One: 4 s at 3.0 m/s. Two: another at 4.0 m/s. Lively: in place of it one that begins with 2 rad/s of roll, 1 of pitch,
-2 of yaw and 0.5 m/s sideways, to the other sides than the manoeuvre. R2, if something pushes, and error [mN]. *Push*
-is a push along each axis and a step, *paper* its signal, a *manoeuvre* begins with 2 rad/s of roll, 1 of pitch, 1.5
-of yaw and 0.5 m/s sideways, *outside* is 3.6 m/s and 5.5 Hz. What is left of a manoeuvre is in its first quarter of a
-second: the air begins as if the body had not turned before, and no state of the moment tells that. With noisy sensors
-the figures are the smoother's.
-
-| flight | one | two | steady and lively |
-|---|---|---|---|"""
-DEVIATIONS = """### Deviations
-
-Error squared over the stated variance (NEES): 1 where deviations are true, less where they are cautious. An elbow that
-is elastic in calibration and flight alike is learnt as if it were the air, and no verdict sees it: a known limit.
-
-| after the calibration | flights | `kalman` | `smoother` |
-|---|---|---|---|"""
-VERDICTS = """### Verdicts
-
-The calibration is that of [a flight day](calibration.md#a-flight-day): free flights at 2.7 m/s, 4.5 Hz, at 3.4 m/s,
-5.0 Hz, and the lively one. Errors are those of `force_level`, with noisy sensors of
-the smoother. Every flight has a speed, frequency, pitch and crank angle of its own in between; every fourth of the
-unchanged ones is a manoeuvre, and half of them are pushed, which the error in the first row is of. The ratio is that of
-what no force explains to what was expected. Changed flights are all pushed. A gust of 0.4 s and an encoder that slipped
-by 1 degree are told and not asked for. A whole run has 40 unchanged flights and 20 with each change; fewer were flown
-where the second column says so.
-
-| after the calibration | flights | called changed | ratio | named rightly | estimate | error [mN] | corrected |
-|---|---|---|---|---|---|---|---|"""
-CONTACTS_FOUND = """### Contacts
-
-A pushed flight has {count}; `paper`'s force never rests. False ones come in trains: the last column is the median time
-between neighbours of one wing, in flaps.
-
-| after the calibration | flights | true | false | flaps between false ones |
-|---|---|---|---|---|"""
-COST = """
-## Time
-
-For 4 s of flight at 1 kHz, as whole commands after the first run, the best of four:
-{times} ({cores} cores, load {load:.1f}).
-"""
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -24,6 +24,11 @@ def table(head: str, rows: Iterable[Iterable[object]]) -> str:
     return "\n".join([f"| {head} |", rule, *(f"| {' | '.join(map(str, row))} |" for row in rows)])
 
 
+def cells(text: str) -> list[list[str]]:
+    """Return the cells of all rows of the tables of a text, heads and rules too."""
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in text.splitlines() if line.startswith("|")]
+
+
 def measured() -> str:
     """Return when, and on how busy a machine, something was measured."""
     return f"{datetime.date.today()}, {os.cpu_count()} cores, load {os.getloadavg()[1]:.1f}"
