@@ -96,10 +96,7 @@ def lengths(axes: Axes, body: np.ndarray, shoulder: np.ndarray, elbow: np.ndarra
 def angles(axes: Axes, shoulder: np.ndarray, elbow: np.ndarray, theta_s: float, theta_e: float) -> None:
     """Draw shoulder and elbow angle of the left wing, each from the direction in which it is zero."""
     outward, forearm = np.array([-1.0, 0.0]), (elbow - shoulder) / np.linalg.norm(elbow - shoulder)
-    for at, zero, turn, name in (
-        (shoulder, outward, theta_s, r"$\theta_s$"),
-        (elbow, forearm, theta_e, r"$\theta_e$"),
-    ):
+    for at, zero, turn, name in ((shoulder, outward, theta_s, r"$\theta_s$"), (elbow, forearm, theta_e, r"$\theta_e$")):
         axes.plot(*np.transpose([at, at + 40 * zero]), color=MUTED, lw=0.9, ls=":", zorder=3)
         start = np.degrees(np.arctan2(zero[1], zero[0]))
         end = start - np.degrees(turn)  # positive angles lift the wing: clockwise on the left, seen from behind

@@ -37,19 +37,11 @@ NOTED = {  # joint -> residual without and with friction [N m], of an independen
     "arm_3_joint": (3.7, 1.26),
     "arm_4_joint": (3.0, 1.32),
 }
-MOTORS = {
-    "motors": [f"motor_motor_m{k}" for k in range(1, 5)],
-    "supply": ["pwr_pm_vbat"],
-    "up": ["imu_acc_z"],
-}
+MOTORS = {"motors": [f"motor_motor_m{k}" for k in range(1, 5)], "supply": ["pwr_pm_vbat"], "up": ["imu_acc_z"]}
 
 
 def read(
-    log: Path,
-    name: str,
-    friction: dict[str, Any] | None = None,
-    calibration: Calibration | None = None,
-    **robot: Any,
+    log: Path, name: str, friction: dict[str, Any] | None = None, calibration: Calibration | None = None, **robot: Any
 ) -> Result:
     """Estimate a log by a map of examples/recordings, with friction fitted or given, or changed keys of its robot."""
     values = tomllib.loads((MAPS / f"{name}.toml").read_text())
@@ -74,9 +66,7 @@ def hopper_text(folder: Path, work: Path) -> dict[str, str]:
         hopper_row(f"{there}, hip held (wrong)", "none", wrong),
         hopper_row(f"{there}, hip at its height", "none", plain),
         hopper_row(
-            f"{there}, hip at its height",
-            "those of the first recording",
-            read(hop, "hopper_hop", calibration=learnt),
+            f"{there}, hip at its height", "those of the first recording", read(hop, "hopper_hop", calibration=learnt)
         ),
         hopper_row(f"{there}, hip at its height", "fitted on all of it: nothing tests the fit", all_of_it),
     ]

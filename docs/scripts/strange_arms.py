@@ -29,6 +29,8 @@ from scipy.signal import savgol_filter
 
 from aerobat_pin import calibrate, estimate, open_record
 from aerobat_pin.estimation import Calibration
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Record, parse_map
 
 MASS, LIGHTEST, HEAVIEST = 2.805, 2.75, 2.86  # [kg]: weighed, and between which it must be found
@@ -92,6 +94,14 @@ def loaded(clone: Path, name: str, folder: Path, mass: float | None) -> Record:
     return swung(clone, f"20_02_19_{name}Load", folder, joints=friction, payload=payload, use=use)
 
 
+def judged(found: Estimate, truth: Array | float, counts: Array) -> Array:
+    """Return the rms error [N] of each axis of a point, and the share within two deviations (2, 3), where it counts."""
+    assert found.standard_deviation is not None
+    error = np.abs(found.components - truth)
+    axes = list(zip(error.T, (error < 2.0 * found.standard_deviation).T, counts.T, strict=True))
+    return np.array([[np.sqrt(np.mean(e[at] ** 2)) for e, _, at in axes], [np.mean(held[at]) for _, held, at in axes]])
+
+
 def force_lines(clone: Path, name: str, folder: Path, calibration: Calibration | None) -> None:
     """Print how well the load is found as a force at its centre, and what is said where it is sought at the tool."""
     for point in (name, "tool0"):
@@ -99,12 +109,8 @@ def force_lines(clone: Path, name: str, folder: Path, calibration: Calibration |
         result = estimate(record, calibration=calibration)
         [found], [own] = result.estimates.values(), result.observers.values()
         model, block = record.robot.model, record.block(*max(record.parts, key=lambda part: part[1] - part[0]))
-        data, frame, slope = (
-            model.createData(),
-            model.getFrameId(name),
-            savgol_filter(block.v, 21, 2, 1, record.dt, axis=0),
-        )
-        force = np.empty((len(block.q), 3))
+        data, frame = model.createData(), model.getFrameId(name)
+        force, slope = np.empty((len(block.q), 3)), savgol_filter(block.v, 21, 2, 1, record.dt, axis=0)
         for k, state in enumerate(zip(block.q, block.v, slope, strict=True)):
             pin.forwardKinematics(model, data, *state)
             fall = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED).linear
@@ -112,31 +118,23 @@ def force_lines(clone: Path, name: str, folder: Path, calibration: Calibration |
         inside = (found.time[:-1] >= block.time[0]) & (found.time[1:] <= block.time[-1])
         middle = 0.5 * (found.time[1:] + found.time[:-1])
         truth = np.column_stack([np.interp(middle, block.time, axis) for axis in force.T])
-        assert found.standard_deviation is not None
-        error, shown = np.abs(found.components - truth), found.shown & inside[:, None]
-        held = error < 2.0 * found.standard_deviation
-        axes = [f"{np.sqrt(np.mean(error[shown[:, k], k] ** 2)):.1f}" for k in range(3)]
-        cover = [f"{np.mean(held[shown[:, k], k]):.0%}" for k in range(3)]
+        rms, cover = judged(found, truth, found.shown & inside[:, None])
         print(
             f"load of {name} as a force at {'its centre' if point == name else point}, "
-            f"{'nothing' if calibration is None else 'friction and factors'} learnt: {'/'.join(axes)} N rms where seen "
-            f"({', '.join(f'{share:.0%}' for share in own.seen[point])} of the time), {', '.join(cover)} within two deviations, k {own.k:.2g}"
+            f"{'nothing' if calibration is None else 'friction and factors'} learnt: {'/'.join(f'{x:.1f}' for x in rms)} N "
+            f"rms where seen ({', '.join(f'{share:.0%}' for share in own.seen[point])} of the time), "
+            f"{', '.join(f'{share:.0%}' for share in cover)} within two deviations, k {own.k:.2g}"
         )
 
 
 def free_lines(clone: Path, folder: Path, calibration: Calibration) -> None:
     """Print which force is shown where nothing touches the UR10E, over all such logs."""
-    rms, cover = [], []
-    for name in FREE:
-        found = estimate(swung(clone, name, folder), calibration=calibration, trust=True).estimates["force_level"]
-        assert found.standard_deviation is not None
-        for k, inside in enumerate(found.shown.T):
-            size = np.abs(found.components[inside, k])
-            rms.append(float(np.sqrt(np.mean(size**2))))
-            cover.append(float(np.mean(size < 2.0 * found.standard_deviation[inside, k])))
+    results = [estimate(swung(clone, name, folder), calibration=calibration, trust=True) for name in FREE]
+    every = [judged(result.estimates["force_level"], 0.0, result.estimates["force_level"].shown) for result in results]
+    rms, cover = np.swapaxes(every, 0, 1)
     print(
-        f"nothing touches the arm in {len(FREE)} logs of other days: {min(rms):.1f} to {max(rms):.1f} N rms where seen, each "
-        f"axis of each; {min(cover):.0%} to {max(cover):.0%} within two deviations, {np.mean(cover):.1%} of all"
+        f"nothing touches the arm in {len(FREE)} logs of other days: {rms.min():.1f} to {rms.max():.1f} N rms where seen, each "
+        f"axis of each; {cover.min():.0%} to {cover.max():.0%} within two deviations, {cover.mean():.1%} of all"
     )
 
 
@@ -164,14 +162,12 @@ def nothing_lines(bags: Path) -> None:
         result = estimate(untouched(bags, other, learnt=False), calibration=calibration, trust=True)
         [found], [own] = result.estimates.values(), result.observers.values()
         counts = found.shown & (found.time[1:] < found.time[-1] - STOP)[:, None]
-        assert found.standard_deviation is not None
-        size, held = np.abs(found.components), np.abs(found.components) < 2.0 * found.standard_deviation
-        axes = "/".join(f"{np.sqrt(np.mean(size[counts[:, k], k] ** 2)):.1f}" for k in range(3))
-        cover = ", ".join(f"{np.mean(held[counts[:, k], k]):.1%}" for k in range(3))
-        most, seen = size[counts].max(), ", ".join(f"{share:.0%}" for share in own.seen["tool0"])
+        rms, cover = judged(found, 0.0, counts)
+        most, seen = np.abs(found.components[counts]).max(), ", ".join(f"{share:.0%}" for share in own.seen["tool0"])
         print(
-            f"nothing touches {other}, learnt from {known}: {axes} N rms where seen ({seen} of the time), at most "
-            f"{most:.1f} N{'' if most < MOST_SHOWN else ': not within'}, {cover} within two deviations, k {own.k:.2g}"
+            f"nothing touches {other}, learnt from {known}: {'/'.join(f'{x:.1f}' for x in rms)} N rms where seen ({seen} of "
+            f"the time), at most {most:.1f} N{'' if most < MOST_SHOWN else ': not within'}, "
+            f"{', '.join(f'{share:.1%}' for share in cover)} within two deviations, k {own.k:.2g}"
         )
 
 

@@ -8,15 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from support.calibrated import FREE, SIX_ERRORS, FreeFlight, believed, free_flight, learnt, seen_with, with_six_errors
-from support.error_tables import (
-    QUASI_STEADY,
-    SENSORS,
-    contact_table,
-    forces,
-    other_plant,
-    r_squared_cells,
-    walk_table,
-)
+from support.error_tables import QUASI_STEADY, SENSORS, contact_table, forces, other_plant, r_squared_cells, walk_table
 from support.mismatch import MISMATCHES, NOISY, Seen, estimated, flown, made_up, scores, seen
 from support.pages import Values, run, table
 

@@ -14,7 +14,6 @@ from aerobat_pin.robot import euler_angles, load_aerobat
 from aerobat_pin.scenario import load_scenario
 
 STRIPS = (8, 12, 16, 20, 40)
-ODD = (9, 13, 17, 21, 41)
 ON_THE_ROBOT = (8, 12, 16, 20, 24, 32, 40)
 FREE = (16, 20, 24, 28, 32, 64)
 AIRSPEED = 4.0  # [m/s]
