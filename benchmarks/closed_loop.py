@@ -115,11 +115,6 @@ def flight(name: str, settings: tuple[str, ...], seed: int) -> dict[str, Any]:
     }
 
 
-def median(figure: Callable[[int], float], seeds: Sequence[int]) -> float:
-    """Return the median of a figure over seeds."""
-    return float(np.median([figure(seed) for seed in seeds]))
-
-
 def margins(board: Board, seeds: Sequence[int]) -> None:
     """Margins from the gains, and flights with other thrust, delay and lag than believed."""
     for law in ("PD", "PD + I", "PD + observer", "PD + I + observer"):
@@ -163,15 +158,13 @@ def margins(board: Board, seeds: Sequence[int]) -> None:
 def impact(board: Board, seeds: Sequence[int]) -> None:
     """A blow of 25 mN s on the left wing: when is the body within 15 mm of its course for good?"""
 
-    def settling(law: tuple[str, ...]) -> Callable[[int], float]:
-        def last(seed: int) -> float:
-            away = np.linalg.norm(flight(BLOW, law, seed)["error"][:, 1:3], axis=1) > SETTLED
-            return float(np.flatnonzero(away)[-1] * 1e-3 - 0.7) if away.any() else 0.0
-
-        return last
+    def settled(settings: tuple[str, ...], seed: int) -> float:
+        away = np.linalg.norm(flight(BLOW, settings, seed)["error"][:, 1:3], axis=1) > SETTLED
+        return float(np.flatnonzero(away)[-1] * 1e-3 - 0.7) if away.any() else 0.0
 
     for law, settings in LAWS.items():
-        board.show(f"{law}: settled after", median(settling(settings), seeds), unit="s")
+        after = float(np.median([settled(settings, seed) for seed in seeds]))
+        board.show(f"{law}: settled after", after, unit="s")
 
 
 def blow(seed: int) -> Figure:

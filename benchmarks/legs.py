@@ -134,37 +134,29 @@ def touchdowns(on: Array) -> Array:
     return np.flatnonzero(np.diff(on.astype(int)) > 0) + 1
 
 
-def contact_figures(walk: Walked, force: Array, weight: float) -> dict[str, float]:
-    """Return how contacts that are found agree with the true ones, over all feet."""
-    delays: list[float] = []
-    ends: list[float] = []
+def contact_row(words: str, walk: Walked, force: Array, weight: float) -> list[str]:
+    """Return a row of how contacts that are found agree with the true ones, over all feet."""
+    delays: dict[bool, list[float]] = {True: [], False: []}  # of touchdowns, of lift-offs
     false = lost = events = 0
-    agree = []
+    agree, inside = [], walk.time[:-1] > SETTLED
     for foot in range(4):
         true = walk.force[:, foot, 2] > TRUE_CONTACT * weight
         on = touching(force[:, foot, 2], weight)
-        inside = walk.time[:-1] > SETTLED
         agree.append(np.mean((true == on)[inside]))
-        for sign, kept in ((1, delays), (0, ends)):
-            real, seen = (walk.time[touchdowns(one == bool(sign))] for one in (true, on))
+        for down, kept in delays.items():
+            real, seen = (walk.time[touchdowns(one == down)] for one in (true, on))
             real, seen = real[real > SETTLED], seen[seen > SETTLED - LONGEST_LATE]
             near = [seen[np.argmin(np.abs(seen - t))] - t if len(seen) else np.inf for t in real]
             good = [late for late in near if abs(late) < LONGEST_LATE]
             kept += good
-            if sign:
+            if down:
                 events += len(real)
                 lost += len(real) - len(good)
                 false += sum(np.min(np.abs(real - t), initial=np.inf) >= LONGEST_LATE for t in seen[seen > SETTLED])
-    down, up = 1e3 * np.array(delays), 1e3 * np.array(ends)
-    return {
-        "events": events,
-        "touchdown": float(np.median(down)),
-        "within": float(np.percentile(np.abs(down), 90.0)),
-        "lift": float(np.median(up)) if len(up) else np.nan,
-        "false": false,
-        "lost": lost,
-        "agree": float(np.mean(agree)),
-    }
+    down, up = (1e3 * np.array(late) for late in delays.values())
+    within, lift = np.percentile(np.abs(down), 90.0), np.median(up) if len(up) else np.nan
+    late = [f"{np.median(down):+.0f}", f"{within:.0f}", f"{lift:+.0f}"]
+    return [words, f"{events}", *late, f"{false}", f"{lost}", f"{np.mean(agree):.3f}"]
 
 
 def cut(walk: Walked, time: Array) -> Walked:
@@ -185,19 +177,8 @@ def force_rows(walk: Walked, table: pd.DataFrame, found: dict[tuple[str, float],
         inside = true.time[:-1] > SETTLED
         r2 = r_squared(true.force[inside], force[inside])
         rms = np.sqrt(np.mean((force[inside] - true.force[inside]) ** 2, axis=(0, 1)))
-        yield [
-            words,
-            *(f"{value:.4f}" for value in r2[:, 2]),
-            *(f"{r2[:, k].mean():.2f}" for k in (0, 1)),
-            f"{rms[2]:.2f}",
-        ]
-
-
-def contact_row(words: str, walk: Walked, force: Array, weight: float) -> list[str]:
-    """Return a row of contact figures."""
-    forms = {"events": ".0f", "touchdown": "+.0f", "within": ".0f", "lift": "+.0f", "false": ".0f", "lost": ".0f"}
-    found = contact_figures(walk, force, weight)
-    return [words, *(format(found[name], form) for name, form in (forms | {"agree": ".3f"}).items())]
+        across = (f"{r2[:, k].mean():.2f}" for k in (0, 1))
+        yield [words, *(f"{value:.4f}" for value in r2[:, 2]), *across, f"{rms[2]:.2f}"]
 
 
 def cover(walk: Walked, base: str, seed: int) -> Array:
@@ -235,11 +216,8 @@ def said_row(gait: Gait) -> list[str]:
 
 def find() -> Values:
     """Return the tables of the page."""
-    weight, gaits, cases = (
-        load_robot("go2").weight,
-        (TROT, FAST_TROT, WALK, replace(TROT, name="trot, trunk pushed", push=25.0)),
-        [("measured", 500.0), ("joints", 500.0)],
-    )
+    weight, pushed = load_robot("go2").weight, replace(TROT, name="trot, trunk pushed", push=25.0)
+    gaits, cases = (TROT, FAST_TROT, WALK, pushed), [("measured", 500.0), ("joints", 500.0)]
     cases += [("imu", gain) for gain in GAINS]
     with ProcessPoolExecutor(4, mp_context=get_context("spawn")) as pool:
         walks = list(pool.map(walked, gaits, [DURATION, *[0.3 * DURATION] * 3]))

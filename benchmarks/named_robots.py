@@ -72,10 +72,8 @@ def tried(name: str, seed: int) -> tuple[list[str], list[Judged]] | str:
 
 def row(name: str, tries: list[tuple[list[str], list[Judged]]]) -> list[str]:
     """Return the row of a robot, of all its seeds."""
-    first, shares = (
-        tries[0][0],
-        [np.concatenate([found[k].within for _, found in tries]) for k in range(len(OBSERVERS))],
-    )
+    first = tries[0][0]
+    shares = [np.concatenate([found[k].within for _, found in tries]) for k in range(len(OBSERVERS))]
     error, shown = (np.concatenate([getattr(found[0], part) for _, found in tries]) for part in ("error", "shown"))
     rms = f"{100.0 * np.sqrt(np.mean(error[shown] ** 2)):.1f}" if shown.any() else "-"
     cover = [f"{100.0 * share[shown].mean():.0f}" if shown.any() else "-" for share in shares]
@@ -100,19 +98,14 @@ def find() -> Values:
         else:
             refused.append(f"* `{name}`: {tries[0]}")
     head = "robot | joints | it | pushed at | shown [%] | rms error [% of the weight] | within two deviations [%]"
-    head += " | `kalman` [%] | `smoother` [%] | s"
-    every = np.array([one for robot in shares for one in robot])
-    text = ", ".join(
-        f"{100.0 * share:.1f} % by `{name}`" for name, share in zip(OBSERVERS, np.nanmean(every, axis=0), strict=True)
-    )
-    return {
-        "docs/named_robots.md": {
-            "robots": laid_out(head, rows),
-            "refused": "\n".join(refused) or "None is refused.",
-            "all": text,
-            "measured": measured(),
-        }
+    means = np.nanmean([one for robot in shares for one in robot], axis=0)
+    values = {
+        "robots": laid_out(f"{head} | `kalman` [%] | `smoother` [%] | s", rows),
+        "refused": "\n".join(refused) or "None is refused.",
+        "all": ", ".join(f"{100.0 * share:.1f} % by `{name}`" for name, share in zip(OBSERVERS, means, strict=True)),
+        "measured": measured(),
     }
+    return {"docs/named_robots.md": values}
 
 
 if __name__ == "__main__":

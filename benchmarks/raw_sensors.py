@@ -6,11 +6,10 @@ Each row is the worse wing and the worst of the seeds, against the true force wi
 from __future__ import annotations
 
 import resource
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -31,8 +30,9 @@ from aerobat_pin.robot import believed_robot
 from aerobat_pin.scenario import RawSection, Scenario
 
 SEEDS, DRAWS = (1, 2, 3, 4, 5), 10
-GUARD = ("robot.morphology=aerobat_guard", "crank.frequency=4.75")  # observer_benchmark on the heavy robot
-GUARD_HOLD = (
+GUARD = (  # observer_benchmark on the heavy robot
+    "robot.morphology=aerobat_guard",
+    "crank.frequency=4.75",
     "hold.attitude_stiffness=[0.291,0.108,0.351]",
     "hold.attitude_damping=[0.0388,0.0144,0.0468]",
     "hold.speed_gain=0.369",
@@ -56,40 +56,31 @@ class Case:
     table: bool = False
 
 
+def four(name: str, scenario: str, *settings: str) -> Iterator[Case]:
+    """Yield the cases of a flight: all torques or the motor's alone, with an accelerometer and without."""
+    for torque in ("measured", "motor_only"):
+        for there in (True, False):
+            words = f"{'all' if torque == 'measured' else 'motor'}{'' if there else ', no accelerometer'}"
+            yield Case(f"{name}, {words}", scenario, torque, there, settings)
+
+
 STEP_OF_ONE = ("unknown_force.1.step=0.0",)  # of the two equal forces, one has no step
+HEAVIER = ("believed.robot.changes.scale.wing_mass=1.05", "believed.robot.changes.scale.body_mass=1.05")
 CASES = (
-    Case("paper, all"),
-    Case("paper, all, no accelerometer", accelerometer=False),
-    Case("paper, motor", torque="motor_only"),
-    Case("paper, motor, no accelerometer", torque="motor_only", accelerometer=False),
+    *four("paper", "raw_sensors"),
     Case("paper, no torque", torque="none"),
     Case("paper, from a table, no accelerometer", accelerometer=False, table=True),
     Case("paper, step on one wing, all", settings=STEP_OF_ONE),
     Case("paper, step on one wing, motor, no accelerometer", "raw_sensors", "motor_only", False, STEP_OF_ONE),
-    Case("guard, all", "observer_benchmark", settings=(*GUARD, *GUARD_HOLD)),
-    Case("guard, all, no accelerometer", "observer_benchmark", accelerometer=False, settings=(*GUARD, *GUARD_HOLD)),
-    Case("guard, motor", "observer_benchmark", "motor_only", settings=(*GUARD, *GUARD_HOLD)),
-    Case("guard, motor, no accelerometer", "observer_benchmark", "motor_only", False, (*GUARD, *GUARD_HOLD)),
-    Case("benchmark, all", "observer_benchmark"),
-    Case("benchmark, all, no accelerometer", "observer_benchmark", accelerometer=False),
-    Case("benchmark, motor", "observer_benchmark", "motor_only"),
-    Case("benchmark, motor, no accelerometer", "observer_benchmark", "motor_only", False),
+    *four("guard", "observer_benchmark", *GUARD),
+    *four("benchmark", "observer_benchmark"),
     Case(
         "paper, mass +5 %, air +20 %, factors",
-        settings=(
-            "believed.robot.changes.scale.wing_mass=1.05",
-            "believed.robot.changes.scale.body_mass=1.05",
-            "believed.air.density=1.47",
-        ),
+        settings=(*HEAVIER, "believed.air.density=1.47"),
         raw=RawSection(mass_error=0.05, air_error=0.2),
     ),
-    *(
-        Case(f"paper, {name} 1 ms late", late=name)
-        for name in ("gyro", "accelerometer", "crank_encoder", "motor_torque")
-    ),
+    *(Case(f"paper, {one} 1 ms late", late=one) for one in ("gyro", "accelerometer", "crank_encoder", "motor_torque")),
 )
-
-
 FREE_FLIGHTS = 24  # that show whether the deviations of place and turn are true
 OWN_FLIGHTS = ("paper", "observer_benchmark", "tumble")
 CAUSAL = ("paper, all", "paper, all, no accelerometer", "benchmark, all")  # rows that the causal filter has too
@@ -236,15 +227,7 @@ def mount_rows() -> Iterator[list[str]]:
 
 
 def memory_beyond(seconds: int) -> float:
-    """Return the memory [MB] that a process of its own needs at most to smooth so long a flight, beyond its log's."""
-    made = subprocess.run(
-        [sys.executable, __file__, "--memory", str(seconds)], capture_output=True, text=True, check=True
-    )
-    return float(made.stdout)
-
-
-def measure_memory(seconds: int) -> float:
-    """Return what `memory_beyond` asks for, in this process."""
+    """Return the memory [MB] that this process needs at most to smooth so long a flight, beyond its log's."""
     scenario = load_scenario("raw_sensors", [f"simulation.duration={seconds}"])
     log, robot, settings = simulate(scenario), believed_robot(scenario), GIVEN.model_copy(update={"offset_error": 0.0})
     record = raw_record(log.time, flight_channels(log, robot), robot, "measured", settings)
@@ -256,20 +239,19 @@ def measure_memory(seconds: int) -> float:
 def find() -> Values:
     """Return tables and costs; the least of three times that 2 s with given walks, no offsets sought, take."""
     given = min(measured(Case("given", raw=GIVEN), 1, causal=False)[2] for _ in range(3))
+    with get_context("spawn").Pool(1, maxtasksperchild=1) as pool:  # a process of its own for each flight
+        short, long = (pool.apply(memory_beyond, (seconds,)) for seconds in (10, 60))
     errors = "error of place x/y/z [mm] | deviation | error of turn roll/pitch/yaw [deg] | deviation"
     values = {
         "flights": table("flight | R2 of Fx/Fy/Fz | rms error [mN] | NEES | deviation/error | cost", smoother_rows()),
         "own": table("flight | NEES | inside 1.96 deviations", own_model_rows()),
         "mount": table(f"paper, all | R2 of Fx/Fy/Fz | {errors}", mount_rows()),
         "given": f"{given:.1f}",
-        "short": f"{memory_beyond(10):.0f}",
-        "long": f"{memory_beyond(60):.0f}",
+        "short": f"{short:.0f}",
+        "long": f"{long:.0f}",
     }
     return {"docs/raw_sensors.md": values}
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--memory"]:
-        print(measure_memory(int(sys.argv[2])))
-    else:
-        run(find)
+    run(find)

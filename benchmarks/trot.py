@@ -230,7 +230,7 @@ def walked(gait: Gait = TROT, duration: float = 20.0, name: str = "go2", noise: 
     state.qpos[2] += FOOT_RADIUS - _lowest(model, feet, start)
     controller, steps = Trotter(model, feet, gait, duration), round(duration / STEP)
     rows: dict[str, list[Array]] = {key: [] for key in ("time", "q", "v", "tau", "felt", "force")}
-    sums = _Sums()
+    felt_since: list[tuple[Array, Array]] = []  # the last sample: accelerometer, forces on the feet
     command, tau = np.zeros(12), np.zeros(12)
     trunk = mujoco.mj_name2id(simulated, mujoco.mjtObj.mjOBJ_BODY, model.names[1])
     for step in range(steps + 1):
@@ -243,43 +243,32 @@ def walked(gait: Gait = TROT, duration: float = 20.0, name: str = "go2", noise: 
             for key, value in (("time", np.array(state.time)), ("q", q), ("v", v), ("tau", tau.copy())):
                 rows[key].append(value)
             if step:
-                for key, value in sums.means().items():
-                    rows[key].append(value)
+                for key, values in zip(("felt", "force"), zip(*felt_since, strict=True), strict=True):
+                    rows[key].append(np.mean(values, axis=0))
+                felt_since = []
         before = tau.copy()
         tau += STEP / MOTOR_LAG * (command - tau)
         state.xfrc_applied[trunk, 1] = gait.push if 2.0 <= state.time % 3.0 < 2.3 else 0.0
         drag = noise.torque[1] * np.tanh(v[6:] / 0.02)
         state.ctrl[:] = 0.5 * (before + tau) - drag
         mujoco.mj_step(simulated, state)
-        sums.add(simulated, state, floor, geoms)
+        felt_since.append((state.sensordata[:3].copy(), _foot_forces(simulated, state, floor, geoms)))
     rows["felt"].insert(0, rows["felt"][0])
     return Walked(**{key: np.array(values) for key, values in rows.items()})
 
 
-class _Sums:
-    """Sums over the steps since the last sample."""
-
-    def __init__(self) -> None:
-        self._parts: list[tuple[Array, ...]] = []
-
-    def add(self, model: mujoco.MjModel, state: mujoco.MjData, floor: int, geoms: dict[int, int]) -> None:
-        """Add a step."""
-        force, wrench = np.zeros((4, 3)), np.zeros(6)
-        for k in range(state.ncon):
-            contact = state.contact[k]
-            foot = geoms.get(int(contact.geom2), geoms.get(int(contact.geom1), -1))
-            if foot < 0 or floor not in (contact.geom1, contact.geom2):
-                continue
-            mujoco.mj_contactForce(model, state, k, wrench)
-            sign = 1.0 if contact.geom1 == floor else -1.0
-            force[foot] += sign * contact.frame.reshape(3, 3).T @ wrench[:3]
-        self._parts.append((state.sensordata[:3].copy(), force))
-
-    def means(self) -> dict[str, Array]:
-        """Return the means, and begin again."""
-        found = [np.mean(np.array(part), axis=0) for part in zip(*self._parts, strict=True)]
-        self._parts = []
-        return dict(zip(("felt", "force"), found, strict=True))
+def _foot_forces(model: mujoco.MjModel, state: mujoco.MjData, floor: int, geoms: dict[int, int]) -> Array:
+    """Return the forces (4, 3) of the floor on the feet."""
+    force, wrench = np.zeros((4, 3)), np.zeros(6)
+    for k in range(state.ncon):
+        contact = state.contact[k]
+        foot = geoms.get(int(contact.geom2), geoms.get(int(contact.geom1), -1))
+        if foot < 0 or floor not in (contact.geom1, contact.geom2):
+            continue
+        mujoco.mj_contactForce(model, state, k, wrench)
+        sign = 1.0 if contact.geom1 == floor else -1.0
+        force[foot] += sign * contact.frame.reshape(3, 3).T @ wrench[:3]
+    return force
 
 
 def _pin_state(state: mujoco.MjData) -> tuple[Array, Array]:
