@@ -96,13 +96,14 @@ class ModelCheck:
     """Whether the belief is still that of its calibration: what no force explains, over what was to be expected.
 
     Attributes:
-        ratio: of both root mean squares; None where no row is to spare.
+        ratio: of both root mean squares; None where nothing can tell, for the reason `why`.
         size: what no force explains, per redundant row [N].
         expected: root mean square that the calibration predicted for it [N].
         peak: the largest ratio over a tenth of a second; 0 where that was not asked.
         peak_time: when that was [s].
         cause: what changed; None if nothing that has a name explains it.
         corrected: whether the cause was corrected, and ratio and size are those of what is left.
+        why: nothing can tell where `ratio` is None; else empty.
     """
 
     ratio: float | None
@@ -112,6 +113,7 @@ class ModelCheck:
     peak_time: float = 0.0
     cause: Cause | None = None
     corrected: bool = False
+    why: str = ""
 
     @property
     def verdict(self) -> Literal["unchanged", "changed", "unverified"]:
@@ -134,7 +136,7 @@ class ModelCheck:
     def __str__(self) -> str:
         """Return the verdict in a line."""
         if self.ratio is None:
-            return "model: unverified, as no row is to spare for the forces sought"
+            return f"model: unverified, as {self.why}"
         sizes = f"{force_size(self.size)} a row that no force explains, {self.ratio:.2g} times what was expected"
         if self.verdict == "unchanged":
             return f"model: unchanged since the calibration ({sizes})"

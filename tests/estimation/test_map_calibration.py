@@ -327,6 +327,21 @@ def test_a_record_that_wants_a_negative_mass_is_refused(tmp_path: Path) -> None:
         calibrate([open_record(tmp_path / "walk.csv", chosen, tmp_path)], parameters=["mass"])
 
 
+@pytest.mark.parametrize(("points", "why"), [(["tool"], "no row is to spare"), ([], "no force is sought")])
+def test_a_model_that_nothing_can_check_says_why(
+    points: list[str], why: str, arms: tuple[Path, np.ndarray]
+) -> None:
+    """Residuals alone had `"model": null`, as if there were no calibration."""
+    folder, _ = arms
+    values = arm_map()
+    values["robot"]["points"] = points
+    record = open_record(folder / "pushed.csv", parse_map(values, "of the test"), folder)
+    told = estimate(record, calibration=calibrated(folder, "free", arm_map())).metrics()["model"]
+    assert (told["verdict"], told["ratio"]) == ("unverified", None)
+    assert why in told["why"]
+    assert why in told["words"]
+
+
 def test_what_cannot_be_learnt_or_used_is_refused(
     arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

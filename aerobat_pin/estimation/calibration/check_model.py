@@ -14,7 +14,7 @@ from aerobat_pin.estimation.calibration.row_geometry import RowGeometry
 from aerobat_pin.estimation.calibration_use import ModelCheck
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import blocks_of
+from aerobat_pin.estimation.run_observers import blocks_of, points_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer
 from aerobat_pin.records import Record
@@ -63,6 +63,9 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
     def factors(given: KnownInputs) -> Array | None:
         return error_factors(calibration, record, given)
 
+    if not points_of(record.map):
+        why = "no force is sought (robot.points = []), and a push would look like a change"
+        return CheckedModel(ModelCheck(None, 0.0, 0.0, why=why), inputs, factors)
     if series is None or len(record.parts) > 1 or not record.robot.remembers:
         return CheckedModel(_check_of_blocks(calibration, record, inputs), inputs, factors)
     whole = inputs(*record.parts[0])

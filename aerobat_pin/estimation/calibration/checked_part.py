@@ -75,7 +75,7 @@ class CheckedPart:
         """The verdict on this stretch."""
         redundancy = self.estimate.redundancy
         if redundancy.redundant < 1:
-            return ModelCheck(None, 0.0, 0.0)
+            return ModelCheck(None, 0.0, 0.0, why="no row is to spare for the forces sought")
         expected = float(np.sqrt(np.mean(self._predicted) / redundancy.redundant))
         expected = max(expected, LEAST_EXPECTED * self.estimate.weight)
         most = int(np.argmax(self.near))
@@ -90,7 +90,7 @@ class CheckedPart:
 def part_to_check(calibration: Calibration, record: Record, inputs: KnownInputs) -> CheckedPart | None:
     """Return a stretch with what no force explains of it; None where the calibration does not say what it leaves."""
     factors = error_factors(calibration, record, inputs)
-    return None if factors is None or not points_of(record.map) else slice_of_part(record, inputs, factors)
+    return None if factors is None else slice_of_part(record, inputs, factors)
 
 
 def slice_of_part(record: Record, inputs: KnownInputs, factors: Array) -> CheckedPart:
