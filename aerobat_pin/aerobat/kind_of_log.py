@@ -107,10 +107,10 @@ def _begins_as_netcdf(path: Path) -> bool:
         return file.read(4) == b"\x89HDF"
 
 
-def needs_map(path: Path, lacks: str = "") -> LogError:
-    """Return the error for a log that only a map explains; `lacks` says why it is none of Aerobat's."""
+def needs_map(path: Path, lacks: str = "", robot: str = "") -> LogError:
+    """Return the error for a log that only a map explains; `lacks` says why it is none of Aerobat's, if it is not."""
     why = f"{lacks}; if it is another robot's, " if lacks else ""
     return LogError(
         f"log {path}: {why}--map MAP.toml says what its columns mean and which robot it was; `aerobat estimate {path} "
-        "--suggest` prints one to begin with"
+        f"--suggest{f' --urdf {robot}' if robot else ''}` prints one to begin with"
     )

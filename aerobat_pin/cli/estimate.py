@@ -30,7 +30,7 @@ def estimate_command(
     log: Annotated[
         Path | None,
         typer.Argument(
-            help="Recorded flight of Aerobat (`.nc` of a run, or `.csv`, docs/recorded.md); with --map or --urdf any "
+            help="Recorded flight of Aerobat (`.nc` of a run, or `.csv`, docs/recorded.md); with --map any "
             "robot's CSV, NetCDF, MCAP or ROS 2 bag (docs/recordings.md)."
         ),
     ] = None,
@@ -48,9 +48,7 @@ def estimate_command(
     ] = None,
     urdf: Annotated[
         Path | None,
-        typer.Option(
-            help="Robot of the map, a file or a name as ur5; alone, with --points, for a bag or Aerobat-like log."
-        ),
+        typer.Option(help="Robot in place of the map's, or of the map that --suggest prints: a file or a name as ur5."),
     ] = None,
     points: Annotated[str | None, typer.Option(metavar="A,B", help="Frames at which unknown forces act.")] = None,
     out_mcap: Annotated[Path | None, typer.Option(help="Also write the forces to this MCAP file.")] = None,
@@ -74,14 +72,13 @@ def estimate_command(
     from aerobat_pin.errors import LogError
     from aerobat_pin.estimation import read_calibration
     from aerobat_pin.experiments import run_recorded
+    from aerobat_pin.records import load_map, suggested_map, with_options
 
     if out is not None and out.suffix == ".mcap":
         out, out_mcap = None, out
     if log is None and not self_check:
         raise LogError("estimate: a recorded flight was expected, or --self-check")
     if suggest and log is not None:
-        from aerobat_pin.records import suggested_map
-
         with doing("looking at the log"):
             text = suggested_map(log, None if urdf is None else str(urdf), option_names(points))
         typer.echo(text, nl=False)
@@ -89,10 +86,14 @@ def estimate_command(
     if log is not None and (map_file is not None or urdf is not None):
         if settings or morphology:
             raise LogError("estimate: --set and --morphology are for Aerobat's own tables, without --map")
-        chosen, folder = chosen_map(map_file, urdf, points, observers or [])
+        if map_file is None:
+            raise needs_map(log, robot=str(urdf))
+        chosen = with_options(
+            load_map(map_file), None if urdf is None else str(urdf), option_names(points), observers or []
+        )
         target = out or Path("runs") / f"{log.stem}-estimate"
         options = {"force": force, "trust": trust, "self_check": self_check}
-        estimate_by_map(log, chosen, folder, target, out_mcap, calibration, **options)
+        estimate_by_map(log, chosen, map_file.absolute().parent, target, out_mcap, calibration, **options)
         return
     if points is not None:
         settings = [
@@ -127,16 +128,6 @@ def _passes_self_check(belief: Scenario) -> bool:
     return passed
 
 
-def chosen_map(file: Path | None, urdf: Path | None, points: str | None, observers: list[str]) -> tuple[Map, Path]:
-    """Return the map of a file, with the options laid over it, and the folder where its paths begin."""
-    from aerobat_pin.records import load_map, parse_map, with_options
-
-    said, names = None if urdf is None else str(urdf), option_names(points)
-    if file is not None:
-        return with_options(load_map(file), said, names, observers), file.absolute().parent
-    return with_options(parse_map({"robot": {}}, "of the options"), said, names, observers), Path.cwd()
-
-
 def _print_self_check(record: Record, calibration: Calibration | None) -> None:
     """Play known forces into a recording, and print how well each is recovered."""
     from aerobat_pin.estimation import check_record
@@ -162,13 +153,12 @@ def estimate_by_map(
     self_check: bool,
 ) -> None:
     """Estimate, after a self-check if it is wanted; print what was found, and write the results."""
-    from aerobat_pin.errors import check_file
     from aerobat_pin.estimation import estimate, read_calibration
-    from aerobat_pin.experiments import write_mcap
+    from aerobat_pin.experiments import check_mcap_file, write_mcap
     from aerobat_pin.records import open_record
 
     if mcap is not None:
-        check_file(mcap, force=force)
+        check_mcap_file(mcap, force=force)
     learnt = None if calibration is None else read_calibration(calibration)
     record = open_record(log, chosen, folder) if self_check else None  # else only once the folder is known to be free
     if record is not None:

@@ -122,11 +122,10 @@ def convert_command(
     force: Force = False,
 ) -> None:
     """Convert a simulated flight to MCAP: forces per point, joint states, pose and arrows. Needs the extra ros."""
-    from aerobat_pin.errors import check_file
-    from aerobat_pin.experiments import read_run, write_flight_mcap
+    from aerobat_pin.experiments import check_mcap_file, read_run, write_flight_mcap
     from aerobat_pin.robot import flown_robot
 
-    check_file(out, force=force)
+    check_mcap_file(out, force=force)
     with doing("converting"):
         scenario, log, estimates = read_run(run)
         write_flight_mcap(flown_robot(scenario).model, log, estimates, out)

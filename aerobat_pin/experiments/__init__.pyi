@@ -13,6 +13,7 @@ from .live.source import LIVE_OBSERVERS as LIVE_OBSERVERS
 from .live.source import LiveRow as LiveRow
 from .live.source import LiveSource as LiveSource
 from .live.standing_robot import LiveRobot as LiveRobot
+from .mcap_messages import check_mcap_file as check_mcap_file
 from .self_check import self_check as self_check
 from .sweep.plan import load_sweep as load_sweep
 from .sweep.results import Effect as Effect

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.errors import OutputError, write_files
-from aerobat_pin.numerics import Array
+from aerobat_pin.errors import OutputError, check_file, write_files
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import FREE_NQ, FREE_NV
 
 PACKAGE = "foxglove_msgs/msg"
@@ -137,13 +137,23 @@ class McapStretch:
     largest: float = 0.0
 
 
-def write_mcap_stretches(stretches: Iterable[McapStretch], path: Path) -> None:
-    """Write one MCAP file. Raises OutputError if it cannot be written, or if a package of the extra is missing."""
+@guarded()
+def check_mcap_file(path: Path, *, force: bool) -> None:
+    """Raise OutputError if an MCAP file cannot be written here, as `check_file`, or if the extra is not installed."""
+    check_file(path, force=force)
     try:
-        from mcap.writer import CompressionType, Writer
-        from rosbags.typesys import Stores, get_typestore
+        import mcap.writer
+        import rosbags.typesys  # noqa: F401
     except ImportError as error:
         raise OutputError(f"{path}: writing MCAP needs the extra ros: pip install 'aerobat-pinocchio[ros]'") from error
+
+
+def write_mcap_stretches(stretches: Iterable[McapStretch], path: Path) -> None:
+    """Write one MCAP file, replacing an older one. Raises OutputError as `check_mcap_file` does."""
+    check_mcap_file(path, force=True)
+    from mcap.writer import CompressionType, Writer
+    from rosbags.typesys import Stores, get_typestore
+
     store = get_typestore(Stores.ROS2_HUMBLE)
     register_scene(store)
     with tempfile.TemporaryDirectory() as folder:

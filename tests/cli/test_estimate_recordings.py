@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +134,30 @@ def test_a_suggested_map_is_a_map(
         found = json.loads((folder / f"out_{log}" / "metrics.json").read_text())["observers"]["force_level"]
         assert found["FL_FOOT"]["Fz"]["r2"] > 0.99
         capsys.readouterr()
+
+
+@pytest.mark.parametrize("log", ["walk.csv", "walk_bag"])
+def test_a_robot_without_a_map_is_told_how_to_get_one(
+    log: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In one sentence, whatever the log is; it was told to name columns in a map that it did not have."""
+    assert call(monkeypatch, "estimate", log, "--urdf", "quadruped.urdf", "--points", "FL_FOOT") == 2
+    said = capsys.readouterr().err
+    assert f"`aerobat estimate {log} --suggest --urdf quadruped.urdf` prints one to begin with" in said
+    assert said.count("error: ") == 1
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("estimate", "no.csv", "--map", "map.toml", "--out-mcap", "x.mcap"), ("convert", "no_run", "--out", "x.mcap")],
+)
+def test_a_missing_extra_is_told_before_anything_is_read(
+    words: tuple[str, ...], folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was told when all had been estimated and drawn."""
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    assert call(monkeypatch, *words) == 2
+    assert "x.mcap: writing MCAP needs the extra ros: pip install" in capsys.readouterr().err
 
 
 def test_a_simulated_flight_becomes_mcap(paper_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

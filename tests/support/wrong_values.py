@@ -318,6 +318,7 @@ def _recordings(
             {"chosen": read, "folder": folder, "heard": None, "calibration": None, "wait": 0.0, "expected": None},
         ),
         "LiveRecording": (api.LiveRecording, {"log": folder / "drone.csv", "chosen": read, "folder": folder}),
+        "check_mcap_file": (api.check_mcap_file, {"path": folder / "new.mcap", "force": False}),
         "write_mcap": (api.write_mcap, {"result": found, "path": folder / "drone.mcap"}),
         "write_flight_mcap": (
             api.write_flight_mcap,
