@@ -15,6 +15,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -142,8 +143,8 @@ def check_mcap_file(path: Path, *, force: bool) -> None:
     """Raise OutputError if an MCAP file cannot be written here, as `check_file`, or if the extra is not installed."""
     check_file(path, force=force)
     try:
-        import mcap.writer
-        import rosbags.typesys  # noqa: F401
+        for name in ("mcap.writer", "rosbags.typesys"):
+            import_module(name)
     except ImportError as error:
         raise OutputError(f"{path}: writing MCAP needs the extra ros: pip install 'aerobat-pinocchio[ros]'") from error
 

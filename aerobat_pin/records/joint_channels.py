@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.errors import MapError
+from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.channels import Request, base_requests, check_count, factor_of, further_requests, units_of
+from aerobat_pin.records.channels import (
+    SI_FACTORS,
+    Request,
+    base_requests,
+    check_count,
+    factor_of,
+    further_requests,
+    units_of,
+)
 from aerobat_pin.records.joint_names import listed_joints, renamed_joints
 from aerobat_pin.records.map_tables import EffortSection, JointsTable, Map
 from aerobat_pin.records.robots import PlainRobot
 
 JOINT_KINDS = {"position": "angle", "velocity": "rate", "effort": "torque"}
 CURRENTS = ("A", "mA", "1")  # units that are no torque
+SLIDING_UNITS = {"position": ("m", "mm"), "velocity": ("m/s", "mm/s"), "effort": ("N",)}
 MOST_PER_MILLI = 1.0  # [N m] for each mA or mN m: no drive gives as much
 
 
@@ -52,12 +61,14 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
         whose = whose if len(names) == len(whose) else driven
         factor = np.full(len(names), factor_of(key, unit, kind))
+        given = {*coupled, *(table.effort.torque_per_unit if table.effort and part == "effort" else ())}
+        others = _of_other_kind(part, unit, robot, whose, given)
         if part == "effort":
             if table.effort is not None:
                 _check_torques(table.effort, whose)
             factor[:] = [torque_per_unit(table.effort, joint) for joint in whose]
-        elif unit is not None and not unit.startswith("m"):  # a sliding joint's own place is no angle
-            factor[[robot.slides(joint) and not coupled & {joint, "*"} for joint in whose]] = 1.0
+        else:
+            factor[others] = 1.0
         units = () if any(map(robot.slides, whose)) else units_of(unit, kind, len(names))
         request = Request(key, names, factor, delay, optional, whose, units)
         if geared:
@@ -69,6 +80,28 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
             turns = [2.0 * np.pi / (each * one) if each else 0.0 for each, one in zip(gear, factor, strict=True)]
             request = replace(request, turns=tuple(turns))
         yield request
+
+
+def _of_other_kind(
+    part: str, unit: str | None, robot: PlainRobot, joints: Sequence[str], given: Collection[str]
+) -> list[bool]:
+    """Return which joints a map's unit is not of, which are in SI: those that slide if it is of an angle, or else turn.
+
+    Those that are `given` a factor show an encoder or a motor, of either kind. Raises LogError if none is left.
+    """
+    if unit is None or unit in CURRENTS:
+        return [False] * len(joints)
+    lengths = SLIDING_UNITS[part]
+    others = [robot.slides(name) != (unit in lengths) and not {name, "*"} & {*given} for name in joints]
+    if all(others) and others:
+        known = [one for one in SI_FACTORS[JOINT_KINDS[part]] if one not in CURRENTS]
+        expected = " or ".join(one for one in known if (one in lengths) != (unit in lengths))
+        what = "turn" if unit in lengths else "slide"
+        raise LogError(
+            f"map: joints.{part}.unit = '{unit}', but {', '.join(joints)} {what if len(joints) > 1 else f'{what}s'}: "
+            f"{expected} was expected"
+        )
+    return others
 
 
 def _check_torques(section: EffortSection, joints: tuple[str, ...]) -> None:

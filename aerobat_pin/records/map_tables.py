@@ -112,11 +112,11 @@ class BaseTable(Section):
 
 
 class JointPositionSection(ChannelSection):
-    """Angles or places of joints, in the order of `names`; a unit of angles is not that of a slide without a factor."""
+    """Angles or places of joints, as `names`; a unit of angles leaves slides in SI, one of lengths leaves hinges so."""
 
 
 class JointVelocitySection(ChannelSection):
-    """Rates of joints, in the order of `names`; a unit of angles is not that of a slide without a factor."""
+    """Rates of joints, as `names`; a unit of angles leaves slides in SI, one of lengths leaves hinges so."""
 
     from_: Literal["position"] | None = Field(None, alias="from", description="differentiated, in place of columns")
     window: Positive = Field(0.02, description="of the parabolas that differentiate (from) [s]")

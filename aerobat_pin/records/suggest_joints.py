@@ -25,12 +25,16 @@ OTHER_WORDS = {"voltage", "volt", "temp", "temperature", "acc", "accel", "accele
 UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
     "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
     "length": {"mm": "mm", "cm": "cm", "m": "m"},
+    "speed": {"mms": "mm/s", "ms": "m/s", "mps": "m/s"},
+    "force": {"n": "N"},
     "angle": {"deg": "deg", "degrees": "deg", "rad": "rad"},
     "rate": {"dps": "deg/s", "degs": "deg/s", "deg": "deg/s", "rads": "rad/s", "rad": "rad/s", "rpm": "rpm"},
     "torque": {"a": "A", "ma": "mA", "nm": "N m", "mnm": "mN m"},
     "acceleration": {"g": "g", "mg": "mg", "ms2": "m/s2"},
 }
 KIND_OF = {"position": "angle", "velocity": "rate", "effort": "torque"}
+KIND_OF_SLIDE = {"position": "length", "velocity": "speed", "effort": "force"}
+SI_UNITS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "effort": ("N m", "N")}  # where it turns, slides
 BEHIND_NUMBERS = {  # words that a numbered joint's column may end in
     *("", "j", "joint", "motor", "actual", "act", "measured", "meas", "per", "s", "sec", "n", "m", *WANTED_WORDS),
     *(word for words in PART_WORDS.values() for word in words),
@@ -50,6 +54,8 @@ def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = Non
         )
         start = f"{topic}.position."
         heard = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
+        if heard and not any(name.startswith(f"{topic}.effort.") for name in columns.names):
+            yield "# MISSING: what drives the joints? Without efforts in the topic no row of a joint is believed"
         joints = [] if urdf is None else pin.buildModelFromUrdf(str(urdf)).names.tolist()[1:]
         alike = nearest_joints((name for name in heard if name not in joints), (j for j in joints if j not in heard))
         if alike:
@@ -61,7 +67,8 @@ def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = Non
     if urdf is None:
         yield from _without_robot(columns)
         return
-    names = pin.buildModelFromUrdf(str(urdf)).names.tolist()[1:]
+    model = pin.buildModelFromUrdf(str(urdf))
+    names = model.names.tolist()[1:]
     parts_of = joint_columns(columns, names)
     placed = [name for name in names if "position" in parts_of.get(name, {})]
     yield "[joints]"
@@ -73,15 +80,15 @@ def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = Non
         yield ""
         return
     whole = {part: [parts_of[name][part] for name in placed if part in parts_of[name]] for part in PART_WORDS}
-    size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
-    angle = said_unit("position", whole["position"]) or ("deg" if size > LARGEST_RADIANS else "rad")
+    slides = [name for name in placed if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")]
     if parts_of != _named_columns(columns, names):
         yield "# the columns are not called like the joints: are they in this order?"
     yield f"names = {listed(placed)}"
-    yield f'position = {{columns = {listed(whole["position"])}, unit = "{angle}"}}  # the largest is {size:.3g}'
+    units = dict(_units(columns, parts_of, [name for name in placed if name not in slides], slides, step))
+    size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
+    yield f"position = {{columns = {listed(whole['position'])}{units['position']}  # the largest is {size:.3g}"
     if len(whole["velocity"]) == len(placed):
-        rate = said_unit("velocity", whole["velocity"]) or _rate_unit(columns, whole, angle, step)
-        yield f'velocity = {{columns = {listed(whole["velocity"])}, unit = "{rate}"}}'
+        yield f"velocity = {{columns = {listed(whole['velocity'])}{units['velocity']}"
     else:
         yield 'velocity = {from = "position", window = 0.02}'
     if len(whole["effort"]) == len(placed):
@@ -92,7 +99,12 @@ def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = Non
             yield f"# How many N m at the joint for each {unit} (torque constant times gear, with its sign)? Fill in:"
             yield f"# effort.torque_per_unit = {{{', '.join(f'{toml_key(name)} = ...' for name in placed)}}}"
         else:
-            yield f'effort = {{columns = {listed(whole["effort"])}, unit = "{unit or "N m"}"}}  # or a current, "A"?'
+            yield f'effort = {{columns = {listed(whole["effort"])}{units["effort"]}  # or a current, "A"?'
+    else:
+        lacking = ", ".join(name for name in placed if "effort" not in parts_of[name])
+        found = ", ".join(f'"{parts_of[name]["effort"]}"' if "effort" in parts_of[name] else "..." for name in placed)
+        yield f"# MISSING: what drives {lacking}? No column is called so, and without it no row of a joint is believed:"
+        yield f"# effort = {{columns = [{found}]{units['effort']}"
     if len(placed) < len(names):
         unplaced = ", ".join(name for name in names if name not in placed)
         yield f'held = {{"*" = 0.0}}  # do they stand still? {unplaced}'
@@ -117,11 +129,39 @@ def _without_robot(columns: Columns) -> Iterator[str]:
         yield ""
 
 
-def _rate_unit(columns: Columns, whole: dict[str, list[str]], angle: str, step: float | None) -> str:
+def _units(
+    columns: Columns, parts_of: dict[str, dict[str, str]], turning: list[str], slides: list[str], step: float | None
+) -> Iterator[tuple[str, str]]:
+    """Yield each part of joints, and the end of its table: of joints of both kinds, the unit that is not SI."""
+
+    def named(joints: list[str], part: str) -> list[str]:
+        return [parts_of[name][part] for name in joints if part in parts_of[name]]
+
+    places = named(turning, "position")
+    size = max((float(np.nanmax(np.abs(columns.sample(name)))) for name in places), default=0.0)
+    angle = said_unit("position", places) or ("deg" if size > LARGEST_RADIANS else "rad")
+    rate = _rate_unit(columns, places, named(turning, "velocity"), angle, step)
+    for part, guess in (("position", angle), ("velocity", rate), ("effort", "N m")):
+        of_turn = said_unit(part, named(turning, part)) or guess
+        of_slide = named_unit(KIND_OF_SLIDE[part], named(slides, part)) or SI_UNITS[part][1]
+        stated = of_turn if turning else of_slide
+        if turning and slides and of_turn == SI_UNITS[part][0]:
+            stated = of_slide if of_slide != SI_UNITS[part][1] else ""
+        unit = f', unit = "{stated}"}}' if stated else "}"
+        if turning and slides:
+            unit += (
+                f"  # {of_turn} of {', '.join(turning)}; {of_slide} of {', '.join(slides)} (a unit leaves others in SI)"
+            )
+        yield part, unit
+
+
+def _rate_unit(columns: Columns, places: list[str], rates: list[str], angle: str, step: float | None) -> str:
     """Return the unit in which velocities fit best to the changes of the positions; that of these without a time."""
-    place, rate = (np.stack([columns.sample(name) for name in whole[part]]) for part in ("position", "velocity"))
+    if not places or len(places) != len(rates):
+        return f"{angle}/s"
+    place, rate = (np.stack([columns.sample(name) for name in names]) for names in (places, rates))
     moved, said = np.nanstd(np.diff(place)), np.nanstd(rate) * (step or 0.0)
-    if place.shape != rate.shape or not min(moved, said) > 0.0:
+    if not min(moved, said) > 0.0:
         return f"{angle}/s"
     moved = np.radians(moved) if angle == "deg" else moved
     return min(("rad/s", 1.0), ("deg/s", np.pi / 180.0), key=lambda unit: abs(np.log(moved / (said * unit[1]))))[0]

@@ -328,9 +328,7 @@ def test_a_record_that_wants_a_negative_mass_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("points", "why"), [(["tool"], "no row is to spare"), ([], "no force is sought")])
-def test_a_model_that_nothing_can_check_says_why(
-    points: list[str], why: str, arms: tuple[Path, np.ndarray]
-) -> None:
+def test_a_model_that_nothing_can_check_says_why(points: list[str], why: str, arms: tuple[Path, np.ndarray]) -> None:
     """Residuals alone had `"model": null`, as if there were no calibration."""
     folder, _ = arms
     values = arm_map()

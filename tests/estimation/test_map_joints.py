@@ -20,7 +20,7 @@ from support.without_coriolis import LEG
 from aerobat_pin import load_robot
 from aerobat_pin.errors import AerobatError, CalibrationError, LogError
 from aerobat_pin.estimation import OnlineEstimator, calibrate, check_record, estimate, record_findings
-from aerobat_pin.records import Record, open_record, parse_map, robot_of_map
+from aerobat_pin.records import Record, open_record, parse_map, robot_of_map, suggested_map
 from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
 from aerobat_pin.records.robot_files import FIXED, FREE
 from aerobat_pin.records.robot_tables import RobotTable
@@ -103,6 +103,67 @@ def test_a_slide_behind_a_spindle_moves_by_its_encoders_angle(tmp_path: Path) ->
     values["joints"]["factor"] = {"slide": factor}
     found = estimate(opened(tmp_path, "log", values)).estimates["force_level"].components[200:, 2]
     np.testing.assert_allclose(found, 3.0, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("kind", "part", "unit", "said"),
+    [
+        ("prismatic", "position", "rad", "but slide slides: m or mm was expected"),
+        ("prismatic", "velocity", "deg/s", "but slide slides: m/s or mm/s was expected"),
+        ("prismatic", "effort", "N m", "but slide slides: N was expected"),
+        ("revolute", "position", "mm", "but hinge turns: rad or deg or rev was expected"),
+        ("revolute", "effort", "N", "but hinge turns: N m or mN m was expected"),
+    ],
+)
+def test_a_unit_that_no_joint_can_have_is_refused(kind: str, part: str, unit: str, said: str, tmp_path: Path) -> None:
+    """An angle of a slide was taken for its place."""
+    robot_table(tmp_path, kind).to_csv(tmp_path / "log.csv", index=False)
+    values = robot_map()
+    values["joints"][part]["unit"] = unit
+    with pytest.raises(AerobatError, match=rf"joints\.{part}\.unit = '{unit}', {said}"):
+        opened(tmp_path, "log", values)
+
+
+def test_a_unit_is_that_of_the_joints_that_can_have_it(tmp_path: Path) -> None:
+    """Of a hinge on a slide: mm or degrees, and the other joint in SI."""
+    table = robot_table(tmp_path, "prismatic", "revolute", motors=2)
+    for unit, column, factor in (("mm", "q", 1e3), ("deg", "q1", 180.0 / np.pi)):
+        table.assign(**{column: factor * table[column]}).to_csv(tmp_path / "log.csv", index=False)
+        values = robot_map(2)
+        values["joints"]["position"]["unit"] = unit
+        record = opened(tmp_path, "log", values)
+        np.testing.assert_allclose(record.block(0, 500).q, table[["q", "q1"]].to_numpy()[:501], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "expected"),
+    [
+        (["prismatic"], ("m", "m/s", "N")),
+        (["revolute"], ("rad", "rad/s", "N m")),
+        (["prismatic", "revolute"], (None, None, None)),
+    ],
+)
+def test_a_suggestion_knows_what_slides_and_asks_for_efforts(
+    kinds: list[str], expected: tuple[str | None, ...], tmp_path: Path
+) -> None:
+    """A slide is in m, m/s and N; efforts that no column's name suggests are marked as missing, with their joint."""
+    table = robot_table(tmp_path, *kinds, motors=len(kinds))
+    names = {}
+    for k, kind in enumerate(kinds):
+        for short, word in (("q", "pos"), ("v", "vel"), ("tau", "effort")):
+            names[f"{short}{k or ''}"] = f"{'slide' if kind == 'prismatic' else 'hinge'}{k or ''}_{word}"
+    table = table.rename(columns=names)
+    table.to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "few.urdf")
+    joints = tomllib.loads(text)["joints"]
+    assert tuple(joints[part].get("unit") for part in ("position", "velocity", "effort")) == expected
+    values = tomllib.loads(text)
+    values["robot"]["points"] = ["tip"]
+    assert opened(tmp_path, "log", values).channels.keys() >= {"joints.position", "joints.effort"}
+    last = names[list(names)[-1]]
+    table.drop(columns=last).to_csv(tmp_path / "log.csv", index=False)
+    lines = suggested_map(tmp_path / "log.csv", tmp_path / "few.urdf").splitlines()
+    assert any(line.startswith(f"# MISSING: what drives {last.removesuffix('_effort')}?") for line in lines)
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
