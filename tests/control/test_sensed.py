@@ -178,3 +178,15 @@ def test_a_lost_flight_is_a_result_with_exit_code_2(tmp_path: Path) -> None:
     metrics = json.loads((tmp_path / "runs/paper_left_closed_loop/metrics.json").read_text())
     assert metrics["control"]["state"] == "LOST"
     assert any("LOST at 0." in line for line in metrics["warnings"])
+
+
+def test_samples_that_were_not_used_are_said_and_the_flight_is_a_success(tmp_path: Path) -> None:
+    """DEGRADED: a velocity twenty times as noisy as is believed, of which more than half is farther off than can be."""
+    noisy = ("sensors.velocity.noise=0.1", "believed.sensors.velocity.noise=0.005")
+    settings = [word for one in ("simulation.duration=0.2", "air.strips=4", *noisy) for word in ("--set", one)]
+    done = aerobat("run", "paper_left_closed_loop", *settings, "--observer=momentum", "--no-report", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "control: DEGRADED: samples not used: " in done.stdout
+    control = json.loads((tmp_path / "runs/paper_left_closed_loop/metrics.json").read_text())["control"]
+    assert (control["state"], control["state_since"]) == ("DEGRADED", 0.0)
+    assert control["unused_samples"]["velocity"]["jumped"] > 50
