@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation import read_calibration
 
 WORDS = {"belief", "records", "warnings", "notes"}  # of a calibration: prose
@@ -63,7 +64,7 @@ def of_netcdf(file: Path) -> dict[str, Any]:
 
 
 def of_calibration(file: Path) -> dict[str, Any]:
-    """Read the numbers that a calibration learnt; those of every version of its file are read by today's reader."""
+    """Read the numbers that a calibration learnt. Raises CalibrationError for a file of a form that is read no more."""
     learnt = asdict(read_calibration(file))
     found = dict(of_nested({key: value for key, value in learnt.items() if key not in WORDS}))
     return {key: value for key, value in found.items() if ".parameters." not in key and ".states." not in key}  # units
@@ -174,10 +175,15 @@ class FolderDifferences:
 
 
 def compare(before: Path, after: Path, moved: Mapping[str, str | None]) -> FolderDifferences:
-    """Compare two folders of results."""
+    """Compare two folders of results; of a calibration whose file has another form than today's it is told."""
     found = FolderDifferences(moved)
     for name, read in READERS.items():
         if (before / name).is_file():
-            found.of_file(name, read(before / name), read(after / name) if (after / name).is_file() else {})
+            try:
+                sides = read(before / name), read(after / name) if (after / name).is_file() else {}
+            except CalibrationError as error:
+                found.told.append(f"not compared: {name}: {error}")
+            else:
+                found.of_file(name, *sides)
     found.places.sort(key=lambda place: -place[0])
     return found

@@ -8,6 +8,7 @@ every channel of NetCDF files, tables of text, calibrations, and the lines that 
 
 * A channel's differences are relative to its largest value; those of a channel that only rises, a clock, to its span.
 * Prose may be worded anew, which is told; its numbers may not change, and neither may a text of one word.
+* A calibration's file of a form that is read no more is told, and is not compared: that work is then not the same.
 * What only AFTER has is told. What only BEFORE has is a difference, unless `MOVED` names it.
 * `--keep DIR` keeps the small recordings and the results of BEFORE; where they are there already, only AFTER runs.
 

@@ -45,10 +45,30 @@ print(found.count, *found.places, *found.told, sep="\\n")
 """
 
 
-def python(*words: str) -> str:
+FORMS = """
+import json, sys
+from pathlib import Path
+import numpy as np
+import xarray as xr
+sys.path.insert(0, sys.argv[1])
+from compared_numbers import compare
+from aerobat_pin.estimation.calibration.calibration_file import FAMILY
+
+for side in ("before", "after"):
+    Path(side).mkdir()
+    Path(side, "metrics.json").write_text(json.dumps({"mass": 1.0}))
+    older = xr.Dataset({"mean": ("weight", np.ones(2))}, attrs={"kind": f"{FAMILY} 1"})
+    older.to_netcdf(Path(side, "calibration.nc"), engine="h5netcdf")
+found = compare(Path("before"), Path("after"), {})
+print(found.count, *found.places, *found.told, sep="\\n")
+"""
+
+
+def python(*words: str, cwd: Path | None = None) -> str:
     """Run Python on this checkout's packages and return what it prints."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "tests")))}
-    return subprocess.run([sys.executable, *words], env=environment, capture_output=True, text=True, check=True).stdout
+    words = (sys.executable, *words)
+    return subprocess.run(words, cwd=cwd, env=environment, capture_output=True, text=True, check=True).stdout
 
 
 @pytest.mark.parametrize("name", ["bench.py", "extras.py", "other_tools.py", "same_numbers.py"])
@@ -112,3 +132,12 @@ def test_a_number_that_moved_is_found_and_a_text_that_is_worded_anew_is_told() -
         "reworded: metrics.json .words: so far -> other now",
         "new: metrics.json .more",
     ]
+
+
+def test_a_calibration_of_another_form_is_told_and_the_rest_is_compared(tmp_path: Path) -> None:
+    """It ended the comparison of all works."""
+    count, *told = python("-c", FORMS, str(ROOT / "benchmarks"), cwd=tmp_path).splitlines()
+    assert count == "1"  # of the metrics
+    assert len(told) == 1
+    assert told[0].startswith("not compared: calibration.nc: ")
+    assert "an older file: calibrate again" in told[0]
