@@ -37,6 +37,8 @@ def explain(error: dict[str, Any], root: type[Section]) -> str:
     if kind == "missing" and isinstance(error["loc"][-1], int):
         count = _fixed_length(section, parts[-2])
         return f"{'.'.join(parts[:-1])} = {list(error['input'])}: {count or 'more'} numbers were expected"
+    if kind == "too_long" and (count := _fixed_length(section, parts[-1])):
+        return f"{where} = {list(error['input'])}: {count} numbers were expected"
     if kind == "value_error":
         return str(error["ctx"]["error"])
     if kind in ("dict_type", "model_type"):

@@ -106,6 +106,21 @@ def test_a_slide_behind_a_spindle_moves_by_its_encoders_angle(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
+    ("kinds", "of_x"),
+    [(["revolute"], "hardly turns a joint"), (["prismatic", "revolute"], "the rows that show it err too much there")],
+)
+def test_a_component_is_hidden_by_the_pose_only_where_no_joint_feels_it(
+    kinds: list[str], of_x: str, tmp_path: Path
+) -> None:
+    """A hinge hides two directions, Fy and another: of one it was said that rows err. On a slide it hides Fy alone."""
+    robot_table(tmp_path, *kinds, motors=len(kinds)).to_csv(tmp_path / "log.csv", index=False)
+    found = estimate(opened(tmp_path, "log", robot_map(len(kinds)))).findings
+    told = {one.text[:6]: one.text for one in found if one.check == "what the pose shows"}
+    assert told["tip.Fy"].endswith("a force along (0.00, 1.00, 0.00) at tip hardly turns a joint")
+    assert of_x in told["tip.Fx"]
+
+
+@pytest.mark.parametrize(
     ("kind", "part", "unit", "said"),
     [
         ("prismatic", "position", "rad", "but slide slides: m or mm was expected"),

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pinocchio as pin
 import pytest
+import xarray as xr
 from support.flights import flight_findings
 from support.own_model import own_model_errors
 
@@ -31,6 +32,7 @@ from aerobat_pin.aerobat.raw.results import notes_of
 from aerobat_pin.aerobat.raw.tuning import Tuning
 from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
 from aerobat_pin.estimation import calibrate, calibration_bytes, r_squared, read_calibration
+from aerobat_pin.experiments import write_flight_mcap
 from aerobat_pin.flight import simulate
 from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.robot import Aerobat, believed_robot
@@ -350,3 +352,14 @@ def test_misread_and_held_samples_are_named() -> None:
     lines = np.column_stack([np.interp(at, slow, column[slow]) for column in gyro.T])
     assert "interpolated channel" in changed("gyro", lines)
     assert "g is read as m/s2" in changed("accelerometer", log.measured["accelerometer"].values / 9.81)
+
+
+def test_a_run_of_raw_sensors_becomes_mcap(tmp_path: Path) -> None:
+    """By its true motion, as its log has no pose; it was refused."""
+    reader = pytest.importorskip("rosbags.highlevel")
+    log, robot = flight()
+    none = xr.Dataset(coords={"observer": np.array([], str), "point": np.array([], str)})
+    write_flight_mcap(robot.model, log, none, tmp_path / "raw.mcap")
+    with reader.AnyReader([tmp_path / "raw.mcap"]) as bag:
+        counts = {link.topic: link.msgcount for link in bag.connections}
+    assert counts["/pose"] == counts["/joint_states"] == len(log.time) - 1

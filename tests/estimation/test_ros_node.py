@@ -8,7 +8,9 @@ import os
 import signal
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -16,11 +18,11 @@ import tomli_w
 from support.pages import ROOT
 from support.walking_log import FEET, bag_map, urdf, walk
 
-from aerobat_pin.errors import ExtraError
+from aerobat_pin.errors import ExtraError, MapError
 from aerobat_pin.estimation import ForceNode, OnlineEstimator, OnlineSample
 from aerobat_pin.estimation.contacts import END_SHARE, ONSET_SHARE, ContactWatch, touching
 from aerobat_pin.experiments import LiveRow, LiveTopics
-from aerobat_pin.records import load_map
+from aerobat_pin.records import load_map, parse_map
 
 SAMPLES = 600  # `make evidence` publishes for minutes
 BEGIN = 1_700_000_000.0
@@ -122,6 +124,16 @@ def test_a_contact_is_known_live_where_it_reaches_its_size() -> None:
     np.testing.assert_array_equal(ends, others)
     assert ends.sum() > 100
     assert np.all(whole >= live)
+
+
+def test_a_map_with_columns_is_no_map_of_a_node(chosen: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would have waited for a topic of that name for ever; ROS itself is a stand-in here."""
+    for name in ("rclpy", "rclpy.qos", "rclpy.signals", "geometry_msgs.msg", "sensor_msgs.msg", "diagnostic_msgs.msg"):
+        monkeypatch.setitem(sys.modules, name, MagicMock())
+    values = tomllib.loads(chosen.read_text())
+    values["base"]["rate"] = {"columns": ["gyro_x", "gyro_y", "gyro_z"]}
+    with pytest.raises(MapError, match=r"'gyro_x' is a column: a node hears topics, such as topic = "):
+        ForceNode(parse_map(values, "of the test"), chosen.parent, print)
 
 
 def test_without_ros_the_command_says_what_to_install(chosen: Path, monkeypatch: pytest.MonkeyPatch) -> None:

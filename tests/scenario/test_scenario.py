@@ -102,6 +102,7 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ("simulation.seed=-1", "simulation.seed = -1"),
         ("simulation.duration=[1]", "simulation.duration"),
         ("air.wind=[1,0]", "air.wind = [1, 0]: 3 numbers were expected"),
+        ("air.wind=[1,0,0,0]", "air.wind = [1, 0, 0, 0]: 3 numbers were expected"),
         ("air.wind=[1]", "air.wind = [1]: 3 numbers were expected"),
         ("air.wind=1,0,0", "air.wind = '1,0,0': input should be a valid list, such as [1, 0, 0]"),
         ("flight.velocity=4", "flight.velocity = 4: input should be a valid list, such as [4, 0.0, 0.0]"),

@@ -32,7 +32,8 @@ MANY = 20_000  # intervals of which the power is taken
 MOST_NAMED = 3  # stretches of a component that is not seen
 ALWAYS = 0.995  # share of the time that counts as all of it
 STRAIGHT_ARM = 0.3  # sine of the angle between an unseen force and the lines from far joints to it, in a straight arm
-ALONG = 0.3  # share of the faintest direction along a component, from which the pose hides it
+ALONG = 0.3  # share of a component along the directions that the pose hides, from which it hides the component
+HIDDEN = 1e-9  # lever of a direction over the largest one, below which no row shows it at all
 FAR = 0.3  # of the farthest joint's distance: joints nearer to the force have little lever anyhow
 
 
@@ -265,11 +266,15 @@ def _reason(record: Record, estimate: StoredEstimate, at: int, component: int) -
     index = int(np.clip(round((time - record.start) * record.rate), 0, record.parts[-1][1] - 1))
     q = record.block(index, index + 1).q[0]
     J = Applications(record.robot.model, head.frames).jacobian(q)
-    faintest: Array = np.linalg.svd(J.T, full_matrices=True)[2][-1].reshape(-1, 3)
-    if abs(faintest.flat[component]) < ALONG:
+    _, levers, directions = np.linalg.svd(J.T, full_matrices=True)
+    levers = np.pad(levers, (0, len(directions) - len(levers)))
+    faintest = directions[levers <= max(levers[-1], HIDDEN * levers[0])]
+    part: Array = faintest.T @ faintest[:, component]  # what the pose hides of the component
+    if np.linalg.norm(part) < ALONG:
         return "the rows that show it err too much there"
-    loudest = int(np.argmax(np.linalg.norm(faintest, axis=1)))
-    direction = faintest[loudest] / np.linalg.norm(faintest[loudest])
+    hidden = (faintest[-1] if abs(faintest[-1, component]) >= ALONG else part).reshape(-1, 3)
+    loudest = int(np.argmax(np.linalg.norm(hidden, axis=1)))
+    direction = hidden[loudest] / np.linalg.norm(hidden[loudest])
     direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
     axes = ", ".join(f"{value:.2f}" for value in direction + 0.0)
     words = f"a force along ({axes}) at {head.frames[loudest]} hardly turns a joint"
