@@ -33,7 +33,7 @@ MOST_NAMED = 3  # stretches of a component that is not seen
 ALWAYS = 0.995  # share of the time that counts as all of it
 STRAIGHT_ARM = 0.3  # sine of the angle between an unseen force and the lines from far joints to it, in a straight arm
 ALONG = 0.3  # share of a component along the directions that the pose hides, from which it hides the component
-HIDDEN = 1e-9  # lever of a direction over the largest one, below which no row shows it at all
+NO_LEVER = 1e-9  # lever of a direction over the largest one, below which no row shows it at all
 FAR = 0.3  # of the farthest joint's distance: joints nearer to the force have little lever anyhow
 
 
@@ -268,7 +268,7 @@ def _reason(record: Record, estimate: StoredEstimate, at: int, component: int) -
     J = Applications(record.robot.model, head.frames).jacobian(q)
     _, levers, directions = np.linalg.svd(J.T, full_matrices=True)
     levers = np.pad(levers, (0, len(directions) - len(levers)))
-    faintest = directions[levers <= max(levers[-1], HIDDEN * levers[0])]
+    faintest = directions[levers <= max(levers[-1], NO_LEVER * levers[0])]
     part: Array = faintest.T @ faintest[:, component]  # what the pose hides of the component
     if np.linalg.norm(part) < ALONG:
         return "the rows that show it err too much there"
