@@ -54,6 +54,8 @@ def kind_of_log(path: Path) -> str | None:
         LogError: it is neither. The message names one or two columns that are missing, or a wrong one, or asks for a
             map, as bags and tables of other robots need one.
     """
+    if os.path.isfile(path / "flight.nc"):
+        raise LogError(f"log {path}: the folder of a run: its log {path / 'flight.nc'} was expected")
     if os.path.isdir(path) or path.suffix.lower() in BAGS:
         raise needs_map(path)
     if path.suffix.lower() in NETCDF or _begins_as_netcdf(path):
@@ -111,6 +113,7 @@ def needs_map(path: Path, lacks: str = "", robot: str = "") -> LogError:
     """Return the error for a log that only a map explains; `lacks` says why it is none of Aerobat's, if it is not."""
     why = f"{lacks}; if it is another robot's, " if lacks else ""
     return LogError(
-        f"log {path}: {why}--map MAP.toml says what its columns mean and which robot it was; `aerobat estimate {path} "
+        f"log {path}: {why}a map says what its columns mean and which robot it was (--map MAP.toml of estimate, "
+        f"calibrate and check); `aerobat estimate {path} "
         f"--suggest{f' --urdf {robot}' if robot else ''}` prints one to begin with"
     )

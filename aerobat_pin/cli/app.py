@@ -10,7 +10,6 @@ import gc
 import os
 import sys
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -29,6 +28,7 @@ from aerobat_pin.cli.options import (
     Settings,
     complete_key,
     out_option,
+    read_learnt,
     renamed,
 )
 from aerobat_pin.cli.runs import compare_command, convert_command, play_command
@@ -86,7 +86,6 @@ def run_command(
         return
     from aerobat_pin import experiments
     from aerobat_pin.errors import SimulationError
-    from aerobat_pin.estimation import read_calibration
     from aerobat_pin.scenario import load_scenario
 
     changes = list(settings or [])
@@ -98,7 +97,7 @@ def run_command(
         quoted = ", ".join(f'"{name}"' for name in observers)
         changes.append(f"observers.names=[{quoted}]")
     loaded = load_scenario(scenario, changes)
-    learnt = None if calibration is None else replace(read_calibration(calibration), correct=correct)
+    learnt = read_learnt(calibration, correct=correct)
     target = out or Path("runs") / loaded.name
     diverged: list[SimulationError] = []
 

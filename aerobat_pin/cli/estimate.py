@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +17,7 @@ from aerobat_pin.cli.options import (
     Settings,
     option_names,
     out_option,
+    read_learnt,
 )
 
 if TYPE_CHECKING:
@@ -70,7 +70,6 @@ def estimate_command(
     """
     from aerobat_pin.aerobat import belief_about, describe_belief, needs_map, read_log
     from aerobat_pin.errors import LogError
-    from aerobat_pin.estimation import read_calibration
     from aerobat_pin.experiments import run_recorded
     from aerobat_pin.records import load_map, suggested_map, with_options
 
@@ -91,17 +90,17 @@ def estimate_command(
         chosen = with_options(
             load_map(map_file), None if urdf is None else str(urdf), option_names(points), observers or []
         )
-        target = out or Path("runs") / f"{log.stem}-estimate"
+        target, learnt = out or Path("runs") / f"{log.stem}-estimate", read_learnt(calibration, correct=correct)
         options = {"force": force, "trust": trust, "self_check": self_check}
-        estimate_by_map(log, chosen, map_file.absolute().parent, target, out_mcap, calibration, **options)
+        estimate_by_map(log, chosen, map_file.absolute().parent, target, out_mcap, learnt, **options)
         return
     if points is not None:
         settings = [
             *(settings or []),
             f"observers.frames=[{', '.join(repr(name.strip()) for name in points.split(','))}]",
         ]
-    if log is not None and out_mcap is not None:
-        raise needs_map(log)
+    if out_mcap is not None:
+        raise LogError("estimate: --out-mcap is for recordings by --map; `aerobat convert RUN` writes MCAP of a run")
     flight = None if log is None else read_log(log)
     name = "self-check" if log is None else log.stem
     belief = belief_about(flight, name, morphology, observers or [], settings or [])
@@ -110,7 +109,7 @@ def estimate_command(
         raise typer.Exit(1)
     if flight is None:
         return
-    learnt = None if calibration is None else replace(read_calibration(calibration), correct=correct)
+    learnt = read_learnt(calibration, correct=correct)
     target = out or Path("runs") / f"{name}-estimate"
     write_results(lambda show: run_recorded(flight, belief, show, learnt), target, force=force)
 
@@ -146,20 +145,19 @@ def estimate_by_map(
     folder: Path,
     target: Path,
     mcap: Path | None,
-    calibration: Path | None,
+    learnt: Calibration | None,
     *,
     force: bool,
     trust: bool,
     self_check: bool,
 ) -> None:
     """Estimate, after a self-check if it is wanted; print what was found, and write the results."""
-    from aerobat_pin.estimation import estimate, read_calibration
+    from aerobat_pin.estimation import estimate
     from aerobat_pin.experiments import check_mcap_file, write_mcap
     from aerobat_pin.records import open_record
 
     if mcap is not None:
         check_mcap_file(mcap, force=force)
-    learnt = None if calibration is None else read_calibration(calibration)
     record = open_record(log, chosen, folder) if self_check else None  # else only once the folder is known to be free
     if record is not None:
         _print_self_check(record, learnt)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from aerobat_pin.estimation import Calibration
 
 PROJECT_FOLDER = Path(__file__).parents[2]
 SHIPPED = {  # command -> folder of what its first argument can name
@@ -36,6 +40,19 @@ def renamed(words: list[str]) -> list[str]:
 def out_option(what: str) -> Any:
     """Return the option `--out`, which says where a command writes; missing folders are made."""
     return typer.Option("--out", "-o", help=what)
+
+
+def read_learnt(calibration: Path | None, *, correct: bool) -> Calibration | None:
+    """Return what a calibration's file says, if one is given. Raises CalibrationError if it cannot be, or must be."""
+    from aerobat_pin.errors import CalibrationError
+
+    if calibration is not None:
+        from aerobat_pin.estimation import read_calibration
+
+        return replace(read_calibration(calibration), correct=correct)
+    if correct:
+        raise CalibrationError("--correct takes off what changed since a calibration: --calibration FILE was expected")
+    return None
 
 
 def option_names(words: str | None) -> list[str]:

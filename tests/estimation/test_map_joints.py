@@ -6,7 +6,8 @@ import copy
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -21,9 +22,11 @@ from aerobat_pin import load_robot
 from aerobat_pin.errors import AerobatError, CalibrationError, LogError
 from aerobat_pin.estimation import OnlineEstimator, calibrate, check_record, estimate, record_findings
 from aerobat_pin.records import Record, open_record, parse_map, robot_of_map, suggested_map
+from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
 from aerobat_pin.records.robot_files import FIXED, FREE
 from aerobat_pin.records.robot_tables import RobotTable
+from aerobat_pin.records.suggest_joints import suggest_joints
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recordings.md"
 FACTOR, OFFSET = np.array([-0.02, 0.01, 0.03]), np.array([0.0, 0.3, -1.2])
@@ -179,6 +182,14 @@ def test_a_suggestion_knows_what_slides_and_asks_for_efforts(
     table.drop(columns=last).to_csv(tmp_path / "log.csv", index=False)
     lines = suggested_map(tmp_path / "log.csv", tmp_path / "few.urdf").splitlines()
     assert any(line.startswith(f"# MISSING: what drives {last.removesuffix('_effort')}?") for line in lines)
+
+
+def test_a_topic_without_efforts_is_marked() -> None:
+    """It was asked whether its efforts are in N m."""
+    stands = SimpleNamespace(kinds={"/arm": "sensor_msgs/msg/JointState"}, names=("/arm.position.lift",))
+    assert "# MISSING: what drives the joints?" in "\n".join(suggest_joints(cast(Columns, stands), None))
+    stands.names += ("/arm.effort.lift",)
+    assert "MISSING" not in "\n".join(suggest_joints(cast(Columns, stands), None))
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {

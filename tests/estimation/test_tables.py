@@ -226,8 +226,8 @@ def test_a_record_can_have_the_times_of_its_table(tmp_path: Path) -> None:
             "timestamp,x,y,z,qx,qy,qz,qw,crank",
             r"named time \(is it 'timestamp'\?\), crank_angle \(is it 'crank'\?\); if",
         ),
-        ("t,x,y,z,qx,qy,qz,qw,crank_angle", r"no column named time; if it is another robot's, --map MAP\.toml"),
-        ("time,q1,q2,q3,tau1,tau2,tau3", r"hall\.csv: --map MAP\.toml says .*--suggest"),
+        ("t,x,y,z,qx,qy,qz,qw,crank_angle", r"no column named time; if it is another robot's, a map says"),
+        ("time,q1,q2,q3,tau1,tau2,tau3", r"hall\.csv: a map says .*\(--map MAP\.toml of estimate.*--suggest"),
         ("", r"hall\.csv: its first line has numbers alone .* no header"),
     ],
 )
@@ -236,3 +236,10 @@ def test_a_log_that_is_none_of_aerobats_is_told_what_it_lacks(header: str, messa
     (tmp_path / "hall.csv").write_text(f"{header}\n" + rows())
     with pytest.raises(LogError, match=message):
         read_log(tmp_path / "hall.csv")
+
+
+def test_the_folder_of_a_run_is_told_its_log(tmp_path: Path) -> None:
+    """Not to find a map for it, which `calibrate` and `check` do not ask for either."""
+    (tmp_path / "flight.nc").touch()
+    with pytest.raises(LogError, match=r"the folder of a run: its log .*flight\.nc was expected"):
+        read_log(tmp_path)
