@@ -69,13 +69,8 @@ def tried(count: int, seeds: Sequence[int]) -> Iterator[Tried]:
     """Try `count` bad inputs, or a few more: an equal share by each of the seeds; yield every hundred, and the end."""
     counts, faults = Counter[tuple[int, str]](), list[str]()
     with tempfile.TemporaryDirectory() as folder, Doors(Path(folder), SLOWEST) as doors:
-        _ = (
-            doors.run,
-            doors.swept,
-            doors.estimated,
-            doors.recordings,
-            doors.bench.seconds,
-        )  # made before anything is timed
+        # Made before anything is timed.
+        _ = doors.run, doors.swept, doors.estimated, doors.recordings, doors.bench.seconds
         doors.longest, doors.patience = 0.0, PATIENCE
         rngs = [np.random.default_rng(seed) for seed in seeds]
         drawn = zip(*(drawn_classes(rng, -(-count // len(seeds))) for rng in rngs), strict=True)

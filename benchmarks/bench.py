@@ -42,15 +42,14 @@ from aerobat_pin.estimation import OnlineEstimator
 from aerobat_pin.flight import Plant, interval_means, simulate
 from aerobat_pin.observers import Expected, ForceLevelObserver, KalmanObserver, MomentumObserver, SmootherObserver
 from aerobat_pin.records import parse_map
-from aerobat_pin.robot import Aerobat, joint_table, load_aerobat
-from aerobat_pin.scenario import Scenario, load_scenario
+from aerobat_pin.robot import FORCE_POINTS, joint_table, load_aerobat
+from aerobat_pin.scenario import load_scenario
 
 STEPS, DT = 2000, 1.0e-3  # the paper's flight: two seconds, dt in s
 # Of a sample, in bare calls, before the filters learnt noise and misfit from the record: 1.5 times is allowed. Measured
 # in turn with today's, walk 0.7 N/sqrt(s), exact sensors.
 BEFORE_ROBUST = {"kalman": 1.73, "kalman and smoother": 2.24}
 STREAM = 500  # samples of one pass through a streaming observer
-FRAMES = ("left_force_point", "right_force_point")
 GUST = "air.gust={amplitude = [0.5, 0.5, 0.5], start = 0.5, duration = 0.5}"
 AIRS: dict[str, tuple[list[str], float | None]] = {  # settings and target of the right-hand side in other air
     "no added mass": (["air.added_mass=0.0"], None),
@@ -65,12 +64,16 @@ AIRS: dict[str, tuple[list[str], float | None]] = {  # settings and target of th
 PACKAGES = ("aerobat-pinocchio", "pin", "numpy", "numba", "scipy")
 
 
-def right_hand_side(robot: Aerobat, scenario: Scenario) -> tuple[Plant, Call, Call]:
-    """Fly a scenario, and return calls of `Plant.evaluate` and of bare crba and nle along that flight."""
-    plant = Plant(robot, scenario)
-    edges = np.arange(STEPS + 1) * DT
-    held = interval_means(plant.forces, edges, scenario.simulation.seed)
-    flown = plant.fly(STEPS, DT, held)
+def ready(*settings: str) -> tuple[Plant, np.ndarray]:
+    """Return the plant of the paper's flight, and its forces held over each step."""
+    scenario = load_scenario("paper", settings)
+    plant = Plant(load_aerobat(scenario.robot.morphology, scenario.robot.changes), scenario)
+    return plant, interval_means(plant.forces, np.arange(STEPS + 1) * DT, scenario.simulation.seed)
+
+
+def right_hand_side(plant: Plant, held: np.ndarray) -> tuple[Call, Call, Call]:
+    """Fly, and return calls of `Plant.evaluate`, and of bare crba and nle and integrate, along that flight."""
+    edges, flown = np.arange(STEPS + 1) * DT, plant.fly(STEPS, DT, held)
     model, data = plant.model, plant.data
     states = list(zip(list(flown.q[:-1]), list(flown.v[:-1]), strict=True))
     joints, wind = list(joint_table(plant.closure(edges[:-1]))), list(plant.wind(edges[:-1]))
@@ -78,39 +81,34 @@ def right_hand_side(robot: Aerobat, scenario: Scenario) -> tuple[Plant, Call, Ca
     bodies = np.concatenate([flown.v[:-1, :6], flown.air[:-1]], axis=1)
     evaluated = [(q, v, *rest) for (q, v), *rest in zip(states, joints, wind, noise, list(bodies), strict=True)]
     rate = np.empty(bodies.shape[1])
-    crba, nle, evaluate = pin.crba, pin.nonLinearEffects, plant.evaluate
+    tangents = [(q, v * DT) for q, v in states]
+    crba, nle, integrate, evaluate = pin.crba, pin.nonLinearEffects, pin.integrate, plant.evaluate
 
     def bare_pair() -> None:
         for q, v in states:
             crba(model, data, q)
             nle(model, data, q, v)
 
-    def one_by_one() -> None:
-        for arguments in evaluated:
-            evaluate(*arguments, rate)
-
-    return plant, one_by_one, bare_pair
-
-
-def flight_figures(rounds: int) -> Iterator[Figure]:
-    """Right-hand side and step, beside crba, nle and integrate on the configurations of the same flight."""
-    scenario = load_scenario("paper")
-    robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
-    plant, evaluate, pair = right_hand_side(robot, scenario)
-    held = interval_means(plant.forces, np.arange(STEPS + 1) * DT, scenario.simulation.seed)
-    flown = plant.fly(STEPS, DT, held)
-    model, integrate = plant.model, pin.integrate
-    tangents = [(q, v * DT) for q, v in zip(list(flown.q[:-1]), list(flown.v[:-1]), strict=True)]
-
     def bare_integrate() -> None:
         for q, way in tangents:
             integrate(model, q, way)
 
+    def one_by_one() -> None:
+        for arguments in evaluated:
+            evaluate(*arguments, rate)
+
+    return one_by_one, bare_pair, bare_integrate
+
+
+def flight_figures(rounds: int) -> Iterator[Figure]:
+    """Right-hand side and step, beside crba, nle and integrate on the configurations of the same flight."""
+    plant, held = ready()
+    evaluate, pair, integrate = right_hand_side(plant, held)
     times = interleaved(
         rounds,
         fly=(lambda: plant.fly(STEPS, DT, held), STEPS),
         pair=(pair, STEPS),
-        integrate=(bare_integrate, STEPS),
+        integrate=(integrate, STEPS),
         evaluate=(evaluate, STEPS),
     )
     fly, bare, move = times["fly"], times["pair"], times["integrate"]
@@ -121,7 +119,7 @@ def flight_figures(rounds: int) -> Iterator[Figure]:
     yield figure("step, over 4 (crba + nle) + 5 integrate", fly / (4 * bare + 5 * move), "x", 3.5)
     yield motor_figure(rounds)
     for name, (settings, target) in AIRS.items():
-        _, evaluate, pair = right_hand_side(robot, load_scenario("paper", settings))
+        evaluate, pair, _ = right_hand_side(*ready(*settings))
         times = interleaved(rounds, pair=(pair, STEPS), evaluate=(evaluate, STEPS))
         yield figure(f"right-hand side, {name}", times["evaluate"] / times["pair"], "x", target)
 
@@ -130,9 +128,7 @@ def motor_figure(rounds: int) -> Figure:
     """Compare the step with a motor's crank to the step with a prescribed one."""
     flights: dict[str, Part] = {}
     for drive in ("constant", "motor"):
-        scenario = load_scenario("paper", [f"crank.drive={drive}"])
-        plant = Plant(load_aerobat(scenario.robot.morphology, scenario.robot.changes), scenario)
-        held = interval_means(plant.forces, np.arange(STEPS + 1) * DT, scenario.simulation.seed)
+        plant, held = ready(f"crank.drive={drive}")
         flights[drive] = (partial(plant.fly, STEPS, DT, held), STEPS)
     times = interleaved(rounds, **flights)
     return figure("step with a motor's crank, over a prescribed one's", times["motor"] / times["constant"], "x", 1.3)
@@ -185,14 +181,14 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
 
     kinds = {
         "momentum, no points": (MomentumObserver(model), 1.5, 1.4),
-        "momentum, two points": (MomentumObserver(model, FRAMES), 1.7, None),
-        "force_level, two points": (ForceLevelObserver(model, FRAMES), 1.7, None),
+        "momentum, two points": (MomentumObserver(model, FORCE_POINTS), 1.7, None),
+        "force_level, two points": (ForceLevelObserver(model, FORCE_POINTS), 1.7, None),
     }
     floor = "crba + Coriolis + gravity"
     parts = {f"{kind}{more}": stream(one[0], bool(more)) for kind, one in kinds.items() for more in ("", ", one known")}
     rows = np.full(model.nv, 0.01)
     sizes = Expected(np.full(6, 0.2), rows, rows, rows)
-    parts["expected"] = stream(ForceLevelObserver(model, FRAMES, expected=sizes), False)
+    parts["expected"] = stream(ForceLevelObserver(model, FORCE_POINTS, expected=sizes), False)
     times = interleaved(4 * rounds, bare=bare(STREAM), **parts)
     yield figure(f"bare {floor}", 1e6 * times["bare"], "us")
     for kind, (_, target, _) in kinds.items():
@@ -203,7 +199,10 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
     parts = {kind: batch(one[0]) for kind, one in kinds.items()}
     parts["momentum, no points, one known"] = batch(kinds["momentum, no points"][0], {"aerodynamic": aerodynamic})
     times = interleaved(
-        rounds, bare=bare(len(samples)), **parts, expected=batch(ForceLevelObserver(model, FRAMES, expected=sizes))
+        rounds,
+        bare=bare(len(samples)),
+        **parts,
+        expected=batch(ForceLevelObserver(model, FORCE_POINTS, expected=sizes)),
     )
     above = 1e6 * (times["expected"] - times["force_level, two points"])
     yield figure("batch per sample, force_level, two points, sizes expected, over any size", above, "us", 50.0)
@@ -212,10 +211,10 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
         yield figure(f"batch per sample, {kind}", times[kind] / times["bare"], "x", limit)
     doubts = {"known_error": {"aerodynamic": 0.2}, "mass_error": 0.05}
     parts = {
-        "kalman": batch(KalmanObserver(model, FRAMES, force_walk=0.7)),
-        "kalman and smoother": batch(SmootherObserver(model, FRAMES, force_walk=0.7)),
+        "kalman": batch(KalmanObserver(model, FORCE_POINTS, force_walk=0.7)),
+        "kalman and smoother": batch(SmootherObserver(model, FORCE_POINTS, force_walk=0.7)),
         "kalman and smoother, mass and air in doubt": batch(
-            SmootherObserver(model, FRAMES, force_walk=0.7, **doubts), {"aerodynamic": aerodynamic}
+            SmootherObserver(model, FORCE_POINTS, force_walk=0.7, **doubts), {"aerodynamic": aerodynamic}
         ),
     }
     times = interleaved(rounds, bare=bare(len(samples)), **parts)
@@ -335,15 +334,8 @@ def main() -> None:
     rounds, runs = (3, 1) if chosen.quick else (15, 5)
     conditions = machine()
     print(", ".join(f"{name} {value}" for name, value in conditions.items()), flush=True)
-    figures = [
-        *flight_figures(rounds),
-        *observer_figures(rounds),
-        *stream_figures(rounds),
-        *raw_figures(rounds),
-        *absolute_figures(rounds),
-        *sweep_figures(rounds),
-        *process_figures(runs),
-    ]
+    paths = (flight_figures, observer_figures, stream_figures, raw_figures, absolute_figures, sweep_figures)
+    figures = [*itertools.chain.from_iterable(path(rounds) for path in paths), *process_figures(runs)]
     print("\n".join(table_lines(figures)))
     if chosen.save:
         saved = {"machine": conditions, "figures": [asdict(one) for one in figures]}

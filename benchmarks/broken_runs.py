@@ -65,16 +65,15 @@ def undisturbed(bench: Bench) -> float:
 def signal_rows(bench: Bench, place: str, moments: int, rng: np.random.Generator) -> list[list[object]]:
     """Return the rows of a file system in the table of signals."""
     undisturbed(bench)  # the first one may compile
-    counts, tries = {number: Counter[str]() for number in SIGNALS}, Counter[int]()
+    counts = {number: Counter[str]() for number in SIGNALS}
     for k in range(moments):
         if k % 10 == 0:  # the machine may have become busier
             longest = 1.05 * undisturbed(bench)
         for number in (number for number, every in SIGNALS.items() if k % every == 0):
             counts[number].update(interrupt(bench, number, float(rng.uniform(0.0, longest))))
-            tries[number] += 1
         print(f"{place}: {k + 1} of {moments}", {number.name: dict(one) for number, one in counts.items()}, flush=True)
     return [
-        [number.name, place, tries[number], *(count[name] for name in (*ENDS, *STATES))]
+        [number.name, place, sum(count[name] for name in ENDS), *(count[name] for name in (*ENDS, *STATES))]
         for number, count in counts.items()
     ]
 

@@ -271,10 +271,8 @@ def environment(board: Board, processes: int) -> None:
     actions, begun = np.tile(env.neutral, (processes, 1)), time.perf_counter()
     for _ in range(500):
         many.step(actions)
-    board.show(
-        f"environment: steps a second, {processes} processes, by the clock",
-        500 * processes / (time.perf_counter() - begun),
-    )
+    rate = 500 * processes / (time.perf_counter() - begun)
+    board.show(f"environment: steps a second, {processes} processes, by the clock", rate)
     many.close()
 
 

@@ -38,6 +38,7 @@ SLOW, BEHIND = ("thrusters.lag=0.09", BELIEF), ("thrusters.delay=0.02", BELIEF)
 OLD = ("sensors.velocity.delay=0.03", "believed.sensors.velocity.delay=0.0")
 GUST_OF = "air.gust={{amplitude={}, start=0.7, duration={}}}"
 TURBULENCE = "air.turbulence={{{{deviation={}, length={}, seed={{seed}}}}}}"
+ALL_AXES = TURBULENCE.format("[1, 1, 1]", 1.0)
 STILL = "believed.air={gust={amplitude=[0, 0, 0]}, turbulence={deviation=[0, 0, 0]}}"
 CASES: dict[str, tuple[str, tuple[str, ...], str]] = {
     "push on the left wing": (SCENARIO, (), "y"),
@@ -47,11 +48,7 @@ CASES: dict[str, tuple[str, tuple[str, ...], str]] = {
     "lateral gust, 2 m/s over 0.4 s": (SCENARIO, (CALM, GUST_OF.format("[0, 2, 0]", 0.4), STILL), "y"),
     "lateral gust, 2 m/s over 0.8 s": (SCENARIO, (CALM, GUST_OF.format("[0, 2, 0]", 0.8), STILL), "y"),
     "turbulence sideways, 1 m/s, eddies of 1.6 m": (SCENARIO, (CALM, TURBULENCE.format("[0, 1, 0]", 1.6), STILL), "y"),
-    "turbulence along all axes, 1 m/s, eddies of 1 m": (
-        SCENARIO,
-        (CALM, TURBULENCE.format("[1, 1, 1]", 1.0), STILL),
-        "y",
-    ),
+    "turbulence along all axes, 1 m/s, eddies of 1 m": (SCENARIO, (CALM, ALL_AXES, STILL), "y"),
     "side wind, 1 m/s": (SCENARIO, (CALM, "air.wind=[0.0, 1.0, 0.0]", "believed.air.wind=[0.0, 0.0, 0.0]"), "y"),
     "thruster 1 at 60 %": (SCENARIO, (CALM, "thrusters.fault={thruster=1, factor=0.6}"), "z"),
     "attitude off by 2 deg about each axis": (SCENARIO, (CALM, "sensors.attitude.bias=0.0349"), "y"),

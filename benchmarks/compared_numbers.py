@@ -143,11 +143,8 @@ class FolderDifferences:
 
     def of_file(self, name: str, old: dict[str, Any], new: dict[str, Any]) -> None:
         """Compare the leaves of a file."""
-        known = {}
-        for key, value in old.items():
-            place = self.place(f"{name} {key}")
-            if place is not None:
-                known[place.removeprefix(f"{name} ")] = value
+        places = ((self.place(f"{name} {key}"), value) for key, value in old.items())
+        known = {place.removeprefix(f"{name} "): value for place, value in places if place is not None}
         for key, value in known.items():
             if key in new:
                 self._of_leaf(name, key, value, new[key])

@@ -113,16 +113,10 @@ def tried(extra: str) -> list[str]:
         subprocess.run([programs / "python", *pip], check=True)
         spent, size = time.monotonic() - begin, size_of(place / "venv")
         (place / "tried.py").write_text(program, encoding="utf-8")
+        bare = {**os.environ, "PYTHONPATH": ""}
         for line in ["python tried.py"] if program.startswith("\n") else program.splitlines():
             command, *arguments = line.split()
-            done = subprocess.run(
-                [programs / command, *arguments],
-                cwd=place,
-                env={**os.environ, "PYTHONPATH": ""},
-                capture_output=True,
-                text=True,
-                check=False,
-            )
+            done = subprocess.run([programs / command, *arguments], cwd=place, env=bare, capture_output=True, text=True)
             if done.returncode != 0:
                 raise SystemExit(f"extra {extra}: {line}: {done.stderr or done.stdout}")
     return [extra if extra == "none" else f"`{extra}`", f"{size} MiB", f"{spent:.0f} s", words]

@@ -129,11 +129,6 @@ def r_squared(true: Array, found: Array) -> Array:
     return np.asarray(1.0 - np.sum((found - true) ** 2, axis=0) / np.sum((true - true.mean(axis=0)) ** 2, axis=0))
 
 
-def touchdowns(on: Array) -> Array:
-    """Return the indices at which a contact begins."""
-    return np.flatnonzero(np.diff(on.astype(int)) > 0) + 1
-
-
 def contact_row(words: str, walk: Walked, force: Array, weight: float) -> list[str]:
     """Return a row of how contacts that are found agree with the true ones, over all feet."""
     delays: dict[bool, list[float]] = {True: [], False: []}  # of touchdowns, of lift-offs
@@ -144,7 +139,7 @@ def contact_row(words: str, walk: Walked, force: Array, weight: float) -> list[s
         on = touching(force[:, foot, 2], weight)
         agree.append(np.mean((true == on)[inside]))
         for down, kept in delays.items():
-            real, seen = (walk.time[touchdowns(one == down)] for one in (true, on))
+            real, seen = (walk.time[1:-1][np.diff((one == down).astype(int)) > 0] for one in (true, on))
             real, seen = real[real > SETTLED], seen[seen > SETTLED - LONGEST_LATE]
             near = [seen[np.argmin(np.abs(seen - t))] - t if len(seen) else np.inf for t in real]
             good = [late for late in near if abs(late) < LONGEST_LATE]

@@ -10,11 +10,10 @@ from measure import Figure, figure, interleaved
 from aerobat_pin.aerobat import flight_channels
 from aerobat_pin.aerobat.raw import JointFilter, JointSmoother, raw_record
 from aerobat_pin.flight import simulate
-from aerobat_pin.robot import believed_robot
+from aerobat_pin.robot import FORCE_POINTS, believed_robot
 from aerobat_pin.scenario import RawSection, load_scenario
 
 FILTERED = 300  # samples of one pass through the filter
-POINTS = ("left_force_point", "right_force_point")
 GIVEN = RawSection(
     walk=(0.005, 0.05, 0.01), bend=(3.0, 25.0, 25.0), white=(1e-3, 8e-3, 7e-3), alike=(5.0, 0.2, 5.0), crank_jerk=1.0
 )
@@ -25,7 +24,7 @@ def raw_figures(rounds: int) -> Iterator[Figure]:
     scenario = load_scenario("raw_sensors")
     log, robot = simulate(scenario), believed_robot(scenario)
     record = raw_record(log.time, flight_channels(log, robot), robot, "measured", GIVEN)
-    known, chosen = (JointSmoother(robot, scenario.believed_air, POINTS, one) for one in (GIVEN, RawSection()))
+    known, chosen = (JointSmoother(robot, scenario.believed_air, FORCE_POINTS, one) for one in (GIVEN, RawSection()))
     tuning = known.run(record).tuning
     short = replace(record, time=record.time[: FILTERED + 1], known=record.known[:FILTERED])
 

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pinocchio as pin
-from raw_figures import GIVEN, POINTS
+from raw_figures import GIVEN
 from support.own_model import own_model_errors
 from support.pages import Values, run, table
 
@@ -26,7 +26,7 @@ from aerobat_pin.aerobat.raw.channels import part_of
 from aerobat_pin.aerobat.raw.layout import first_prior
 from aerobat_pin.aerobat.raw.nominal_motion import first_guess
 from aerobat_pin.estimation import r_squared
-from aerobat_pin.robot import believed_robot
+from aerobat_pin.robot import FORCE_POINTS, believed_robot
 from aerobat_pin.scenario import RawSection, Scenario
 
 SEEDS, DRAWS = (1, 2, 3, 4, 5), 10
@@ -109,7 +109,7 @@ def true_forces(log: FlightLog) -> np.ndarray:
     """Return the true forces without noise (m, 2, 3)."""
     assert log.truth is not None
     points = [str(point) for point in log.truth["point"].values]
-    return log.truth["force_noise_free_W"].values[:, [points.index(frame) for frame in POINTS]]
+    return log.truth["force_noise_free_W"].values[:, [points.index(frame) for frame in FORCE_POINTS]]
 
 
 def figures(force: np.ndarray, covariance: np.ndarray, truth: np.ndarray, *, total: bool) -> list[float]:
@@ -134,7 +134,7 @@ def measured(case: Case, seed: int, *, causal: bool) -> tuple[list[list[float]],
     samples_of = through_a_table(log) if case.table else log
     record = raw_record(samples_of.time, flight_channels(samples_of, robot), robot, case.torque, case.raw)  # type: ignore[arg-type]
     start = time.process_time()
-    smoother = JointSmoother(robot, scenario.believed_air, POINTS, case.raw)
+    smoother = JointSmoother(robot, scenario.believed_air, FORCE_POINTS, case.raw)
     found = smoother.run(record)
     took, truth, total = time.process_time() - start, true_forces(log), case.torque == "none"
     rows, sample_time = [figures(found.force, found.force_covariance, truth, total=total)], 0.0
@@ -179,7 +179,7 @@ def own_model_rows() -> Iterator[list[str]]:
         scenario = scenario_of(Case(name, name), 1)
         log, robot = simulate(scenario), believed_robot(scenario)
         record = part_of(raw_record(log.time, flight_channels(log, robot), robot, "measured", settings), 0, 1000)
-        smoother = JointSmoother(robot, scenario.believed_air, POINTS, settings)
+        smoother = JointSmoother(robot, scenario.believed_air, FORCE_POINTS, settings)
         guess = first_guess(record)
         prior = first_prior(smoother.layout, guess, smoother.weight, settings)
         solved = smoother.solve(record, guess, prior, None, {})
@@ -194,7 +194,7 @@ def own_model_rows() -> Iterator[list[str]]:
 
 def mount_rows() -> Iterator[list[str]]:
     """Yield rows for an accelerometer that is exact, off, and off but calibrated."""
-    frames, settings, off = POINTS, RawSection(), {"place": [0.0, 0.0, 0.0], "turn_deg": [0.0, 0.0, 0.0]}
+    frames, settings, off = FORCE_POINTS, RawSection(), {"place": [0.0, 0.0, 0.0], "turn_deg": [0.0, 0.0, 0.0]}
     place = ("sensors.accelerometer.place=[0.005,0,0]", "sensors.accelerometer.turn_deg=[0.5,0.5,0.5]")
     found: dict[str, list[list[float]]] = {"exact": [], "off": [], "off, calibrated": []}
     misses = []
@@ -232,7 +232,7 @@ def memory_beyond(seconds: int) -> float:
     log, robot, settings = simulate(scenario), believed_robot(scenario), GIVEN.model_copy(update={"offset_error": 0.0})
     record = raw_record(log.time, flight_channels(log, robot), robot, "measured", settings)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    JointSmoother(robot, scenario.believed_air, POINTS, settings).run(record)
+    JointSmoother(robot, scenario.believed_air, FORCE_POINTS, settings).run(record)
     return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024.0
 
 

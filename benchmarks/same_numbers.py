@@ -92,6 +92,10 @@ def works() -> dict[str, Work]:
     four = "--observer momentum --observer force_level --observer kalman --observer smoother"
     others = "--observer second_order --observer super_twisting"
     short = "--no-report --set simulation.duration=0.5"
+
+    def by(name: str) -> str:
+        return f"--calibration {{own}}/{name}/calibration.nc"
+
     listed = [
         *(Work(name, f"run {name} --no-report") for name in shipped),
         Work("sweep", "sweep {files}/sweep.toml --jobs 1"),
@@ -109,24 +113,19 @@ def works() -> dict[str, Work]:
         Work("free", f"run paper {free} {dense}"),
         Work("free_fast", f"run paper {free} {dense} {fast}"),
         calibration("series", "{own}/free"),
-        Work("with_series", f"run paper {short} {dense} --calibration {{own}}/series/calibration.nc"),
+        Work("with_series", f"run paper {short} {dense} {by('series')}"),
         calibration("density", "{own}/free --identify density --harmonics 2"),
-        Work("with_density", f"run paper {short} {dense} --calibration {{own}}/density/calibration.nc"),
+        Work("with_density", f"run paper {short} {dense} {by('density')}"),
         calibration("varied", "{own}/free {own}/free_fast --identify none"),
-        Work("with_varied", f"run paper {short} {dense} {fast} --calibration {{own}}/varied/calibration.nc"),
+        Work("with_varied", f"run paper {short} {dense} {fast} {by('varied')}"),
         calibration("table", f"{{files}}/hall_free.csv {guard} {dense_air}"),
-        Work(
-            "with_table", f"estimate {{files}}/hall.csv {guard} {dense_air} --calibration {{own}}/table/calibration.nc"
-        ),
+        Work("with_table", f"estimate {{files}}/hall.csv {guard} {dense_air} {by('table')}"),
         Work("free_raw", f"run raw_sensors {free}"),
         calibration("mount", "{own}/free_raw"),
-        Work("with_mount", f"run raw_sensors {short} --calibration {{own}}/mount/calibration.nc"),
+        Work("with_mount", f"run raw_sensors {short} {by('mount')}"),
         Work("arm", "estimate {files}/arm.csv --map {files}/arm_fit.toml"),
         calibration("arm_free", "{files}/arm_free.csv --map {files}/arm.toml --identify mass"),
-        Work(
-            "with_arm_free",
-            "estimate {files}/arm.csv --map {files}/arm.toml --calibration {own}/arm_free/calibration.nc",
-        ),
+        Work("with_arm_free", f"estimate {{files}}/arm.csv --map {{files}}/arm.toml {by('arm_free')}"),
         Work("walk", "estimate {files}/walk.csv --map {files}/walk.toml"),
         Work("walk_netcdf", "estimate {files}/walk.nc --map {files}/walk.toml"),
         Work("walk_bag", "estimate {files}/walk --map {files}/walk_bag.toml"),
@@ -135,10 +134,7 @@ def works() -> dict[str, Work]:
         Work("drone", "estimate {files}/drone.csv --map {files}/drone.toml"),
         Work("drone_known", "estimate {files}/drone_wind.csv --map {files}/drone_known.toml"),
         calibration("thrust", "{files}/drone.csv --map {files}/drone.toml"),
-        Work(
-            "with_thrust",
-            "estimate {files}/drone_wind.csv --map {files}/drone.toml --calibration {own}/thrust/calibration.nc",
-        ),
+        Work("with_thrust", f"estimate {{files}}/drone_wind.csv --map {{files}}/drone.toml {by('thrust')}"),
     ]
     return {work.name: work for work in listed}
 
@@ -160,14 +156,8 @@ def do(work: Work, checkout: Path, folder: Path, **places: str) -> str:
     """Do a work within a folder that has a folder for each; return what the command says where it fails."""
     shutil.rmtree(folder / work.name, ignore_errors=True)
     (folder / work.name).mkdir(parents=True)
-    ran = subprocess.run(
-        [sys.executable, "-c", COMMAND, str(checkout), *work.words(own=".", **places)],
-        cwd=folder,
-        env=environment(checkout),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = [sys.executable, "-c", COMMAND, str(checkout), *work.words(own=".", **places)]
+    ran = subprocess.run(words, cwd=folder, env=environment(checkout), capture_output=True, text=True, check=False)
     if not work.out:
         (folder / work.name / "printed.txt").write_text(ran.stdout)
     return ran.stderr.strip() or f"exit code {ran.returncode}" if ran.returncode else ""

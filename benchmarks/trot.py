@@ -227,7 +227,9 @@ def walked(gait: Gait = TROT, duration: float = 20.0, name: str = "go2", noise: 
     geoms = {mujoco.mj_name2id(simulated, mujoco.mjtObj.mjOBJ_GEOM, foot): k for k, foot in enumerate(feet)}
     start = stance(model)
     state.qpos[:] = [*start[:3], start[6], *start[3:6], *start[7:]]
-    state.qpos[2] += FOOT_RADIUS - _lowest(model, feet, start)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, start)
+    state.qpos[2] += FOOT_RADIUS - min(data.oMf[model.getFrameId(foot)].translation[2] for foot in feet)
     controller, steps = Trotter(model, feet, gait, duration), round(duration / STEP)
     rows: dict[str, list[Array]] = {key: [] for key in ("time", "q", "v", "tau", "felt", "force")}
     felt_since: list[tuple[Array, Array]] = []  # the last sample: accelerometer, forces on the feet
@@ -277,12 +279,6 @@ def _pin_state(state: mujoco.MjData) -> tuple[Array, Array]:
     q = np.concatenate([p[:3], p[4:7], p[3:4], p[7:]])
     R = pin.Quaternion(q[3:7]).matrix()
     return q, np.concatenate([R.T @ v[:3], v[3:]])
-
-
-def _lowest(model: pin.Model, feet: tuple[str, ...], q: Array) -> float:
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, q)
-    return float(min(data.oMf[model.getFrameId(foot)].translation[2] for foot in feet))
 
 
 def feet_of(model: pin.Model) -> tuple[str, ...]:

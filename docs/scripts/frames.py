@@ -84,17 +84,8 @@ def draw_view(axes: Axes, robot: Aerobat, q: np.ndarray, view: np.ndarray, names
         side, _, link = name.partition("_")
         label = f"{name}\n({side}_{JOINT[link]})" if link in JOINT else name
         leader = {"arrowstyle": "-", "color": MUTED, "linewidth": 0.6, "shrinkA": 1, "shrinkB": 3}
-        axes.annotate(
-            label,
-            origin[:2],
-            offset,
-            textcoords="offset points",
-            fontsize=7.5,
-            color=INK,
-            arrowprops=leader,
-            zorder=5,
-            linespacing=1.1,
-        )
+        look = {"fontsize": 7.5, "color": INK, "arrowprops": leader, "zorder": 5, "linespacing": 1.1}
+        axes.annotate(label, origin[:2], offset, textcoords="offset points", **look)
     axes.set_aspect("equal")
     axes.set_axis_off()
 

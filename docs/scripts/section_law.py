@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -74,6 +75,7 @@ def _three(row: Axes, angles: np.ndarray, lift: np.ndarray, drag: np.ndarray, **
         axis.plot(angles, values, **look)
 
 
+@cache
 def moving() -> tuple[Figure, dict[str, str]]:
     """Draw the plunging section and the flapping wing; return the figure and the tables on the two."""
     figure = Figure(figsize=(7.4, 2.9), layout="constrained")
@@ -154,22 +156,20 @@ def flights() -> tuple[list[list[str]], list[list[str]]]:
 def quick() -> Values:
     """Return the tables that no flight is needed for."""
     names = " | ".join(law.name for law in LAWS)
-    return {
-        "docs/section_law.md": {"plates": table(f"plate | incidence [deg] | {names}", steady_rows()), **moving()[1]}
-    }
+    plates = table(f"plate | incidence [deg] | {names}", steady_rows())
+    return {"docs/section_law.md": {"plates": plates, **moving()[1]}}
 
 
 def find() -> Values:
-    """Draw the figures, and return all tables."""
+    """Draw the figures, and return the tables on flights."""
     save({"steady": steady_figure(), "moving": moving()[0]}, ROOT / "docs" / "figures" / "section_law")
     shares, means = flights()
     beyond = " | ".join(f"beyond {b:.0f} deg" for b in BEYOND)
-    [(page, values)] = quick().items()
-    flown = {
+    tables = {
         "shares": table(f"flight | {beyond} | largest [deg]", shares),
         "forces": table("flight | limit | lift | thrust", means),
     }
-    return {page: {**values, **flown}}
+    return {"docs/section_law.md": tables}
 
 
 if __name__ == "__main__":

@@ -67,7 +67,7 @@ def run(find: Callable[[], Values], quick: Callable[[], Values] = dict) -> None:
     """Write what a script finds into its pages; with `--check [FOLDER]` compare the pages with what is quick to find.
 
     Args:
-        find: draws the figures of the pages, and returns all values.
+        find: draws the figures of the pages, and returns the values that take long.
         quick: returns those that are found in seconds.
 
     Raises:
@@ -78,8 +78,8 @@ def run(find: Callable[[], Values], quick: Callable[[], Values] = dict) -> None:
     parser.add_argument("--check", type=Path, nargs="?", const=ROOT, metavar="FOLDER", help=folder)
     other = parser.parse_args().check
     with mpl.rc_context(style.RC):
-        found = (find if other is None else quick)()
-    for page, values in found.items():
+        found = [quick(), *([find()] if other is None else [])]
+    for page, values in (item for part in found for item in part.items()):
         if other is None:
             fill(page, values)
             continue

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from ladder import OURS, THEORY
 from matplotlib.figure import Figure
@@ -69,6 +71,7 @@ def fit_table() -> str:
     return table(f"k | plunge: lift | thrust | {pitching}", rows)
 
 
+@cache
 def cases() -> tuple[Figure, str]:
     """The vortex lattice's five cases: lift, thrust, moments, centre of pressure; the figure and the table."""
     figure, rows = Figure(figsize=(6.8, 4.2), layout="constrained"), []

@@ -63,8 +63,7 @@ def free_flights() -> str:
 def stable_steps() -> str:
     """Return Runge-Kutta's largest stable step [ms] by number of strips."""
     limits = {
-        name: [runge_kutta_limit(wing(count).state_space(AIRSPEED).A) for count in STRIPS]
-        for name, wing in wings().items()
+        name: [runge_kutta_limit(wing(n).state_space(AIRSPEED).A) for n in STRIPS] for name, wing in wings().items()
     }
     rows = ([name, *(f"{1e3 * limit:.2f}" for limit in of)] for name, of in limits.items())
     return table(f"strips | {' | '.join(map(str, STRIPS))}", rows)
