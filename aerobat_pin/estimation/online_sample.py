@@ -73,7 +73,8 @@ class StreamHealth:
         failed: number of intervals whose residual was not finite, behind which the observers started again.
         samples: channel -> what became of its samples -> their number: `taken`, `inserted` (late, but in time),
             `refused` (NaN, infinite, huge, a quaternion without length one), `duplicate` (the first was kept), `late`
-            (an estimate had passed), `outlier` (a stamp more than 1 s off), `clock_step` (the third that agrees).
+            (an estimate had passed), `outlier` (a stamp more than 1 s off, or where samples of before leave no room
+            for it), `clock_step` (the third that agrees: the clock was set, and all that came before is forgotten).
         stalled: channels without a sample for `STALL` [s].
         settled: whether the observers have run for long enough since they started.
     """

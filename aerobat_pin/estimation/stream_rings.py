@@ -13,14 +13,15 @@ import numpy as np
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.numerics import Array, Integers, fields_of, inner, kernel, new_state
-from aerobat_pin.records import HOLE, NEAR_TURN, Map, PlainRobot, Request, axes_of, imu_arm
+from aerobat_pin.records import HOLE, LARGEST_VALUE, NEAR_TURN, Map, PlainRobot, Request, axes_of, imu_arm
 
 LENGTH = 2048  # samples that a ring keeps; a power of two
-CLOCK_JUMP = 1.0  # [s]: a stamp further from the newest one is off, unless `CONFIRM` that follow each other agree
-CONFIRM = 3
+CLOCK_JUMP = 1.0  # [s]: a stamp further from the newest one is off, unless `CONFIRM` that follow each other agree;
+CONFIRM = 3  # so is one that goes back to a time from which its channel has samples already
+SPACED = 16  # steps of a channel, over which they show how far apart its samples are
+ROOM = 1.5  # of these steps between neighbours, from which a late sample can belong there
 STALL = 0.1  # [s] behind the newest stamp of all channels, after which a channel is named as stalled
 SETTLE_STEP = 1.1  # factor by which the usual step of a channel changes at most from sample to sample
-LARGEST_SAMPLE = 1.0e6  # SI: no sample of a robot is larger
 UNIT_TOLERANCE = 0.05  # of a quaternion's length, as in records
 
 # What became of a sample: columns of `Rings.tally`.
@@ -211,7 +212,7 @@ def usable(rings: Rings, c: int, given: Array) -> bool:
             for k in range(count):
                 sample[j] += rings.mix[c, j, k] * (rings.factor[c, k] * (given[k] + rings.jumped[c, k]))
             sample[j] += rings.shift[c, j]
-        if not abs(sample[j]) <= LARGEST_SAMPLE:  # NaN too
+        if not abs(sample[j]) <= LARGEST_VALUE:  # NaN too
             return False
     if c == rings.slot[TURN_RING]:
         square = 0.0
@@ -231,45 +232,66 @@ def place_sample(rings: Rings, c: int, at: float) -> int:
     """Place the scratch sample with a stamp [s] in its ring; return what became of it."""
     if not abs(at) <= 1.0e12:
         return REFUSED
-    count = rings.filled[c]
+    count, off = rings.filled[c], rings.pending[c, 0] > 0.0
     if count == 0:
         write_cell(rings, c, 0, at)
-        rings.filled[c] = 1
-        return TAKEN
-    step = at - stamp_at(rings, c, count - 1)
-    if abs(step) > CLOCK_JUMP:
-        near = rings.pending[c, 0] > 0.0 and 0.0 < at - rings.pending[c, 1] <= CLOCK_JUMP
-        rings.pending[c, 0] = rings.pending[c, 0] + 1.0 if near else 1.0
-        rings.pending[c, 1] = at
-        if rings.pending[c, 0] < CONFIRM:
-            return OUTLIER
-        rings.head[c], rings.filled[c], rings.usual[c] = 0, 1, 0.0
-        write_cell(rings, c, 0, at)
-        rings.pending[c, 0] = 0.0
-        rings.now[LAST] = rings.now[LAST_SEEN] = rings.now[CLOCK_ORIGIN] = np.nan
-        return CLOCK_STEP
-    rings.pending[c, 0] = 0.0
-    if step > 0.0:
-        usual = rings.usual[c]
-        if usual == 0.0:
-            rings.usual[c] = step
-        else:
-            rings.usual[c] = min(max(step, usual / SETTLE_STEP), usual * SETTLE_STEP)
-        make_room(rings, c)
-        write_cell(rings, c, rings.filled[c], at)
-        rings.filled[c] += 1
-        return TAKEN
+        rings.filled[c], rings.pending[c, 0] = 1, 0.0
+        return CLOCK_STEP if off else TAKEN
+    step, i = at - stamp_at(rings, c, count - 1), count
     if step == 0.0:
         return DUPLICATE
-    return insert_sample(rings, c, at)
+    while i > 0 and stamp_at(rings, c, i - 1) > at:
+        i -= 1
+    if abs(step) > CLOCK_JUMP or (i < count and is_filled(rings, c, i)):
+        return follow_clock(rings, c, at)
+    if i < count:
+        return insert_sample(rings, c, i, at)
+    rings.pending[c, 0] = 0.0
+    usual = rings.usual[c]
+    if usual == 0.0:
+        rings.usual[c] = step
+    else:
+        rings.usual[c] = min(max(step, usual / SETTLE_STEP), usual * SETTLE_STEP)
+    make_room(rings, c)
+    write_cell(rings, c, rings.filled[c], at)
+    rings.filled[c] += 1
+    return TAKEN
 
 
 @inner
-def insert_sample(rings: Rings, c: int, at: float) -> int:
-    """Place the scratch sample before newer ones, unless there has been an estimate behind its stamp [s]."""
-    i = rings.filled[c]
-    while i > 0 and stamp_at(rings, c, i - 1) > at:
-        i -= 1
+def is_filled(rings: Rings, c: int, i: int) -> bool:
+    """Return whether the i-th oldest sample of a channel follows the one before so closely that none is late between.
+
+    How far apart samples are is known from those before. Of a channel that has begun just now, nothing is known.
+    """
+    if i <= SPACED:
+        return False
+    usual = (stamp_at(rings, c, i - 1) - stamp_at(rings, c, i - 1 - SPACED)) / SPACED
+    return stamp_at(rings, c, i) - stamp_at(rings, c, i - 1) < ROOM * usual
+
+
+@inner
+def follow_clock(rings: Rings, c: int, at: float) -> int:
+    """Leave out the scratch sample, whose stamp [s] is off, unless `CONFIRM` in a row agree that the clock was set.
+
+    From then on the clock is followed: what all channels showed before is forgotten, so that nothing of it is mixed
+    with what follows.
+    """
+    near = rings.pending[c, 0] > 0.0 and 0.0 < at - rings.pending[c, 1] <= CLOCK_JUMP
+    rings.pending[c, 0] = rings.pending[c, 0] + 1.0 if near else 1.0
+    rings.pending[c, 1] = at
+    if rings.pending[c, 0] < CONFIRM:
+        return OUTLIER
+    rings.filled[:], rings.usual[:], rings.pending[c, 0] = 0, 0.0, 0.0
+    write_cell(rings, c, 0, at)
+    rings.filled[c] = 1
+    rings.now[LAST] = rings.now[LAST_SEEN] = rings.now[CLOCK_ORIGIN] = np.nan
+    return CLOCK_STEP
+
+
+@inner
+def insert_sample(rings: Rings, c: int, i: int, at: float) -> int:
+    """Place the scratch sample before the i-th oldest, unless there has been an estimate behind its stamp [s]."""
     if i > 0 and stamp_at(rings, c, i - 1) == at:
         return DUPLICATE
     if at <= rings.now[LAST_SEEN] or (i == 0 and rings.filled[c] == LENGTH):

@@ -18,7 +18,7 @@ from support.walking_log import FEET, Walk, table, table_map, urdf, walk
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import OnlineEstimator, OnlineSample, estimate, stream_of
 from aerobat_pin.estimation.stream_rings import LENGTH
-from aerobat_pin.records import Map, open_record, parse_map
+from aerobat_pin.records import LARGEST_VALUE, Map, open_record, parse_map
 
 CLOCKS = {  # channel -> rate [Hz] and first stamp [s]
     "base.position": (120.0, 0.0031),
@@ -192,6 +192,16 @@ def test_what_is_refused_costs_at_most_an_estimate(clean: tuple[OnlineEstimator,
     assert stream.push(np.nan, stamped[0][1]) == []
 
 
+def test_a_stream_takes_numbers_as_large_as_a_record_does(clean: tuple[OnlineEstimator, Stamped, np.ndarray]) -> None:
+    """An excavator's effort of 3e6 N m; beyond `LARGEST_VALUE` nothing."""
+    stream, stamped, _ = clean
+    for effort, refused in ((3e6, 0), (1.1 * LARGEST_VALUE, 1)):
+        stream.reset()
+        before = stream.health.count("refused")
+        stream.push(0.0, stamped[0][1] | {"RR_KFE_tau": effort})
+        assert stream.health.count("refused") - before == refused
+
+
 def test_duplicates_and_late_samples(clean: tuple[OnlineEstimator, Stamped, np.ndarray], folder: Path) -> None:
     """The first of two is kept; a late sample is inserted where nothing has been estimated behind it, else dropped."""
     stream, stamped, usual = clean
@@ -244,6 +254,25 @@ def test_clocks_that_step_and_channels_that_stall(clean: tuple[OnlineEstimator, 
     assert stream.health.starts == before.starts + 2
     assert stream.health.skipped > before.skipped
     assert stream.health.settled
+
+
+@pytest.mark.parametrize("wait", [0.0, 0.05])
+@pytest.mark.parametrize("step", [0.0203, 0.02, 0.2])
+def test_clocks_set_back_a_little_are_followed(folder: Path, step: float, wait: float) -> None:
+    """Samples of before and after are not laid between each other: new starts, then the forces of clocks not set."""
+    chosen = mapped(folder, None, observer={"names": ["force_level", "kalman"]})
+    stamped = on_own_clocks(chosen)
+    usual, stream = OnlineEstimator(chosen, folder, wait=wait), OnlineEstimator(chosen, folder, wait=wait)
+    expected = streamed(usual, stamped)
+    found = streamed(stream, [(t - step * (t > 0.4), row) for t, row in stamped])
+    assert usual.health.starts == 1
+    assert 2 <= stream.health.starts <= 4
+    assert stream.health.count("clock_step") >= 3
+    assert stream.health.count("inserted") == 0
+    assert not all(one.settled for one in found[-800:])
+    for name in ("force_level", "kalman"):
+        last, wanted = (values_of(part, name)[-100:] for part in (found, expected))
+        np.testing.assert_allclose(last, wanted, atol=1.0)
 
 
 def test_thousands_of_random_faults_neither_raise_nor_fill_memory(folder: Path) -> None:
