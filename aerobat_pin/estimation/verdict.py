@@ -28,7 +28,15 @@ SOMETIMES = 0.95  # share of the time below which a component is not always seen
 TINY = 1e-12  # [N, N m]
 ROW_TORQUE, ROW_TORQUES = "a torque that the motion does not explain", "torques that the motion does not explain"
 WAYS = {"Fx": ("along x", "against x"), "Fy": ("along y", "against y"), "Fz": ("upward", "downward")}
-DOUBTFUL_CHECKS = ("effort sign", "swapped joints", "mounting", "mass", "effort unit or mass")
+DOUBTFUL_CHECKS = (
+    "effort sign",
+    "swapped joints",
+    "mounting",
+    "mass",
+    "effort unit or mass",
+    "effort against motion",
+    "push elsewhere",
+)
 UNTESTED = "no row is to spare: a wrong sign, order, mass, mounting or friction would look like this force"
 COMPARED_WITH = {"truth": "true force", "sensor": "force sensor"}
 
