@@ -28,7 +28,7 @@ def test_a_push_is_found_as_exactly_as_is_said(name: str, tmp_path: Path) -> Non
 
 
 def test_a_push_that_lasts_where_no_force_is_sought_is_said(tmp_path: Path) -> None:
-    """A third of the time 0.27 weights at the trunk of a falling quadruped, of which one foot is listed: it is usual."""
+    """A third of the time 0.27 weights at the trunk of a falling quadruped, of which one foot is listed."""
     log = pushed_robot("go2", seed=1)
     log.chosen["robot"]["points"] = ["FL_foot"]
     found = estimate(log.record(tmp_path))

@@ -5,6 +5,8 @@ touch the ground in turn; what is left is alike whenever the robot moves. A push
 the largest of such means is compared with those that are usual in the same record. How large errors are need not be
 known: where that is found beside the forces, a push passes for one. But a mean must be as large as what is stated for
 an instant, too: as a robot that stood begins to move, errors are others for a moment, and smaller.
+A push that lasts is usual itself, and raises what is stated beside it: there half of that is enough, if the mean stands
+out of half of the record.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from aerobat_pin.records import Record
 LEANS_FOR = 0.2  # [s] over which rows are averaged
 PIECES = 4  # of this time, by which it moves on
 IN_MOTION = 0.25  # of the mean square speed: a robot that is slower rests, and friction hides its errors
-NO_ERROR = (  # share of the time in motion that tells what is usual, times the usual, over what is stated: from there on
+NO_ERROR = (  # share of the time in motion that tells what is usual; times the usual, and times what is stated
     (0.8, 3.0, 1.0),
     (0.5, 10.0, 0.5),
 )
@@ -47,8 +49,8 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
         usual = float(np.quantile(lean[moves], share))
         if lean[worst] > max(times * usual, size * stated):
             text = (
-                f"from {time[worst] - record.start:.2f} s on, what no force explains leans one way for {LEANS_FOR:g} s, "
-                f"{lean[worst] / usual:.2g} times as far as usual: forces elsewhere, a moment, or a wrong model"
+                f"from {time[worst] - record.start:.2f} s on, what no force explains leans one way for {LEANS_FOR:g} "
+                f"s, {lean[worst] / usual:.2g} times as far as usual: forces elsewhere, a moment, or a wrong model"
             )
             yield Finding("push elsewhere", "warning", text, float(lean[worst] / usual), "1")
             return
