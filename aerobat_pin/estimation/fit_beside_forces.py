@@ -18,62 +18,34 @@ least k, which the output judges, and the sizes of the rows over it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.deviations import tilt_of
 from aerobat_pin.estimation.expected_of_record import EFFORT_ERROR, column_rms, expected_of, lifted_feet, row_scale
-from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.estimation.instants import Instants, looked_at
 from aerobat_pin.estimation.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces
 from aerobat_pin.estimation.run_observers import inputs_between, points_of
-from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import AllBut, Expected, JointFriction, MomentumObserver, low_passed, row_names, typical_step
-from aerobat_pin.records import Record
+from aerobat_pin.observers import Expected, JointFriction, row_names
 from aerobat_pin.robot import rotation_matrices
 
-SEEN_INTERVALS = 10_000  # of a record that are looked at
-MOST_INSTANTS, FEWEST_INSTANTS = 500, 50  # that are weighed
+FEWEST_INSTANTS = 50  # that are weighed
 EXPECTATION_ROUNDS = 30  # of expectation and maximisation; what a record tells has settled by then
 UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: something else explains the rows
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
 FEWEST_INDEPENDENT = 3.0  # instants that count at least: Student's distribution of fewer has no variance
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
+HARDLY_MOVES = "it hardly moves, so that this may be a force as well: up to its Coulomb friction it counts as unknown"
 CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
 LEAST_TRACE = 1e-9  # of the largest singular value: a fainter force leaves none
 FACTOR_SIZES = np.linspace(0.05, 1.0, 20)  # of g, over the largest: one is as likely as another before
 BALANCE_STRETCHES = 8  # of a record, whose means show how far its momentum changes
+SLIDES = 0.76  # of Coulomb friction that has set in: a joint that never shows as much hardly moves
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
-
-
-@dataclass(frozen=True)
-class _Instants:
-    """Some instants of a record, behind the observer's low-pass.
-
-    Attributes:
-        q: (m, nq) configurations.
-        rows: (m, nv) generalised forces.
-        jacobians: (m, c, nv) of the components sought.
-        kept: the rows that are believed.
-        joints: those that are driven and have a row that is believed.
-        at: their places among the believed rows.
-        sliding: (m, k) tanh(v / v_s) of the believed rows; 1 for those without friction.
-        columns: (3, m, k) what Coulomb and viscous friction of size 1, and the effort, do in each believed row.
-        every: intervals of the record from one instant to the next.
-    """
-
-    q: Array
-    rows: Array
-    jacobians: Array
-    kept: list[int]
-    joints: list[str]
-    at: list[int]
-    sliding: Array
-    columns: Array
-    every: int
 
 
 def fit_beside_forces(forces: KnownForces) -> KnownForces:
@@ -88,7 +60,7 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     expected = expected_of(record, inputs, values, points) if points and sought else None
     if expected is None:
         return forces
-    instants = _looked_at(record, inputs, expected.stiction_rate)
+    instants = looked_at(record, inputs, expected.stiction_rate)
     if len(instants.rows) < FEWEST_INSTANTS or not instants.joints:
         return forces
     y, J, robot = instants.rows[:, instants.kept], instants.jacobians[:, :, instants.kept], record.robot
@@ -115,35 +87,7 @@ def _smaller_errors(fitted: FittedValues, known: Mapping[str, float]) -> bool:
     return not shares or float(np.exp(np.mean(np.log(np.maximum(shares, LEAST_SIZE))))) < FRICTION_SHOWN
 
 
-def _looked_at(record: Record, inputs: Callable[[int, int], KnownInputs], stiction_rate: Array) -> _Instants:
-    """Return instants of a record, spread evenly, none of which is at a start."""
-    stretches = [inputs(*ends) for ends in record.spread(SEEN_INTERVALS)]
-    robot, gain, rows = record.robot, float(record.map.observer.gain), stretches[0].rows
-    model = robot.model
-    kept = rows.kept(model) if isinstance(rows, AllBut) else list(range(model.nv))
-    joints = [joint for joint in record.driven if robot.v_index(joint) in kept]
-    every = max(sum(len(stretch.tau) for stretch in stretches) // MOST_INSTANTS, 1)
-    observer, parts, places = MomentumObserver(model, points_of(record.map), gain, rows), [], []
-    for stretch in stretches:
-        v, share = 0.5 * (stretch.v[1:] + stretch.v[:-1]), -np.expm1(-gain * typical_step(stretch.time))
-        y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
-        sliding = np.tanh(v / stiction_rate)
-        settled = np.flatnonzero(stretch.time[:-1] - stretch.time[0] > TIME_CONSTANTS_TO_SETTLE / gain)
-        chosen = settled[::every]
-        table = np.stack([y, sliding, *(low_passed(values, share) for values in (-sliding, -v, stretch.tau))])
-        parts.append(table[:, chosen])
-        places.append(stretch.q[chosen + 1])
-    (y, sliding, *columns), q = np.concatenate(parts, axis=1), np.concatenate(places)
-    components = len(observer.applications.components)
-    jacobians = np.array([observer.applications.jacobian(q_k) for q_k in q]).reshape(len(q), components, model.nv)
-    driven = [robot.v_index(joint) for joint in joints]
-    still = [row for row in range(model.nv) if row not in driven]
-    sliding[:, still] = 1.0
-    at = [kept.index(row) for row in driven]
-    return _Instants(q, y, jacobians, kept, joints, at, sliding[:, kept], np.stack(columns)[:, :, kept], every)
-
-
-def _fitted(forces: KnownForces, instants: _Instants, expected: Expected, force: Array, lifts: bool) -> FittedValues:
+def _fitted(forces: KnownForces, instants: Instants, expected: Expected, force: Array, lifts: bool) -> FittedValues:
     """Return friction, errors of rows and, where feet lift, factors of efforts, for forces (m, c) of a size."""
     record, robot, kept, at, n = forces.record, forces.record.robot, instants.kept, instants.at, len(instants.at)
     y, J, error = instants.rows[:, kept], instants.jacobians[:, :, kept], expected.row_error[kept]
@@ -168,7 +112,7 @@ def _fitted(forces: KnownForces, instants: _Instants, expected: Expected, force:
         factors = d[at]
     level = 1.0 if lifts else max(1.0, float(np.mean(size)))
     noise = np.sqrt((size * error**2 + unsure) / level)
-    before, zero = column_rms(y), np.zeros(n)
+    before, zero, slid = column_rms(y), np.zeros(n), np.abs(instants.sliding[:, at]).max(axis=0)
     fits = [
         Fit(
             f"friction of {joint}{BESIDE}",
@@ -178,6 +122,7 @@ def _fitted(forces: KnownForces, instants: _Instants, expected: Expected, force:
             float(before[at[i]]),
             float(error_rms[at[i]]),
             float("nan"),
+            untold="" if slid[i] > SLIDES else HARDLY_MOVES,
         )
         for i, joint in enumerate(instants.joints)
     ]
@@ -210,10 +155,11 @@ def most_likely(
     Args:
         y: (m, k) rows.
         x: (kinds, m, n) what a coefficient of size 1 does in its own row: Coulomb friction, viscous friction, others.
-        known: (kinds,) B; infinite for friction, which is positive.
+        known: (kinds,) B; infinite for friction, which is positive, and at full slide no larger than its row ever is.
         J: (m, c, k) Jacobian of the components.
         at: these n rows.
-        sliding: (m, k) tanh(v / v_s): at rest a row has stiction, and says nothing of its errors in motion.
+        sliding: (m, k) tanh(v / v_s): at rest a row has stiction, and says nothing of its errors in motion. Of a joint
+            that never slides they are as expected.
         force: (m, c) S.
         error: (k,) square roots of R.
         offset: force [N] that a base's accelerometer with an offset may find in each of the first three rows for ever.
@@ -221,6 +167,10 @@ def most_likely(
     k, (kinds, _, n) = y.shape[1], x.shape
     forces = np.einsum("mci,mc,mcj->mij", J, force**2, J, optimize=True)
     stiction, every = np.zeros(k), range(kinds * n)
+    slid, shown = np.abs(sliding).max(axis=0), np.abs(x).max(axis=1) + LEAST_SHOWN
+    largest = np.maximum(np.abs(y).max(axis=0), error)[at] * (slid[at] + LEAST_SHOWN) / shown  # of friction
+    largest = np.where(np.isinf(known)[:, None], largest, np.inf).ravel()
+    information = LEAST_SHOWN * largest**-2.0 + np.repeat(known, n) ** -2.0
     size = np.maximum((column_rms(y) / error) ** 2, LEAST_SIZE)  # from below they would hardly move
     for _ in range(EXPECTATION_ROUNDS):
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
@@ -228,19 +178,19 @@ def most_likely(
         cov[:, range(k), range(k)] += R
         inverse = np.linalg.inv(cov)
         normal = np.einsum("ami,mij,bmj->aibj", x, inverse[:, at][:, :, at], x, optimize=True).reshape(kinds * n, -1)
-        normal[every, every] += LEAST_SHOWN * np.diag(normal) + np.finfo(float).tiny + np.repeat(known, n) ** -2.0
+        normal[every, every] += LEAST_SHOWN * np.diag(normal) + information
         white = np.einsum("mij,mj->mi", inverse, y, optimize=True)
         target = np.einsum("ami,mi->ai", x, white[:, at]).ravel()
-        b = _bounded(normal, target, np.repeat(np.isinf(known), n)).reshape(kinds, n)
+        b = _bounded(normal, target, largest).reshape(kinds, n)
         stiction[at] = b[0]
         remainder = y.copy()
         remainder[:, at] -= np.einsum("ami,ai->mi", x, b)
         mean = R * np.einsum("mij,mj->mi", inverse, remainder, optimize=True)  # of e, given the rows
         square = mean**2 + R - R**2 * np.diagonal(inverse, axis1=1, axis2=2)
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
-        size = np.maximum(size, LEAST_SIZE)
+        size = np.where(slid > SLIDES, np.maximum(size, LEAST_SIZE), 1.0)
     count = np.maximum(independent(mean), FEWEST_INDEPENDENT)
-    checked = _spare(J, force, np.sqrt(size) * error) > CHECKED
+    checked = spare_share(J, force, np.sqrt(size) * error) > CHECKED
     size *= count / (count - 2.0)  # Student's variance: r follows from so few
     size = np.where(checked, size, np.minimum(size, 1.0))
     pushed = np.einsum("ami,mio->aio", x, inverse[:, at, :3]) * offset  # what an offset of each axis adds to the target
@@ -250,20 +200,20 @@ def most_likely(
     return b, size, unsure, column_rms(mean)
 
 
-def _spare(J: Array, force: Array, error: Array) -> Array:
+def spare_share(J: Array, force: Array, error: Array) -> Array:
     """Return which share (k,) of each row's error the other rows show whatever the forces are: 1 - its leverage."""
     B = force[..., None] * J / error
     return np.asarray(1.0 - np.mean(np.einsum("mic,mci->mi", np.linalg.pinv(B, rcond=LEAST_TRACE), B), axis=0))
 
 
-def _bounded(normal: Array, target: Array, positive: Array) -> Array:
-    """Return b (p,) that makes b^T N b / 2 - b^T t least, with some parts positive: all at once, as they correlate."""
+def _bounded(normal: Array, target: Array, largest: Array) -> Array:
+    """Return b (p,) that makes b^T N b / 2 - b^T t least, all at once, as they correlate; bounded are from 0 up."""
     from scipy.optimize import lsq_linear
 
     scale = np.diag(normal) ** -0.5
     L = np.linalg.cholesky(normal * scale * scale[:, None])
-    least = np.where(positive, 0.0, -np.inf)
-    return np.asarray(scale * lsq_linear(L.T, np.linalg.solve(L, scale * target), (least, np.inf), method="bvls").x)
+    bounds = np.where(np.isfinite(largest), 0.0, -np.inf), largest / scale
+    return np.asarray(scale * lsq_linear(L.T, np.linalg.solve(L, scale * target), bounds, method="bvls").x)
 
 
 def factors_by_balance(

@@ -34,6 +34,7 @@ from aerobat_pin.estimation.calibration.map_fits import (
     taken_as_free,
     with_friction,
 )
+from aerobat_pin.estimation.calibration.pushed_points import pushed_points
 from aerobat_pin.estimation.checks import effort_findings, fit_findings, record_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import given_forces
@@ -124,7 +125,11 @@ def calibrate(
             f"{share}{series.order} harmonics of {first.cycle}, half of them linear and a quarter quadratic in "
             f"{', '.join(series.states)}: {before} becomes {_sizes(runs)}"
         )
-        warnings += _pushed(runs, trust=trust)
+        warnings += _unless_pushed([line for run in runs for line in pushes(run)], trust=trust)
+        warnings += [line for run in runs for line in unexpected(run)]
+    for known in () if to_sensor else forces:
+        pushed, untold = pushed_points(known)
+        warnings += [*_unless_pushed(pushed, trust=trust), *untold]
 
     values, learnt = kept_of(records[0], forces[0].values), tested is not runs or identified is not None
     bar = error_bar([(raw, replace(known, series=tested_series)) for raw, known in zip(plain, forces, strict=True)])
@@ -298,12 +303,11 @@ def _without(runs: Sequence[FreeRun], series: LearntError) -> list[FreeRun]:
     return [run.explained(CALIBRATION, force) for run, force in zip(runs, expected, strict=True)]
 
 
-def _pushed(runs: Sequence[FreeRun], *, trust: bool) -> list[str]:
-    """Return warnings about what is left of runs. Raises CalibrationError where something pushed, without `trust`."""
-    pushed = [line for run in runs for line in pushes(run)]
+def _unless_pushed(pushed: list[str], *, trust: bool) -> list[str]:
+    """Return what pushed, as warnings. Raises CalibrationError where something did, without `trust`."""
     if pushed and not trust:
         raise CalibrationError("; ".join([*pushed, "--trust calibrates nevertheless"]))
-    return [line for run in runs for line in unexpected(run)] + pushed
+    return pushed
 
 
 def _detection(runs: Sequence[FreeRun], series: LearntError | None) -> Detection | None:

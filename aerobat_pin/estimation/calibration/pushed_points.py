@@ -1,0 +1,88 @@
+"""Whether a force at the points explains a free record better than friction and offsets of its joints.
+
+A force that lasts looks like offsets of the joints, as long as no row is to spare: then it would be learnt, and be
+missing from every later record. Where rows are to spare, a force moves them by its Jacobian, which changes with the
+pose, and an offset does not. So friction, offsets and the errors of rows are found beside the forces, as in a record
+that is pushed (`fit_beside_forces.py`), and what is found at the points must not stand out from its errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT
+from aerobat_pin.estimation.expected_of_record import column_rms, expected_of
+from aerobat_pin.estimation.fit_beside_forces import CHECKED, FEWEST_INSTANTS, most_likely, spare_share
+from aerobat_pin.estimation.instants import looked_at
+from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.run_observers import inputs_between, points_of
+from aerobat_pin.estimation.scores import point_label, quantity
+from aerobat_pin.estimation.verdict import LASTING, TINY
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Applications, moving_weight, robot_length
+
+LEAST_SHARE = 0.02  # of the moving weight: a smaller force is no push
+
+
+def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
+    """Return in words what pushed at the points of a record that was taken as free, and what it cannot tell.
+
+    Args:
+        forces: known forces of the record, with the friction that was fitted as if nothing pushed.
+    """
+    record = forces.record
+    if forces.values.friction is None or not record.robot.limits_forces:
+        return [], []
+    plain = replace(forces, values=replace(forces.values, friction=None, row_noise={}), series=None)
+    inputs, points = inputs_between(record, plain), points_of(record.map)
+    expected = expected_of(record, inputs, plain.values, points)
+    instants = None if expected is None else looked_at(record, inputs, expected.stiction_rate)
+    if expected is None or instants is None or len(instants.rows) < FEWEST_INSTANTS or not instants.joints:
+        return [], []
+    kept, at, y = instants.kept, instants.at, instants.rows[:, instants.kept]
+    J, error, S = instants.jacobians[:, :, kept], expected.row_error[kept], expected.force
+    force = np.broadcast_to(S, J.shape[:2])
+    offset = np.broadcast_to(-column_rms(instants.columns[2][:, at]) - error[at], (1, len(y), len(at)))
+    x = np.concatenate([instants.columns[:2, :, at], offset])
+    b, size, _, _ = most_likely(y, x, np.array([np.inf, np.inf, 1.0]), J, at, instants.sliding, force, error)
+    if not points or np.all(spare_share(J, force, np.sqrt(size) * error) < CHECKED):
+        text = "no row is to spare: a force that lasts would have been learnt as friction and offset of "
+        return [], [f"{record.title}: {text}{', '.join(instants.joints)}; make sure that nothing pushed"]
+    left, stiction = y.copy(), np.zeros(len(kept))
+    left[:, at] -= np.einsum("ami,ai->mi", x, b)
+    stiction[at] = b[0]
+    error = np.sqrt(size * error**2 + stiction**2 / 3.0 * (1.0 - instants.sliding**2))
+    B = J / error[:, None]
+    P = np.linalg.inv(B @ np.swapaxes(B, 1, 2) + np.diag(S**-2.0))
+    found = np.einsum("mcd,mdk,mk->mc", P, B, left / error)
+    deviation = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+    components = Applications(record.robot.model, points).components
+    return list(_in_words(forces, components, instants.time, found, deviation)), []
+
+
+def _in_words(
+    forces: KnownForces, components: Sequence[str], time: Array, found: Array, deviation: Array
+) -> Iterator[str]:
+    """Yield what stands out of forces (m, c), with standard deviations (m, c), at times (m,) [s]."""
+    record = forces.record
+    for k in range(0, len(components), 3):
+        force, sure = found[:, k : k + 3], deviation[:, k : k + 3]
+        place, _, axis = components[k].rpartition(".")
+        scale = 1.0 if axis.startswith("F") else robot_length(record.robot.model)
+        size = np.linalg.norm(force, axis=1)
+        along = np.sqrt(np.sum((force * sure) ** 2, axis=1)) / np.maximum(size, TINY) + TINY
+        shares, least = size / np.linalg.norm(sure, axis=1), LEAST_SHARE * moving_weight(record.robot.model) * scale
+        rms, lasting = float(np.sqrt(np.mean(size**2))), float(np.sqrt(np.mean(shares**2)))
+        bar = np.maximum(SURE_OF_CONTACT * 3**0.5 * along, least)
+        at = int(np.argmax(size / bar))
+        if size[at] > bar[at] or (lasting > LASTING and rms > least):
+            when = time[size >= min(1.0, size[at] / bar[at]) * bar] - record.start
+            peak = quantity(float(size[at]), "N" if axis.startswith("F") else "N m")
+            yield (
+                f"{record.title}: something pushed at {point_label(place)}, or the model lacks a weight, most from "
+                f"{when[0]:.2f} to {when[-1]:.2f} s, with up to {peak} (+-{along[at]:.2g}): that explains the rows of "
+                "the joints, and offsets do not"
+            )

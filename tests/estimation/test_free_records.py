@@ -1,0 +1,51 @@
+"""A record to calibrate by is taken as free: what pushed in it all the same is found, or said to be untellable."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+from support.strange_arm import URDF, arm_map, nothing, write_log
+from support.swinging_arm import arm, recording
+from support.swinging_arm import arm_map as short_arm_map
+
+from aerobat_pin.errors import CalibrationError
+from aerobat_pin.estimation import calibrate
+from aerobat_pin.records import open_record, parse_map
+
+HOSE = np.array([0.0, 0.0, -20.0])
+
+
+def lasting(time: np.ndarray) -> np.ndarray:
+    """Return the pull (n, 3) of a hose [N]."""
+    return np.tile(HOSE, (len(time), 1))
+
+
+def for_a_while(time: np.ndarray) -> np.ndarray:
+    """Return the same pull (n, 3) [N], from 12 to 17 s."""
+    return np.where(((time > 12.0) & (time < 17.0))[:, None], HOSE, 0.0)
+
+
+@pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
+@pytest.mark.parametrize("force", [lasting, for_a_while])
+def test_a_pull_is_not_learnt_as_friction(force, tmp_path: Path) -> None:
+    """A hose of 20 N at the tool: offsets of the joints explain it worse; without it the record is taken."""
+    write_log(tmp_path / "free.csv", 211, nothing, pace=1.6)
+    write_log(tmp_path / "hose.csv", 211, force, pace=1.6)
+    chosen = parse_map(arm_map(["tool0"], friction=True), "of the test")
+    free, hose = (open_record(tmp_path / f"{name}.csv", chosen, tmp_path) for name in ("free", "hose"))
+    assert not any("pushed" in line for line in calibrate([free]).warnings)
+    with pytest.raises(CalibrationError, match=r"something pushed at tool0.* (19|2[012])(\.\d)? N .*--trust"):
+        calibrate([hose])
+    assert any("something pushed at tool0" in line for line in calibrate([hose], trust=True).warnings)
+
+
+def test_an_arm_without_a_row_to_spare_says_that_it_cannot_tell(tmp_path: Path) -> None:
+    """Three joints, and a force of three components: friction with offsets explains any pull that lasts."""
+    (tmp_path / "arm.urdf").write_text(arm())
+    (tmp_path / "map.toml").write_text(tomli_w.dumps(short_arm_map()))
+    recording(tmp_path, "free", pushed=False, seed=1)
+    warnings = calibrate([open_record(tmp_path / "free.csv", tmp_path / "map.toml")]).warnings
+    assert [line for line in warnings if "no row is to spare" in line and "make sure that nothing pushed" in line]
