@@ -23,6 +23,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from aerobat_pin.estimation.coefficient_errors import (
+    FEWEST_INDEPENDENT,
+    coefficient_covariance,
+    independent,
+    row_variance,
+)
 from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.deviations import tilt_of
 from aerobat_pin.estimation.expected_of_record import EFFORT_ERROR, column_rms, expected_of, lifted_feet, row_scale
@@ -37,7 +43,6 @@ FEWEST_INSTANTS = 50  # that are weighed
 EXPECTATION_ROUNDS = 30  # of expectation and maximisation; what a record tells has settled by then
 UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: something else explains the rows
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
-FEWEST_INDEPENDENT = 3.0  # instants that count at least: Student's distribution of fewer has no variance
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
 HARDLY_MOVES = "it hardly moves, so that this may be a force as well: up to its Coulomb friction it counts as unknown"
 CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
@@ -108,7 +113,7 @@ def _fitted(forces: KnownForces, instants: Instants, expected: Expected, force: 
         G = SJ @ np.linalg.inv(np.swapaxes(J, 1, 2) @ SJ + np.diag(size * error**2))
         efforts, attitude = instants.columns[2], rotation_matrices(instants.q[:, 3:7])
         d, sigma = factors_by_balance(rows, instants.jacobians, G, kept, efforts, attitude, least, EFFORT_ERROR)
-        unsure = np.mean((efforts * sigma) ** 2, axis=0)
+        unsure += np.mean((efforts * sigma) ** 2, axis=0)
         factors = d[at]
     level = 1.0 if lifts else max(1.0, float(np.mean(size)))
     noise = np.sqrt((size * error**2 + unsure) / level)
@@ -150,7 +155,9 @@ def most_likely(
     *,
     offset: float = 0.0,
 ) -> tuple[Array, Array, Array, Array]:
-    """Return b (kinds, n), the sizes r (k,), what an offset makes of the rows (k,), squared, and the errors' rms (k,).
+    """Return b (kinds, n), the sizes r (k,), what its errors make of the rows (k,), squared, and the errors' rms (k,).
+
+    Errors of b are those of coefficients that are not at their bounds, and those of an offset.
 
     Args:
         y: (m, k) rows.
@@ -166,11 +173,11 @@ def most_likely(
     """
     k, (kinds, _, n) = y.shape[1], x.shape
     forces = np.einsum("mci,mc,mcj->mij", J, force**2, J, optimize=True)
-    stiction, every = np.zeros(k), range(kinds * n)
+    stiction, every, prior = np.zeros(k), range(kinds * n), np.repeat(known**-2.0, n)
     slid, shown = np.abs(sliding).max(axis=0), np.abs(x).max(axis=1) + LEAST_SHOWN
     largest = np.maximum(np.abs(y).max(axis=0), error)[at] * (slid[at] + LEAST_SHOWN) / shown  # of friction
     largest = np.where(np.isinf(known)[:, None], largest, np.inf).ravel()
-    information = LEAST_SHOWN * largest**-2.0 + np.repeat(known, n) ** -2.0
+    information = LEAST_SHOWN * largest**-2.0 + prior
     size = np.maximum((column_rms(y) / error) ** 2, LEAST_SIZE)  # from below they would hardly move
     for _ in range(EXPECTATION_ROUNDS):
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
@@ -185,7 +192,8 @@ def most_likely(
         stiction[at] = b[0]
         remainder = y.copy()
         remainder[:, at] -= np.einsum("ami,ai->mi", x, b)
-        mean = R * np.einsum("mij,mj->mi", inverse, remainder, optimize=True)  # of e, given the rows
+        white = np.einsum("mij,mj->mi", inverse, remainder, optimize=True)
+        mean = R * white  # of e, given the rows
         square = mean**2 + R - R**2 * np.diagonal(inverse, axis1=1, axis2=2)
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
         size = np.where(slid > SLIDES, np.maximum(size, LEAST_SIZE), 1.0)
@@ -195,8 +203,12 @@ def most_likely(
     size = np.where(checked, size, np.minimum(size, 1.0))
     pushed = np.einsum("ami,mio->aio", x, inverse[:, at, :3]) * offset  # what an offset of each axis adds to the target
     change = np.linalg.solve(normal, pushed.reshape(kinds * n, -1)).reshape(kinds, n, -1)
+    free = (b.ravel() > 0.0) & (b.ravel() < largest)
+    scores = np.swapaxes(x * white[:, at], 0, 1).reshape(len(y), -1)
+    covariance = coefficient_covariance(normal, scores, prior, np.isinf(largest) | free)
     unsure = np.zeros(k)
     unsure[at] = np.sum(np.mean(np.einsum("ami,aio->omi", x, change) ** 2, axis=1), axis=0)
+    unsure[at] += row_variance(x, covariance)
     return b, size, unsure, column_rms(mean)
 
 
@@ -256,16 +268,3 @@ def factors_by_balance(
     share /= share.sum()
     mean = share @ d
     return mean, np.sqrt(share @ (variance + d**2) - mean**2)
-
-
-def independent(values: Array) -> Array:
-    """Return how many of the samples (m, k) are independent (k,), about 0: m for white noise, 1 for a constant.
-
-    They are m over 1 plus twice the sum of the autocorrelation, up to where this is first negative.
-    """
-    m = len(values)
-    spectrum = np.abs(np.fft.rfft(values, 2 * m, axis=0)) ** 2
-    along = np.fft.irfft(spectrum, axis=0)[:m]
-    along /= np.maximum(along[0], np.finfo(float).tiny)
-    positive = np.cumprod(along > 0.0, axis=0)
-    return np.asarray(m / np.maximum(2.0 * np.sum(along * positive, axis=0) - 1.0, 1.0))
