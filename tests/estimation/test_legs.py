@@ -104,6 +104,28 @@ def test_a_push_at_the_trunk_is_said_and_factors_are_none(folder: Path) -> None:
     assert any(re.search("from 1.[56].*forces elsewhere, a moment, or a wrong model", one) for one in found.warnings)
 
 
+@pytest.mark.parametrize(("push", "causes"), [(-20.0, ["effort unit or mass"]), (0.0, [])])
+def test_a_lasting_push_at_the_trunk_is_no_certain_error_of_mass_or_units(
+    folder: Path, push: float, causes: list[str]
+) -> None:
+    """20 N downward as long as it walks: lighter efforts and a heavier trunk explain it alike, and that is said."""
+    walked, log, rng = walk(), table(walk()), np.random.default_rng(17)
+    model = pin.buildModelFromUrdf(str(folder / "quadruped.urdf"), pin.JointModelFreeFlyer())
+    values, data = {**table_map(folder / "quadruped.urdf"), "log": {"time": {"column": "t"}}}, model.createData()
+    tau = walked.tau * (1.0 + 0.03 * rng.standard_normal(12)) + 0.1 * rng.standard_normal(walked.tau.shape)
+    frames, axes = [model.getFrameId(foot) for foot in FEET], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    for k, q in enumerate(walked.q):
+        J = np.vstack([pin.computeFrameJacobian(model, data, q, frame, axes)[:3] for frame in frames])
+        trunk = pin.Quaternion(q[3:7]).matrix().T @ [0.0, 0.0, push]
+        tau[k] += (J.T @ np.linalg.pinv(J[:, :6].T) @ [*trunk, 0.0, 0.0, 0.0])[6:]
+    log[[f"{joint}_tau" for joint in walked.joints]] = tau
+    log.to_csv(folder / "loaded.csv", index=False)
+    found = estimate(open_record(folder / "loaded.csv", parse_map(values, "-"), folder))
+    said = [one for one in found.findings if one.warns and one.check in ("mass", "effort unit", "effort unit or mass")]
+    assert [one.check for one in said] == causes
+    assert all("a load on the base link: the record does not tell which" in one.text for one in said)
+
+
 def test_a_change_of_axes_is_no_force(folder: Path) -> None:
     """Where the velocity begins at zero again, nothing is seen of it; with the IMU elsewhere than said, much is."""
     chosen = parse_map(mapped(folder, "imu"), "-")

@@ -207,17 +207,20 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
         return
     alone = -float(balance.base @ balance.residual)
     alone /= max(float(balance.base @ balance.base), 1e-300)
-    heavier = balance.residual + balance.base * alone
-    explains = fitted[n] > -1.0 and float(heavier @ heavier) < EXPLAINED * float(balance.residual @ balance.residual)
-    if explains and min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
-        what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link"
+    heavier, given = balance.residual + balance.base * alone, balance.given.sum(axis=1)
+    common = float(given @ balance.needed) / max(float(given @ given), 1e-300)
+    stronger, left = balance.needed - common * given, float(heavier @ heavier)
+    share = left / max(float(stronger @ stronger), 1e-300)  # of what one factor leaves, that one mass leaves
+    explains = fitted[n] > -1.0 and left < EXPLAINED * float(balance.residual @ balance.residual)
+    agree = fitted[n] * alone > 0.0 and share < EXPLAINED
+    if explains and agree and min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
+        what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link, or a force on it"
         yield Finding("mass", "warning", what, 1.0 + float(fitted[n]), "1")
     shown, deviation = _measured_per_needed(balance, fitted[:n], residual)
     factors = 1.0 / np.where(shown == 0.0, np.inf, shown)
     sure = deviation * SURE < np.abs(shown) * np.minimum(1.0, np.maximum(np.abs(1.0 - shown), NAMED))
     off = np.flatnonzero(sure & (np.abs(factors - 1.0) > NAMED))
-    c, given = float(np.mean(factors[off])) if len(off) else 1.0, balance.given.sum(axis=1)
-    common = float(given @ balance.needed) / max(float(given @ given), 1e-300)
+    c = float(np.mean(factors[off])) if len(off) else 1.0
     alike = bool(np.all(np.abs(c * shown - 1.0) < SAME_FACTOR + SURE * abs(c) * deviation))
     if len(off) and alike and abs(common - 1.0) > NAMED:
         if c < 0.0:
@@ -230,6 +233,8 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
             yield Finding("effort unit or mass", "refused", what, c, "1")
         else:
             what += f"their unit (A, N m), or all masses {1.0 / common:.3g} times what is believed"
+            if abs(alone) > NAMED_MASS and share * EXPLAINED < 1.0:
+                what += "; or a force or a load on the base link: the record does not tell which"
             yield Finding("effort unit or mass", "warning", what, common, "1")
         return
     gain, unsure = _measured_per_needed(balance, np.ones(n), balance.residual)
