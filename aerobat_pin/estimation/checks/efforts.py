@@ -209,9 +209,9 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     alone /= max(float(balance.base @ balance.base), 1e-300)
     heavier, given = balance.residual + balance.base * alone, balance.given.sum(axis=1)
     common = float(given @ balance.needed) / max(float(given @ given), 1e-300)
-    stronger, left = balance.needed - common * given, float(heavier @ heavier)
-    share = left / max(float(stronger @ stronger), 1e-300)  # of what one factor leaves, that one mass leaves
-    explains = fitted[n] > -1.0 and left < EXPLAINED * float(balance.residual @ balance.residual)
+    stronger, by_mass = balance.needed - common * given, float(heavier @ heavier)
+    share = by_mass / max(float(stronger @ stronger), 1e-300)  # left by one mass, over what one factor leaves
+    explains = fitted[n] > -1.0 and by_mass < EXPLAINED * float(balance.residual @ balance.residual)
     agree = fitted[n] * alone > 0.0 and share < EXPLAINED
     if explains and agree and min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
         what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link, or a force on it"
