@@ -99,7 +99,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
     lighter = _heavier_base(model) if robot.free else None
     data, lighter_data = model.createData(), None if lighter is None else lighter.createData()
     falling = [] if robot.free else [_falling(model, axis) for axis in np.eye(3)]
-    needed, reach, base, motion, pulled = [], [], [], [], []
+    projects, needed, motion, base, pulled = list[Array](), [], [], [], []
     most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
     step = max(1, most // INSTANTS)
     for stretch in record.spread(most, *(free or ())):
@@ -111,28 +111,30 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
         count = len(given.tau)
         chosen = slice(count // 10, count - count // 10, step)
         whole = required_torque(record, block, a, chosen) - sum(force[chosen] for force in given.known.values())
-        every = range(count)[chosen]
-        beyond: Sequence[Array] = len(every) * [np.eye(len(rows))]
+        q, v, tau = block.q[:-1][chosen], 0.5 * (block.v[:-1] + block.v[1:])[chosen], given.tau[chosen]
+        beyond: Sequence[Array] = len(q) * [np.eye(len(rows))]
         if free is None:
-            beyond = _beyond_forces(record, data, block.q[:-1][chosen], rows, weight)
+            beyond = _beyond_forces(record, data, q, rows, weight)
         if any(Q.shape[1] == 0 for Q in beyond):
             return None
-        for k, Q, asked in zip(every, beyond, whole[:, rows], strict=True):
-            project, v = Q.T * weight, 0.5 * (block.v[k] + block.v[k + 1])
-            needed.append(project @ asked)
-            reach.append(project @ unit)
-            motion.append((given.tau[k, at], v[at], a[k, at]))
-            base.append(np.zeros(Q.shape[1]))
-            pulls = [pin.computeGeneralizedGravity(world, data, block.q[k])[rows] for world in falling]
-            pulled.append(project @ np.stack(pulls or 3 * [0.0 * weight], axis=1))
-            if lighter is not None:
-                base[-1] = project @ pin.rnea(lighter, lighter_data, block.q[k], v, a[k])[rows]
-    if not needed:
+        projects += [Q.T * weight for Q in beyond]
+        needed.append(whole[:, rows])
+        motion.append(np.stack([tau[:, at], v[:, at], a[chosen][:, at]]))
+        base.append(np.zeros((len(q), len(rows))))
+        if lighter is not None:
+            base[-1][:] = [pin.rnea(lighter, lighter_data, *each)[rows] for each in zip(q, v, a[chosen], strict=True)]
+        pulled.append(np.zeros((len(q), len(rows), 3)))
+        for axis, world in enumerate(falling):
+            pulled[-1][:, :, axis] = [pin.computeGeneralizedGravity(world, data, q_k)[rows] for q_k in q]
+    if not projects:
         return None
-    instants = np.repeat(np.arange(len(needed)), [len(part) for part in needed])
-    effort, rates, bends = np.array(motion).swapaxes(0, 1)
-    b, reached, heavier, weights = (np.concatenate(part) for part in (needed, reach, base, pulled))
-    return Balance(b, reached, heavier, weights, instants, effort, rates, bends, len(needed) * step * record.dt)
+    instants = np.repeat(np.arange(len(projects)), [len(part) for part in projects])
+    project, (effort, rates, bends) = np.concatenate(projects), np.concatenate(motion, axis=1)
+    b, heavier, weights = (
+        np.einsum("nr,nr...->n...", project, np.concatenate(part)[instants]) for part in (needed, base, pulled)
+    )
+    span = len(projects) * step * record.dt
+    return Balance(b, project @ unit, heavier, weights, instants, effort, rates, bends, span)
 
 
 def _falling(model: pin.Model, gravity: Array) -> pin.Model:
