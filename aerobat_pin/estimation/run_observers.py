@@ -26,6 +26,7 @@ from aerobat_pin.observers import (
     KalmanObserver,
     Observer,
     Rows,
+    Sampled,
     moving_weight,
 )
 from aerobat_pin.records import Map, PlainRobot, Record, Spool
@@ -174,11 +175,11 @@ def run_observers(
             inputs, kept = inputs_at(early, late), slice(begin - early, end - early)
             if watch is not None:
                 watch.take(record, inputs, kept, ends=end == last)
-            inputs = with_zeroed_velocity(record, inputs, early)
+            inputs, sampled = with_zeroed_velocity(record, inputs, early), list[Sampled]()
             for observer in observers:
                 if progress is not None:
                     progress(done / total)
-                estimate = _estimate_of(observer, record, inputs, expected, model)
+                estimate = _estimate_of(observer, record, inputs, sampled, expected, model)
                 estimates[observer.name].append(_some_intervals(estimate, kept))
                 done += end - begin
     if progress is not None:
@@ -187,10 +188,15 @@ def run_observers(
 
 
 def _estimate_of(
-    observer: Observer, record: Record, inputs: KnownInputs, expected: Expected | None, model: ErrorOfBelief | None
+    observer: Observer,
+    record: Record,
+    inputs: KnownInputs,
+    sampled: list[Sampled],
+    expected: Expected | None,
+    model: ErrorOfBelief | None,
 ) -> Estimate:
     """Return the estimate of an observer, with its deviations as far as they are known."""
-    estimate = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
+    estimate = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known, sampled)
     if not estimate.frames:
         estimate = rows_as_components(estimate, observer, inputs.v, expected)
     elif expected is not None:

@@ -17,6 +17,7 @@ from .analysis.point_of_action import PointOfAction as PointOfAction
 from .analysis.point_of_action import locate_series as locate_series
 from .applications import Application as Application
 from .applications import Applications as Applications
+from .equations import Sampled as Sampled
 from .estimate import Estimate as Estimate
 from .estimate import Innovation as Innovation
 from .estimate import Sample as Sample

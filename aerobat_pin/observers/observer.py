@@ -34,7 +34,7 @@ from aerobat_pin.numerics import (
     rebuilt,
 )
 from aerobat_pin.observers.applications import Application, Applications
-from aerobat_pin.observers.equations import Equations, Observed, Samples, observe_record, sample_robot
+from aerobat_pin.observers.equations import Equations, Observed, Sampled, Samples, observe_record, sample_robot
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.identifiability import judge
@@ -238,9 +238,15 @@ class Observer:
         self._latest = latest = self._result(out, self._nv, self._count)
         return latest
 
-    @guarded(q="any", v="any", tau="any", known="any")
+    @guarded(q="any", v="any", tau="any", known="any", sampled="free")
     def run(
-        self, time: ArrayLike, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
+        self,
+        time: ArrayLike,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        known: Mapping[str, ArrayLike] | None = None,
+        sampled: list[Sampled] | None = None,
     ) -> Estimate:
         """Estimate over a whole record.
 
@@ -250,6 +256,8 @@ class Observer:
             v: (m + 1, nv) velocities.
             tau: (m, nv) measured joint torque, interval means.
             known: name -> (m, nv) other known generalised forces, interval means.
+            sampled: what observers before this one sampled of the same record, to which this one adds: those that look
+                for the same forces on the same robot sample it once.
 
         Raises:
             ObserverError, ShapeError: for the same reasons as `update` and `reset`.
@@ -267,17 +275,21 @@ class Observer:
             at = int(np.argmin(np.diff(time) >= 0.0))
             self._time = time[at]
             self._refuse_time(time[at + 1])
-        return self._estimate(time, *self._run(time, q, v, u, known or {}))
+        return self._estimate(time, *self._run(time, q, v, u, known or {}, [] if sampled is None else sampled))
 
     def _start(self, v: Array) -> None:
         """Start the filter at the sample for which Pinocchio has just computed M, C and g."""
         kernels.start_observer(self._memory, v)
 
     def _run(
-        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]
+        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], sampled: list[Sampled]
     ) -> tuple[Observed, Samples]:
         """Filter a checked record; return the results, and the samples from which they follow."""
-        samples = sample_robot(self.model, self.data, self._compute, self.applications, q, v)
+        of = self.model, self.applications.given
+        samples = next((each.samples for each in sampled if each[:2] == of), None)
+        if samples is None:
+            samples = sample_robot(self.model, self.data, self._compute, self.applications, q, v)
+            sampled.append(Sampled(*of, samples))
         kind = self.project_first, self.kind
         equations = Equations(*kind, self._gains, self._basis, self.slope, self.believed, self.expected)
         return observe_record(equations, samples, time, u), samples

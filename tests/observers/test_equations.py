@@ -8,7 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+import pinocchio as pin
+
 import aerobat_pin
+from aerobat_pin.observers import OBSERVERS, Sampled
 
 PACKAGE = Path(aerobat_pin.__file__).parent
 METHOD = PACKAGE.parent / "docs" / "method.md"
@@ -61,3 +65,22 @@ def test_the_first_estimate_of_a_record_waits_for_no_compiler(tmp_path: Path) ->
     made = subprocess.run(command, capture_output=True, text=True, env=there, check=False)
     assert made.returncode == 0, made.stderr[-2000:]
     assert made.stdout.count("force_level") == 2, made.stdout
+
+
+def test_observers_of_the_same_forces_sample_a_record_once() -> None:
+    """To the bit what each finds alone; other forces, or another robot, are sampled by themselves."""
+    model, rng = pin.buildSampleModelManipulator(), np.random.default_rng(3)
+    heavier = model.copy()
+    heavier.inertias[1] = pin.Inertia.Random()
+    time, v, tau = np.arange(20) * 1e-3, rng.standard_normal((20, model.nv)), rng.standard_normal((19, model.nv))
+    q = np.array([pin.integrate(model, pin.neutral(model), 1e-3 * k * v[0]) for k in range(20)])
+    sampled: list[Sampled] = []
+    frames = [model.frames[-1].name], [model.frames[-1].name], [model.frames[5].name], [model.frames[-1].name]
+    for kind, points, of in zip(
+        ("momentum", "force_level", "momentum", "momentum"), frames, [model] * 3 + [heavier], strict=True
+    ):
+        observer = OBSERVERS[kind](of, points, 100.0)
+        together, alone = observer.run(time, q, v, tau, None, sampled), observer.run(time, q, v, tau)
+        np.testing.assert_array_equal(together.components, alone.components)
+        np.testing.assert_array_equal(together.residual, alone.residual)
+    assert len(sampled) == 3

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_state, shown
 from aerobat_pin.observers.applications import Application
-from aerobat_pin.observers.equations import Observed, Samples
+from aerobat_pin.observers.equations import Observed, Sampled, Samples
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.kalman import kernels
@@ -260,7 +260,7 @@ class KalmanObserver(Observer):
         filter_.P[:] = np.diag(np.concatenate([np.square(filter_.noise), spread]))
 
     def _run(
-        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]
+        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], sampled: list[Sampled]
     ) -> tuple[Observed, Samples]:
         return self._filtered(time, q, v, u, known, new_steps(0, **self._step_sizes))
 
@@ -318,7 +318,7 @@ class SmootherObserver(KalmanObserver):
         raise ObserverError("observer smoother needs a whole record: use run, or the observer kalman for a stream")
 
     def _run(
-        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike]
+        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], sampled: list[Sampled]
     ) -> tuple[Observed, Samples]:
         return self._filtered(time, q, v, u, known, new_steps(len(u), **self._step_sizes))
 
