@@ -1,14 +1,24 @@
 """The noise that the Kalman filter reckons with.
 
 The record itself shows the noise of the sensors, the misfit of the model and the patterns of forces that leave no
-trace; a gain can ask for a random walk; and torques can be unknown.
+trace; a gain can ask for a random walk; torques can be unknown; and forces can jump.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, inlined, inner, kernel
+from aerobat_pin.numerics import (
+    Array,
+    add_product,
+    add_row_product,
+    copy_values,
+    dot,
+    factorise,
+    inlined,
+    inner,
+    kernel,
+)
 from aerobat_pin.observers.kalman.kalman_state import Filter, Step
 from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.projection import power_unit, put_rows
@@ -25,6 +35,7 @@ STATED_COUNT = 2  # so many sixth differences count as much as what is stated ab
 LEARNING = 2 * DIFFERENCES  # number of intervals until the sensor noise is known well enough to weigh the rows by it
 LEAST_NOISE = 1.0e-3  # smallest share of the stated sensor noise, which keeps the covariances invertible
 LEAST_INFORMATION = 1.0e-6  # share of the total information on all patterns of forces, added to every pattern
+JUMP = 5.0  # deviations of what one interval says of a component: beyond, it has jumped
 UNKNOWN_TORQUE = 1.0e8  # variance of the impulse of an unknown torque, relative to that of all other noise
 
 
@@ -217,3 +228,38 @@ def write_row_errors(before: Array, after: Array, filter_: Filter) -> None:
     for k in range(filter_.rows.shape[1]):
         sliding = np.tanh(0.5 * (before[2, k] + after[2, k]) / filter_.rows[2, k])
         filter_.errors[first + k, k] = np.sqrt(filter_.rows[0, k] + filter_.rows[1, k] * (1.0 - sliding * sliding))
+
+
+@kernel
+def let_jump(P: Array, step: Step) -> None:
+    """Let forces jump, the most surprising one first, until no component is beyond `JUMP` deviations.
+
+    With e the whitened innovation and w = L^-1 dt J_a^T, the trace of one component, the interval says that it jumped
+    by (w.e) / (w.w), with deviation 1 / |w|. Its variance grows by that size squared.
+    """
+    rows, shear, nv, n, c = step.rows, step.shear, step.rows.shape[0], step.shear.shape[1], step.unseen.shape[0]
+    whitening, e = rows[:, nv + n : 2 * nv + n], rows[:, nv + 2 * n]
+    largest = 0.0
+    for i in range(nv):
+        largest += e[i] * e[i]
+    if largest <= JUMP * JUMP:  # as is then every part of it
+        return
+    w = np.empty((c, nv))
+    for _ in range(c):
+        surprise, size, jumping = JUMP * JUMP, 0.0, -1
+        for a in range(c):
+            along, square = 0.0, 0.0
+            for i in range(nv):
+                w[a, i] = dot(whitening[i], shear[a, :nv])
+                along += w[a, i] * e[i]
+                square += w[a, i] * w[a, i]
+            if along * along > surprise * square:
+                surprise, size, jumping = along * along / square, along / square, a
+        if jumping < 0:
+            return
+        P[nv + jumping, nv + jumping] += size * size
+        for i in range(nv):
+            rows[i, 2 * nv + jumping] += size * size * w[jumping, i]
+            for j in range(nv):
+                rows[i, j] = size * size * w[jumping, i] * w[jumping, j] + (1.0 if i == j else 0.0)
+        factorise(rows)

@@ -1,0 +1,47 @@
+"""Blows that no size of a force expects: a box in free flight that is hit, of which all is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from aerobat_pin.observers import Application, Expected, KalmanObserver, SmootherObserver
+
+DT, COUNT, HIT = 1e-3, 1500, slice(500, 510)
+BLOW = np.array([300.0, -200.0, 1000.0, 0.0, 0.0, 0.0])  # at the centre of mass, world axes
+
+
+def hit_box() -> tuple[pin.Model, np.ndarray, np.ndarray, np.ndarray]:
+    """Return a box of 3 kg that spins as it falls, and times, q, v of its flight; it is hit for ten milliseconds."""
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
+    model.appendBodyToJoint(joint, pin.Inertia(3.0, np.zeros(3), np.diag([0.03, 0.05, 0.06])), pin.SE3.Identity())
+    model.addFrame(pin.Frame("box", joint, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    data, q, v = model.createData(), [pin.neutral(model)], [np.array([0.3, 0.0, 0.0, 1.0, 20.0, 5.0])]
+    for k in range(10 * COUNT):
+        turn = pin.Quaternion(q[-1][3:]).matrix().T
+        push = turn @ BLOW[:3] if HIT.start <= k // 10 < HIT.stop else np.zeros(3)
+        a = pin.aba(model, data, q[-1], v[-1], np.concatenate([push, np.zeros(3)]))
+        v.append(v[-1] + 0.1 * DT * a)
+        q.append(pin.integrate(model, q[-1], 0.1 * DT * v[-1]))
+    return model, DT * np.arange(COUNT + 1), np.array(q[::10]), np.array(v[::10])
+
+
+@pytest.mark.parametrize("kind", [KalmanObserver, SmootherObserver])
+def test_errors_of_rows_do_not_keep_a_share_of_a_blow(kind: type[KalmanObserver]) -> None:
+    """Before and after it nothing pushes, and within two deviations nothing is said to; the blow itself is found."""
+    model, time, q, v = hit_box()
+    v = v + 2e-3 * np.random.default_rng(1).standard_normal(v.shape)
+    expected = Expected(
+        np.array([10.0] * 3 + [2.0] * 3), np.array([2.0, 4.0, 1.0, 0.1, 0.2, 0.1]), np.zeros(6), np.ones(6)
+    )
+    observer = kind(model, [Application("box", "wrench")], 100.0, expected=expected)
+    found = observer.run(time, q, v, np.zeros((COUNT, 6)))
+    assert found.standard_deviation is not None
+    truth = np.zeros((COUNT, 6))
+    truth[HIT] = BLOW
+    within = np.abs(found.components - truth) < 2.0 * found.standard_deviation
+    assert np.all(within[100:].mean(axis=0) > 0.95)
+    assert np.max(np.abs(found.components[HIT.stop + 20 :])) < 10.0
+    assert found.components[HIT, 2].mean() == pytest.approx(1000.0, rel=0.1)
