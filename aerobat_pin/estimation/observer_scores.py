@@ -13,7 +13,14 @@ from aerobat_pin.estimation.calibration_use import CalibrationUse, Contact
 from aerobat_pin.estimation.contacts import found_contacts
 from aerobat_pin.estimation.scores import Score, one_unit, point_label, short_label
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.estimation.trust import DOUBT_STRETCH, ComponentSize, InnovationScore, warnings_about
+from aerobat_pin.estimation.trust import (
+    DOUBT_STRETCH,
+    MISFIT,
+    ComponentSize,
+    InnovationScore,
+    belief_words,
+    warnings_about,
+)
 from aerobat_pin.observers import DOUBTFUL, Redundancy
 
 ScoreTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
@@ -129,12 +136,12 @@ class ObserverScores:
             return "belief: cannot be judged, as no row is to spare", False
         if self.k is None:
             return self.redundancy.describe(), self.redundancy.verdict == "inconsistent"
-        words = f"belief: squared errors of the rows are {self.k:.2g} times as large as stated"
+        words = belief_words(self.k)
         k, begin = self.worst_k or (self.k, 0.0)
         if k > DOUBTFUL_STRETCH and f"{k:.2g}" != f"{self.k:.2g}":  # a filter knows but the mean
             words += f", {k:.2g} times from {begin:.1f} to {begin + DOUBT_STRETCH:.1f} s"
         doubtful = self.k > DOUBTFUL or k > DOUBTFUL_STRETCH
-        return f"{words}: forces elsewhere, a moment, or a wrong model" if doubtful else words, doubtful
+        return f"{words}: {MISFIT}" if doubtful else words, doubtful
 
     def to_json(self) -> dict[str, Any]:
         """Return the entry of `metrics.json`, in which the points are keys beside the other attributes.

@@ -29,6 +29,7 @@ from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth, str
 from aerobat_pin.estimation.run_observers import built_observers, points_of, rows_of
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.estimation.stream_kernels import build_interval
+from aerobat_pin.estimation.stream_samples import put
 from aerobat_pin.numerics import Array, fields_of, guarded
 from aerobat_pin.observers import Expected, KalmanObserver, Observer, ObserversTogether, Sample, SmootherObserver
 from aerobat_pin.records import (
@@ -94,15 +95,16 @@ class OnlineEstimator:
         self._requests = {request.key: request for request in every_request}
         self._check()
         requests = tuple(self._requests.values())
-        columns = [request.names for request in requests]
+        self._columns = [request.names for request in requests]
         self._readers: list[tuple[int, Any, Array]] = [
-            (c, itemgetter(*names), np.zeros(len(names))) for c, names in enumerate(columns)
+            (c, itemgetter(*names), np.zeros(len(names))) for c, names in enumerate(self._columns)
         ]
         lead = [key for key in LEADING if key in self._requests]
         self._leading = [*self._requests].index(lead[0] if lead else next(iter(self._requests)))
         self._memory = ring_kernels.new_rings(chosen, self.robot, names, requests, self._values, wait)
         self._rings = fields_of(self._memory, ring_kernels.Rings)
         self._epoch: float | None = None
+        self._unstamped, self._parted = set[str](), dict[int, str]()  # topics; channel -> column that others lacked
         self._estimates = self._starts = self._failed = 0
         self._rows, _ = rows_of(chosen, self.robot, names, self._requests)
         sizes = self._expected(np.zeros(self.robot.model.nv)) if expected is None else expected
@@ -113,7 +115,7 @@ class OnlineEstimator:
         self._legs = np.zeros((LEGS_KEPT, count)), np.zeros((LEGS_KEPT, count, nv))  # forces, and their Jacobians
         self._leg_samples = 0
         self._build()
-        ring_kernels.put(self._memory, 0, np.nan, self._readers[0][2])  # these three compile
+        put(self._memory, 0, np.nan, self._readers[0][2])  # these three compile
         build_interval(self._memory, self._leading)
         add_second_lag(np.zeros(0), 0.0, np.zeros(0), np.zeros(0))
         self._rings.tally[:] = 0
@@ -136,13 +138,21 @@ class OnlineEstimator:
     @property
     def health(self) -> StreamHealth:
         """What became of the samples so far."""
-        counts = self._estimates, self._starts, self._failed
-        return stream_health(self._rings, tuple(self._requests), counts, self._wait)
+        keys, counts = tuple(self._requests), (self._estimates, self._starts, self._failed)
+        obstacles = [f"{topic}: its messages have no stamp" for topic in sorted(self._unstamped)]
+        obstacles += [
+            f"{keys[c]}: no message has all of it, {column} is missing where others are: one publisher for all joints "
+            "(joint_state_publisher with source_list joins several), or joints.held, was expected"
+            for c, column in self._parted.items()
+            if not self._rings.filled[c]
+        ]
+        return stream_health(self._rings, keys, counts, self._wait, self._together.recent_k, obstacles)
 
     def reset(self) -> None:
         """Forget all samples and start again with the next ones; what is counted stays."""
         rings = self._rings
         rings.head[:], rings.filled[:], rings.usual[:], rings.pending[:] = 0, 0, 0.0, 0.0
+        rings.changed[:], rings.stuck[:] = np.nan, 0
         rings.now[: ring_kernels.COUNT] = np.nan
         rings.now[ring_kernels.BROKEN] = 0.0
         self._epoch = None
@@ -170,7 +180,9 @@ class OnlineEstimator:
         fields = entries(message)
         time = stamp(message)
         if fields is None or time <= 0.0:
+            self._unstamped |= {topic} if fields else set()
             return []
+        self._unstamped.discard(topic)
         return self.push(time, {f"{topic}.{name}": value for name, value in fields.items()})
 
     def push(self, time: float, values: Mapping[str, float]) -> list[OnlineSample]:
@@ -178,11 +190,13 @@ class OnlineEstimator:
 
         Nothing of a sample raises: `health` counts those that cannot be used, and why.
         """
-        since, put, memory = self._since_epoch(time), ring_kernels.put, self._memory
+        since, memory = self._since_epoch(time), self._memory
         for c, reader, buffer in self._readers:
             try:
                 buffer[:] = reader(values)
-            except KeyError:
+            except KeyError as missing:
+                if not self._rings.filled[c] and not values.keys().isdisjoint(self._columns[c]):
+                    self._parted[c] = str(missing.args[0])
                 continue
             except (TypeError, ValueError):  # not a number
                 buffer[:] = np.nan
@@ -258,6 +272,7 @@ class OnlineEstimator:
             self._estimates += 1
             self._keep_legs(samples[0], q)
         settled, epoch = bool(end - now[ring_kernels.BEGAN] >= self._wait), self._epoch or 0.0
+        k = self._together.recent_k
         kept, estimates = math.exp(-dt * float(self._map.observer.gain)), list[OnlineSample]()
         for observer, sample, behind in zip(self._observers, samples, self._behind, strict=True):
             if sample is None:
@@ -270,7 +285,7 @@ class OnlineEstimator:
             if deviation is not None and self._tilt > 0.0:
                 deviation = with_tilt(components, deviation, self._tilt)
             times = epoch + end - dt, epoch + end
-            estimates.append(OnlineSample(observer, *times, settled, components, deviation, of_rows))
+            estimates.append(OnlineSample(observer, *times, settled, components, deviation, of_rows, k))
             if self._heard is not None:
                 self._heard(estimates[-1])
         return estimates

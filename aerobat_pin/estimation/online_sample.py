@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from aerobat_pin.estimation import stream_rings as ring_kernels
+from aerobat_pin.estimation.trust import MISFIT, belief_words
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Observer
+from aerobat_pin.observers import DOUBTFUL, Observer
 
 
 class OnlineSample:
@@ -17,10 +20,13 @@ class OnlineSample:
         observer: name of the observer.
         start: start of the interval [s].
         end: its end [s].
-        settled: whether the observer has run for `TIME_CONSTANTS_TO_SETTLE` / K since it started.
+        settled: whether the observer has run for `TIME_CONSTANTS_TO_SETTLE` / K since it started, or since a channel
+            was stuck.
+        k: how many times as large as stated the squared errors of the rows have been in the last seconds, by the first
+            observer that is no filter; NaN if there is none, or no row is to spare.
     """
 
-    __slots__ = ("_expected", "_labels", "_sample", "end", "observer", "settled", "start")
+    __slots__ = ("_expected", "_labels", "_sample", "end", "k", "observer", "settled", "start")
 
     def __init__(
         self,
@@ -31,8 +37,10 @@ class OnlineSample:
         components: Array,
         deviation: Array | None,
         of_rows: Array | None,
+        k: float,
     ) -> None:
         self.observer, self.start, self.end, self.settled = observer.name, start, end, settled
+        self.k = k
         self._labels, self._sample = observer.applications.components, (components, deviation, of_rows)
         self._expected = observer.expected
 
@@ -76,7 +84,10 @@ class StreamHealth:
             (an estimate had passed), `outlier` (a stamp more than 1 s off, or where samples of before leave no room
             for it), `clock_step` (the third that agrees: the clock was set, and all that came before is forgotten).
         stalled: channels without a sample for `STALL` [s].
-        settled: whether the observers have run for long enough since they started.
+        stuck: channels that changed once, and have repeated one value for `STUCK` [s] while others change.
+        settled: whether the observers have run for long enough since they started, or since a channel was stuck.
+        k: that of the newest estimate, see `OnlineSample`.
+        obstacles: a line about each reason why samples cannot become estimates.
     """
 
     estimates: int
@@ -85,7 +96,10 @@ class StreamHealth:
     failed: int
     samples: Mapping[str, Mapping[str, int]]
     stalled: tuple[str, ...]
+    stuck: tuple[str, ...]
     settled: bool
+    k: float
+    obstacles: tuple[str, ...]
 
     def count(self, fate: str) -> int:
         """Return the number of samples of all channels of which something became, such as `refused`."""
@@ -96,15 +110,25 @@ class StreamHealth:
         tallies = {fate for tally in self.samples.values() for fate in tally} - {"taken", "inserted"}
         lost = [f"{self.count(fate)} {fate}" for fate in sorted(tallies) if self.count(fate)]
         left_out = f"; samples left out: {', '.join(lost)}" if lost else ""
-        return f"{self.estimates} estimates, {self.starts} starts{left_out}"
+        return "; ".join([f"{self.estimates} estimates, {self.starts} starts{left_out}", *self.obstacles, *self.doubts])
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """A line about the belief if no force explains the rows; else none."""
+        return (f"{belief_words(self.k)}: {MISFIT}",) if self.k > DOUBTFUL else ()
 
 
 def stream_health(
-    rings: ring_kernels.Rings, keys: Sequence[str], counts: tuple[int, int, int], wait: float
+    rings: ring_kernels.Rings,
+    keys: Sequence[str],
+    counts: tuple[int, int, int],
+    wait: float,
+    k: float,
+    obstacles: Iterable[str],
 ) -> StreamHealth:
     """Return the health by the rings of channels, in order, with `counts` of estimates, of starts and of failures.
 
-    Observers have settled `wait` [s] after they started.
+    Observers have settled `wait` [s] after they started; `obstacles` are those that the rings do not show.
     """
     newest = {
         key: float(rings.time[c, (rings.head[c] + rings.filled[c] - 1) % ring_kernels.LENGTH])
@@ -113,6 +137,13 @@ def stream_health(
     }
     latest, now = max(newest.values(), default=0.0), rings.now
     stalled = [key for key in keys if key not in newest or latest - newest[key] > ring_kernels.STALL]
+    common = min(newest.values(), default=0.0) - rings.setting[1]
+    full = np.flatnonzero((rings.filled == ring_kernels.LENGTH) & (rings.time.min(axis=1) > common)).tolist()
+    short = [
+        f"{keys[c]}: {ring_kernels.LENGTH} samples are kept, {np.ptp(rings.time[c]):.2g} s: less than by how much the "
+        "slowest channel and the wait are behind"
+        for c in full
+    ]
     tallies = (dict(zip(ring_kernels.FATES, tally, strict=True)) for tally in rings.tally.tolist())
     return StreamHealth(
         estimates=counts[0],
@@ -121,5 +152,8 @@ def stream_health(
         failed=counts[2],
         samples=dict(zip(keys, tallies, strict=True)),
         stalled=tuple(stalled) if newest else (),
+        stuck=tuple(key for key, stuck in zip(keys, rings.stuck.tolist(), strict=True) if stuck),
         settled=bool(now[ring_kernels.LAST] - now[ring_kernels.BEGAN] >= wait),  # False while they are NaN
+        k=k,
+        obstacles=(*obstacles, *short),
     )

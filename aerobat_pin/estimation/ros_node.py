@@ -6,7 +6,7 @@
 | `/aerobat/<observer>/<point>/deviation` | geometry_msgs/WrenchStamped | its standard deviations [N, N m] |
 | `/aerobat/<observer>/contacts` | sensor_msgs/JointState | of a robot that walks: `name` the points, `position` 1 for \
 contact, else 0, `effort` its probability |
-| `/diagnostics` | diagnostic_msgs/DiagnosticArray | `OnlineEstimator.health`, once a second |
+| `/diagnostics` | diagnostic_msgs/DiagnosticArray | `OnlineEstimator.health`, once a second: the stream, the belief |
 
 The stamp is the end of the estimate's interval. Topics are heard with the type that they have, and best effort, so that
 publishers of any reliability are; one that comes later, or comes again, is heard from then on.
@@ -80,7 +80,7 @@ class ForceNode:
         self._publishers: dict[str, Any] = {}
         self._watches: dict[str, ContactWatch] = {}
         self._stamps: dict[float, Any] = {}  # time [s] -> the stamp that it was
-        self._estimates = 0
+        self._estimates, self._doubted = 0, False
         self._context = rclpy.Context()
         rclpy.init(context=self._context, signal_handler_options=signals)
         self.node = rclpy.create_node(name, context=self._context)
@@ -181,8 +181,12 @@ class ForceNode:
         values |= {"failed": health.failed} | {fate: health.count(fate) for fate in sorted(fates)}
         idle, self._estimates = health.estimates == self._estimates, health.estimates
         level, words = kind.OK, "estimates"
-        if health.stalled:
+        if health.obstacles:
+            level, words = kind.WARN, "; ".join(health.obstacles)
+        elif health.stalled:
             level, words = kind.WARN, f"no samples of {', '.join(health.stalled)}"
+        elif health.stuck:
+            level, words = kind.WARN, f"{', '.join(health.stuck)}: the same value again and again"
         elif self._wanted:
             level, words = kind.WARN, f"nobody publishes {', '.join(sorted(self._wanted))}"
         elif not health.settled:
@@ -192,7 +196,13 @@ class ForceNode:
             words = "no estimates in the last second" if words == "estimates" else words
         pairs = [self._diagnostic.KeyValue(key=key, value=str(value)) for key, value in values.items()]
         status = kind(level=level, name=f"{self._name}: stream", message=words, values=pairs)
-        message = self._diagnostic.DiagnosticArray(status=[status])
+        belief = kind(level=kind.WARN if health.doubts else kind.OK, name=f"{self._name}: belief")
+        belief.message = health.doubts[0] if health.doubts else "fits" if health.k > 0.0 else "cannot be judged"
+        if health.doubts and not self._doubted:
+            self._say(health.doubts[0])
+        self._doubted = bool(health.doubts)
+        belief.values = [self._diagnostic.KeyValue(key="k", value=f"{health.k:.3g}")]
+        message = self._diagnostic.DiagnosticArray(status=[status, belief])
         message.header.stamp = self.node.get_clock().now().to_msg()
         if "diagnostics" not in self._publishers:
             array = self._diagnostic.DiagnosticArray

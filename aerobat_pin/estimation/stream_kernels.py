@@ -267,6 +267,8 @@ def build_interval(memory: Array, leading: int) -> int:
         write_state(rings, t)
         rings.before[:] = rings.v
         return STREAM_START
+    if rings.stuck.any():
+        now[BEGAN] = t
     now[LAST], now[DT] = t, t - last
     rings.before[:] = rings.v
     if rings.slot[FORCE] >= 0:

@@ -1,7 +1,7 @@
-"""Rings of a stream: `put` takes a sample of a channel into its ring, in the order of stamps.
+"""Rings of a stream: each keeps the `LENGTH` newest samples of a channel.
 
-A ring keeps the `LENGTH` newest samples of a channel; `stream_kernels` makes an observer's inputs of them. `new_rings`
-writes what a map, a robot and a calibration say once.
+`stream_samples` puts samples into them, and `stream_kernels` makes an observer's inputs of them. `new_rings` writes
+what a map, a robot and a calibration say once.
 """
 
 from __future__ import annotations
@@ -11,18 +11,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from aerobat_pin.errors import MapError
+from aerobat_pin.estimation.checks.samples import rests_at_zero
 from aerobat_pin.estimation.known_forces import FittedValues
-from aerobat_pin.numerics import Array, Integers, fields_of, inner, kernel, new_state
-from aerobat_pin.records import HOLE, LARGEST_VALUE, NEAR_TURN, Map, PlainRobot, Request, axes_of, imu_arm
+from aerobat_pin.numerics import Array, Integers, fields_of, inner, new_state
+from aerobat_pin.records import HOLE, Map, PlainRobot, Request, axes_of, imu_arm
 
 LENGTH = 2048  # samples that a ring keeps; a power of two
-CLOCK_JUMP = 1.0  # [s]: a stamp further from the newest one is off, unless `CONFIRM` that follow each other agree;
-CONFIRM = 3  # so is one that goes back to a time from which its channel has samples already
-SPACED = 16  # steps of a channel, over which they show how far apart its samples are
-ROOM = 1.5  # of these steps between neighbours, from which a late sample can belong there
+CLOCK_JUMP = 1.0  # [s]: a stamp further from the newest one is off
 STALL = 0.1  # [s] behind the newest stamp of all channels, after which a channel is named as stalled
-SETTLE_STEP = 1.1  # factor by which the usual step of a channel changes at most from sample to sample
-UNIT_TOLERANCE = 0.05  # of a quaternion's length, as in records
 
 # What became of a sample: columns of `Rings.tally`.
 TAKEN, INSERTED, REFUSED, DUPLICATE, TOO_LATE, OUTLIER, CLOCK_STEP = range(7)
@@ -72,6 +68,9 @@ class Rings(NamedTuple):
     shown: Annotated[Array, "channels, width"]  # what it showed last, the jumps by full turns taken out
     jumped: Annotated[Array, "channels, width"]  # what takes these jumps out of what it shows
     usual: Annotated[Array, "channels"]  # usual step of a channel [s]
+    rests: Annotated[Integers, "channels"]  # 1 if it may show exactly zero for long
+    stuck: Annotated[Integers, "channels"]  # 1 while it repeats one value and others change
+    changed: Annotated[Array, "channels"]  # stamp [s] of the newest sample that is not the one before again
     pending: Annotated[Array, "channels, 2"]  # stamps in a row that are off but agree: their number, and the latest
     friction: Annotated[Array, "6, rubbing"]  # coulomb, viscous, inertia, offset, rate, factor of the effort
     arm: Annotated[Array, "3"]  # place of the accelerometer in the base [m]
@@ -127,7 +126,7 @@ def new_rings(
             mix = turn if mix is None else turn @ mix
         if mix is not None:
             rings.mixed[c], rings.mix[c, :count, :count], rings.shift[c, :count] = 1, mix, shift
-        rings.slot[STREAM_KEYS.index(request.key)] = c
+        rings.slot[STREAM_KEYS.index(request.key)], rings.rests[c] = c, rests_at_zero(request.key)
         if request.key.startswith("joints."):
             row = ("joints.position", "joints.velocity", "joints.effort").index(request.key)
             index = robot.q_index if row == 0 else robot.v_index
@@ -145,7 +144,7 @@ def new_rings(
         rings.setting[4] = float(not keys["base.velocity"].names[0].startswith(f"{base.topic}.linear"))
     if base.rate is not None and base.rate.columns and base.rate.axes == "world":
         rings.setting[5] = 1.0
-    rings.shown[:] = rings.now[:COUNT] = np.nan
+    rings.shown[:] = rings.changed[:] = rings.now[:COUNT] = np.nan
     rings.now[BROKEN] = 0.0
     rings.arm[:], rings.gravity[:], rings.neutral[:] = imu_arm(chosen), model.gravity.linear, robot.neutral()
     for joint, place in chosen.joints.held.items():
@@ -176,143 +175,3 @@ def bracket(rings: Rings, c: int, t: float) -> int:
 def longest_step(rings: Rings, c: int) -> float:
     """Return the step of a channel [s] beyond which it has a hole."""
     return float(max(rings.setting[0], HOLE * rings.usual[c]))
-
-
-@inner
-def write_cell(rings: Rings, c: int, i: int, at: float) -> None:
-    """Write the scratch sample as the i-th oldest of a channel."""
-    k = (rings.head[c] + i) & (LENGTH - 1)
-    rings.time[c, k] = at
-    for j in range(rings.columns[c]):
-        rings.value[c, k, j] = rings.sample[j]
-
-
-@inner
-def make_room(rings: Rings, c: int) -> None:
-    """Drop the oldest sample of a channel whose ring is full."""
-    if rings.filled[c] == LENGTH:
-        rings.head[c] = (rings.head[c] + 1) & (LENGTH - 1)
-        rings.filled[c] -= 1
-
-
-@inner
-def usable(rings: Rings, c: int, given: Array) -> bool:
-    """Write a sample of the columns in SI units to the scratch; return False if it cannot be one."""
-    count, sample = rings.columns[c], rings.sample
-    if given.shape[0] != count:
-        return False
-    for j in range(count):
-        step = given[j] + rings.jumped[c, j] - rings.shown[c, j]
-        if abs(abs(step) - rings.turn[c, j]) < NEAR_TURN * rings.turn[c, j]:
-            rings.jumped[c, j] -= np.copysign(rings.turn[c, j], step)
-    for j in range(count):
-        sample[j] = rings.factor[c, j] * (given[j] + rings.jumped[c, j])
-        if rings.mixed[c] > 0:
-            sample[j] = 0.0
-            for k in range(count):
-                sample[j] += rings.mix[c, j, k] * (rings.factor[c, k] * (given[k] + rings.jumped[c, k]))
-            sample[j] += rings.shift[c, j]
-        if not abs(sample[j]) <= LARGEST_VALUE:  # NaN too
-            return False
-    if c == rings.slot[TURN_RING]:
-        square = 0.0
-        for j in range(count):
-            square += sample[j] ** 2
-        if not abs(np.sqrt(square) - 1.0) <= UNIT_TOLERANCE:
-            return False
-        for j in range(count):
-            sample[j] /= np.sqrt(square)
-    for j in range(count):
-        rings.shown[c, j] = given[j] + rings.jumped[c, j]
-    return True
-
-
-@inner
-def place_sample(rings: Rings, c: int, at: float) -> int:
-    """Place the scratch sample with a stamp [s] in its ring; return what became of it."""
-    if not abs(at) <= 1.0e12:
-        return REFUSED
-    count, off = rings.filled[c], rings.pending[c, 0] > 0.0
-    if count == 0:
-        write_cell(rings, c, 0, at)
-        rings.filled[c], rings.pending[c, 0] = 1, 0.0
-        return CLOCK_STEP if off else TAKEN
-    step, i = at - stamp_at(rings, c, count - 1), count
-    if step == 0.0:
-        return DUPLICATE
-    while i > 0 and stamp_at(rings, c, i - 1) > at:
-        i -= 1
-    if abs(step) > CLOCK_JUMP or (i < count and is_filled(rings, c, i)):
-        return follow_clock(rings, c, at)
-    if i < count:
-        return insert_sample(rings, c, i, at)
-    rings.pending[c, 0] = 0.0
-    usual = rings.usual[c]
-    if usual == 0.0:
-        rings.usual[c] = step
-    else:
-        rings.usual[c] = min(max(step, usual / SETTLE_STEP), usual * SETTLE_STEP)
-    make_room(rings, c)
-    write_cell(rings, c, rings.filled[c], at)
-    rings.filled[c] += 1
-    return TAKEN
-
-
-@inner
-def is_filled(rings: Rings, c: int, i: int) -> bool:
-    """Return whether the i-th oldest sample of a channel follows the one before so closely that none is late between.
-
-    How far apart samples are is known from those before. Of a channel that has begun just now, nothing is known.
-    """
-    if i <= SPACED:
-        return False
-    usual = (stamp_at(rings, c, i - 1) - stamp_at(rings, c, i - 1 - SPACED)) / SPACED
-    return stamp_at(rings, c, i) - stamp_at(rings, c, i - 1) < ROOM * usual
-
-
-@inner
-def follow_clock(rings: Rings, c: int, at: float) -> int:
-    """Leave out the scratch sample, whose stamp [s] is off, unless `CONFIRM` in a row agree that the clock was set.
-
-    From then on the clock is followed: what all channels showed before is forgotten, so that nothing of it is mixed
-    with what follows.
-    """
-    near = rings.pending[c, 0] > 0.0 and 0.0 < at - rings.pending[c, 1] <= CLOCK_JUMP
-    rings.pending[c, 0] = rings.pending[c, 0] + 1.0 if near else 1.0
-    rings.pending[c, 1] = at
-    if rings.pending[c, 0] < CONFIRM:
-        return OUTLIER
-    rings.filled[:], rings.usual[:], rings.pending[c, 0] = 0, 0.0, 0.0
-    write_cell(rings, c, 0, at)
-    rings.filled[c] = 1
-    rings.now[LAST] = rings.now[LAST_SEEN] = rings.now[CLOCK_ORIGIN] = np.nan
-    return CLOCK_STEP
-
-
-@inner
-def insert_sample(rings: Rings, c: int, i: int, at: float) -> int:
-    """Place the scratch sample before the i-th oldest, unless there has been an estimate behind its stamp [s]."""
-    if i > 0 and stamp_at(rings, c, i - 1) == at:
-        return DUPLICATE
-    if at <= rings.now[LAST_SEEN] or (i == 0 and rings.filled[c] == LENGTH):
-        return TOO_LATE
-    if rings.filled[c] == LENGTH:
-        make_room(rings, c)
-        i -= 1
-    rings.filled[c] += 1
-    for k in range(rings.filled[c] - 1, i, -1):
-        a, b = (rings.head[c] + k) & (LENGTH - 1), (rings.head[c] + k - 1) & (LENGTH - 1)
-        rings.time[c, a] = rings.time[c, b]
-        for j in range(rings.columns[c]):
-            rings.value[c, a, j] = rings.value[c, b, j]
-    write_cell(rings, c, i, at)
-    return INSERTED
-
-
-@kernel
-def put(memory: Array, c: int, time: float, given: Array) -> int:
-    """Take a sample of a channel, its columns (k,) as the map names them, at a time [s]; return what became of it."""
-    rings = fields_of(memory, Rings)
-    fate = place_sample(rings, c, time - rings.delay[c]) if usable(rings, c, given) else REFUSED
-    rings.tally[c, fate] += 1
-    return fate

@@ -15,6 +15,7 @@ DIFFERENCE = 6  # order of the differences in which a force that changes slowly 
 GAUSSIAN = 1.4826  # standard deviation over median of the magnitude
 NOISE_STRETCH = 32  # samples in which noise is told from that of other stretches
 BURST = 0.95  # share of the time in which a component's noise is smaller than what it is judged by
+MISFIT = "forces elsewhere, a moment, or a wrong model"  # what such errors may come from
 LARGEST_NOISE = 0.5  # share of a component's rms above which its noise is named
 DOUBT_STRETCH = 1.0  # [s] over which k is averaged to find when the rows fit worst
 
@@ -129,6 +130,11 @@ def worst_stretch(time: Array, doubt: Array) -> tuple[float, float]:
     means = (total[ends[begins]] - total[begins]) / (ends[begins] - begins)
     worst = int(np.argmax(means))
     return float(means[worst]), float(time[begins[worst]])
+
+
+def belief_words(k: float) -> str:
+    """Return in words how much larger than stated the squared errors of the rows are."""
+    return f"belief: squared errors of the rows are {k:.2g} times as large as stated"
 
 
 def warnings_about(estimate: Estimate) -> list[str]:

@@ -28,7 +28,11 @@ SOMETIMES = 0.95  # share of the time below which a component is not always seen
 TINY = 1e-12  # [N, N m]
 ROW_TORQUE, ROW_TORQUES = "a torque that the motion does not explain", "torques that the motion does not explain"
 WAYS = {"Fx": ("along x", "against x"), "Fy": ("along y", "against y"), "Fz": ("upward", "downward")}
-DOUBTFUL_CHECKS = (
+DOUBTFUL_CHECKS = (  # a warning of theirs may make up a force
+    "held channel",
+    "position against velocity",
+    "gyro against attitude",
+    "joint velocities against positions",
     "effort sign",
     "swapped joints",
     "mounting",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -13,6 +14,7 @@ from aerobat_pin.numerics import Array, fields_of
 from aerobat_pin.observers.estimate import Sample
 from aerobat_pin.observers.kalman.kalman import KalmanObserver
 from aerobat_pin.observers.kalman.noisy_sample import inertias_at
+from aerobat_pin.observers.kernels import posterior
 from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.observer import Observer
 
@@ -39,6 +41,15 @@ class ObserversTogether:
             _read_from(observer, self.data)
             groups.setdefault(observer._compute, []).append((k, observer))
         self._groups = tuple(groups.items())
+        self._levels = np.zeros(3)
+        for observer in reversed(observers):
+            if observer.expected is not None and not isinstance(observer, KalmanObserver):
+                self._levels = fields_of(observer._memory, ObserverState).posterior[posterior.LEVELS]
+
+    @property
+    def recent_k(self) -> float:
+        """Mean k in the last seconds by the first observer that is no filter, see `Expected`; NaN if no row shows it."""
+        return float(self._levels[1]) if self._levels[2] > 0.0 else math.nan
 
     def start(self, q: Array, v: Array) -> None:
         """Start all observers again, as `Observer.reset` does, at a sample that has been checked."""

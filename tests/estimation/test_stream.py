@@ -6,6 +6,7 @@ import copy
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from support.walking_log import FEET, Walk, table, table_map, urdf, walk
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import OnlineEstimator, OnlineSample, estimate, stream_of
 from aerobat_pin.estimation.stream_rings import LENGTH
+from aerobat_pin.observers import DOUBTFUL
 from aerobat_pin.records import LARGEST_VALUE, Map, open_record, parse_map
 
 CLOCKS = {  # channel -> rate [Hz] and first stamp [s]
@@ -273,6 +275,58 @@ def test_clocks_set_back_a_little_are_followed(folder: Path, step: float, wait: 
     for name in ("force_level", "kalman"):
         last, wanted = (values_of(part, name)[-100:] for part in (found, expected))
         np.testing.assert_allclose(last, wanted, atol=1.0)
+
+
+def test_a_channel_that_hangs_is_named(clean: tuple[OnlineEstimator, Stamped, np.ndarray]) -> None:
+    """A driver repeats its last sample for 0.7 s: after 0.5 s it is named, and no estimate is called settled."""
+    stream, stamped, usual = clean
+    for part, keys in (("gyro", ("base.rate",)), ("tau", ("joints.effort",)), ("pos", ())):  # joints may stand
+        stream.reset()
+        found = list[OnlineSample]()
+        for i, (t, row) in enumerate(stamped):
+            hangs = {key: stamped[100][1][key] for key in row if part in key.split("_")} if 100 < i < 450 else {}
+            assert hangs or not 100 < i < 450
+            found += stream.push(t, row | hangs)
+            assert stream.health.stuck == (keys if 350 < i < 450 else ())
+            assert stream.health.settled == (found[-1].settled if found else False)
+        assert not keys or not any(one.settled for one in found if 0.704 < one.end < 0.9)
+        assert found[340].settled
+        assert len(found) == len(usual)
+        assert stream.health.stalled == ()
+
+
+def test_a_wrong_belief_is_said_while_the_stream_runs(clean: tuple[OnlineEstimator, Stamped, np.ndarray]) -> None:
+    """All efforts reversed: k of the last seconds is large, with every estimate."""
+    stream, stamped, _ = clean
+    stream.reset()
+    assert max(one.k for one in streamed(stream, stamped)[100:]) < DOUBTFUL
+    assert stream.health.doubts == ()
+    stream.reset()
+    found = streamed(stream, [(t, {key: -x if "_tau" in key else x for key, x in row.items()}) for t, row in stamped])
+    assert found[-1].k == stream.health.k > 3.0 * DOUBTFUL
+    assert "times as large as stated: forces elsewhere, a moment, or a wrong model" in str(stream.health)
+
+
+def test_what_keeps_a_stream_from_estimates_is_said(folder: Path) -> None:
+    """Joints of two publishers, stamps of zero, and more samples than a ring keeps within the wait."""
+    stamped = messages(walk(0.3))
+    stream = OnlineEstimator(mapped(folder, None), folder)
+    for t, row in stamped:
+        for leg in ("FL", "RR"):
+            stream.push(t, {key: value for key, value in row.items() if key.startswith(leg) or "_tau" not in key})
+    assert stream.health.estimates == 0
+    [obstacle] = stream.health.obstacles
+    assert obstacle.startswith("joints.effort: no message has all of it, FL_HAA_tau is missing where others are")
+    assert obstacle in str(stream.health)
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0))
+    state = SimpleNamespace(header=header, name=["a"], position=[0.0], velocity=[0.0], effort=[0.0])
+    assert stream.message("/joint_states", state) == []
+    assert "/joint_states: its messages have no stamp" in stream.health.obstacles
+    waiting = OnlineEstimator(mapped(folder, None), folder, wait=0.5)
+    for k in range(LENGTH + 1):
+        waiting.push(1e-4 * k, stamped[0][1])
+    assert waiting.health.estimates == 0
+    assert any("2048 samples are kept, 0.2 s: less than" in one for one in waiting.health.obstacles)
 
 
 def test_thousands_of_random_faults_neither_raise_nor_fill_memory(folder: Path) -> None:

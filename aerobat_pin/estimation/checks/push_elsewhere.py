@@ -18,6 +18,7 @@ import numpy as np
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.run_observers import points_of, rows_of, settled
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
+from aerobat_pin.estimation.trust import MISFIT
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected, MomentumObserver
 from aerobat_pin.records import Record
@@ -50,7 +51,7 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
         if lean[worst] > max(times * usual, size * stated):
             text = (
                 f"from {time[worst] - record.start:.2f} s on, what no force explains leans one way for {LEANS_FOR:g} "
-                f"s, {lean[worst] / usual:.2g} times as far as usual: forces elsewhere, a moment, or a wrong model"
+                f"s, {lean[worst] / usual:.2g} times as far as usual: {MISFIT}"
             )
             yield Finding("push elsewhere", "warning", text, float(lean[worst] / usual), "1")
             return

@@ -120,16 +120,18 @@ def channel_findings(channel: Channel, parts: list[tuple[float, float]], *, alon
 
 
 def _changes(channel: Channel) -> NDArray[np.bool_]:
-    """Return whether each sample (n - 1,) differs from the one before.
-
-    A force of exactly zero counts as a change: a sensor that nothing touches may show it for long.
-    """
-    of_force, changes = channel.key == "check.wrench" or channel.key.startswith("known."), [np.zeros(0, bool)]
+    """Return whether each sample (n - 1,) differs from the one before, or shows exactly zero where this may last."""
+    may_rest, changes = rests_at_zero(channel.key), [np.zeros(0, bool)]
     for begin in range(0, len(channel.values) - 1, EXTENT):
         values = channel.values[begin : begin + EXTENT + 1]
         changed = np.any(np.diff(values, axis=0) != 0.0, axis=1)
-        changes.append(changed | np.all(values[1:] == 0.0, axis=1) if of_force else changed)
+        changes.append(changed | np.all(values[1:] == 0.0, axis=1) if may_rest else changed)
     return np.concatenate(changes)
+
+
+def rests_at_zero(key: str) -> bool:
+    """Return whether a channel may be zero for long: the rate of what stands, or a force where nothing touches."""
+    return key == "check.wrench" or key.startswith("known.") or key.endswith((".velocity", ".rate"))
 
 
 def _dead_efforts(record: Record) -> Iterator[Finding]:
