@@ -34,7 +34,7 @@ class Clock:
         time: (n,) stamps [s], increasing.
         repeated: number of samples whose stamp was that of the sample before, which they are merged with.
         differing: number of these that had another value in a column; the first value stays.
-        off, backward, set_back: what else was wrong with the stamps; see `Order`.
+        off, backward, set_back, reordered: what else was wrong with the stamps; see `Order`.
         late: (n,) recorder's stamp minus the sensor's [s]; None where there is only one of them.
     """
 
@@ -45,6 +45,7 @@ class Clock:
     backward: int = 0
     set_back: int = 0
     late: Series | None = None
+    reordered: int = 0
 
 
 @dataclass(frozen=True)
@@ -157,6 +158,8 @@ class GrowingTable:
             return Clock(self._time, late=delays), self._columns
         stamps = self._time[:]
         order = in_order(stamps)
+        if not self._rises and self._columns_rise(stamps):
+            order = sorted_rows(stamps)
         rows = order.rows
         new = np.diff(stamps[rows], prepend=-np.inf) > 0.0
         which, differing, columns = np.cumsum(new) - 1, np.zeros(len(rows), bool), {}
@@ -174,8 +177,14 @@ class GrowingTable:
             order.backward,
             order.set_back,
             None if delays is None else series_of(self._spool, delays[:][rows[new]]),
+            order.reordered,
         )
         return clock, columns
+
+    def _columns_rise(self, stamps: Array) -> bool:
+        """Return whether the stamps (n,) of each column's samples rise, as where some sensors come late."""
+        own = (stamps[np.isfinite(series[:])] for series in self._columns.values())
+        return bool(np.all(np.isfinite(stamps))) and all(np.all(np.diff(time) > 0.0) for time in own)
 
 
 def in_step(time: Series, *others: Series) -> Iterator[tuple[Array, ...]]:
@@ -194,12 +203,19 @@ class Order:
         off: number of rows left out because their stamps do not fit between their neighbours'.
         backward: number of rows left out because they go back to times that have samples already.
         set_back: how often rows stand before earlier ones, as the clock was set back between them.
+        reordered: number of rows behind later ones, of sensors whose samples came late.
     """
 
     rows: NDArray[np.intp]
     off: int
     backward: int
     set_back: int
+    reordered: int = 0
+
+
+def sorted_rows(time: Array) -> Order:
+    """Return all rows of stamps (n,) [s] by their stamps, for columns of which each has its samples in order."""
+    return Order(np.argsort(time, kind="stable"), 0, 0, 0, int(np.sum(time < np.maximum.accumulate(time))))
 
 
 def stands_alone(*pairs: Array) -> bool:

@@ -223,6 +223,16 @@ def test_stamps_in_any_order_are_used_once() -> None:
         assert order.off <= 9 * 6
 
 
+def test_rows_in_the_order_of_arrival_are_sorted(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """A slow sensor's rows come behind later ones of a fast one, and each one's stamps rise: nothing is left out."""
+    fast, slow = swing.drop(columns=f"{JOINTS[0]}_q"), swing.iloc[::5][["t", f"{JOINTS[0]}_q"]]
+    arrival = pd.concat([fast.assign(arrives=fast["t"]), slow.assign(arrives=slow["t"] + 0.05)])
+    table = arrival.sort_values("arrives", kind="stable").drop(columns="arrives").reset_index(drop=True)
+    record = opened(table, tmp_path)
+    assert sum(counts(record)) >= 990
+    assert any(f"{len(slow)} of" in text and "stood behind later ones" in text for text in said(record))
+
+
 def test_a_stamp_that_is_no_number_is_left_out() -> None:
     """As NetCDF files can hold them."""
     table = GrowingTable(Spool())

@@ -79,6 +79,9 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
         if clock.set_back:
             what = f"{name}: the clock was set back {clock.set_back} x; samples stand where their stamps say"
             yield Finding("time goes back", "warning", what, clock.set_back, "1")
+        if clock.reordered:
+            what = f"{name}: {clock.reordered} of {count} rows stood behind later ones, and were sorted"
+            yield Finding("order of rows", "note", what, clock.reordered / count, "1")
         if clock.late is None or not len(clock.late):
             continue
         late = np.concatenate(clock.late.spread())
