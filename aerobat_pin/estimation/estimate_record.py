@@ -8,8 +8,9 @@ from dataclasses import replace
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.against_reference import sensor_references
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
-from aerobat_pin.estimation.calibration.check_model import check_model
+from aerobat_pin.estimation.calibration.check_model import CheckedModel, check_model
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
+from aerobat_pin.estimation.calibration_use import ModelCheck
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
 from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
@@ -29,6 +30,7 @@ WITHOUT_FRICTION = (
     "it knows no friction, but this record shows some, which was found beside the forces; contacts are not sought. "
     'Calibrate again with friction = {law = "coulomb+viscous"} under [joints]'
 )
+WITH_SOME = "{}, so it was found beside the forces; contacts are not sought. Calibrate with all joints in motion"
 ShareDone = Callable[[float], None]
 
 
@@ -70,7 +72,10 @@ def estimate(
 
     model = None
     if calibration is not None and not record.robot.smooths(record.channels):
-        if beside:  # what the calibration expects has friction in it, as what it is compared with
+        if beside and given.values.friction is not None:
+            model = CheckedModel(ModelCheck(None, 0.0, 0.0, why=_unseen_before(given, forces)), inputs, lambda _: None)
+            calibration = replace(calibration, detection=None)
+        elif beside:  # what the calibration expects has friction in it, as what it is compared with
             model = check_model(calibration, given, inputs_between(record, given))
             calibration = replace(calibration, detection=None)
         else:
@@ -110,7 +115,9 @@ def estimate(
     )
     findings += [] if smoothed is not None else result_findings(result, expected)
     findings += [] if calibration is None else [calibration.finding()]
-    findings += [Finding("calibration", "warning", WITHOUT_FRICTION)] * (calibration is not None and beside)
+    if calibration is not None and beside:
+        text = WITHOUT_FRICTION if given.values.friction is None else WITH_SOME.format(_unseen_before(given, forces))
+        findings.append(Finding("calibration", "warning", text))
     if not trust:
         refuse_if_certain(name, findings)
     return replace(result, findings=tuple(findings))
@@ -134,6 +141,12 @@ def _with_noise(forces: KnownForces) -> KnownForces:
         return forces
     noise = forces.values.row_noise or noise_where_known(forces)
     return fit_beside_forces(replace(forces, values=replace(forces.values, row_noise=noise)))
+
+
+def _unseen_before(given: KnownForces, forces: KnownForces) -> str:
+    """Return in words of which joints a calibration did not show friction that a record does."""
+    joints = [joint for joint in forces.values.joints if joint not in given.values.joints]
+    return f"the calibration's recording did not show friction of {', '.join(joints)}"
 
 
 def _chosen_observers(

@@ -34,7 +34,7 @@ from aerobat_pin.estimation.deviations import tilt_of
 from aerobat_pin.estimation.expected_of_record import EFFORT_ERROR, column_rms, expected_of, lifted_feet, row_scale
 from aerobat_pin.estimation.instants import Instants, looked_at
 from aerobat_pin.estimation.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces
-from aerobat_pin.estimation.run_observers import inputs_between, points_of
+from aerobat_pin.estimation.run_observers import ignored_rows, inputs_between, points_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected, JointFriction, row_names
 from aerobat_pin.robot import rotation_matrices
@@ -49,7 +49,7 @@ CHECKED = 0.02  # of a row's error that other rows show at least: else a force p
 LEAST_TRACE = 1e-9  # of the largest singular value: a fainter force leaves none
 FACTOR_SIZES = np.linspace(0.05, 1.0, 20)  # of g, over the largest: one is as likely as another before
 BALANCE_STRETCHES = 8  # of a record, whose means show how far its momentum changes
-SLIDES = 0.76  # of Coulomb friction that has set in: a joint that never shows as much hardly moves
+SLIDES_AT = 0.76  # of Coulomb friction that has set in: a joint that never shows as much hardly moves
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
 
 
@@ -65,9 +65,13 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     expected = expected_of(record, inputs, values, points) if points and sought else None
     if expected is None:
         return forces
-    instants = looked_at(record, inputs, expected.stiction_rate)
+    law = values.friction
+    known, rate = ((), None) if law is None else (values.joints, law.rate)
+    instants = looked_at(record, inputs, expected.stiction_rate, known=known, rate=rate)
     if len(instants.rows) < FEWEST_INSTANTS or not instants.joints:
         return forces
+    if law is not None and np.abs(instants.sliding[:, instants.at]).max() < SLIDES_AT:
+        return forces  # what a calibration did not see move does not move here, either
     y, J, robot = instants.rows[:, instants.kept], instants.jacobians[:, :, instants.kept], record.robot
     force, lifts = np.broadcast_to(expected.force, J.shape[:2]), False
     if walks_on(robot, record.map):
@@ -78,12 +82,31 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     fitted = _fitted(forces, instants, expected, force, lifts)
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
         fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), False)
+    if law is not None:
+        return replace(forces, values=_with_known(fitted, values, law))
     return replace(forces, values=fitted) if _smaller_errors(fitted, values.row_noise) else forces
 
 
 def knows_friction(forces: KnownForces) -> bool:
-    """Return whether a map or a calibration says what friction the joints have."""
-    return forces.values.friction is not None or forces.record.map.joints.friction is not None
+    """Return whether a map or a calibration says what friction the joints have whose rows are believed."""
+    record, values = forces.record, forces.values
+    joints = set(record.driven) - set(ignored_rows(record))
+    return record.map.joints.friction is not None or (values.friction is not None and joints <= {*values.joints})
+
+
+def _with_known(fitted: FittedValues, known: FittedValues, law: JointFriction) -> FittedValues:
+    """Return friction that was found beside the forces with that of other joints, which was known, and its errors."""
+    found = fitted.friction
+    assert found is not None
+    names = "coulomb", "viscous", "inertia", "offset"
+    both = {name: np.concatenate([getattr(law, name), getattr(found, name)]) for name in names}
+    return replace(
+        fitted,
+        joints=(*known.joints, *fitted.joints),
+        friction=JointFriction(**both, rate=law.rate),
+        scale=np.concatenate([known.scale, fitted.scale]),
+        row_noise={**fitted.row_noise, **known.row_noise},
+    )
 
 
 def _smaller_errors(fitted: FittedValues, known: Mapping[str, float]) -> bool:
@@ -127,7 +150,7 @@ def _fitted(forces: KnownForces, instants: Instants, expected: Expected, force: 
             float(before[at[i]]),
             float(error_rms[at[i]]),
             float("nan"),
-            untold="" if slid[i] > SLIDES else HARDLY_MOVES,
+            untold="" if slid[i] > SLIDES_AT else HARDLY_MOVES,
         )
         for i, joint in enumerate(instants.joints)
     ]
@@ -196,7 +219,7 @@ def most_likely(
         mean = R * white  # of e, given the rows
         square = mean**2 + R - R**2 * np.diagonal(inverse, axis1=1, axis2=2)
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
-        size = np.where(slid > SLIDES, np.maximum(size, LEAST_SIZE), 1.0)
+        size = np.where(slid > SLIDES_AT, np.maximum(size, LEAST_SIZE), 1.0)
     count = np.maximum(independent(mean), FEWEST_INDEPENDENT)
     checked = spare_share(J, force, np.sqrt(size) * error) > CHECKED
     size *= count / (count - 2.0)  # Student's variance: r follows from so few

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +27,7 @@ class Instants:
         rows: (m, nv) generalised forces.
         jacobians: (m, c, nv) of the components sought.
         kept: the rows that are believed.
-        joints: those that are driven and have a row that is believed.
+        joints: those that are driven, have a row that is believed, and friction that is not known.
         at: their places among the believed rows.
         sliding: (m, k) tanh(v / v_s) of the believed rows; 1 for those without friction.
         columns: (3, m, k) what Coulomb and viscous friction of size 1, and the effort, do in each believed row.
@@ -46,32 +46,47 @@ class Instants:
     every: int
 
 
-def looked_at(record: Record, inputs: Callable[[int, int], KnownInputs], stiction_rate: Array) -> Instants:
-    """Return instants of a record, spread evenly, none of which is at a start."""
+def looked_at(
+    record: Record,
+    inputs: Callable[[int, int], KnownInputs],
+    stiction_rate: Array,
+    *,
+    known: Collection[str] = (),
+    rate: float | None = None,
+) -> Instants:
+    """Return instants of a record, spread evenly, none of which is at a start.
+
+    Args:
+        record: the record.
+        inputs: function of first and last index of the common times: what an observer is given there.
+        stiction_rate: (nv,) speed from which each joint slides [m/s or rad/s].
+        known: joints whose friction is among the inputs.
+        rate: speed at which Coulomb friction sets in [m/s or rad/s]; that from which joints slide when omitted.
+    """
     stretches = [inputs(*ends) for ends in record.spread(SEEN_INTERVALS)]
     robot, gain, rows = record.robot, float(record.map.observer.gain), stretches[0].rows
     model = robot.model
     kept = rows.kept(model) if isinstance(rows, AllBut) else list(range(model.nv))
-    joints = [joint for joint in record.driven if robot.v_index(joint) in kept]
+    driven = [joint for joint in record.driven if robot.v_index(joint) in kept]
+    joints = [joint for joint in driven if joint not in known]
     every = max(sum(len(stretch.tau) for stretch in stretches) // MOST_INSTANTS, 1)
     observer, parts = MomentumObserver(model, points_of(record.map), gain, rows), []
     places, times = list[Array](), list[Array]()
     for stretch in stretches:
         v, share = 0.5 * (stretch.v[1:] + stretch.v[:-1]), -np.expm1(-gain * typical_step(stretch.time))
         y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
-        sliding = np.tanh(v / stiction_rate)
+        sliding, coulomb = np.tanh(v / stiction_rate), np.tanh(v / (stiction_rate if rate is None else rate))
         settled = np.flatnonzero(stretch.time[:-1] - stretch.time[0] > TIME_CONSTANTS_TO_SETTLE / gain)
         chosen = settled[::every]
-        table = np.stack([y, sliding, *(low_passed(values, share) for values in (-sliding, -v, stretch.tau))])
+        table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, stretch.tau))])
         parts.append(table[:, chosen])
         places.append(stretch.q[chosen + 1])
         times.append(stretch.time[chosen])
     (y, sliding, *columns), q = np.concatenate(parts, axis=1), np.concatenate(places)
     components = len(observer.applications.components)
     jacobians = np.array([observer.applications.jacobian(q_k) for q_k in q]).reshape(len(q), components, model.nv)
-    driven = [robot.v_index(joint) for joint in joints]
-    still = [row for row in range(model.nv) if row not in driven]
-    sliding[:, still] = 1.0
-    at = [kept.index(row) for row in driven]
+    slides = [robot.v_index(joint) for joint in driven]
+    sliding[:, [row for row in range(model.nv) if row not in slides]] = 1.0
+    at = [kept.index(robot.v_index(joint)) for joint in joints]
     time, x = np.concatenate(times), np.stack(columns)[:, :, kept]
     return Instants(time, q, y, jacobians, kept, joints, at, sliding[:, kept], x, every)

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
-from support.strange_arm import URDF, arm_map, nothing, write_log
+from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_log
 from support.swinging_arm import arm, recording
 from support.swinging_arm import arm_map as short_arm_map
 
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation import calibrate
+from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.records import open_record, parse_map
 
 HOSE = np.array([0.0, 0.0, -20.0])
@@ -49,3 +49,19 @@ def test_an_arm_without_a_row_to_spare_says_that_it_cannot_tell(tmp_path: Path) 
     recording(tmp_path, "free", pushed=False, seed=1)
     warnings = calibrate([open_record(tmp_path / "free.csv", tmp_path / "map.toml")]).warnings
     assert [line for line in warnings if "no row is to spare" in line and "make sure that nothing pushed" in line]
+
+
+@pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
+def test_friction_that_a_calibration_did_not_see_is_found_as_without_one(tmp_path: Path) -> None:
+    """Only the wrist moved: as zero, friction of the others made Fy of a pushed record 8 N wrong, with +-2 N."""
+    write_log(tmp_path / "wrist.csv", 221, nothing, pace=1.6, still=3)
+    moved = write_log(tmp_path / "push.csv", 222, pushed, pace=1.6)
+    chosen = parse_map(arm_map(["tool0"], friction=True), "of the test")
+    learnt = calibrate([open_record(tmp_path / "wrist.csv", chosen, tmp_path)])
+    assert learnt.fitted.joints == tuple(JOINTS[3:])
+    result = estimate(open_record(tmp_path / "push.csv", chosen, tmp_path), calibration=learnt)
+    found, truth = result.estimates["force_level"], 0.5 * (moved[1:] + moved[:-1])
+    inside = np.abs(found.components - truth) < 2.0 * found.standard_deviation
+    assert inside[found.shown].mean() > 0.95
+    assert result.model.verdict == "unverified"
+    assert any("did not show friction of shoulder_pan_joint" in line for line in result.warnings)

@@ -41,11 +41,12 @@ def write_log(
     *,
     pace: float = 1.0,
     load: dict[str, Any] | None = None,
+    still: int = 0,
 ) -> np.ndarray:
     """Write a log of the arm; return the force (n, 3) on it [N], which acts at `lever` [m] from its tool (world axes).
 
     Friction grows with the load and falls with the speed at first (Stribeck); at rest it is anything below. The arm
-    swings so many times as fast as `pace` says, and carries a `load`, a map's `payload`.
+    swings so many times as fast as `pace` says, and carries a `load`, a map's `payload`. Its first `still` joints rest.
     """
     model = pin.buildModelFromUrdf(str(URDF))
     if load is not None:
@@ -60,6 +61,7 @@ def write_log(
     for harmonic in range(1, 5):
         size, phase = rng.uniform(0.15, 0.5, 6), rng.uniform(0.0, 2.0 * np.pi, 6)
         angle += size * np.sin(2.0 * np.pi * harmonic * 0.07 * pace * time[:, None] + phase)
+    angle[:, :still] = 0.0
     q = UPRIGHT + fade[:, None] * angle
     v = np.gradient(q, time, axis=0)
     a = np.gradient(v, time, axis=0)

@@ -32,6 +32,7 @@ from aerobat_pin.estimation.calibration.map_fits import (
     fitted_by_map,
     kept_of,
     taken_as_free,
+    unseen_notes,
     with_friction,
 )
 from aerobat_pin.estimation.calibration.pushed_points import pushed_points
@@ -151,6 +152,7 @@ def calibrate(
             *(_what_is_learnt_from(known.record) for known in forces),
             *(line for record in records for line in record.notes),
             *fit_notes(records[0], values),
+            *unseen_notes(records[0], forces[0].values),
             *notes,
             bar_words(bar),
         ),

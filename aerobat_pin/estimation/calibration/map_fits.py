@@ -124,14 +124,28 @@ def fitted_by_map(record: Record, *, mass: bool) -> KnownForces:
 def kept_of(record: Record, values: FittedValues) -> FittedValues:
     """Return the values that hold in other records: fitted coefficients, and no offset against a sensor.
 
-    That offset is also the sensor's tare, and friction at rest.
+    That offset is also the sensor's tare, and friction at rest. Of a joint that stood still nothing is
+    kept: records in which it moves find its friction beside the forces.
     """
     fitted = [name for name, known in record.map.known.items() if known.fit is not None]
-    values = replace(values, coefficients={name: values.coefficients[name] for name in fitted})
+    values = _seen(replace(values, coefficients={name: values.coefficients[name] for name in fitted}))
     if not fits_to_sensor(record.map) or values.friction is None:
         return values
     fits = [replace(fit, values=fit.values | dict.fromkeys(fit.values.keys() & {"offset"}, 0.0)) for fit in values.fits]
     return replace(values, friction=replace(values.friction, offset=np.zeros(len(values.joints))), fits=tuple(fits))
+
+
+def _seen(values: FittedValues) -> FittedValues:
+    """Return values without joints of which no friction was seen; all of them where factors were sought."""
+    law = values.friction
+    if law is None or law.deviation is None or len(values.gain_covariance):
+        return values
+    kept = np.any(np.isfinite(law.deviation[:, :2]), axis=1)  # Coulomb or viscous
+    if kept.all() or not kept.any():
+        return values
+    of_joints = {name: getattr(law, name)[kept] for name in (*FRICTION_COEFFICIENTS, "deviation")}
+    joints = tuple(joint for joint, seen in zip(values.joints, kept, strict=True) if seen)
+    return replace(values, joints=joints, scale=values.scale[kept], friction=replace(law, **of_joints))
 
 
 def fit_notes(record: Record, values: FittedValues) -> Iterator[str]:
@@ -139,12 +153,17 @@ def fit_notes(record: Record, values: FittedValues) -> Iterator[str]:
     yield from (f"fit: {fit}" for fit in values.fits)
     if fits_to_sensor(record.map):
         yield "offsets against a sensor are this recording's own: not kept"
-    friction, section = values.friction, record.map.joints.friction
+    section = record.map.joints.friction
     if section is not None and section.scale and section.to is None and record.map.payload is None:
         yield (
             f"factors of the efforts and masses: only their ratio is seen; taken as masses within {MASS_ERROR:.0%} and "
             f"centres within {100.0 * CENTRE_ERROR:g} cm of what is believed. A known payload tells them apart"
         )
+
+
+def unseen_notes(record: Record, values: FittedValues) -> Iterator[str]:
+    """Yield what a record does not show of the friction that was fitted, in words."""
+    friction, section = values.friction, record.map.joints.friction
     if friction is None or friction.deviation is None or section is None:
         return
     unseen = [
@@ -153,7 +172,7 @@ def fit_notes(record: Record, values: FittedValues) -> Iterator[str]:
         if section.law.endswith("inertia") or FRICTION_COEFFICIENTS[k] != "inertia"
     ]
     if unseen:
-        yield f"not seen in this recording, taken as zero: {', '.join(unseen)}"
+        yield f"not seen in this recording: {', '.join(unseen)}; of joints that stood still nothing is kept"
 
 
 def _time_after(record: Record, share: float) -> float:
