@@ -140,12 +140,12 @@ class OnlineEstimator:
         """What became of the samples so far."""
         keys, counts = tuple(self._requests), (self._estimates, self._starts, self._failed)
         obstacles = [f"{topic}: its messages have no stamp" for topic in sorted(self._unstamped)]
-        obstacles += [
-            f"{keys[c]}: no message has all of it, {column} is missing where others are: one publisher for all joints "
-            "(joint_state_publisher with source_list joins several), or joints.held, was expected"
-            for c, column in self._parted.items()
-            if not self._rings.filled[c]
-        ]
+        if parted := {keys[c]: column for c, column in self._parted.items() if not self._rings.filled[c]}:
+            obstacles.append(
+                f"no message has all of {', '.join(parted)}: {', '.join(parted.values())} missing where others are; "
+                "one publisher for all joints (joint_state_publisher with source_list joins several), or joints.held, "
+                "was expected"
+            )
         return stream_health(self._rings, keys, counts, self._wait, self._together.recent_k, obstacles)
 
     def reset(self) -> None:

@@ -139,11 +139,12 @@ def stream_health(
     stalled = [key for key in keys if key not in newest or latest - newest[key] > ring_kernels.STALL]
     common = min(newest.values(), default=0.0) - rings.setting[1]
     full = np.flatnonzero((rings.filled == ring_kernels.LENGTH) & (rings.time.min(axis=1) > common)).tolist()
-    short = [
-        f"{keys[c]}: {ring_kernels.LENGTH} samples are kept, {np.ptp(rings.time[c]):.2g} s: less than by how much the "
-        "slowest channel and the wait are behind"
-        for c in full
-    ]
+    if full:
+        obstacles = [
+            *obstacles,
+            f"{', '.join(keys[c] for c in full)}: {ring_kernels.LENGTH} samples are kept, "
+            f"{np.ptp(rings.time[full[0]]):.2g} s, less than by how much the slowest channel and the wait are behind",
+        ]
     tallies = (dict(zip(ring_kernels.FATES, tally, strict=True)) for tally in rings.tally.tolist())
     return StreamHealth(
         estimates=counts[0],
@@ -155,5 +156,5 @@ def stream_health(
         stuck=tuple(key for key, stuck in zip(keys, rings.stuck.tolist(), strict=True) if stuck),
         settled=bool(now[ring_kernels.LAST] - now[ring_kernels.BEGAN] >= wait),  # False while they are NaN
         k=k,
-        obstacles=(*obstacles, *short),
+        obstacles=tuple(obstacles),
     )

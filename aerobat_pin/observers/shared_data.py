@@ -48,7 +48,7 @@ class ObserversTogether:
 
     @property
     def recent_k(self) -> float:
-        """Mean k in the last seconds by the first observer that is no filter, see `Expected`; NaN if no row shows it."""
+        """Mean k in the last seconds by the first observer that is no filter, see `Expected`; NaN if none shows it."""
         return float(self._levels[1]) if self._levels[2] > 0.0 else math.nan
 
     def start(self, q: Array, v: Array) -> None:
