@@ -104,6 +104,8 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
     if unknown:
         raise MapError(f"map: joints: no joint '{unknown[0]}' in the robot; there are {', '.join(robot.joints)}")
     notes, strangers = [], list[str]()
+    if robot.unread:
+        notes.append(f"not read from the robot's file: {', '.join(robot.unread)}")
     names = listed or tuple(name for name in robot.joints if name not in table.held)
     if table.topic is not None:
         start = f"{table.topic}.position."
@@ -122,12 +124,21 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
     missing = [name for name in robot.joints if name not in names and name not in table.held]
     if missing and not robot.moves_joints:
         hint = "name their columns"
+        following = [f"{name} mimics {robot.mimics[name]}" for name in missing if name in robot.mimics]
+        hint += f" ({', '.join(following)}, and moves with it)" if following else ""
         if strangers:
             alike = as_names(nearest_joints(strangers, missing) or {"NAME": missing[0]})
             hint = f"{table.topic} has {', '.join(strangers)}: if one of them is meant, write {alike}"
         raise MapError(
             f"map: joints: {', '.join(missing)} have no channel; {hint}, or write joints.held = "
             f"{{{missing[0]} = 0.0}} for a joint that stands still (its row is then not believed)"
+        )
+    if driven := [name for name in table.held if robot.mimics.get(name) in names]:
+        leader = robot.mimics[driven[0]]
+        raise MapError(
+            f"map: joints: {driven[0]} is in held, but the robot's file says that it mimics {leader}, which moves: its "
+            f"share of the effort would be taken for a force. Name its columns: position and velocity follow those of "
+            f"{leader}, and its effort is what it takes of the motor's"
         )
     if still := [name for name in table.passive if name in table.held]:
         raise MapError(f"map: joints: {still[0]} is in held, which drives it by an unknown effort, and in passive: one")

@@ -119,6 +119,7 @@ def _built(table: RobotTable, folder: Path) -> PlainRobot:
             "name = ROBOT was expected"
         )
     free = table.root != "fixed"
+    mimics, unread = dict[str, str](), tuple[str, ...]()
     if table.body is not None:
         model, title = _one_body(table), f"one body of {1e3 * table.body.mass:g} g"
         if not free:
@@ -128,7 +129,7 @@ def _built(table: RobotTable, folder: Path) -> PlainRobot:
         if table.name is not None and table.root is None:
             free = named_robot(table.name)[1]
         model, title = model_of_file(path, mjcf=table.mjcf is not None, free=free), table.name or path.stem
-        free = has_free_base(model)
+        free, (mimics, unread) = has_free_base(model), _beside_the_model(path, mjcf=table.mjcf is not None)
     down = np.array(table.down)
     if not np.any(down) or (free and np.any(down != (0.0, 0.0, -1.0))):
         why = "the attitude of a free base says how it stands" if free else "a direction was expected"
@@ -144,7 +145,19 @@ def _built(table: RobotTable, folder: Path) -> PlainRobot:
                 f"robot {title}: joint '{name}' has {joint.nq} coordinates: joints of one angle or one length were "
                 "expected"
             )
-    return PlainRobot(model, free, joints, title)
+    return PlainRobot(model, free, joints, title, mimics=mimics, unread=unread)
+
+
+def _beside_the_model(path: Path, *, mjcf: bool) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Return which joints of a URDF follow another one, and what an MJCF file says that the model does not have."""
+    root = checked_robot(path, "mjcf" if mjcf else "urdf")
+    if not mjcf:
+        pairs = ((joint.get("name"), joint.find("mimic")) for joint in root.iter("joint"))
+        return {name: mimic.get("joint", "") for name, mimic in pairs if name and mimic is not None}, ()
+    said = {f"{element.tag} {key}" for element in root.iter() for key in {"gravcomp", "stiffness"} & {*element.keys()}}
+    said |= {"equality"} if next(root.iter("equality"), None) is not None else set()
+    said |= {"option gravity"} if any(option.get("gravity") for option in root.iter("option")) else set()
+    return {}, tuple(sorted(said))
 
 
 def _one_body(table: RobotTable) -> pin.Model:

@@ -35,6 +35,8 @@ class PlainRobot(ShownInNotebooks):
         joints: names of the other joints, in the order of v.
         title: what it is, for reports.
         payload: what it carries, contained in the model; None if nothing is known of it.
+        mimics: joint that a file says to follow another one -> that one; the model lets both move by themselves.
+        unread: what its file says and the model does not have, such as `gravcomp`.
         unloaded, stated: the model without the payload, and also without corrected links; None if it is the model.
     """
 
@@ -43,6 +45,8 @@ class PlainRobot(ShownInNotebooks):
     joints: tuple[str, ...]
     title: str
     payload: PayloadSection | None = field(default=None, kw_only=True)
+    mimics: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    unread: tuple[str, ...] = field(default=(), kw_only=True)
     unloaded: pin.Model | None = field(default=None, kw_only=True)
     stated: pin.Model | None = field(default=None, kw_only=True)
     moves_joints: ClassVar[bool] = False  # whether `complete` finds the joints that have no channel

@@ -1,0 +1,48 @@
+"""What a robot's file says and its model does not have is named: joints that mimic others, springs, equalities."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from aerobat_pin.errors import MapError
+from aerobat_pin.records import open_record, parse_map
+
+LINK = '<inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>'
+GRIPPER = f"""<robot name="gripper"><link name="hand"/><link name="left">{LINK}</link><link name="right">{LINK}</link>
+<joint name="one" type="prismatic"><parent link="hand"/><child link="left"/><axis xyz="0 1 0"/>
+<limit lower="0" upper="0.04" effort="20" velocity="1"/></joint>
+<joint name="two" type="prismatic"><parent link="hand"/><child link="right"/><axis xyz="0 -1 0"/>
+<limit lower="0" upper="0.04" effort="20" velocity="1"/><mimic joint="one"/></joint></robot>"""
+LEG = """<mujoco><option gravity="0 0 -9.8"/><worldbody><body name="shank" gravcomp="1"><joint name="knee" axis="0 1 0"
+stiffness="2"/><geom type="sphere" size="0.1" mass="1" pos="0 0 -0.2"/></body></worldbody></mujoco>"""
+
+
+def opened(folder: Path, robot: dict[str, str], point: str, joint: str, **joints: dict[str, float]):
+    """Return a record of one joint that swings."""
+    time = np.arange(400) * 0.005
+    log = pd.DataFrame({"t": time, "q": 0.02 + 0.01 * np.sin(6.0 * time), "v": 0.06 * np.cos(6.0 * time), "i": 0.0})
+    log.to_csv(folder / "log.csv", index=False)
+    channels = {"position": {"columns": ["q"]}, "velocity": {"columns": ["v"]}, "effort": {"columns": ["i"]}}
+    table = {"names": [joint], **channels, **joints}
+    values = {"robot": {**robot, "root": "fixed", "points": [point]}, "log": {"time": {"column": "t"}}, "joints": table}
+    return open_record(folder / "log.csv", parse_map(values, "of the test"), folder)
+
+
+def test_a_joint_that_mimics_a_moving_one_is_not_held(tmp_path: Path) -> None:
+    """A gripper whose one motor drives both fingers: with one of them held the other's force was twice the true one."""
+    (tmp_path / "gripper.urdf").write_text(GRIPPER)
+    with pytest.raises(MapError, match="two mimics one, and moves with it"):
+        opened(tmp_path, {"urdf": "gripper.urdf"}, "left", "one")
+    with pytest.raises(MapError, match=r"two is in held, .* mimics one, which moves"):
+        opened(tmp_path, {"urdf": "gripper.urdf"}, "left", "one", held={"two": 0.02})
+
+
+def test_what_an_mjcf_file_says_beyond_the_model_is_noted(tmp_path: Path) -> None:
+    """Springs, weight that is taken off and another gravity are ignored; they were without a word."""
+    (tmp_path / "leg.xml").write_text(LEG)
+    notes = opened(tmp_path, {"mjcf": "leg.xml"}, "shank", "knee").notes
+    assert "not read from the robot's file: body gravcomp, joint stiffness, option gravity" in notes
