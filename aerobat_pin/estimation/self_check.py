@@ -17,7 +17,7 @@ from aerobat_pin.estimation.calibration.calibration import Calibration
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
 from aerobat_pin.estimation.inverse_dynamics import frame_jacobians
-from aerobat_pin.estimation.run_observers import observers_of, rows_of
+from aerobat_pin.estimation.run_observers import ignored_rows, observers_of, rows_of
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Observer, moving_weight
@@ -40,6 +40,7 @@ class Check:
         found: estimated force at the frame, world axes [N].
         elsewhere: largest component of the estimated forces at all other frames [N].
         share: of the times, at which it is found: the rest has poses that do not show it.
+        whole: whether all rows are believed, so that nothing but the pose can hide it.
     """
 
     observer: str
@@ -49,6 +50,7 @@ class Check:
     found: tuple[float, float, float]
     elsewhere: float
     share: float = 1.0
+    whole: bool = False
 
     @property
     def ok(self) -> bool:
@@ -59,13 +61,22 @@ class Check:
 
     @classmethod
     def of(
-        cls, observer: str, frames: tuple[str, ...], at: int, axis: str, applied: float, force: Array, share: float = 1
+        cls,
+        observer: str,
+        frames: tuple[str, ...],
+        at: int,
+        axis: str,
+        applied: float,
+        force: Array,
+        share: float = 1,
+        *,
+        whole: bool = False,
     ) -> Check:
         """Return the result for a force (frames, 3) [N] that was estimated while one was applied at frame `at`."""
         others = np.delete(force, at, axis=0)
         x, y, z = (float(value) for value in force[at])
         elsewhere = float(np.max(np.abs(others))) if others.size else 0.0
-        return cls(observer, frames[at], axis, applied, (x, y, z), elsewhere, share)
+        return cls(observer, frames[at], axis, applied, (x, y, z), elsewhere, share, whole)
 
     def __str__(self) -> str:
         """Return the result as one line of text."""
@@ -73,7 +84,8 @@ class Check:
         mark = "ok " if self.ok else "BAD"
         where = f"{self.frame} along world {self.axis}"
         result = f"found ({estimate}), elsewhere {self.elsewhere:.4f}"
-        why = "; at no time: the map believes no row that shows it" if self.share == 0.0 else ""
+        hidden = "the pose hides it" if self.whole else "the map believes no row that shows it"
+        why = f"; at no time: {hidden}" if self.share == 0.0 else ""
         why = f"; right at {self.share:.0%} of the times: else the pose hides it" if 0.0 < self.share < 1.0 else why
         return f"{mark}  {self.observer}: {self.applied:+.4f} N at {where}: {result}{why}"
 
@@ -110,6 +122,7 @@ def check_record(record: Record, calibration: Calibration | None = None) -> list
 def _played(observer: Observer, record: Record, inputs: KnownInputs, size: float, wait: int) -> Iterator[Check]:
     """Yield the results of an observer, whose estimates count after `wait` intervals."""
     frames, known = record.map.robot.points, dict(inputs.known)
+    whole = not ignored_rows(record)
     before = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, known)
     columns = [before.identifiability.components.index(f"{frame}.F{axis}") for frame in frames for axis in "xyz"]
     for at, frame in enumerate(frames):
@@ -121,4 +134,5 @@ def _played(observer: Observer, record: Record, inputs: KnownInputs, size: float
             change = (after.components - before.components)[wait:, columns]
             wrong = np.max(np.abs(change - size * np.eye(len(columns))[3 * at + k]), axis=1)
             share = float(np.mean(wrong <= FORCE_TOLERANCE * size))
-            yield Check.of(observer.name, frames, at, axis, size, np.mean(change, axis=0).reshape(-1, 3), share)
+            found = np.mean(change, axis=0).reshape(-1, 3)
+            yield Check.of(observer.name, frames, at, axis, size, found, share, whole=whole)

@@ -8,6 +8,7 @@ from math import comb, sqrt
 
 import numpy as np
 
+from aerobat_pin.estimation.scores import quantity
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, MomentumObserver
 
@@ -106,7 +107,7 @@ def _noisy_components(estimate: Estimate) -> list[str]:
         return []
     noise, rms = burst_noise(estimate.components), np.sqrt(np.mean(estimate.components**2, axis=0))
     loud = [
-        f"{name} {1e3 * sigma:.2g} of {1e3 * size:.2g} m{unit}"
+        f"{name} {quantity(sigma, unit)} of {quantity(size, unit)}"
         for name, unit, sigma, size in zip(estimate.identifiability.components, estimate.units, noise, rms, strict=True)
         if sigma > LARGEST_NOISE * size
     ]

@@ -10,6 +10,8 @@ import pytest
 from aerobat_pin.estimation import ObserverScores
 from aerobat_pin.estimation.trust import sample_noise, warnings_about, worst_stretch
 from aerobat_pin.experiments.experiment import Experiment, run
+from aerobat_pin.observers import OBSERVERS
+from aerobat_pin.records import load_robot
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.result_pages import report_html
 
@@ -104,3 +106,13 @@ def test_the_worst_second_is_found_with_its_time() -> None:
     assert largest == pytest.approx(10.5)
     assert 3.45 < begin < 4.05
     assert worst_stretch(time[:51], k[:50]) == (0.0, 0.0)
+
+
+def test_noise_of_large_forces_is_said_in_their_unit() -> None:
+    """1.2e+08 of 6.6e+07 mN was said of a crane."""
+    rng = np.random.default_rng(5)
+    model = load_robot("ur5").model
+    time, still = np.arange(401) * 1e-3, np.zeros((401, 6))
+    tau = 1e8 * rng.standard_normal((400, 6))
+    estimate = OBSERVERS["force_level"](model, ("tool0",), 1000.0, "all").run(time, still, still, tau, {})
+    assert any("kN of" in line for line in warnings_about(estimate))
