@@ -17,7 +17,6 @@ from .analysis.point_of_action import PointOfAction as PointOfAction
 from .analysis.point_of_action import locate_series as locate_series
 from .applications import Application as Application
 from .applications import Applications as Applications
-from .equations import Sampled as Sampled
 from .estimate import Estimate as Estimate
 from .estimate import Innovation as Innovation
 from .estimate import Sample as Sample
@@ -55,4 +54,5 @@ from .rows import has_free_base as has_free_base
 from .rows import moving_weight as moving_weight
 from .rows import row_names as row_names
 from .rows import tie_joints as tie_joints
+from .samples import Sampled as Sampled
 from .shared_data import ObserversTogether as ObserversTogether

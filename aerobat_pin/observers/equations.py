@@ -27,7 +27,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, placements
-from aerobat_pin.observers.applications import Application, Applications
+from aerobat_pin.observers.applications import Applications
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER, RISE, SECOND_ORDER
 from aerobat_pin.observers.kernels.posterior import LEAST_SPARE, MEMORY_OF_K
@@ -43,14 +43,6 @@ class Samples(NamedTuple):
     b: Array  # (m + 1, nv) drift C^T v - g
     v: Array  # (m + 1, nv) velocity
     J: Array  # (m + 1, c, nv) Jacobian of the components
-
-
-class Sampled(NamedTuple):
-    """A record as observers of some forces sampled it."""
-
-    model: pin.Model
-    applications: tuple[Application, ...]
-    samples: Samples
 
 
 class Equations(NamedTuple):

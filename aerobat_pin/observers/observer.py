@@ -15,7 +15,6 @@ import numpy as np
 import pinocchio as pin
 from numpy import empty
 from numpy.typing import ArrayLike
-from pinocchio import computeCoriolisMatrix, computeGeneralizedGravity, crba
 
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import (
@@ -34,7 +33,7 @@ from aerobat_pin.numerics import (
     rebuilt,
 )
 from aerobat_pin.observers.applications import Application, Applications
-from aerobat_pin.observers.equations import Equations, Observed, Sampled, Samples, observe_record, sample_robot
+from aerobat_pin.observers.equations import Equations, Observed, Samples, observe_record, sample_robot
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.identifiability import judge
@@ -42,16 +41,16 @@ from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
 from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight, serial_model
-from aerobat_pin.observers.samples import check_configurations, checked_record, directions_of, for_kernels, modes
+from aerobat_pin.observers.samples import (
+    Sampled,
+    check_configurations,
+    checked_inputs,
+    compute_dynamics,
+    directions_of,
+    modes,
+)
 
 DEFAULT_GAIN = 1000.0  # [1/s]
-
-
-def compute_dynamics(model: pin.Model, data: pin.Data, q: Array, v: Array) -> None:
-    """Let Pinocchio compute M, C, g, the world Jacobians and the placements, which the kernels read."""
-    crba(model, data, q)
-    computeCoriolisMatrix(model, data, q, v)
-    computeGeneralizedGravity(model, data, q)
 
 
 class Observer:
@@ -256,21 +255,12 @@ class Observer:
             v: (m + 1, nv) velocities.
             tau: (m, nv) measured joint torque, interval means.
             known: name -> (m, nv) other known generalised forces, interval means.
-            sampled: what observers before this one sampled of the same record, to which this one adds: those that look
-                for the same forces on the same robot sample it once.
+            sampled: what observers of this record sampled; it serves those of the same robot and forces.
 
         Raises:
             ObserverError, ShapeError: for the same reasons as `update` and `reset`.
         """
-        time = for_kernels(time)
-        if time.ndim != 1 or len(time) < 2:
-            raise ShapeError(f"time has shape {time.shape}: two samples or more were expected")
-        count, nq, nv = len(time) - 1, int(self.model.nq), int(self.model.nv)
-        q, v = checked_record(q, count + 1, nq, "q"), checked_record(v, count + 1, nv, "v")
-        check_configurations(self._directions, q)
-        u = checked_record(tau, count, nv, "tau")
-        for name, force in (known or {}).items():
-            u = u + checked_record(force, count, nv, name)
+        time, q, v, u = checked_inputs(self.model, self._directions, time, q, v, tau, known or {})
         if not np.all(np.diff(time) >= 0.0):
             at = int(np.argmin(np.diff(time) >= 0.0))
             self._time = time[at]

@@ -1,19 +1,40 @@
-"""What an observer accepts: gains, records of finite numbers, and configurations of the model."""
+"""What an observer accepts: gains, records of finite numbers, configurations of the model, and samples of others."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from pinocchio import computeCoriolisMatrix, computeGeneralizedGravity, crba
 
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked_shape, real_numbers
+from aerobat_pin.observers.applications import Application
+from aerobat_pin.observers.equations import Samples
 from aerobat_pin.observers.kernels.residual import FARTHEST, LENGTH_TOLERANCE
 
 # Number of last coordinates of a joint that form a unit vector: a quaternion, or a cosine and a sine.
 DIRECTIONS = {"JointModelFreeFlyer": 4, "JointModelSpherical": 4, "JointModelPlanar": 2} | dict.fromkeys(
     ("JointModelRUBX", "JointModelRUBY", "JointModelRUBZ", "JointModelRevoluteUnboundedUnaligned"), 2
 )
+
+
+class Sampled(NamedTuple):
+    """A record as observers of some forces sampled it."""
+
+    model: pin.Model
+    applications: tuple[Application, ...]
+    samples: Samples
+
+
+def compute_dynamics(model: pin.Model, data: pin.Data, q: Array, v: Array) -> None:
+    """Let Pinocchio compute M, C, g, the world Jacobians and the placements, which the kernels read."""
+    crba(model, data, q)
+    computeCoriolisMatrix(model, data, q, v)
+    computeGeneralizedGravity(model, data, q)
 
 
 def modes(gain: Array, size: int) -> tuple[Array, Array]:
@@ -78,3 +99,25 @@ def checked_record(values: ArrayLike, rows: int, columns: int, name: str) -> Arr
         row = int(np.argmin(np.all(np.abs(table) <= LARGEST_REAL, axis=1)))
         raise ShapeError(f"{name} holds NaN or infinity in row {row}, or a number beyond {LARGEST_REAL:g}")
     return for_kernels(table)
+
+
+def checked_inputs(
+    model: pin.Model,
+    directions: list[tuple[int, int]],
+    time: ArrayLike,
+    q: ArrayLike,
+    v: ArrayLike,
+    tau: ArrayLike,
+    known: Mapping[str, ArrayLike],
+) -> tuple[Array, Array, Array, Array]:
+    """Return what `Observer.run` takes for kernels: time, q, v and the sum of the known forces. Raises ShapeError."""
+    time = for_kernels(time)
+    if time.ndim != 1 or len(time) < 2:
+        raise ShapeError(f"time has shape {time.shape}: two samples or more were expected")
+    count, nq, nv = len(time) - 1, int(model.nq), int(model.nv)
+    q, v = checked_record(q, count + 1, nq, "q"), checked_record(v, count + 1, nv, "v")
+    check_configurations(directions, q)
+    u = checked_record(tau, count, nv, "tau")
+    for name, force in known.items():
+        u = u + checked_record(force, count, nv, name)
+    return time, q, v, u

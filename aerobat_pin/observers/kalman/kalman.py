@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_state, shown
 from aerobat_pin.observers.applications import Application
-from aerobat_pin.observers.equations import Observed, Sampled, Samples
+from aerobat_pin.observers.equations import Observed, Samples
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.kalman import kernels
@@ -23,6 +23,7 @@ from aerobat_pin.observers.kalman.noisy_sample import inertias_at, kinship_of
 from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import BASE_ROWS, Rows, has_free_base, moving_weight
+from aerobat_pin.observers.samples import Sampled
 
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [rad/s], joint rates [rad/s]
 WORLD = pin.Convention.WORLD
@@ -79,8 +80,7 @@ class KalmanObserver(Observer):
 
     Raises:
         FrameNotFoundError: a frame is not in the model.
-        ObserverError: for the same reasons as `Observer`, or there is more than one gain, or a setting is not finite
-            and positive.
+        ObserverError: as for `Observer`, or there is more than one gain, or a setting is not finite and positive.
     """
 
     name = "kalman"
