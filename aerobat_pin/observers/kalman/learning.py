@@ -35,7 +35,7 @@ STATED_COUNT = 2  # so many sixth differences count as much as what is stated ab
 LEARNING = 2 * DIFFERENCES  # number of intervals until the sensor noise is known well enough to weigh the rows by it
 LEAST_NOISE = 1.0e-3  # smallest share of the stated sensor noise, which keeps the covariances invertible
 LEAST_INFORMATION = 1.0e-6  # share of the total information on all patterns of forces, added to every pattern
-JUMP = 5.0  # deviations of what one interval says of a component: beyond, it has jumped
+JUMPED = 5.0  # deviations of what one interval says of a component: beyond, it has jumped
 UNKNOWN_TORQUE = 1.0e8  # variance of the impulse of an unknown torque, relative to that of all other noise
 
 
@@ -232,7 +232,7 @@ def write_row_errors(before: Array, after: Array, filter_: Filter) -> None:
 
 @kernel
 def let_jump(P: Array, step: Step) -> None:
-    """Let forces jump, the most surprising one first, until no component is beyond `JUMP` deviations.
+    """Let forces jump, the most surprising one first, until no component is beyond `JUMPED` deviations.
 
     With e the whitened innovation and w = L^-1 dt J_a^T, the trace of one component, the interval says that it jumped
     by (w.e) / (w.w), with deviation 1 / |w|. Its variance grows by that size squared.
@@ -242,11 +242,11 @@ def let_jump(P: Array, step: Step) -> None:
     largest = 0.0
     for i in range(nv):
         largest += e[i] * e[i]
-    if largest <= JUMP * JUMP:  # as is then every part of it
+    if largest <= JUMPED * JUMPED:  # as is then every part of it
         return
     w = np.empty((c, nv))
     for _ in range(c):
-        surprise, size, jumping = JUMP * JUMP, 0.0, -1
+        surprise, size, jumping = JUMPED * JUMPED, 0.0, -1
         for a in range(c):
             along, square = 0.0, 0.0
             for i in range(nv):
