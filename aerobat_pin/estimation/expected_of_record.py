@@ -10,9 +10,9 @@ import pinocchio as pin
 
 from aerobat_pin.estimation.contacts import END_SHARE, walks_on
 from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.estimation.instants import settled_instants
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
 from aerobat_pin.estimation.known_forces import FittedValues
-from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
     SHARE_OF_WEIGHT,
@@ -66,7 +66,7 @@ def expected_of(
     observer = MomentumObserver(record.robot.model, points, gain, believed)
     for stretch in stretches:
         residual = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
-        at = np.flatnonzero(stretch.time[:-1] - stretch.time[0] > TIME_CONSTANTS_TO_SETTLE / gain)[::WEIGHED]
+        at = settled_instants(stretch.time, gain)[::WEIGHED]
         instants += [(stretch.v[k], residual[k], observer.applications.jacobian(stretch.q[k])) for k in at]
     if not instants:
         return expected

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.run_observers import points_of
@@ -76,8 +77,7 @@ def looked_at(
         v, share = 0.5 * (stretch.v[1:] + stretch.v[:-1]), -np.expm1(-gain * typical_step(stretch.time))
         y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
         sliding, coulomb = np.tanh(v / stiction_rate), np.tanh(v / (stiction_rate if rate is None else rate))
-        settled = np.flatnonzero(stretch.time[:-1] - stretch.time[0] > TIME_CONSTANTS_TO_SETTLE / gain)
-        chosen = settled[::every]
+        chosen = settled_instants(stretch.time, gain)[::every]
         table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, stretch.tau))])
         parts.append(table[:, chosen])
         places.append(stretch.q[chosen + 1])
@@ -90,3 +90,12 @@ def looked_at(
     at = [kept.index(robot.v_index(joint)) for joint in joints]
     time, x = np.concatenate(times), np.stack(columns)[:, :, kept]
     return Instants(time, q, y, jacobians, kept, joints, at, sliding[:, kept], x, every)
+
+
+def settled_instants(time: Array, gain: float) -> NDArray[np.intp]:
+    """Return which intervals of times (m + 1,) [s] begin when an observer of gain K [1/s] has settled.
+
+    Half an interval later, so that the last digit of a stamp does not decide which is the first.
+    """
+    step = typical_step(time)
+    return np.flatnonzero(time[:-1] - time[0] > TIME_CONSTANTS_TO_SETTLE / gain + 0.5 * step)

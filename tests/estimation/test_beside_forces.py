@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 from aerobat_pin.estimation.coefficient_errors import coefficient_covariance
 from aerobat_pin.estimation.expected_of_record import expected_from, row_scale
 from aerobat_pin.estimation.fit_beside_forces import most_likely
+from aerobat_pin.estimation.instants import settled_instants
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, moving_weight
@@ -161,3 +162,9 @@ def test_errors_that_last_make_coefficients_less_sure() -> None:
         assert not C[1].any()
         assert not C[:, 1].any()
     assert np.sqrt(np.mean(stated)) == pytest.approx(found.std(), rel=0.25)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 999.9999999999991, 1000.0000000001])
+def test_the_last_digit_of_the_stamps_does_not_decide_which_instants_are_looked_at(rate: float) -> None:
+    """Of a rate that was found, not given, the first was another one: every fifth then met an IMU's other samples."""
+    assert settled_instants(np.arange(200) / rate, 100.0)[0] == 51
