@@ -1,8 +1,9 @@
 """What deviations contain: what is stated of rows and belief, the lag of the filter, and a tilt of the attitude.
 
-A force that changes is ahead of its filter, by e^-Kt of a step. What a second filter of the same gain lags behind the
-first, K t e^-Kt of a step and all of a ramp, is how much that may be. `kalman` and `smoother` are faster, but errors of
-rows are known behind the same low-pass: what changes faster in their estimates may be one.
+A force that changes is ahead of its filter r, by r'/K. With x what another filter of the same gain lags behind what it
+is given, that is (x + x^2 + x^3 + ...) r. The sizes of the first `LAGS` say how much it may be: more than Kt e^-Kt of a
+step, all of a ramp, and of a push that swings up to twice as fast as K; more terms are mostly noise. `kalman` and
+`smoother` are faster, but errors of rows are known behind the same low-pass: what changes faster in them may be one.
 
 A constant tilt cancels in the equations of motion: an accelerometer that is turned with gravity shows the same world,
 turned. So the forces are right in body axes, and in world axes horizontal ones get a share of the vertical one.
@@ -18,6 +19,8 @@ from aerobat_pin.estimation.trust import local_noise
 from aerobat_pin.numerics import Array, kernel
 from aerobat_pin.observers import AllBut, Estimate, Expected, Identifiability, Observer, low_passed, row_names
 from aerobat_pin.records import Map
+
+LAGS = 3  # filters, one behind the other, whose lags say how far a force may be ahead of the first
 
 
 def rows_as_components(estimate: Estimate, observer: Observer, v: Array, expected: Expected | None) -> Estimate:
@@ -46,7 +49,7 @@ def with_expected(estimate: Estimate, observer: Observer, expected: Expected) ->
     if deviation is None:
         return estimate
     whole = replace(estimate, expected_force=expected.force, seen=expected.seen(deviation))
-    lag = second_lag(estimate.components, np.diff(estimate.time), float(np.min(observer.gain)))
+    lag = lag_of_filter(estimate.components, np.diff(estimate.time), float(np.min(observer.gain)))
     return replace(whole, standard_deviation=np.hypot(deviation, lag))
 
 
@@ -60,17 +63,25 @@ def with_belief_error(estimate: Estimate, deviation: Array | None) -> Estimate:
     return replace(estimate, standard_deviation=np.where(unseen, np.inf, np.hypot(stated, deviation)))
 
 
-def second_lag(components: Array, dt: Array, gain: float) -> Array:
-    """Return by how much (m, c) a second filter of gain K [1/s] lags behind components, over intervals dt (m,) [s]."""
-    return components - low_passed(components, -np.expm1(-gain * dt))
+def lag_of_filter(components: Array, dt: Array, gain: float) -> Array:
+    """Return how far (m, c) forces may be ahead of components that a filter of gain K [1/s] gives, over dt (m,) [s]."""
+    ahead, share = np.zeros_like(components), -np.expm1(-gain * dt)
+    for _ in range(LAGS):
+        components = components - low_passed(components, share)
+        ahead += np.abs(components)
+    return ahead
 
 
 @kernel
-def add_second_lag(components: Array, kept: float, behind: Array, deviation: Array) -> None:
-    """Do the same in a stream: move a second filter `behind` (c,), which keeps e^-K dt, and enlarge deviations (c,)."""
+def add_lag_of_filter(components: Array, kept: float, behind: Array, deviation: Array) -> None:
+    """Do the same in a stream: move filters `behind` (LAGS, c), which keep e^-K dt, and enlarge deviations (c,)."""
     for j in range(components.shape[0]):
-        behind[j] = components[j] + kept * (behind[j] - components[j])
-        deviation[j] = np.hypot(deviation[j], components[j] - behind[j])
+        ahead, lagging = 0.0, components[j]
+        for i in range(LAGS):
+            behind[i, j] = lagging + kept * (behind[i, j] - lagging)
+            lagging -= behind[i, j]
+            ahead += abs(lagging)
+        deviation[j] = np.hypot(deviation[j], ahead)
 
 
 def tilt_of(chosen: Map) -> float:

@@ -21,7 +21,7 @@ from aerobat_pin.errors import AerobatError, MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.contacts import walks_on
-from aerobat_pin.estimation.deviations import add_second_lag, tilt_of, with_tilt
+from aerobat_pin.estimation.deviations import LAGS, add_lag_of_filter, tilt_of, with_tilt
 from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
 from aerobat_pin.estimation.inputs import change_of_axes
 from aerobat_pin.estimation.known_forces import FittedValues
@@ -117,7 +117,7 @@ class OnlineEstimator:
         self._build()
         put(self._memory, 0, np.nan, self._readers[0][2])  # these three compile
         build_interval(self._memory, self._leading)
-        add_second_lag(np.zeros(0), 0.0, np.zeros(0), np.zeros(0))
+        add_lag_of_filter(np.zeros(0), 0.0, np.zeros((LAGS, 0)), np.zeros(0))
         self._rings.tally[:] = 0
 
     @property
@@ -242,7 +242,7 @@ class OnlineEstimator:
             if isinstance(observer, KalmanObserver) and observer.doubted_forces:
                 raise MapError("online: observer.kalman.known_error: a stream knows the sum of known forces alone")
         self._together = ObserversTogether(self._observers)
-        self._behind: list[Array] = []  # components behind a second filter, of each observer
+        self._behind: list[Array] = []  # what filters of the same gain leave of components, of each observer
 
     def _advance(self) -> list[OnlineSample]:
         """Estimate at all times for which every channel has a sample at or after."""
@@ -251,7 +251,7 @@ class OnlineEstimator:
             if code == ring_kernels.STREAM_START:
                 self._starts += 1
                 self._together.start(self._rings.q, self._rings.v)
-                self._behind = [np.zeros(observer.applications.table.shape[0]) for observer in self._observers]
+                self._behind = [np.zeros((LAGS, observer.applications.table.shape[0])) for observer in self._observers]
             else:
                 estimates += self._estimates_of_interval(rezeroed=code == ring_kernels.REZEROED)
         return estimates
@@ -281,7 +281,7 @@ class OnlineEstimator:
             deviation = of_rows = sample.standard_deviation
             if deviation is not None and observer.expected is not None:
                 deviation = deviation.copy()
-                add_second_lag(components, kept, behind, deviation)
+                add_lag_of_filter(components, kept, behind, deviation)
             if deviation is not None and self._tilt > 0.0:
                 deviation = with_tilt(components, deviation, self._tilt)
             times = epoch + end - dt, epoch + end

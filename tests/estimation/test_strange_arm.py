@@ -19,7 +19,7 @@ from support.strange_arm import COULOMB, JOINTS, URDF, arm_map, nothing, pushed,
 from aerobat_pin.estimation import Result, calibrate, check_record, estimate
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
 from aerobat_pin.estimation.checks import record_findings
-from aerobat_pin.estimation.deviations import second_lag
+from aerobat_pin.estimation.deviations import lag_of_filter
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.records import open_record, parse_map, suggested_map
@@ -236,7 +236,7 @@ def test_each_observer_is_as_right_as_it_says(folder: Path) -> None:
             assert np.sqrt(np.mean(error[inside, k] ** 2)) < 7.0, name
             assert np.mean(np.abs(error[inside, k]) < 2.0 * whole.standard_deviation[inside, k]) > 0.95, name
         assert np.abs(whole.components).max() < 1.2 * whole.expected_force.max(), name
-        lag = second_lag(whole.components, np.diff(whole.time), 20.0)  # faster than the rows' errors are known
+        lag = lag_of_filter(whole.components, np.diff(whole.time), 20.0)  # faster than the rows' errors are known
         assert np.all(whole.standard_deviation >= np.abs(lag)), name
 
 

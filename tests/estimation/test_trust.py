@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from aerobat_pin.estimation import ObserverScores
+from aerobat_pin.estimation.deviations import LAGS, add_lag_of_filter, lag_of_filter
 from aerobat_pin.estimation.trust import sample_noise, warnings_about, worst_stretch
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.observers import OBSERVERS
@@ -116,3 +117,22 @@ def test_noise_of_large_forces_is_said_in_their_unit() -> None:
     tau = 1e8 * rng.standard_normal((400, 6))
     estimate = OBSERVERS["force_level"](model, ("tool0",), 1000.0, "all").run(time, still, still, tau, {})
     assert any("kN of" in line for line in warnings_about(estimate))
+
+
+def test_deviations_contain_what_a_filter_lags_behind() -> None:
+    """A push that swings at up to twice the filter's rate, a step and a ramp; a stream says the same as a record."""
+    dt, gain = 2e-3, 100.0
+    t = dt * np.arange(2000)
+    swings = [np.sin(rate * gain * t) for rate in (0.1, 0.3, 1.0, 1.9)]
+    force = np.column_stack([*swings, np.where(t > 2.0, 1.0, 0.0), t])
+    kept, found = np.exp(-gain * dt), np.zeros_like(force)
+    for k in range(1, len(t)):
+        found[k] = force[k] + kept * (found[k - 1] - force[k])
+    lag, behind = lag_of_filter(found, np.full(len(t), dt), gain), np.zeros((LAGS, force.shape[1]))
+    within = np.abs(found - force)[100:] <= 2.0 * lag[100:] + 1e-9
+    assert np.all(within.mean(axis=0) > 0.95)
+    assert np.all(lag[100:].mean(axis=0) < 2.0 * np.abs(found - force)[100:].mean(axis=0))
+    for components, sure in zip(found, lag, strict=True):
+        deviation = np.zeros(force.shape[1])
+        add_lag_of_filter(components, kept, behind, deviation)
+        np.testing.assert_allclose(deviation, sure, atol=1e-12)
