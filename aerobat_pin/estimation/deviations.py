@@ -1,9 +1,10 @@
 """What deviations contain: what is stated of rows and belief, the lag of the filter, and a tilt of the attitude.
 
-A force that changes is ahead of its filter r, by r'/K. With x what another filter of the same gain lags behind what it
-is given, that is (x + x^2 + x^3 + ...) r. The sizes of the first `LAGS` say how much it may be: more than Kt e^-Kt of a
-step, all of a ramp, and of a push that swings up to twice as fast as K; more terms are mostly noise. `kalman` and
-`smoother` are faster, but errors of rows are known behind the same low-pass: what changes faster in them may be one.
+A force that changes is ahead of its filter r, by r'/K. With x what another filter of the same gain lags behind its
+input, that is (x + x^2 + x^3 + ...) r. The size of the first term, and by how much the next ones exceed the errors of
+rows, say how much it may be: K t e^-Kt of a step, all of a ramp, and a push that swings twice as fast as K. It hides
+when something pushed, not that it did (`without_lag`). `kalman` and `smoother` are faster, but errors of rows are known
+behind the same low-pass: faster ones may be in them.
 
 A constant tilt cancels in the equations of motion: an accelerometer that is turned with gravity shows the same world,
 turned. So the forces are right in body axes, and in world axes horizontal ones get a share of the vertical one.
@@ -49,7 +50,7 @@ def with_expected(estimate: Estimate, observer: Observer, expected: Expected) ->
     if deviation is None:
         return estimate
     whole = replace(estimate, expected_force=expected.force, seen=expected.seen(deviation))
-    lag = lag_of_filter(estimate.components, np.diff(estimate.time), float(np.min(observer.gain)))
+    lag = lag_of_filter(estimate.components, np.diff(estimate.time), float(np.min(observer.gain)), deviation)
     return replace(whole, standard_deviation=np.hypot(deviation, lag))
 
 
@@ -63,13 +64,30 @@ def with_belief_error(estimate: Estimate, deviation: Array | None) -> Estimate:
     return replace(estimate, standard_deviation=np.where(unseen, np.inf, np.hypot(stated, deviation)))
 
 
-def lag_of_filter(components: Array, dt: Array, gain: float) -> Array:
-    """Return how far (m, c) forces may be ahead of components that a filter of gain K [1/s] gives, over dt (m,) [s]."""
+def lag_of_filter(components: Array, dt: Array, gain: float, deviation: Array) -> Array:
+    """Return how far (m, c) forces may be ahead of components that a filter gives.
+
+    Args:
+        components: (m, c).
+        dt: (m,) intervals [s].
+        gain: K [1/s].
+        deviation: (m, c) of the components by errors of rows: as much may be noise.
+    """
     ahead, share = np.zeros_like(components), -np.expm1(-gain * dt)
-    for _ in range(LAGS):
+    for lag in range(LAGS):
         components = components - low_passed(components, share)
-        ahead += np.abs(components)
+        ahead += np.maximum(np.abs(components) - (deviation if lag > 0 else 0.0), 0.0)
     return ahead
+
+
+def without_lag(estimate: Estimate, deviation: Array) -> Array:
+    """Return deviations (m, c) of an estimate with what they contain of its filter's lag taken out."""
+    if estimate.seen is None or estimate.expected_force is None:
+        return deviation
+    rows, components = estimate.expected_force * np.sqrt(1.0 - estimate.seen), estimate.components
+    gain, dt = float(np.min(estimate.gain)), np.diff(estimate.time)
+    lag = lag_of_filter(components - components[0], dt, gain, rows)
+    return np.asarray(np.sqrt(np.maximum(deviation**2 - lag**2, rows**2)))
 
 
 @kernel
@@ -80,7 +98,7 @@ def add_lag_of_filter(components: Array, kept: float, behind: Array, deviation: 
         for i in range(LAGS):
             behind[i, j] = lagging + kept * (behind[i, j] - lagging)
             lagging -= behind[i, j]
-            ahead += abs(lagging)
+            ahead += max(abs(lagging) - (deviation[j] if i > 0 else 0.0), 0.0)
         deviation[j] = np.hypot(deviation[j], ahead)
 
 

@@ -46,6 +46,7 @@ UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
 HARDLY_MOVES = "it hardly moves, so that this may be a force as well: up to its Coulomb friction it counts as unknown"
 CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
+BLOW, BLOW_ROUNDS = 3.0, 5  # of what is expected of a force: one that is larger is what the rows show of it
 LEAST_TRACE = 1e-9  # of the largest singular value: a fainter force leaves none
 FACTOR_SIZES = np.linspace(0.05, 1.0, 20)  # of g, over the largest: one is as likely as another before
 BALANCE_STRETCHES = 8  # of a record, whose means show how far its momentum changes
@@ -79,12 +80,27 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
         force, lifts = force * np.where(np.repeat(lifted, 3, axis=1), 0.0, 1.0), bool(lifted.any())
     if y.size <= np.count_nonzero(force):
         return forces
+    force = with_blows(force, y, J)
     fitted = _fitted(forces, instants, expected, force, lifts)
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
         fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), False)
     if law is not None:
         return replace(forces, values=_with_known(fitted, values, law))
     return replace(forces, values=fitted) if _smaller_errors(fitted, values.row_noise) else forces
+
+
+def with_blows(force: Array, y: Array, J: Array) -> Array:
+    """Return sizes (m, c) of forces: where rows show a force beyond `BLOW` times its size, what they show.
+
+    It would pass for an error of the rows, for that of all times. Before anything else is known, errors are as large as
+    the rows (m, k). The arguments are those of `most_likely`.
+    """
+    for _ in range(BLOW_ROUNDS):
+        B = force[..., None] * J
+        cov = np.swapaxes(B, 1, 2) @ B + np.diag(np.maximum(column_rms(y), LEAST_SIZE) ** 2)
+        found = np.abs(force * (B @ np.linalg.solve(cov, y[..., None]))[..., 0])
+        force = np.where(found > BLOW * force, found, force)
+    return force
 
 
 def knows_friction(forces: KnownForces) -> bool:

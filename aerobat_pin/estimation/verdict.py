@@ -13,6 +13,7 @@ import numpy as np
 
 from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, Contact, ModelCheck
 from aerobat_pin.estimation.contacts import during_contact
+from aerobat_pin.estimation.deviations import without_lag
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.observer_scores import ObserverScores
 from aerobat_pin.estimation.scores import point_label, quantity, short_label
@@ -84,7 +85,7 @@ class _Push:
         if self.deviation is not None:  # in the unit of the size
             number, _, unit = size.partition(" ")
             factor = {"m": 1e3, "k": 1e-3}.get(unit.removesuffix(self.unit), 1.0)
-            size = f"{number} +-{factor * self.deviation:.2g} {unit}"
+            size = f"{number} +-{float(f'{factor * self.deviation:.2g}'):g} {unit}"
         when = f"at {self.at:.2f} s"
         if self.ends is not None:
             begin, end = self.ends
@@ -158,20 +159,21 @@ class _Group:
         self.place, self.unit, self.columns, self.axes = place, unit, columns, axes
         self.rank, self.time = (False, -1.0), start  # whether errors cannot make it up, and how large it is
         self.force, self.deviation = np.zeros(len(columns)), np.ones(len(columns))
-        self.squares = self.shares = 0.0
+        self.squares = self.shares = self.error = 0.0
 
-    def take(self, time: Array, components: Array, deviations: Array) -> None:
-        """Take the components (m, c) of a block, which are 0 where they are not seen, and their deviations."""
-        force, deviation = components[:, self.columns], deviations[:, self.columns]
+    def take(self, time: Array, components: Array, deviations: Array, errors: Array) -> None:
+        """Take the components (m, c) of a block, 0 where they are not seen, their deviations, and these without lag."""
+        force, deviation, without = (table[:, self.columns] for table in (components, deviations, errors))
         size = np.linalg.norm(force, axis=1)
-        error = np.maximum(_along_itself(force, deviation) * len(self.columns) ** 0.5, TINY)
+        error = np.maximum(_along_itself(force, without) * len(self.columns) ** 0.5, TINY)
         self.squares += float(np.sum(size**2))
-        self.shares += float(np.sum((size / np.maximum(np.linalg.norm(deviation, axis=1), TINY)) ** 2))
+        self.shares += float(np.sum((size / np.maximum(np.linalg.norm(without, axis=1), TINY)) ** 2))
         beyond = size > SURE_OF_CONTACT * error
         weight = np.where(beyond, size, 0.0) if beyond.any() else size / error
         at = int(np.argmax(weight))
         if (rank := (bool(beyond[at]), float(weight[at]))) > self.rank:
             self.rank, self.time, self.force, self.deviation = rank, float(time[at]), force[at], deviation[at]
+            self.error = float(error[at])
 
     def push(self, start: float, count: int, sizes: Sequence[ComponentSize], noise: Array) -> _Push:
         """Return what pushed here, of `count` intervals."""
@@ -185,7 +187,7 @@ class _Group:
             at=self.time - start,
             way=_way(self.force, self.axes),
             deviation=None if stated == [None] * len(stated) else along,
-            sure=peak / (SURE_OF_CONTACT * max(along * len(self.columns) ** 0.5, TINY)),
+            sure=peak / (SURE_OF_CONTACT * max(self.error, TINY)),
             rms=(self.squares / count) ** 0.5,
             lasting=(self.shares / count) ** 0.5,
             error=float(np.linalg.norm(typical)),
@@ -207,7 +209,7 @@ def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
             deviations = np.where(np.isfinite(block.standard_deviation), block.standard_deviation, noise)
         count += int(np.sum(shown.any(axis=1)))
         for group in groups:
-            group.take(block.time, components, deviations)
+            group.take(block.time, components, deviations, without_lag(block, deviations))
     sizes = estimate.component_sizes()
     return [group.push(start, max(count, 1), sizes, noise) for group in groups]
 

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from aerobat_pin.estimation.coefficient_errors import coefficient_covariance
 from aerobat_pin.estimation.expected_of_record import expected_from, row_scale
-from aerobat_pin.estimation.fit_beside_forces import most_likely
+from aerobat_pin.estimation.fit_beside_forces import most_likely, with_blows
 from aerobat_pin.estimation.instants import settled_instants
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.numerics import Array
@@ -60,6 +60,19 @@ def test_a_row_that_no_other_row_checks_is_no_worse_than_expected() -> None:
     _, size, *_ = most_likely(y, x, np.full(2, np.inf), J, list(range(4)), sliding, force, error)
     assert size[0] <= 1.0
     np.testing.assert_allclose(0.1 * size[1:] ** 0.5, 0.3, rtol=0.15)
+
+
+def test_a_blow_is_no_error_of_the_rows() -> None:
+    """Two of 400 instants have a force of 50 times its size; a force of its size stays what was expected."""
+    rng, m = np.random.default_rng(9), 400
+    J, error, force = np.broadcast_to(np.ones((1, 3)), (m, 1, 3)), np.full(3, 0.1), np.full((m, 1), 2.0)
+    pushed = np.where(np.arange(m)[:, None] // 2 == 100, 100.0, 2.0 * rng.standard_normal((m, 1)))
+    y = np.einsum("mck,mc->mk", J, pushed) + error * rng.standard_normal((m, 3))
+    grown = with_blows(force, y, J)
+    np.testing.assert_allclose(grown[200:202], 100.0, rtol=0.1)
+    x, sliding, every = -rng.standard_normal((2, m, 3)), np.full((m, 3), SLIDING), [0, 1, 2]
+    size = most_likely(y, x, np.full(2, np.inf), J, every, sliding, grown, error)[1]
+    np.testing.assert_allclose(size, 1.0, rtol=0.25)
 
 
 @pytest.mark.parametrize("root", ["fixed", "free_flyer"])

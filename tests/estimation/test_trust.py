@@ -128,11 +128,12 @@ def test_deviations_contain_what_a_filter_lags_behind() -> None:
     kept, found = np.exp(-gain * dt), np.zeros_like(force)
     for k in range(1, len(t)):
         found[k] = force[k] + kept * (found[k - 1] - force[k])
-    lag, behind = lag_of_filter(found, np.full(len(t), dt), gain), np.zeros((LAGS, force.shape[1]))
-    within = np.abs(found - force)[100:] <= 2.0 * lag[100:] + 1e-9
+    noise = np.full(found.shape, 0.01)
+    lag, behind = lag_of_filter(found, np.full(len(t), dt), gain, noise), np.zeros((LAGS, force.shape[1]))
+    within = np.abs(found - force)[100:] <= 2.0 * np.hypot(lag, noise)[100:]
     assert np.all(within.mean(axis=0) > 0.95)
     assert np.all(lag[100:].mean(axis=0) < 2.0 * np.abs(found - force)[100:].mean(axis=0))
     for components, sure in zip(found, lag, strict=True):
-        deviation = np.zeros(force.shape[1])
+        deviation = noise[0].copy()
         add_lag_of_filter(components, kept, behind, deviation)
-        np.testing.assert_allclose(deviation, sure, atol=1e-12)
+        np.testing.assert_allclose(deviation, np.hypot(noise[0], sure), atol=1e-12)
