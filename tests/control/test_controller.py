@@ -41,6 +41,13 @@ def sample(pilot: Controller, roll: float = 0.0, pitch: float = 0.0, yaw: float 
     return q, v
 
 
+def begun(pilot: Controller) -> tuple[Array, Array, Array]:
+    """Begin on the course, and return that sample with the wrench that is wanted there."""
+    q, v = sample(pilot)
+    pilot.begin(0.0, q, v, 0.0)
+    return q, v, pilot.wrench(0.0, q, v, 0.0)
+
+
 def test_the_nominal_wrench_is_gravity_less_air() -> None:
     """0.77 N of lift; and 6.4 mN m of pitch, since the body's centre of mass is not the robot's."""
     pilot = controller()
@@ -57,9 +64,7 @@ def test_the_nominal_wrench_is_gravity_less_air() -> None:
 def test_a_turned_body_is_turned_back_as_stiffly_as_the_scenario_says(axis: str) -> None:
     """Moment per angle is J w^2, about that axis alone but for the swing of the reference; nose up turns about -y."""
     pilot = controller(*STEADY, f"control.{axis}=10.0")
-    q, v = sample(pilot)
-    pilot.begin(0.0, q, v, 0.0)
-    level = pilot.wrench(0.0, q, v, 0.0)
+    level = begun(pilot)[2]
     angle, i = 1e-4, ("roll", "pitch", "yaw").index(axis)
     turned = pilot.wrench(0.0, *sample(pilot, **{axis: angle}), 0.0) - level
     sign = 1.0 if axis == "pitch" else -1.0
@@ -70,9 +75,7 @@ def test_a_turned_body_is_turned_back_as_stiffly_as_the_scenario_says(axis: str)
 def test_who_is_left_of_the_course_rolls_to_the_right() -> None:
     """The rolling moment is that of the roll that pushes back m w^2 y; the lift is corrected for bank."""
     pilot = controller(*STEADY)
-    q, v = sample(pilot)
-    pilot.begin(0.0, q, v, 0.0)
-    level = pilot.wrench(0.0, q, v, 0.0)
+    q, v, level = begun(pilot)
     q[1] = 0.01
     roll = 2.8**2 * 0.01 / 9.81
     moment = (pilot.wrench(0.0, q, v, 0.0) - level)[3]
@@ -84,9 +87,7 @@ def test_who_is_left_of_the_course_rolls_to_the_right() -> None:
 def test_a_position_error_is_answered_by_mass_times_frequency_squared() -> None:
     """1 cm too low: m w^2 h of additional lift; 1 cm behind: m w^2 h forward."""
     pilot = controller(*STEADY)
-    q, v = sample(pilot)
-    pilot.begin(0.0, q, v, 0.0)
-    level = pilot.wrench(0.0, q, v, 0.0)
+    q, v, level = begun(pilot)
     q[:3] = [-0.01, 0.0, -0.01]
     answer = pilot.wrench(0.0, q, v, 0.0) - level
     mass = pilot.nominal.mass
@@ -96,9 +97,7 @@ def test_a_position_error_is_answered_by_mass_times_frequency_squared() -> None:
 def test_a_push_at_the_centre_of_mass_does_not_ask_for_yaw() -> None:
     """The thrusters leave its part sideways, so only a roll is wanted against it; against that upwards, a pitch."""
     pilot = controller(*ROUND, *STEADY[:2], "sensors={}", "control.lateral=0.0")
-    q, v = sample(pilot)
-    pilot.begin(0.0, q, v, 0.0)
-    level = pilot.wrench(0.0, q, v, 0.0)
+    q, v, level = begun(pilot)
     force, centre = np.array([0.0, 1e-3, 0.02]), pilot.nominal.centre
     assert centre[0] == pytest.approx(-7.5e-3, abs=1e-4)
     pilot.disturbance[:] = moved(np.append(force, np.zeros(3)), centre)

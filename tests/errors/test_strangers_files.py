@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from support.bad_strangers import ARM_MJCF, HINGE, LINK, impossible, mcap_bomb
+from support.bad_strangers import ARM_MJCF, chain, impossible, mcap_bomb
 from support.walking_log import bag, urdf, walk
 
 from aerobat_pin.errors import LogError, foreign_file, foreign_xml
@@ -50,18 +50,13 @@ def test_xml_nests_to_a_depth(tmp_path: Path) -> None:
         foreign_xml(file, "x", "a")
 
 
-def _chain(count: int, *, star: bool = False) -> str:
-    joints = "".join(HINGE.format(k, 0 if star else k, k + 1) for k in range(count))
-    return f'<robot name="chain">{"".join(LINK.format(k) for k in range(count + 1))}{joints}</robot>'
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (_chain(100), None),
-        (_chain(101), "more than 100 links in a row, or a closed chain"),
-        (_chain(999, star=True), None),
-        (_chain(1000, star=True), "1001 bodies: at most 1000 were expected"),
+        (chain(100), None),
+        (chain(101), "more than 100 links in a row, or a closed chain"),
+        (chain(999, star=True), None),
+        (chain(1000, star=True), "1001 bodies: at most 1000 were expected"),
         (urdf(), None),
         (
             urdf().replace('<mass value="0.3"', '<mass value="-0.3"', 1),

@@ -141,7 +141,8 @@ def _header(rng: Rng, place: Path) -> list[str]:
     return words if rng.integers(2) else ["estimate", "log.csv", "--suggest"]
 
 
-def _chain(count: int, *, star: bool = False) -> str:
+def chain(count: int, *, star: bool = False) -> str:
+    """Return a URDF of links in a row, or all on the first."""
     joints = "".join(HINGE.format(k, 0 if star else k, k + 1) for k in range(count))
     return f'<robot name="chain">{"".join(LINK.format(k) for k in range(count + 1))}{joints}</robot>'
 
@@ -152,8 +153,8 @@ def _large(rng: Rng, place: Path) -> list[str]:
     nested = f'<body name="b">{INERTIAL}<joint name="j"/>'
     texts = (
         urdf().replace("</robot>", depth * "<a>" + depth * "</a>" + "</robot>"),
-        _chain(int(rng.integers(101, 5000))),
-        _chain(int(rng.integers(1001, 5000)), star=True),
+        chain(int(rng.integers(101, 5000))),
+        chain(int(rng.integers(1001, 5000)), star=True),
         f'<mujoco model="m"><worldbody>{depth * nested}{depth * "</body>"}</worldbody></mujoco>',
         f'<mujoco model="m">{depth * "<default>"}{depth * "</default>"}</mujoco>',
         f'<mujoco model="m"><worldbody>{(1001 + depth // 10) * (nested + "</body>")}</worldbody></mujoco>',

@@ -6,7 +6,6 @@ import shutil
 import time
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 
 from support.forks import Forks
 
@@ -32,10 +31,8 @@ class Bench:
         self.forks = Forks().__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.forks.__exit__(kind, error, trace)
+    def __exit__(self, *error: object) -> None:
+        self.forks.__exit__(*error)
 
     def new_folder(self) -> Path:
         """Return a new folder with an old result, `result/`, that also holds files of the user's."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,12 +33,14 @@ class Kind:
 KINDS: list[Kind] = []
 
 
-def file_kind(number: int, name: str, suffix: str = ".nc") -> Callable[[Any], Any]:
-    """Register a function (rng, log, path) that writes the file."""
+def file_kind(
+    number: int, name: str, suffix: str = ".nc", by: Callable[..., None] | None = None
+) -> Callable[[Any], Any]:
+    """Register a function (rng, log, path) that writes the file; or a change, made by `by` (change, rng, log, path)."""
 
-    def register(write: Callable[[Rng, FlightLog, Path], None]) -> Callable[[Rng, FlightLog, Path], None]:
-        KINDS.append(Kind(number, name, suffix, write))
-        return write
+    def register(change: Callable[..., Any]) -> Callable[..., Any]:
+        KINDS.append(Kind(number, name, suffix, change if by is None else partial(by, change)))
+        return change
 
     return register
 
@@ -45,73 +48,53 @@ def file_kind(number: int, name: str, suffix: str = ".nc") -> Callable[[Any], An
 def dataset_kind(number: int, name: str) -> Callable[[Any], Any]:
     """Register a function (rng, dataset) -> dataset that changes the measured channels before they are written."""
 
-    def register(change: Callable[[Rng, xr.Dataset], xr.Dataset]) -> Callable[[Rng, xr.Dataset], xr.Dataset]:
-        def write(rng: Rng, log: FlightLog, path: Path) -> None:
-            change(rng, log.measured.copy(deep=True)).to_netcdf(path, engine="h5netcdf")
+    def write(change: Callable[[Rng, xr.Dataset], xr.Dataset], rng: Rng, log: FlightLog, path: Path) -> None:
+        change(rng, log.measured.copy(deep=True)).to_netcdf(path, engine="h5netcdf")
 
-        KINDS.append(Kind(number, name, ".nc", write))
-        return change
-
-    return register
+    return file_kind(number, name, by=write)
 
 
 def hdf5_kind(number: int, name: str) -> Callable[[Any], Any]:
     """Register a function (rng, file, path) that changes a saved log through h5py."""
 
-    def register(change: Callable[[Rng, h5py.File, Path], None]) -> Callable[[Rng, h5py.File, Path], None]:
-        def write(rng: Rng, log: FlightLog, path: Path) -> None:
-            save(log, path)
-            with h5py.File(path, "r+") as file:
-                change(rng, file, path)
+    def write(change: Callable[[Rng, h5py.File, Path], None], rng: Rng, log: FlightLog, path: Path) -> None:
+        save(log, path)
+        with h5py.File(path, "r+") as file:
+            change(rng, file, path)
 
-        KINDS.append(Kind(number, name, ".nc", write))
-        return change
-
-    return register
+    return file_kind(number, name, by=write)
 
 
 def bytes_kind(number: int, name: str) -> Callable[[Any], Any]:
     """Register a function (rng, bytes) -> bytes that changes the file of a saved log."""
 
-    def register(change: Callable[[Rng, bytes], bytes]) -> Callable[[Rng, bytes], bytes]:
-        def write(rng: Rng, log: FlightLog, path: Path) -> None:
-            save(log, path)
-            path.write_bytes(change(rng, path.read_bytes()))
+    def write(change: Callable[[Rng, bytes], bytes], rng: Rng, log: FlightLog, path: Path) -> None:
+        save(log, path)
+        path.write_bytes(change(rng, path.read_bytes()))
 
-        KINDS.append(Kind(number, name, ".nc", write))
-        return change
-
-    return register
+    return file_kind(number, name, by=write)
 
 
 def cells_kind(number: int, name: str) -> Callable[[Any], Any]:
     """Register a function (rng, rows) -> None that changes the cells of a table; row 0 is the header."""
 
-    def register(change: Callable[[Rng, Cells], None]) -> Callable[[Rng, Cells], None]:
-        def write(rng: Rng, log: FlightLog, path: Path) -> None:
-            rows = table(log, path)
-            change(rng, rows)
-            with path.open("w", newline="") as file:
-                csv.writer(file, lineterminator="\n").writerows(rows)
+    def write(change: Callable[[Rng, Cells], None], rng: Rng, log: FlightLog, path: Path) -> None:
+        rows = table(log, path)
+        change(rng, rows)
+        with path.open("w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows(rows)
 
-        KINDS.append(Kind(number, name, ".csv", write))
-        return change
-
-    return register
+    return file_kind(number, name, ".csv", write)
 
 
 def text_kind(number: int, name: str) -> Callable[[Any], Any]:
     """Register a function (rng, bytes) -> bytes that changes the text of a table."""
 
-    def register(change: Callable[[Rng, bytes], bytes]) -> Callable[[Rng, bytes], bytes]:
-        def write(rng: Rng, log: FlightLog, path: Path) -> None:
-            table(log, path)
-            path.write_bytes(change(rng, path.read_bytes()))
+    def write(change: Callable[[Rng, bytes], bytes], rng: Rng, log: FlightLog, path: Path) -> None:
+        table(log, path)
+        path.write_bytes(change(rng, path.read_bytes()))
 
-        KINDS.append(Kind(number, name, ".csv", write))
-        return change
-
-    return register
+    return file_kind(number, name, ".csv", write)
 
 
 _SAVED: list[tuple[FlightLog, bytes]] = []  # the last good log and its file: saving takes longest
