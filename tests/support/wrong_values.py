@@ -349,7 +349,7 @@ FlightSummary KnownInputs ObserverScores Score Experiment Aerobat Observer
 Redundancy JointFriction OnlineSample Result StoredEstimate PairedEstimate Channel
 LoopRecord ThrusterSet Nominal Margins ControlSummary Innovation TrueEvent InnovationScore ComponentSize
 Contact Cause Effect ModelCheck Suspect Finding Agreement Moments Check KnownForces StreamHealth Stance
-ObserversTogether LoopState SimulatedMotion"""  # made by other functions
+ObserversTogether Sampled LoopState SimulatedMotion"""  # made by other functions
 TABLES = """ObserverSection ObserverSettings AirSection ControlSection ThrustersSection Map Section RecordedForce
 RobotSection Scenario SensorSection SensorsSection UnknownForce InertialSection MotionCaptureSection RawSection
 SampledSection LoadSection PlantSection SineForce"""  # pydantic checks
