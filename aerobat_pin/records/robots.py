@@ -45,7 +45,7 @@ class PlainRobot(ShownInNotebooks):
     joints: tuple[str, ...]
     title: str
     payload: PayloadSection | None = field(default=None, kw_only=True)
-    mimics: Mapping[str, str] = field(default_factory=dict, kw_only=True)
+    mimics: Mapping[str, str] = field(default_factory=dict, hash=False, kw_only=True)
     unread: tuple[str, ...] = field(default=(), kw_only=True)
     unloaded: pin.Model | None = field(default=None, kw_only=True)
     stated: pin.Model | None = field(default=None, kw_only=True)

@@ -160,7 +160,10 @@ def _rate_unit(columns: Columns, places: list[str], rates: list[str], angle: str
     if not places or len(places) != len(rates):
         return f"{angle}/s"
     place, rate = (np.stack([columns.sample(name) for name in names]) for names in (places, rates))
-    moved, said = np.nanstd(np.diff(place)), np.nanstd(rate) * (step or 0.0)
+    changes = np.diff(place)
+    if not (np.any(np.isfinite(changes)) and np.any(np.isfinite(rate))):
+        return f"{angle}/s"
+    moved, said = np.nanstd(changes), np.nanstd(rate) * (step or 0.0)
     if not min(moved, said) > 0.0:
         return f"{angle}/s"
     moved = np.radians(moved) if angle == "deg" else moved

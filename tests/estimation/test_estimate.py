@@ -120,7 +120,7 @@ def test_what_no_estimate_would_heed_cannot_be_set(key: str) -> None:
             "'crank.frequency' does not belong to the belief about a recorded flight",
         ),
         (("hall.csv", "--set", "observers.torque=measured"), "no channel named motor_torque or joint_torque"),
-        (("broken.csv",), "no column named x; if it is another robot's, --map"),
+        (("broken.csv",), "no column named x; if it is another robot's, a map says"),
         (("notes.nc",), "cannot be read as NetCDF-4"),
     ],
 )

@@ -82,7 +82,7 @@ def python(code: str, installed: Path, cwd: Path, **changes: str) -> str:
 
 
 def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -> None:
-    """Every file of the two packages, the licence, no tests, no documents, under 1.16 MB."""
+    """Every file of the two packages, the licence, no tests, no documents, under 1.18 MB."""
     names = zipfile.ZipFile(wheel).namelist()
     info = next(name.split("/")[0] for name in names if name.endswith(".dist-info/METADATA"))
     ours = {
@@ -107,7 +107,7 @@ def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -
         assert sum(name.startswith("aerobat_description/") and name.endswith(end) for name in ours) >= 3
     assert f"{info}/licenses/LICENSE" in names
     assert wheel.name.endswith("-py3-none-any.whl")
-    assert wheel.stat().st_size < 1_160_000
+    assert wheel.stat().st_size < 1_180_000
 
 
 def test_the_wheel_names_no_machine(wheel: Path) -> None:
