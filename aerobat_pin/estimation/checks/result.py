@@ -29,7 +29,6 @@ STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may sta
 ALWAYS_SEEN = 0.95  # share of the time from which a component counts as always seen
 MOST_WEIGHTS = 10.0  # rms of a force, from which units are doubted
 MANY = 20_000  # intervals of which the power is taken
-POWERS = 400  # of these intervals, of which powers are computed
 MOST_NAMED = 3  # stretches of a component that is not seen
 ALWAYS = 0.995  # share of the time that counts as all of it
 STRAIGHT_ARM = 0.3  # sine of the angle between an unseen force and the lines from far joints to it, in a straight arm
@@ -170,7 +169,7 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:
     block = record.block(first, min(last, first + MANY))
     offset = estimate.index(block.time[0])
     estimated = estimate.between(offset, offset + len(block.tau))
-    every = slice(None, None, max(1, len(block.tau) // POWERS))
+    every = slice(None, None, max(1, len(block.tau) // 2000))
     chosen = np.flatnonzero(settled(record, estimated.time[:-1])[every]) * every.step
     if not len(chosen):
         return
