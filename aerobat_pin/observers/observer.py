@@ -255,7 +255,7 @@ class Observer:
             v: (m + 1, nv) velocities.
             tau: (m, nv) measured joint torque, interval means.
             known: name -> (m, nv) other known generalised forces, interval means.
-            sampled: what observers of this record sampled; it serves those of the same robot and forces.
+            sampled: what others took from this very record, used where robot and forces are the same, else added to.
 
         Raises:
             ObserverError, ShapeError: for the same reasons as `update` and `reset`.

@@ -23,7 +23,13 @@ DIRECTIONS = {"JointModelFreeFlyer": 4, "JointModelSpherical": 4, "JointModelPla
 
 
 class Sampled(NamedTuple):
-    """A record as observers of some forces sampled it."""
+    """What an observer took from a record: for others that look for the same forces, on the same model and record.
+
+    Attributes:
+        model: the robot's, whose joints have axes fixed in the links that they carry (`serial_model`).
+        applications: where forces are sought.
+        samples: momentum, drift, velocity and Jacobians at the record's m + 1 samples, see `Samples`.
+    """
 
     model: pin.Model
     applications: tuple[Application, ...]
