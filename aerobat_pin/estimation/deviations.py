@@ -1,4 +1,7 @@
-"""What deviations contain: what is stated of rows and belief, the lag of the filter, and a tilt of the attitude.
+"""What deviations contain: what is stated of rows and belief, noise, the lag of the filter, a tilt of the attitude.
+
+Rows are taken to err each by itself. Noise of a velocity errs in all rows that its joint's acceleration loads, and so
+looks like a force: with a large K it is most of the error, and the estimate itself shows it, from sample to sample.
 
 A force that changes is ahead of its filter r, by r'/K. With x what another filter of the same gain lags behind its
 input, that is (x + x^2 + x^3 + ...) r. The size of the first term, and by how much the next ones exceed the errors of
@@ -13,14 +16,17 @@ turned. So the forces are right in body axes, and in world axes horizontal ones 
 from __future__ import annotations
 
 from dataclasses import replace
+from math import comb
 
 import numpy as np
 
-from aerobat_pin.estimation.trust import local_noise
+from aerobat_pin.estimation.trust import DIFFERENCE, NOISE_STRETCH, local_noise
 from aerobat_pin.numerics import Array, kernel
 from aerobat_pin.observers import AllBut, Estimate, Expected, Identifiability, Observer, low_passed, row_names
 from aerobat_pin.records import Map
 
+ROOT_OF_NOISE = 0.822 * comb(2 * DIFFERENCE, DIFFERENCE) ** 0.25  # mean root of the differences of unit white noise
+RECENT = DIFFERENCE + 2  # what a stream keeps of each component: last differences, mean root of the highest, count
 LAGS = 3  # filters, one behind the other, whose lags say how far a force may be ahead of the first
 
 
@@ -45,11 +51,12 @@ def rows_as_components(estimate: Estimate, observer: Observer, v: Array, expecte
 
 
 def with_expected(estimate: Estimate, observer: Observer, expected: Expected) -> Estimate:
-    """Return an estimate with what it shows of an expected force; its deviation then contains its lag."""
+    """Return an estimate with what it shows of an expected force; its deviation then contains its noise and its lag."""
     deviation = estimate.standard_deviation
     if deviation is None:
         return estimate
     whole = replace(estimate, expected_force=expected.force, seen=expected.seen(deviation))
+    deviation = np.maximum(deviation, recent_noise(estimate.components))
     lag = lag_of_filter(estimate.components, np.diff(estimate.time), float(np.min(observer.gain)), deviation)
     return replace(whole, standard_deviation=np.hypot(deviation, lag))
 
@@ -64,6 +71,28 @@ def with_belief_error(estimate: Estimate, deviation: Array | None) -> Estimate:
     return replace(estimate, standard_deviation=np.where(unseen, np.inf, np.hypot(stated, deviation)))
 
 
+def recent_noise(components: Array) -> Array:
+    """Return the standard deviation (m, c) of what changed from sample to sample, over `NOISE_STRETCH` before each.
+
+    Means are taken of square roots, in which steps and pushes, which are rare, hardly count.
+    """
+    change = np.diff(components, n=DIFFERENCE, axis=0, prepend=np.zeros((DIFFERENCE, components.shape[1])))
+    share = 1.0 / np.minimum(np.arange(1.0, len(change) + 1.0), NOISE_STRETCH)
+    return np.asarray((low_passed(np.sqrt(np.abs(change)), share) / ROOT_OF_NOISE) ** 2)
+
+
+@kernel
+def raise_to_noise(components: Array, recent: Array, deviation: Array) -> None:
+    """Do the same in a stream: move `recent` (RECENT, c) and raise deviations (c,) to the noise."""
+    for j in range(components.shape[0]):
+        change = components[j]
+        for i in range(DIFFERENCE):
+            change, recent[i, j] = change - recent[i, j], change
+        recent[-1, j] = min(recent[-1, j] + 1.0, NOISE_STRETCH)
+        recent[-2, j] += (np.sqrt(abs(change)) - recent[-2, j]) / recent[-1, j]
+        deviation[j] = max(deviation[j], (recent[-2, j] / ROOT_OF_NOISE) ** 2)
+
+
 def lag_of_filter(components: Array, dt: Array, gain: float, deviation: Array) -> Array:
     """Return how far (m, c) forces may be ahead of components that a filter gives.
 
@@ -71,7 +100,7 @@ def lag_of_filter(components: Array, dt: Array, gain: float, deviation: Array) -
         components: (m, c).
         dt: (m,) intervals [s].
         gain: K [1/s].
-        deviation: (m, c) of the components by errors of rows: as much may be noise.
+        deviation: (m, c) of the components by errors of rows and noise: as much may be no force.
     """
     ahead, share = np.zeros_like(components), -np.expm1(-gain * dt)
     for lag in range(LAGS):
@@ -84,10 +113,11 @@ def without_lag(estimate: Estimate, deviation: Array) -> Array:
     """Return deviations (m, c) of an estimate with what they contain of its filter's lag taken out."""
     if estimate.seen is None or estimate.expected_force is None:
         return deviation
-    rows, components = estimate.expected_force * np.sqrt(1.0 - estimate.seen), estimate.components
-    gain, dt = float(np.min(estimate.gain)), np.diff(estimate.time)
-    lag = lag_of_filter(components - components[0], dt, gain, rows)
-    return np.asarray(np.sqrt(np.maximum(deviation**2 - lag**2, rows**2)))
+    components, gain, dt = estimate.components, float(np.min(estimate.gain)), np.diff(estimate.time)
+    components = components - components[0]
+    errors = np.maximum(estimate.expected_force * np.sqrt(1.0 - estimate.seen), recent_noise(components))
+    lag = lag_of_filter(components, dt, gain, errors)
+    return np.asarray(np.sqrt(np.maximum(deviation**2 - lag**2, errors**2)))
 
 
 @kernel

@@ -21,7 +21,7 @@ from aerobat_pin.errors import AerobatError, MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.contacts import walks_on
-from aerobat_pin.estimation.deviations import LAGS, add_lag_of_filter, tilt_of, with_tilt
+from aerobat_pin.estimation.deviations import LAGS, RECENT, add_lag_of_filter, raise_to_noise, tilt_of, with_tilt
 from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
 from aerobat_pin.estimation.inputs import change_of_axes
 from aerobat_pin.estimation.known_forces import FittedValues
@@ -115,8 +115,9 @@ class OnlineEstimator:
         self._legs = np.zeros((LEGS_KEPT, count)), np.zeros((LEGS_KEPT, count, nv))  # forces, and their Jacobians
         self._leg_samples = 0
         self._build()
-        put(self._memory, 0, np.nan, self._readers[0][2])  # these three compile
+        put(self._memory, 0, np.nan, self._readers[0][2])  # these four compile
         build_interval(self._memory, self._leading)
+        raise_to_noise(np.zeros(0), np.zeros((RECENT, 0)), np.zeros(0))
         add_lag_of_filter(np.zeros(0), 0.0, np.zeros((LAGS, 0)), np.zeros(0))
         self._rings.tally[:] = 0
 
@@ -242,7 +243,7 @@ class OnlineEstimator:
             if isinstance(observer, KalmanObserver) and observer.doubted_forces:
                 raise MapError("online: observer.kalman.known_error: a stream knows the sum of known forces alone")
         self._together = ObserversTogether(self._observers)
-        self._behind: list[Array] = []  # what filters of the same gain leave of components, of each observer
+        self._behind: list[tuple[Array, Array]] = []  # of each observer: filters behind its components, recent noise
 
     def _advance(self) -> list[OnlineSample]:
         """Estimate at all times for which every channel has a sample at or after."""
@@ -251,7 +252,8 @@ class OnlineEstimator:
             if code == ring_kernels.STREAM_START:
                 self._starts += 1
                 self._together.start(self._rings.q, self._rings.v)
-                self._behind = [np.zeros((LAGS, observer.applications.table.shape[0])) for observer in self._observers]
+                sizes = (observer.applications.table.shape[0] for observer in self._observers)
+                self._behind = [(np.zeros((LAGS, c)), np.zeros((RECENT, c))) for c in sizes]
             else:
                 estimates += self._estimates_of_interval(rezeroed=code == ring_kernels.REZEROED)
         return estimates
@@ -274,13 +276,14 @@ class OnlineEstimator:
         settled, epoch = bool(end - now[ring_kernels.BEGAN] >= self._wait), self._epoch or 0.0
         k = self._together.recent_k
         kept, estimates = math.exp(-dt * float(self._map.observer.gain)), list[OnlineSample]()
-        for observer, sample, behind in zip(self._observers, samples, self._behind, strict=True):
+        for observer, sample, (behind, recent) in zip(self._observers, samples, self._behind, strict=True):
             if sample is None:
                 continue
             components = sample.components
             deviation = of_rows = sample.standard_deviation
             if deviation is not None and observer.expected is not None:
                 deviation = deviation.copy()
+                raise_to_noise(components, recent, deviation)
                 add_lag_of_filter(components, kept, behind, deviation)
             if deviation is not None and self._tilt > 0.0:
                 deviation = with_tilt(components, deviation, self._tilt)

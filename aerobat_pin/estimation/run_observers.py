@@ -16,6 +16,7 @@ from aerobat_pin.estimation.deviations import rows_as_components, tilt_of, with_
 from aerobat_pin.estimation.inputs import KnownInputs, inputs_of, with_zeroed_velocity
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.stored_estimate import ROWS_READ, TIME_CONSTANTS_TO_SETTLE, StoredEstimate
+from aerobat_pin.estimation.trust import NOISE_STRETCH
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
     OBSERVERS,
@@ -166,6 +167,7 @@ def run_observers(
         Name of the observer -> estimate.
     """
     wait = max(LEAD / float(record.map.observer.gain), 0.0 if watch is None else watch.settling)
+    wait = max(wait, LEAD * NOISE_STRETCH / record.rate)
     lead, spool = int(np.ceil(wait * record.rate)) + 1, Spool()
     estimates = {observer.name: StoredEstimate(spool) for observer in observers}
     total, done = len(observers) * sum(last - first for first, last in record.parts), 0

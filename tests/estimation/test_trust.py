@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from aerobat_pin.estimation import ObserverScores
-from aerobat_pin.estimation.deviations import LAGS, add_lag_of_filter, lag_of_filter
+from aerobat_pin.estimation.deviations import (
+    LAGS,
+    RECENT,
+    add_lag_of_filter,
+    lag_of_filter,
+    raise_to_noise,
+    recent_noise,
+)
 from aerobat_pin.estimation.trust import sample_noise, warnings_about, worst_stretch
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.observers import OBSERVERS
@@ -137,3 +144,19 @@ def test_deviations_contain_what_a_filter_lags_behind() -> None:
         deviation = noise[0].copy()
         add_lag_of_filter(components, kept, behind, deviation)
         np.testing.assert_allclose(deviation, np.hypot(noise[0], sure), atol=1e-12)
+
+
+def test_noise_of_late_is_that_of_the_samples_and_of_no_step() -> None:
+    """White noise that becomes ten times as large half way, and a step of a thousand; a stream says the same."""
+    rng, half = np.random.default_rng(3), 2000
+    found = rng.standard_normal((2 * half, 2)) * np.repeat([[1.0, 0.1], [10.0, 0.1]], half, axis=0)
+    found[half:, 1] += 1e3
+    noise, recent = recent_noise(found), np.zeros((RECENT, 2))
+    assert np.mean(noise[100:half, 0]) == pytest.approx(1.0, rel=0.1)
+    assert np.mean(noise[half + 100 :, 0]) == pytest.approx(10.0, rel=0.1)
+    assert np.max(noise[half : half + 200, 1]) < 30.0  # of the step
+    assert np.mean(noise[half + 200 :, 1]) == pytest.approx(0.1, rel=0.1)
+    for components, sure in zip(found, noise, strict=True):
+        deviation = np.zeros(2)
+        raise_to_noise(components, recent, deviation)
+        np.testing.assert_allclose(deviation, sure, rtol=1e-9)
