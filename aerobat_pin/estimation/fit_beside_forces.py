@@ -136,7 +136,7 @@ def _fitted(forces: KnownForces, instants: Instants, expected: Expected, force: 
     record, robot, kept, at, n = forces.record, forces.record.robot, instants.kept, instants.at, len(instants.at)
     y, J, error = instants.rows[:, kept], instants.jacobians[:, :, kept], expected.row_error[kept]
     sought = lifts and kept[0] == 0  # factors, by rows of the base
-    x = instants.columns[: 3 if sought else 2, :, at]
+    x = instants.columns[[0, 1, 3] if sought else [0, 1]][:, :, at]
     known = np.array([np.inf, np.inf, EFFORT_ERROR])[: len(x)]
     g = float(np.linalg.norm(robot.model.gravity.linear))
     offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
@@ -150,7 +150,7 @@ def _fitted(forces: KnownForces, instants: Instants, expected: Expected, force: 
         least = robot.mass * row_scale(robot.model)[:6] * acceleration
         SJ = force[..., None] ** 2 * J
         G = SJ @ np.linalg.inv(np.swapaxes(J, 1, 2) @ SJ + np.diag(size * error**2))
-        efforts, attitude = instants.columns[2], rotation_matrices(instants.q[:, 3:7])
+        efforts, attitude = instants.columns[3], rotation_matrices(instants.q[:, 3:7])
         d, sigma = factors_by_balance(rows, instants.jacobians, G, kept, efforts, attitude, least, EFFORT_ERROR)
         unsure += np.mean((efforts * sigma) ** 2, axis=0)
         factors = d[at]

@@ -31,7 +31,8 @@ class Instants:
         joints: those that are driven, have a row that is believed, and friction that is not known.
         at: their places among the believed rows.
         sliding: (m, k) tanh(v / v_s) of the believed rows; 1 for those without friction.
-        columns: (3, m, k) what Coulomb and viscous friction of size 1, and the effort, do in each believed row.
+        columns: (4, m, k) what Coulomb and viscous friction and a rotor's inertia of size 1, and the effort, do in each
+            believed row.
         every: intervals of the record from one instant to the next.
     """
 
@@ -75,10 +76,11 @@ def looked_at(
     places, times = list[Array](), list[Array]()
     for stretch in stretches:
         v, share = 0.5 * (stretch.v[1:] + stretch.v[:-1]), -np.expm1(-gain * typical_step(stretch.time))
+        a = np.diff(stretch.v, axis=0) / np.diff(stretch.time)[:, None]
         y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
         sliding, coulomb = np.tanh(v / stiction_rate), np.tanh(v / (stiction_rate if rate is None else rate))
         chosen = settled_instants(stretch.time, gain)[::every]
-        table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, stretch.tau))])
+        table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, -a, stretch.tau))])
         parts.append(table[:, chosen])
         places.append(stretch.q[chosen + 1])
         times.append(stretch.time[chosen])

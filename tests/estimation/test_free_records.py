@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
+from support.six_joints import six_map, swing
 from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_log
 from support.swinging_arm import arm, recording
 from support.swinging_arm import arm_map as short_arm_map
@@ -40,6 +41,16 @@ def test_a_pull_is_not_learnt_as_friction(force, tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match=r"something pushed at tool0.* (19|2[012])(\.\d)? N .*--trust"):
         calibrate([hose])
     assert any("something pushed at tool0" in line for line in calibrate([hose], trust=True).warnings)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_turns_rotors_is_no_push(seed: int, tmp_path: Path) -> None:
+    """Rotors that no file knows need torques of their own: of an arm that nobody touched they were a push of 36 N."""
+    swing(tmp_path / "free.csv", seed, rotors=0.3)
+    chosen = six_map(log={"time": {"column": "t"}}, observer={"gain": 20.0})
+    del chosen["joints"]["friction"]
+    free = open_record(tmp_path / "free.csv", parse_map(chosen, "of the test"), tmp_path)
+    assert not any("pushed" in line for line in calibrate([free]).warnings)
 
 
 def test_an_arm_without_a_row_to_spare_says_that_it_cannot_tell(tmp_path: Path) -> None:

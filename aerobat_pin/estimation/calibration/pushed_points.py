@@ -2,8 +2,9 @@
 
 A force that lasts looks like offsets of the joints, as long as no row is to spare: then it would be learnt, and be
 missing from every later record. Where rows are to spare, a force moves them by its Jacobian, which changes with the
-pose, and an offset does not. So friction, offsets and the errors of rows are found beside the forces, as in a record
-that is pushed (`fit_beside_forces.py`), and what is found at the points must not stand out from its errors.
+pose, and an offset does not. So friction, inertia of rotors, offsets and the errors of rows are found beside the
+forces, as in a record that is pushed (`fit_beside_forces.py`), and what is found at the points must not stand out from
+its errors.
 """
 
 from __future__ import annotations
@@ -45,9 +46,9 @@ def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
     kept, at, y = instants.kept, instants.at, instants.rows[:, instants.kept]
     J, error, S = instants.jacobians[:, :, kept], expected.row_error[kept], expected.force
     force = np.broadcast_to(S, J.shape[:2])
-    offset = np.broadcast_to(-column_rms(instants.columns[2][:, at]) - error[at], (1, len(y), len(at)))
-    x = np.concatenate([instants.columns[:2, :, at], offset])
-    b, size, _, _ = most_likely(y, x, np.array([np.inf, np.inf, 1.0]), J, at, instants.sliding, force, error)
+    offset = np.broadcast_to(-column_rms(instants.columns[3][:, at]) - error[at], (1, len(y), len(at)))
+    x = np.concatenate([instants.columns[:3, :, at], offset])
+    b, size, _, _ = most_likely(y, x, np.array([np.inf, np.inf, np.inf, 1.0]), J, at, instants.sliding, force, error)
     if not points or np.all(spare_share(J, force, np.sqrt(size) * error) < CHECKED):
         text = "no row is to spare: a force that lasts would have been learnt as friction and offset of "
         return [], [f"{record.title}: {text}{', '.join(instants.joints)}; make sure that nothing pushed"]
@@ -77,9 +78,10 @@ def _in_words(
         shares, least = size / np.linalg.norm(sure, axis=1), LEAST_PUSH * moving_weight(record.robot.model) * scale
         rms, lasting = float(np.sqrt(np.mean(size**2))), float(np.sqrt(np.mean(shares**2)))
         bar = np.maximum(SURE_OF_CONTACT * 3**0.5 * along, least)
-        at = int(np.argmax(size / bar))
-        if size[at] > bar[at] or (lasting > LASTING and rms > least):
-            when = time[size >= min(1.0, size[at] / bar[at]) * bar] - record.start
+        beyond = size / bar
+        at = int(np.argmax(beyond))
+        if beyond[at] > 1.0 or (lasting > LASTING and rms > least):
+            when = time[beyond >= min(1.0, beyond[at])] - record.start
             peak = quantity(float(size[at]), "N" if axis.startswith("F") else "N m")
             yield (
                 f"{record.title}: something pushed at {point_label(place)}, or the model lacks a weight, most from "
