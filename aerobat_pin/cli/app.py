@@ -57,7 +57,7 @@ def top_command(
 @app.command("run")
 def run_command(
     scenario: NameOrFile,
-    out: Annotated[Path | None, out_option("Output folder; default runs/<scenario>.")] = None,
+    out: Annotated[Path | None, out_option("Output folder; default `runs/<scenario>`.")] = None,
     force: Force = False,
     seed: Annotated[int | None, typer.Option(help="Seed of all random numbers.")] = None,
     settings: Settings = None,

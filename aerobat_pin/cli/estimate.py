@@ -40,7 +40,7 @@ def estimate_command(
     calibration: CalibrationFile = None,
     correct: Correct = False,
     out: Annotated[
-        Path | None, out_option("Output folder, default runs/<log>-estimate; or, for --out-mcap, X.mcap.")
+        Path | None, out_option("Output folder, default `runs/<log>-estimate`; or, for --out-mcap, X.mcap.")
     ] = None,
     force: Force = False,
     map_file: Annotated[

@@ -95,7 +95,7 @@ def _replay(source: Path | None, morphology: str | None, table: Path | None, urd
 def compare_command(
     first: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")],
     second: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of another run.")],
-    out: Annotated[Path | None, out_option("Output folder; default runs/compare-<first>-<second>.")] = None,
+    out: Annotated[Path | None, out_option("Output folder; default `runs/compare-<first>-<second>`.")] = None,
     force: Force = False,
 ) -> None:
     """Set two runs side by side: what differs between their scenarios, their scores and their figures."""

@@ -118,7 +118,7 @@ def sweep_command(
     cluster: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Fly on the Dask cluster with its scheduler there instead.")
     ] = None,
-    out: Annotated[Path | None, out_option("Output folder; default runs/<sweep>.")] = None,
+    out: Annotated[Path | None, out_option("Output folder; default `runs/<sweep>`.")] = None,
     force: Force = False,
 ) -> None:
     """Simulate a sweep of scenarios and write its tables; the same command resumes an interrupted sweep."""

@@ -6,13 +6,24 @@ import argparse
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-
 from pages import Stage
-from printed import commands_page, scenario_page
-from reference import door_page, doors, names_page
+from reference import ROOT, door_page, doors, names_page
+from sphinx.cmd.build import build_main
+from typer import Context
+from typer.cli import get_docs_for_click
+from typer.main import get_command
 
-ROOT = Path(__file__).resolve().parents[2]
+from aerobat_pin.cli.app import app
+from aerobat_pin.scenario import describe_scenario
+
+KEYS = """# Keys of a scenario
+
+A table or key can be set in the file, or with `--set table.key=value`.
+
+```text
+{keys}
+```
+"""
 API = """# Public names
 
 Every public name of every room, from its docstring. A room is a package of `aerobat_pin`; its door is what
@@ -32,38 +43,25 @@ def stage(folder: Path) -> Path:
     """Write the pages that the generator reads into `folder`/source, and return that folder."""
     staged = Stage(ROOT, folder / "source")
     staged.write_pages()
-    staged.write("commands", commands_page())
-    staged.write("scenario_keys", scenario_page())
-    names = doors(ROOT)
-    staged.write("api/names", names_page(ROOT), ".rst")
+    commands = get_command(app)
+    staged.write("commands", get_docs_for_click(obj=commands, ctx=Context(commands), name="aerobat", title="Commands"))
+    staged.write("scenario_keys", KEYS.format(keys=describe_scenario().rstrip()))
+    names = doors()
+    staged.write("api/names", names_page(), ".rst")
     staged.write("api/index", API.format(pages="\n".join(names)))
     for door in names:
-        staged.write(f"api/{door}", door_page(ROOT, door), ".rst")
+        staged.write(f"api/{door}", door_page(door), ".rst")
     return staged.folder
 
 
 def build(folder: Path) -> int:
     """Build the site into `folder`/html and return the generator's exit code."""
-    from sphinx.cmd.build import build_main
-
-    print("importing the package, and writing the pages that it describes itself on ...", flush=True)
+    print("writing the pages on which the package describes itself ...", flush=True)
     source = stage(folder)
     count = sum(path.suffix in (".md", ".rst") for path in source.rglob("*"))
     print(f"building {count} pages: about a minute ...", flush=True)
-    words = [
-        "-b",
-        "html",
-        "-c",
-        Path(__file__).parent,
-        "-d",
-        folder / "doctrees",
-        "-W",
-        "--keep-going",
-        "-q",
-        "-j",
-        "auto",
-    ]
-    return build_main([str(word) for word in [*words, source, folder / "html"]])
+    places = ["-c", Path(__file__).parent, "-d", folder / "doctrees", source, folder / "html"]
+    return build_main(["-W", "--keep-going", "-q", "-j", "auto", *map(str, places)])
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from typing import Any
 
 from docutils import nodes
 from latex2mathml.converter import convert
+from reference import escaped
 from sphinx.util.math import get_node_equation_number
 
 import aerobat_pin
@@ -69,13 +70,7 @@ def block_equation(writer: Any, node: nodes.math_block) -> None:
 
 def as_written(_app: Any, _what: str, _name: str, _obj: Any, _options: Any, lines: list[str]) -> None:
     """Escape in docstrings what reStructuredText would take for markup: they are plain text with `code`."""
-    parts = re.split(r"(``[^`]*``|`[^`]*`)", "\n".join(lines))
-    parts[::2] = [re.sub(r"(?<=\w)_(?!\w)|\||\*", r"\\\g<0>", part) for part in parts[::2]]
-    parts[1::2] = [f"``{part.strip('`')}``" for part in parts[1::2]]
-    for number in range(2, len(parts), 2):
-        if parts[number][:1].isalnum():  # as in `name`s
-            parts[number] = "\\ " + parts[number]
-    lines[:] = "".join(parts).split("\n")
+    lines[:] = escaped("\n".join(lines)).split("\n")
 
 
 def is_field(_app: Any, _what: str, _name: str, obj: Any, _skip: bool, _options: Any) -> bool | None:

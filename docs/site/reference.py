@@ -6,44 +6,42 @@ import importlib
 import inspect
 import re
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
+ROOT = Path(__file__).resolve().parents[2]
 INNER = ["aerobat_pin.aerobat.raw"]  # doors within a room that users enter, too
 
 
-def doors(root: Path) -> list[str]:
+def doors() -> list[str]:
     """Return the modules whose public names the reference shows: the front door first, then every room, by name."""
-    rooms = [f"aerobat_pin.{path.parent.name}" for path in (root / "aerobat_pin").glob("*/__init__.py")]
+    rooms = [f"aerobat_pin.{path.parent.name}" for path in (ROOT / "aerobat_pin").glob("*/__init__.py")]
     return ["aerobat_pin", *sorted(rooms + INNER), "aerobat_description"]
 
 
-def names_page(root: Path) -> str:
+def names_page() -> str:
     """Return the page of all public names from A to Z: what each is, the doors that give it, and a link."""
     found: dict[str, list[str]] = {}
-    for door in doors(root):
+    for door in doors():
         for name in importlib.import_module(door).__all__:
             found.setdefault(name, []).append(door)
     title = "All public names"
     lines = [title, "=" * len(title), "", "Each leads to its signature and its docstring.", ""]
     for name, given in sorted(found.items(), key=lambda item: (item[0].lower(), item[0])):
-        door, thing = given[-1], getattr(importlib.import_module(given[-1]), name)
-        said = _escaped(remark(root, door, name) if is_value(name, thing) else summary(thing))
         places = ", ".join(f"``{one}``" for one in given)
-        lines.append(f"* :py:obj:`{name} <{door}.{name}>` {places}{': ' if said else ''}{said}")
+        lines.append(f"* :py:obj:`{name} <{given[-1]}.{name}>` {places}{summary(given[-1], name)}")
     return "\n".join(lines) + "\n"
 
 
-def summary(thing: Any) -> str:
-    """Return the first line of a docstring; nothing for plain values, whose type would speak."""
-    text = inspect.getdoc(thing) or ""
-    own = callable(thing) or isinstance(thing, ModuleType)
-    return text.splitlines()[0] if own and text else ""
+def summary(door: str, name: str) -> str:
+    """Return a colon and the remark on a value, or the first line of a docstring; nothing where there is none."""
+    thing = getattr(importlib.import_module(door), name)
+    said = remark(door, name) if is_value(name, thing) else (inspect.getdoc(thing) or "").partition("\n")[0]
+    return f": {escaped(said)}" if said else ""
 
 
-def remark(root: Path, door: str, name: str) -> str:
+def remark(door: str, name: str) -> str:
     """Return the comment that stands behind the definition of a value in its room."""
-    folder = root.joinpath(*door.split("."))
+    folder = ROOT.joinpath(*door.split("."))
     for file in sorted(folder.rglob("*.py")):
         if found := re.search(rf"^{name}\b(?:: [^=\n]+)? = .*?  # (.*)$", file.read_text("utf-8"), re.MULTILINE):
             return found[1]
@@ -56,14 +54,14 @@ def is_value(name: str, thing: Any) -> bool:
     return not (known or inspect.isroutine(thing) or hasattr(thing, "py_func"))
 
 
-def directive(root: Path, door: str, name: str, thing: Any) -> list[str]:
+def directive(door: str, name: str, thing: Any) -> list[str]:
     """Return the lines that document one name."""
     target = f"{door}.{name}"
     if is_value(name, thing):
         value = [f"   :value: {thing!r}"] if len(repr(thing)) < 90 and " at 0x" not in repr(thing) else []
         keys = "Keys: " + ", ".join(f"`{key}`" for key in thing) if isinstance(thing, dict) else ""
-        note = remark(root, door, name) or keys
-        return [f".. py:data:: {name}", f"   :module: {door}", *value, "", f"   {_escaped(note)}", ""]
+        note = remark(door, name) or keys
+        return [f".. py:data:: {name}", f"   :module: {door}", *value, "", f"   {escaped(note)}", ""]
     if inspect.isclass(thing):
         kind = "autoexception" if issubclass(thing, BaseException) else "autoclass"
         bases = [] if thing.__bases__ == (object,) else ["   :show-inheritance:"]
@@ -71,7 +69,7 @@ def directive(root: Path, door: str, name: str, thing: Any) -> list[str]:
     return [f".. autofunction:: {target}", ""]
 
 
-def door_page(root: Path, door: str) -> str:
+def door_page(door: str) -> str:
     """Return the page of one door: what the room is, a list of its names, then one entry for each.
 
     The front door's names are those of rooms, and lead there.
@@ -81,17 +79,16 @@ def door_page(root: Path, door: str) -> str:
     rooms = {name: f"aerobat_pin.{room}" for room, given in getattr(module, "_ROOMS", {}).items() for name in given}
     lines = [f"``{door}``", "=" * (len(door) + 4), "", f".. automodule:: {door}", ""]
     for name in names:
-        thing = getattr(module, name)
-        said = _escaped(remark(root, door, name) if is_value(name, thing) else summary(thing))
-        lines += [f"* :py:obj:`{name} <{rooms.get(name, door)}.{name}>`{': ' if said else ''}{said}"]
+        lines += [f"* :py:obj:`{name} <{rooms.get(name, door)}.{name}>`{summary(door, name)}"]
     lines += [""]
     for name in names:
         if name not in rooms:
-            lines += directive(root, door, name, getattr(module, name))
+            lines += directive(door, name, getattr(module, name))
     return "\n".join(lines) + "\n"
 
 
-def _escaped(text: str) -> str:
+def escaped(text: str) -> str:
+    """Return plain text with `code` as reStructuredText, which would take more signs for markup."""
     parts = re.split(r"`+([^`]+)`+", text)
     parts[::2] = [re.sub(r"(?<=\w)_(?!\w)|[*|\\]", r"\\\g<0>", part) for part in parts[::2]]
     parts[1::2] = [f"``{part}``" for part in parts[1::2]]
