@@ -16,11 +16,12 @@ import pandas as pd
 import pinocchio as pin
 from support.pages import Values, measured, run
 from support.pages import table as laid_out
-from trot import FAST_TROT, TROT, WALK, Gait, Noise, Walked, feet_of, walked
+from trot import FAST_TROT, ROBOT, TROT, WALK, Gait, Walked, feet_of, walked
 
 from aerobat_pin import estimate, load_robot, open_record
 from aerobat_pin.estimation.contacts import contact_probability, touching
 from aerobat_pin.numerics import Array
+from aerobat_pin.observers import low_passed
 from aerobat_pin.records import parse_map
 
 GAINS = (100.0, 200.0, 500.0, 1000.0)
@@ -30,10 +31,16 @@ SEEDS = range(31, 39)  # of other sensors: biases, factors and noise, by which d
 SETTLED = 1.0  # [s] after the start, in which the robot stands
 LONGEST_LATE = 0.06  # [s] between a touchdown and the one that is found for it
 PUSHES = (0.0, 12.0, 25.0)  # [N] on the trunk
+# Standard deviations of what the sensors have beside the truth.
+TORQUE, FACTOR = 0.1, 0.03  # white noise [N m], error of each joint's factor
+JOINT = (2e-4, 0.02)  # white noise of angle [rad] and rate [rad/s]
+GYRO, ACCELEROMETER = (3e-3, 2e-3), (0.06, 0.05)  # white noise and bias [rad/s], [m/s2]
+TILT, TURN = np.radians(0.3), 3e-4  # [rad]: constant, of the IMU alone; white noise
+MOCAP = (1e-4, 3e-4)  # white noise of position [m] and velocity [m/s]
 TRUE_CONTACT = 0.02  # of the weight: a foot that carries more touches the ground; before that it scrapes
 
 
-def sensed(walk: Walked, noise: Noise, seed: int = 1) -> pd.DataFrame:
+def sensed(walk: Walked, seed: int = 1) -> pd.DataFrame:
     """Return what the sensors show, one row each 2 ms; the accelerometer's samples are means of the interval before."""
     rng, count = np.random.default_rng(seed), len(walk.time)
 
@@ -41,30 +48,29 @@ def sensed(walk: Walked, noise: Noise, seed: int = 1) -> pd.DataFrame:
         return np.asarray(size * rng.standard_normal((count, columns)))
 
     R = np.array([pin.Quaternion(q[3:7]).matrix() for q in walk.q])
-    tilt = pin.exp3(noise.attitude[0] * np.array([*rng.choice([-1.0, 1.0], 2), 0.0]))
-    seen = {"i": np.array([tilt @ one @ pin.exp3(turn) for one, turn in zip(R, white(noise.attitude[1]), strict=True)])}
-    seen["m"] = np.array([one @ pin.exp3(turn) for one, turn in zip(R, white(noise.attitude[1]), strict=True)])
+    tilt = pin.exp3(TILT * np.array([*rng.choice([-1.0, 1.0], 2), 0.0]))
+    seen = {"i": np.array([tilt @ one @ pin.exp3(turn) for one, turn in zip(R, white(TURN), strict=True)])}
+    seen["m"] = np.array([one @ pin.exp3(turn) for one, turn in zip(R, white(TURN), strict=True)])
     columns: dict[str, Array] = {"t": walk.time}
     for name, attitude in seen.items():
         turns = np.array([pin.Quaternion(one).coeffs() for one in attitude])
         columns |= {f"{name}q{axis}": turns[:, k] for k, axis in enumerate("xyzw")}
-    speed = np.einsum("nij,nj->ni", R, walk.v[:, :3]) + white(noise.mocap[1])
-    place = walk.q[:, :3] + white(noise.mocap[0])
-    gyro = walk.v[:, 3:6] + white(noise.gyro[0]) + noise.gyro[1] * rng.standard_normal(3)
-    felt = walk.felt + white(noise.accelerometer[0]) + noise.accelerometer[1] * rng.standard_normal(3)
+    speed = np.einsum("nij,nj->ni", R, walk.v[:, :3]) + white(MOCAP[1])
+    place = walk.q[:, :3] + white(MOCAP[0])
+    gyro = walk.v[:, 3:6] + white(GYRO[0]) + GYRO[1] * rng.standard_normal(3)
+    felt = walk.felt + white(ACCELEROMETER[0]) + ACCELEROMETER[1] * rng.standard_normal(3)
     for name, values in (("p", place), ("v", speed), ("w", gyro), ("a", felt)):
         columns |= {f"{name}{axis}": values[:, k] for k, axis in enumerate("xyz")}
-    angle, rate = walk.q[:, 7:] + white(noise.joint[0], 12), walk.v[:, 6:] + white(noise.joint[1], 12)
-    effort = walk.tau * (1.0 + noise.torque[2] * rng.standard_normal(12)) + white(noise.torque[0], 12)
+    angle, rate = walk.q[:, 7:] + white(JOINT[0], 12), walk.v[:, 6:] + white(JOINT[1], 12)
+    effort = walk.tau * (1.0 + FACTOR * rng.standard_normal(12)) + white(TORQUE, 12)
     for name, values in (("q", angle), ("dq", rate), ("tau", effort)):
         columns |= {f"{name}{k}": values[:, k] for k in range(12)}
     return pd.DataFrame(columns)
 
 
-def mapped(
-    base: str, gain: float, feet: tuple[str, ...], joints: tuple[str, ...], robot: str = "go2"
-) -> dict[str, Any]:
+def mapped(base: str, gain: float) -> dict[str, Any]:
     """Return the map of the table, for a source of the base's motion."""
+    model = load_robot(ROBOT).model
 
     def axes(name: str, letters: str = "xyz") -> dict[str, Any]:
         return {"columns": [f"{name}{letter}" for letter in letters]}
@@ -74,54 +80,47 @@ def mapped(
         "imu": {"quaternion": axes("iq", "xyzw"), "rate": axes("w"), "acceleration": axes("a") | {"delay": 0.001}},
         "joints": {"quaternion": axes("iq", "xyzw"), "rate": axes("w")},
     }
-    numbered = {part: {"columns": [f"{name}{k}" for k in range(12)]} for part, name in JOINT_COLUMNS.items()}
+    names = {"position": "q", "velocity": "dq", "effort": "tau"}
+    numbered = {part: {"columns": [f"{name}{k}" for k in range(12)]} for part, name in names.items()}
     return {
-        "robot": {"name": robot, "points": list(feet)},
+        "robot": {"name": ROBOT, "points": list(feet_of(model))},
         "log": {"time": {"column": "t"}},
         "base": {"from": base, "imu": {"tilt": 0.3}} | parts[base],
-        "joints": {"names": list(joints)} | numbered,
+        "joints": {"names": model.names.tolist()[2:]} | numbered,
         "observer": {"gain": gain},
     }
 
 
 Estimated = tuple[Array, Array, Array, bool]
-JOINT_COLUMNS = {"position": "q", "velocity": "dq", "effort": "tau"}
 
 
-def estimated(table: pd.DataFrame, base: str, gain: float, robot: str = "go2") -> Estimated:
+def estimated(table: pd.DataFrame, base: str, gain: float) -> Estimated:
     """Return times (m + 1,), forces (m, 4, 3), their deviations, and whether a push elsewhere is said, of a table."""
-    model = load_robot(robot).model
-    values = mapped(base, gain, feet_of(model), tuple(model.names.tolist()[2:]), robot)
     with tempfile.TemporaryDirectory() as name:
         table.to_csv(Path(name) / "log.csv", index=False)
-        record = open_record(Path(name) / "log.csv", parse_map(values, "of the trot"), Path(name))
+        record = open_record(Path(name) / "log.csv", parse_map(mapped(base, gain), "of the trot"), Path(name))
         result = estimate(record, trust=True)
     found = result.estimates["force_level"]
-    deviation = found.standard_deviation
-    assert deviation is not None
     said = any("forces elsewhere, a moment, or a wrong model" in line for line in result.warnings)
-    return found.time, found.force, deviation.reshape(found.force.shape), said
+    return found.time, found.force, found.standard_deviation.reshape(found.force.shape), said
 
 
-def quasi_static(table: pd.DataFrame, walk: Walked, gain: float, robot: str = "go2") -> Array:
+def quasi_static(table: pd.DataFrame, walk: Walked, gain: float) -> Array:
     """Return F = (J^T)^-1 (g - tau) of each leg, low-passed like an observer: forces (m, 4, 3) of a robot at rest."""
-    model = load_robot(robot).model
+    model = load_robot(ROBOT).model
     data, frames = model.createData(), [model.getFrameId(foot) for foot in feet_of(model)]
     q = np.column_stack([walk.q[:, :3], table[["iqx", "iqy", "iqz", "iqw"]], table[[f"q{k}" for k in range(12)]]])
     tau = table[[f"tau{k}" for k in range(12)]].to_numpy()
-    found, decay = np.zeros((len(q) - 1, 4, 3)), np.exp(-gain * float(walk.time[1] - walk.time[0]))
-    state = np.zeros((4, 3))
+    found, step = np.zeros((len(q) - 1, 12)), float(walk.time[1] - walk.time[0])
     for k in range(len(found)):
         pin.computeJointJacobians(model, data, q[k + 1])
         pin.updateFramePlacements(model, data)
         gravity = pin.computeGeneralizedGravity(model, data, q[k + 1])
         for foot, frame in enumerate(frames):
-            rows = slice(6 + 3 * foot, 9 + 3 * foot)
+            leg, rows = slice(3 * foot, 3 * foot + 3), slice(6 + 3 * foot, 9 + 3 * foot)
             J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[:3, rows]
-            raw = np.linalg.solve(J.T, gravity[rows] - tau[k + 1, 3 * foot : 3 * foot + 3])
-            state[foot] = raw + decay * (state[foot] - raw)
-        found[k] = state
-    return found
+            found[k, leg] = np.linalg.solve(J.T, gravity[rows] - tau[k + 1, leg])
+    return low_passed(found, 1.0 - np.exp(-gain * step)).reshape(-1, 4, 3)
 
 
 def r_squared(true: Array, found: Array) -> Array:
@@ -178,8 +177,8 @@ def force_rows(walk: Walked, table: pd.DataFrame, found: dict[tuple[str, float],
 
 def cover(walk: Walked, base: str, seed: int) -> Array:
     """Return the share (3,) within two deviations, and how right the probability of contact is (2,)."""
-    time, force, deviation, _ = estimated(sensed(walk, Noise(), seed), base, 500.0)
-    walk, weight, inside = cut(walk, time), load_robot("go2").weight, time[:-1] > SETTLED
+    time, force, deviation, _ = estimated(sensed(walk, seed), base, 500.0)
+    walk, weight, inside = cut(walk, time), load_robot(ROBOT).weight, time[:-1] > SETTLED
     within = np.mean(np.abs(force - walk.force)[inside] < 2.0 * deviation[inside], axis=(0, 1))
     likely = contact_probability(force[inside, :, 2], deviation[inside, :, 2], weight)
     true = walk.force[inside, :, 2] > TRUE_CONTACT * weight
@@ -188,8 +187,8 @@ def cover(walk: Walked, base: str, seed: int) -> Array:
 
 def gait_row(gait: Gait, walk: Walked) -> list[str]:
     """Return the row of another gait, by the IMU."""
-    time, force, *_ = estimated(sensed(walk, Noise()), "imu", 500.0)
-    walk, weight = cut(walk, time), load_robot("go2").weight
+    time, force, *_ = estimated(sensed(walk), "imu", 500.0)
+    walk, weight = cut(walk, time), load_robot(ROBOT).weight
     inside = walk.time[:-1] > SETTLED
     r2 = r_squared(walk.force[inside], force[inside])[:, 2]
     _, events, touchdown, _, _, false, lost, _ = contact_row("", walk, force, weight)
@@ -202,21 +201,19 @@ def said_row(gait: Gait) -> list[str]:
     cells = [gait.name]
     for push in PUSHES:
         walk = walked(replace(gait, push=push), 0.3 * DURATION)
-        said = [
-            [estimated(sensed(walk, Noise(), seed), base, 500.0)[3] for seed in SEEDS] for base in ("imu", "measured")
-        ]
+        said = [[estimated(sensed(walk, seed), base, 500.0)[3] for seed in SEEDS] for base in ("imu", "measured")]
         cells.append(", ".join(f"{sum(one)} of {len(one)}" for one in said))
     return cells
 
 
 def find() -> Values:
     """Return the tables of the page."""
-    weight, pushed = load_robot("go2").weight, replace(TROT, name="trot, trunk pushed", push=25.0)
+    weight, pushed = load_robot(ROBOT).weight, replace(TROT, name="trot, trunk pushed", push=25.0)
     gaits, cases = (TROT, FAST_TROT, WALK, pushed), [("measured", 500.0), ("joints", 500.0)]
     cases += [("imu", gain) for gain in GAINS]
     with ProcessPoolExecutor(4, mp_context=get_context("spawn")) as pool:
         walks = list(pool.map(walked, gaits, [DURATION, *[0.3 * DURATION] * 3]))
-        walk, table = walks[0], sensed(walks[0], Noise())
+        walk, table = walks[0], sensed(walks[0])
         found = dict(zip(cases, pool.map(estimated, repeat(table), *zip(*cases, strict=True)), strict=True))
         others = list(pool.map(gait_row, gaits[1:], walks[1:]))
         said = list(pool.map(said_row, (TROT, FAST_TROT, WALK)))

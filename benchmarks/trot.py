@@ -1,4 +1,4 @@
-"""A robot with four legs that trots in MuJoCo: what its sensors show, with noise, and what its feet feel.
+"""A robot with four legs that trots in MuJoCo: how it moves, what its motors do, and what its feet feel.
 
 The controller is a plain one: forces of the feet on the ground that hold height, speed and attitude (least squares),
 feet in the air on arcs to where the speed asks for them (Raibert 1986).
@@ -20,6 +20,8 @@ FOOT_RADIUS, FRICTION = 0.022, 0.8
 HEIGHT = 0.30  # [m] of the trunk
 LIFT = 0.06  # [m] of a foot in the air
 MOTOR_LAG = 1.5e-3  # [s]
+DRAG = 0.15  # [N m]: Coulomb friction of each joint, of which nobody knows
+ROBOT = "go2"
 
 
 @dataclass(frozen=True)
@@ -46,27 +48,6 @@ class Gait:
 TROT = Gait("trot")
 WALK = Gait("walk", (0.0, 0.5, 0.75, 0.25), 0.7, 0.5, (0.15, 0.25))  # slower it sways until its knees swing over
 FAST_TROT = Gait("running trot", duty=0.48, period=0.36, speeds=(0.8, 1.2))
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviations of white noise, biases, and errors of the belief.
-
-    Attributes:
-        torque: white noise [N m], Coulomb friction of each joint [N m] that nobody knows, error of its factor.
-        joint: angle [rad], rate [rad/s].
-        gyro: white noise, bias [rad/s].
-        accelerometer: white noise, bias [m/s2].
-        attitude: constant tilt, white noise [rad].
-        mocap: position [m], velocity [m/s].
-    """
-
-    torque: tuple[float, float, float] = (0.1, 0.15, 0.03)
-    joint: tuple[float, float] = (2e-4, 0.02)
-    gyro: tuple[float, float] = (3e-3, 2e-3)
-    accelerometer: tuple[float, float] = (0.06, 0.05)
-    attitude: tuple[float, float] = (np.radians(0.3), 3e-4)
-    mocap: tuple[float, float] = (1e-4, 3e-4)
 
 
 @dataclass(frozen=True)
@@ -115,10 +96,8 @@ def mjcf(model: pin.Model, feet: tuple[str, ...]) -> str:
         for foot in feet:
             frame = model.frames[model.getFrameId(foot)]
             if frame.parentJoint == joint:
-                own += (
-                    f'<geom name="{foot}" type="sphere" size="{FOOT_RADIUS}" pos="{words(frame.placement.translation)}"'
-                )
-                own += f' mass="0" friction="{FRICTION} 0.01 0.001"/>'
+                shape = f'type="sphere" size="{FOOT_RADIUS}" mass="0" friction="{FRICTION} 0.01 0.001"'
+                own += f'<geom name="{foot}" {shape} pos="{words(frame.placement.translation)}"/>'
         below = "".join(body(child) for child in children.get(joint, ()))
         return f'<body name="{model.names[joint]}" {at}>{own}{below}</body>'
 
@@ -217,14 +196,13 @@ def stance(model: pin.Model) -> Array:
     return np.asarray(q)
 
 
-def walked(gait: Gait = TROT, duration: float = 20.0, name: str = "go2", noise: Noise = Noise()) -> Walked:
-    """Let the robot walk for some seconds; friction of its joints as the noise says. RuntimeError if it falls."""
-    robot = load_robot(name)
-    model, feet = robot.model, feet_of(robot.model)
+def walked(gait: Gait, duration: float) -> Walked:
+    """Let the robot walk for some seconds. RuntimeError if it falls."""
+    model = load_robot(ROBOT).model
+    feet = feet_of(model)
     simulated = mujoco.MjModel.from_xml_string(mjcf(model, feet))
     state = mujoco.MjData(simulated)
-    floor = mujoco.mj_name2id(simulated, mujoco.mjtObj.mjOBJ_GEOM, "floor")
-    geoms = {mujoco.mj_name2id(simulated, mujoco.mjtObj.mjOBJ_GEOM, foot): k for k, foot in enumerate(feet)}
+    geoms = {simulated.geom(foot).id: k for k, foot in enumerate(feet)}
     start = stance(model)
     state.qpos[:] = [*start[:3], start[6], *start[3:6], *start[7:]]
     data = model.createData()
@@ -234,7 +212,7 @@ def walked(gait: Gait = TROT, duration: float = 20.0, name: str = "go2", noise: 
     rows: dict[str, list[Array]] = {key: [] for key in ("time", "q", "v", "tau", "felt", "force")}
     felt_since: list[tuple[Array, Array]] = []  # the last sample: accelerometer, forces on the feet
     command, tau = np.zeros(12), np.zeros(12)
-    trunk = mujoco.mj_name2id(simulated, mujoco.mjtObj.mjOBJ_BODY, model.names[1])
+    trunk = simulated.body(model.names[1]).id
     for step in range(steps + 1):
         q, v = _pin_state(state)
         if q[2] < 0.15 or q[9::3].max() > 0.0:  # there is no stop at a straight knee
@@ -251,25 +229,21 @@ def walked(gait: Gait = TROT, duration: float = 20.0, name: str = "go2", noise: 
         before = tau.copy()
         tau += STEP / MOTOR_LAG * (command - tau)
         state.xfrc_applied[trunk, 1] = gait.push if 2.0 <= state.time % 3.0 < 2.3 else 0.0
-        drag = noise.torque[1] * np.tanh(v[6:] / 0.02)
-        state.ctrl[:] = 0.5 * (before + tau) - drag
+        state.ctrl[:] = 0.5 * (before + tau) - DRAG * np.tanh(v[6:] / 0.02)
         mujoco.mj_step(simulated, state)
-        felt_since.append((state.sensordata[:3].copy(), _foot_forces(simulated, state, floor, geoms)))
+        felt_since.append((state.sensordata[:3].copy(), _foot_forces(simulated, state, geoms)))
     rows["felt"].insert(0, rows["felt"][0])
     return Walked(**{key: np.array(values) for key, values in rows.items()})
 
 
-def _foot_forces(model: mujoco.MjModel, state: mujoco.MjData, floor: int, geoms: dict[int, int]) -> Array:
-    """Return the forces (4, 3) of the floor on the feet."""
+def _foot_forces(model: mujoco.MjModel, state: mujoco.MjData, geoms: dict[int, int]) -> Array:
+    """Return the forces (4, 3) of the floor, the first shape of the file, on the feet."""
     force, wrench = np.zeros((4, 3)), np.zeros(6)
-    for k in range(state.ncon):
-        contact = state.contact[k]
-        foot = geoms.get(int(contact.geom2), geoms.get(int(contact.geom1), -1))
-        if foot < 0 or floor not in (contact.geom1, contact.geom2):
-            continue
+    for k, contact in enumerate(state.contact):
         mujoco.mj_contactForce(model, state, k, wrench)
-        sign = 1.0 if contact.geom1 == floor else -1.0
-        force[foot] += sign * contact.frame.reshape(3, 3).T @ wrench[:3]
+        first, foot = contact.geom.tolist()
+        if first == 0:
+            force[geoms[foot]] += contact.frame.reshape(3, 3).T @ wrench[:3]
     return force
 
 
