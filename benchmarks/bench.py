@@ -32,9 +32,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 from against import against
+from long_paths import raw_figures, sweep_figures
 from measure import Call, Figure, Part, figure, interleaved
-from raw_figures import raw_figures
-from sweeping import sweep_figures
 
 from aerobat_pin.aerobat import known_inputs
 from aerobat_pin.errors import MorphologyFileError

@@ -22,6 +22,8 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
+from closed_loop_search import PARTS
+from closed_loop_search import SCENARIO as PUSHED
 from matplotlib.figure import Figure
 from support.pages import ROOT, fill, save, table
 
@@ -32,18 +34,17 @@ from aerobat_pin.robot import believed_robot, euler_angles, flown_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 from aerobat_pin.visualization import style
 
-PD = ("control.integral=false", "control.feedforward=false")
-PD_I, OBSERVER, BOTH = ("control.feedforward=false",), ("control.integral=false",), ()
+OBSERVER = ("control.integral=false",)
 LAWS = {
-    "PD": PD,
-    "PD + I": PD_I,
+    "PD": PARTS["pd"],
+    "PD + I": PARTS["pd_i"],
     "PD + observer": OBSERVER,
-    "PD + I + observer": BOTH,
+    "PD + I + observer": PARTS["observer"],
     "observer without air": (*OBSERVER, "control.air=false"),
     "truth, filtered alike": (*OBSERVER, "control.source=filtered_truth"),
     "truth": (*OBSERVER, "control.source=truth"),
 }
-PUSHED, BLOW = "paper_left_closed_loop", "impact_closed_loop"
+BLOW = "impact_closed_loop"
 BOUNDED = 1.0  # [m]: a flight that stays within this distance of its course, and upright, is bounded
 SETTLED = 0.015  # [m]
 EQUAL_FLIGHTS = 10
@@ -138,16 +139,15 @@ def margins(board: Board, seeds: Sequence[int]) -> None:
         ("gyro bias of 20 mrad/s", "sensors.gyro.bias=[0.02, 0.02, 0.02]", longer),
         ("a third of the samples lost", "sensors.position.dropout=0.33", "sensors.gyro.dropout=0.33"),
     ):
-        for law in (PD, BOTH):
-            settings = (*law, setting, belief, *(() if belief == longer else (longer,)))
+        for law in ("PD", "PD + I + observer"):
+            settings = (*LAWS[law], setting, belief, *(() if belief == longer else (longer,)))
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 good = [flight(PUSHED, settings, seed)["bounded"] for seed in seeds]
-            kind = "PD" if law == PD else "PD + I + observer"
-            board.show(f"{what}, {kind}: share of flights bounded for 5 s", float(np.mean(good)), 1.0, least=True)
+            board.show(f"{what}, {law}: share of flights bounded for 5 s", float(np.mean(good)), 1.0, least=True)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        weak = (*BOTH, "thrusters.factor=0.5", "believed.thrusters.factor=1.0", longer)
+        weak = ("thrusters.factor=0.5", "believed.thrusters.factor=1.0", longer)
         fell = not flight(PUSHED, weak, seeds[0])["bounded"]
     said = str(caught[0].message) if caught else "nothing"
     board.tell("thrust x0.5", f"{'falls' if fell else 'flies'}; said before: {said}")

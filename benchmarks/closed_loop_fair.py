@@ -3,9 +3,9 @@
     PYTHONPATH=tests python benchmarks/closed_loop_fair.py --seeds 10 --write
 
 PD, PD with integral, and PD with integral and observer have the gains of `closed_loop_gains.json`, within the same
-limits; `closed_loop_search.py` says how each was found. No flight of these seeds served a choice.
-The figures of finished flights are kept in `--kept`, so that a stopped run goes on. `--only` names the rows that are
-flown; the page keeps its others.
+limits; beside them fly those that a study says. `closed_loop_search.py` says how each of ours was found. No flight of
+these seeds served a choice. The figures of finished flights are kept in `--kept`, so that a stopped run goes on.
+`--only` names the rows that are flown; the page keeps its others.
 """
 
 from __future__ import annotations
@@ -83,23 +83,7 @@ STUDIED: dict[str, tuple[float, float, float]] = {  # what the study says of its
     "0.1 N sideways, sine of 1.0 Hz": (31.7, 23.1, 19.8),
     "0.1 N sideways, sine of 2.0 Hz": (9.6, 10.0, 10.6),
 }
-STUDY: dict[str, tuple[str, dict[str, Any]]] = {  # the gains that it says
-    "its PD": (
-        "pd",
-        {
-            **dict.fromkeys(("roll", "pitch", "yaw"), 12.0),
-            **{"lateral": 2.8, "height": 8.0, "damping": 0.8, "lead": 2.0, "smoothing": 0.0},
-        },
-    ),
-    "its observer's law": (
-        "observer",
-        {
-            **{"roll": 15.1, "pitch": 13.0, "yaw": 10.0, "lateral": 2.93, "height": 11.0, "lead": 3.3, "bias": 10.0},
-            **{"damping": [0.8, 1.72, 1.0, 1.02, 0.65, 0.9], "moment_gain": [7.9, 25.0, 25.0], "lateral_gain": 12.1},
-            **{"lift_gain": 14.0, "position_integral": [1.0, 0.0, 0.0], "attitude_integral": 0.0},
-        },
-    ),
-}
+STUDY = ("its PD", "its observer's law")  # columns of the laws with the gains that it says
 
 
 def limits_of(law: str, gains: dict[str, Any]) -> tuple[str, ...]:
@@ -167,7 +151,7 @@ def flights(known: dict[str, Any]) -> dict[tuple[str, str], tuple[str, tuple[str
     """Return scenario, settings and axis of each case and column."""
     laws = {column: settings_of(law, known[law]["gains"]) for column, law in LAWS.items()}
     laws[TRUTH] = (*laws["PD + I + observer"], "control.source=filtered_truth")
-    laws |= {column: settings_of(*law) for column, law in STUDY.items()}
+    laws |= {column: settings_of(known[column]["law"], known[column]["gains"]) for column in STUDY}
     kept = {TRUTH: WITH_TRUTH, **dict.fromkeys(STUDY, tuple(STUDIED))}
     return {
         (case, column): (name, (*settings, *more), axis)

@@ -74,7 +74,6 @@ def settings_of(law: str, gains: dict[str, Any]) -> tuple[str, ...]:
 
 def with_gains(scenario: Scenario, gains: dict[str, Any]) -> Scenario:
     """Return a scenario with other gains, unchecked."""
-    assert scenario.control is not None
     values = {key: tuple(value) if isinstance(value, list) else value for key, value in gains.items()}
     return scenario.model_copy(update={"control": scenario.control.model_copy(update=values)})
 
@@ -87,7 +86,7 @@ def room(pilot: Controller, scenario: Scenario) -> np.ndarray:
     prompt, late = (sideways.with_late_velocity(delay) for delay in (0.0, LATE))
     turns = [np.unwrap(np.angle(one)) for one in (prompt, late)]  # Nyquist: as many turns, or an unstable pole more
     turned = abs(np.subtract(*[one[-1] - one[0] for one in turns])) > np.pi
-    by_integral = scenario.control is not None and scenario.control.integral and not scenario.control.feedforward
+    by_integral = scenario.control.integral and not scenario.control.feedforward
     most = SINES if by_integral else {}
     if not all(one.stable for one in margins) or not np.all(np.isfinite(wrong)) or turned:
         return np.full(len(margins) + 2 + len(most) + len(wrong), -1.0)
@@ -138,7 +137,6 @@ class Responses:
 
     def of_noise(self) -> list[Response]:
         """Return y by the noise of position, velocity, attitude and gyro."""
-        assert self.scenario.control is not None
         s, beta, per_g = self.s, self.scenario.control.bias, self.R / self.g
         by_place = beta**2 / (s + beta) ** 2 if self.scenario.control.integral and beta > 0.0 else 0.0 * s
         terms = (
@@ -151,7 +149,6 @@ class Responses:
 
     def with_late_velocity(self, delay: float) -> Response:
         """Return 1 + L of roll where nobody knows that the velocity is late [s]."""
-        assert self.scenario.control is not None
         s, beta, late = self.s, self.scenario.control.bias * self.scenario.control.integral, np.exp(-delay * self.s)
         used = late + (beta / (s + beta)) ** 2 * (1.0 - late)  # of the true velocity, by law and observer
         more = self.R * (self.side_damping / s + self.side_seen) * (used - 1.0)

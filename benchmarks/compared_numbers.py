@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import re
 from collections import Counter
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from aerobat_pin.errors import CalibrationError
@@ -71,18 +71,9 @@ def of_calibration(file: Path) -> dict[str, Any]:
 
 
 def of_csv(file: Path) -> dict[str, Any]:
-    """Read a table of text, column by column."""
-    with file.open() as text:
-        head, *rows = csv.reader(text)
-    columns = dict(zip(head, np.array(rows).reshape(-1, len(head)).T, strict=True))
-    return {name: _as_numbers(column) for name, column in columns.items()}
-
-
-def _as_numbers(cells: np.ndarray) -> np.ndarray:
-    try:
-        return np.where(cells == "", "nan", cells).astype(float)
-    except ValueError:
-        return cells
+    """Read a table of text, column by column: numbers, or words."""
+    columns = pd.read_csv(file).items()
+    return {str(name): column if column.dtype.kind in "iuf" else column.map(str) for name, column in columns}
 
 
 def of_print(file: Path) -> dict[str, Any]:

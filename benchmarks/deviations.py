@@ -28,7 +28,6 @@ def rows() -> Iterator[list[str]]:
     for name in FLIGHTS:
         scenario = load_scenario(name, ["simulation.duration=1.0"])
         log, model = simulate(scenario), believed_robot(scenario).model
-        assert log.truth is not None
         q, v = (np.asarray(log.measured[key].values, float) for key in ("q", "v"))
         for misfit in (True, False):
             rails = Rails(model, log.time, q, v, FORCE_POINTS, misfit)
@@ -37,7 +36,6 @@ def rows() -> Iterator[list[str]]:
                 for seed in range(DRAWS):
                     measured, tau, force = rails.draw(seed)
                     found = observer.run(log.time, q, measured, tau)
-                    assert found.standard_deviation is not None
                     error = (found.components - force)[LEARNING:]
                     ratios.append(error / found.standard_deviation[LEARNING:])
                     errors.append(error)

@@ -25,27 +25,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from support.changed_flights import (
-    AT,
-    AWAY,
-    BELIEF,
-    CHANGES,
-    CONTACTS,
-    DAY,
-    ELBOW,
-    FLIGHTS,
-    FREE,
-    LIVELY,
-    MANOEUVRE,
-    OUTSIDE,
-    SENSORS,
-    STARTED,
-    corrected,
-    estimated,
-    learnt,
-    seeds,
-    somewhere,
-)
+import support.changed_flights as changed
 from support.pages import ROOT, fill, measured, table
 
 PAGE, BEGUN = "docs/learnt_error.md", ROOT / "build" / "learnt_error.jsonl"
@@ -57,6 +37,7 @@ HEADS = {  # of the tables for each kind of sensors
     "contacts": "after the calibration | flights | true | false | flaps between false ones",
 }
 NONE, FILTERS = "none", ("kalman", "smoother")
+CALIBRATIONS = ("one", "two", "lively")  # free flights that are learnt from
 UNCHANGED = {"exact": 40, "noisy": 20}  # flights
 NOISY_CHANGES = ("density 10 %", "encoder 2 deg")  # that are flown with noisy sensors, too
 R2 = {"push": (0.99, 0.95, 0.99), "paper": (0.985, 0.995, 0.999)}  # at least, of force_level, exact sensors
@@ -92,35 +73,38 @@ class Flight:
 
 def flights(sensors: str, count: int) -> Iterator[Flight]:
     """Yield all flights in the order in which they are flown: of each case a few first, so that a part is of all."""
-    noise = SENSORS[sensors]
-    near = ((*AT, *noise),)
-    calibrations = {"one": near, "two": (*near, (*AWAY, *noise)), "lively": (*near, (*LIVELY, *noise))}
-    within = tuple((*one, *noise) for one in DAY)
-    kinds = {**FLIGHTS, "a manoeuvre": (*FLIGHTS["no force"], *MANOEUVRE), "outside": (*FLIGHTS["no force"], *OUTSIDE)}
-    for words, free in calibrations.items():
+    noise = changed.SENSORS[sensors]
+    near = ((*changed.AT, *noise),)
+    calibrations = zip(
+        CALIBRATIONS, (near, (*near, (*changed.AWAY, *noise)), (*near, (*changed.LIVELY, *noise))), strict=True
+    )
+    within = tuple((*one, *noise) for one in changed.DAY)
+    freely = changed.FLIGHTS["no force"]
+    kinds = changed.FLIGHTS | {"a manoeuvre": (*freely, *changed.MANOEUVRE), "outside": (*freely, *changed.OUTSIDE)}
+    for words, free in calibrations:
         for kind, settings in kinds.items():
             yield Flight(f"after {words}: {kind}", 1, (*settings, *noise, "simulation.seed=1"), free)
-    unchanged, changes = UNCHANGED[sensors], CHANGES if sensors == "exact" else NOISY_CHANGES
-    every = seeds(max(count, unchanged))
+    unchanged, changes = UNCHANGED[sensors], changed.CHANGES if sensors == "exact" else NOISY_CHANGES
+    every = changed.seeds(max(count, unchanged))
     for n in range(max(count, unchanged)):
-        moving = somewhere(every[n])
+        moving = changed.somewhere(every[n])
         if n < unchanged * count // 20:
             kind = ("push", "paper", "no force", "no force")[n % 4]
-            more = MANOEUVRE[1:] if n % 4 == 3 else ()
+            more = changed.MANOEUVRE[1:] if n % 4 == 3 else ()
             told = "manoeuvre" if more else kind
-            yield Flight(f"none: {told}", every[n], (*FLIGHTS[kind], *moving, *more, *noise), within)
+            yield Flight(f"none: {told}", every[n], (*changed.FLIGHTS[kind], *moving, *more, *noise), within)
         if n >= count:
             continue
         for name in changes:
             if name != NONE:
-                change = CHANGES[name]
-                settings = (*FLIGHTS["push"], *moving, *change.settings, *noise)
+                change = changed.CHANGES[name]
+                settings = (*changed.FLIGHTS["push"], *moving, *change.settings, *noise)
                 yield Flight(name, every[n], settings, within)
                 if change.cause is not None:
                     yield Flight(f"{name}, corrected", every[n], settings, within, correct=True)
         if n < 5 and sensors == "exact":
-            bent = tuple((*one, *ELBOW) for one in within)
-            yield Flight("elbow in both", every[n], (*FLIGHTS["push"], *moving, *ELBOW, *noise), bent)
+            bent = tuple((*one, *changed.ELBOW) for one in within)
+            yield Flight("elbow in both", every[n], (*changed.FLIGHTS["push"], *moving, *changed.ELBOW, *noise), bent)
 
 
 def known(path: Path) -> dict[tuple[str, str, int], Row]:
@@ -132,8 +116,8 @@ def known(path: Path) -> dict[tuple[str, str, int], Row]:
 
 def judged(sensors: str, flight: Flight) -> Row:
     """Fly, estimate and judge one flight."""
-    calibration = learnt(*flight.free)
-    verdict = estimated(flight.settings, corrected(calibration) if flight.correct else calibration)
+    calibration = changed.learnt(*flight.free)
+    verdict = changed.estimated(flight.settings, changed.corrected(calibration) if flight.correct else calibration)
     return {"sensors": sensors, "case": flight.case, "seed": flight.seed, **asdict(verdict)}
 
 
@@ -170,12 +154,12 @@ class Figures:
 
     def errors(self) -> Iterator[list[str]]:
         """Yield the rows of the table of errors."""
-        for kind in (*FLIGHTS, "a manoeuvre", "outside"):
-            cells, sizes = [], []
-            for words in ("one", "two", "lively"):
-                row = next(iter(self.by_case.get(f"after {words}: {kind}", [])), None)
-                if row is None:
-                    break
+        for kind in (*changed.FLIGHTS, "a manoeuvre", "outside"):
+            flown = [self.by_case.get(f"after {words}: {kind}", []) for words in CALIBRATIONS]
+            if not all(flown):
+                continue
+            cells, first = [], np.array(flown[0][0]["error"][self.best])
+            for words, (row, *_) in zip(CALIBRATIONS, flown, strict=True):
                 error, r2 = np.array(row["error"][self.best]), row["r2"][self.best]
                 told, mark = _three(1e3 * error, "{:.1f}"), ""
                 if all(np.isfinite(r2)):
@@ -184,16 +168,13 @@ class Figures:
                     mark += self.ask(bool(np.all(np.array(r2) >= R2[kind])), f"R2 of {kind} after {words}")
                 if self.exact and words == "lively" and kind in NEAR:
                     mark += self.ask(bool(np.all(error <= 1.3 * np.array(NEAR[kind]))), f"error of {kind}")
-                if sizes:
-                    worse = 1e3 * float(np.max(error - sizes[0]))
-                    mark += self.ask(worse <= 1e3 * ADDED, f"a second flight ({words}) adds {worse:.1f} mN to {kind}")
-                sizes.append(error)
+                worse = 1e3 * float(np.max(error - first))
+                mark += self.ask(worse <= 1e3 * ADDED, f"a second flight ({words}) adds {worse:.1f} mN to {kind}")
                 cells.append(told + mark)
-            else:
-                yield [kind, *cells]
-                if kind == "a manoeuvre" and self.exact:
-                    later = [self.by_case[f"after {words}: {kind}"][0]["later"] for words in ("one", "two", "lively")]
-                    yield [f"{kind}, after {STARTED} s", *(_three(1e3 * np.array(one), "{:.1f}") for one in later)]
+            yield [kind, *cells]
+            if kind == "a manoeuvre" and self.exact:
+                later = (_three(1e3 * np.array(row["later"]), "{:.1f}") for row, *_ in flown)
+                yield [f"{kind}, after {changed.STARTED} s", *later]
 
     def deviations(self) -> Iterator[list[str]]:
         """Yield the rows of the table of stated deviations."""
@@ -212,7 +193,7 @@ class Figures:
 
     def verdicts(self) -> Iterator[list[str]]:
         """Yield the rows of the table of verdicts."""
-        for case, change in CHANGES.items():
+        for case, change in changed.CHANGES.items():
             rows = self.by_case.get(case, [])
             if not rows:
                 continue
@@ -248,13 +229,12 @@ class Figures:
     def contacts(self) -> Iterator[list[object]]:
         """Yield the rows of the table of contacts."""
         for case, rows in self.by_case.items():
-            pushes = [row for row in rows if row["contacts"] != [0, 0] or not case.startswith("after")]
-            if case.startswith("after") or not pushes:
+            if case.startswith("after"):
                 continue
-            true, false = np.sum([row["contacts"] for row in pushes], axis=0)
-            spaces = [row["spacing"] for row in pushes if row["spacing"] is not None]
+            true, false = np.sum([row["contacts"] for row in rows], axis=0)
+            spaces = [row["spacing"] for row in rows if row["spacing"] is not None]
             every = f"{np.median(spaces):.2f}" if spaces else "-"
-            yield [case, len(pushes), true, false, every]
+            yield [case, len(rows), true, false, every]
 
     def _error(self, case: str) -> np.ndarray | None:
         """Return the root mean square error (3,) [N] over the flights of a case."""
@@ -278,9 +258,9 @@ def _estimate(rows: Sequence[Row]) -> str:
 
 def page(rows: Collection[Row]) -> tuple[dict[str, str], list[str]]:
     """Return the page's values, and what is missed."""
-    values = {"measured": f"{datetime.date.today()} from {len(rows)} flights", "pushes": str(CONTACTS)}
+    values = {"measured": f"{datetime.date.today()} from {len(rows)} flights", "pushes": str(changed.CONTACTS)}
     missed: list[str] = []
-    for sensors in SENSORS:
+    for sensors in changed.SENSORS:
         figures = Figures([row for row in rows if row["sensors"] == sensors], exact=sensors == "exact")
         if figures.by_case:
             values |= {f"{sensors} {name}": table(head, getattr(figures, name)()) for name, head in HEADS.items()}
@@ -291,7 +271,8 @@ def page(rows: Collection[Row]) -> tuple[dict[str, str], list[str]]:
 def cost() -> str:
     """Return how long `aerobat calibrate` and `aerobat check` take as commands, for 4 s of flight."""
     with tempfile.TemporaryDirectory() as folder:
-        fly = ["run", "paper", "--no-report", *(f"--set={each}" for each in (*BELIEF, *FREE, *AT)), "--out"]
+        keys = (f"--set={each}" for each in (*changed.BELIEF, *changed.FREE, *changed.AT))
+        fly = ["run", "paper", "--no-report", *keys, "--out"]
         commands = {
             "calibrate": ["calibrate", "free", "--force", "--out", "monday.nc"],
             "check": ["check", "slipped", "--calibration", "monday.nc"],
@@ -315,13 +296,13 @@ def main() -> int:
     """Fly what is missing, and write the page; return the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--flights", type=int, default=20, help="with each change")
-    parser.add_argument("--sensors", choices=[*SENSORS], action="append")
+    parser.add_argument("--sensors", choices=[*changed.SENSORS], action="append")
     parser.add_argument("--begun", type=Path, default=BEGUN)
     chosen = parser.parse_args()
     done = known(chosen.begun)
     chosen.begun.parent.mkdir(parents=True, exist_ok=True)
     with chosen.begun.open("a", encoding="utf-8") as file:
-        for sensors in chosen.sensors or SENSORS:
+        for sensors in chosen.sensors or changed.SENSORS:
             for flight in flights(sensors, chosen.flights):
                 key = sensors, flight.case, flight.seed
                 if key in done:

@@ -50,7 +50,6 @@ def judged(log: Pushed, result: Result, name: str) -> Judged:
     found = result.estimates[name]
     middle = 0.5 * (found.time[1:] + found.time[:-1])
     good = (middle > SETTLED) & (np.abs(middle[:, None] - EDGES).min(axis=1) > TURNS / GAIN)
-    assert found.standard_deviation is not None
     parts = found.components - log.true(middle), found.standard_deviation, found.shown
     error, deviation, shown = (part[good] for part in parts)
     return Judged(error / log.weight, deviation / log.weight, shown)

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pinocchio as pin
-from raw_figures import GIVEN
+from long_paths import GIVEN
 from support.own_model import own_model_errors
 from support.pages import Values, run, table
 
@@ -107,7 +107,6 @@ def through_a_table(log: FlightLog) -> FlightLog:
 
 def true_forces(log: FlightLog) -> np.ndarray:
     """Return the true forces without noise (m, 2, 3)."""
-    assert log.truth is not None
     points = [str(point) for point in log.truth["point"].values]
     return log.truth["force_noise_free_W"].values[:, [points.index(frame) for frame in FORCE_POINTS]]
 

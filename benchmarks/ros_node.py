@@ -42,7 +42,6 @@ class Network:
         words = ["node", "--map", str(self.folder / "map.toml"), "--name", "walk"]
         command = [sys.executable, "-m", "aerobat_pin", *words]
         self.node = subprocess.Popen(command, env=self.environment, stdout=subprocess.PIPE, text=True)
-        assert self.node.stdout is not None
         self.node.stdout.readline()
 
     def stop(self) -> str:

@@ -2,40 +2,29 @@
 
 from __future__ import annotations
 
-import json
-import sys
 import time
-from pathlib import Path
 
 import mujoco
 import numpy as np
+from support.closed import MJCF, RATE, fly_in_mujoco, miss
 
-import aerobat_description as description
 from aerobat_pin import load_aerobat
 
-RATE = 2.0 * np.pi * 4.75  # [rad/s]
+TURNS = 10
 
 
 def main() -> None:
     """Print the largest errors over the three robots, and the slowest of them."""
-    shoulder, elbow, speed = 0.0, 0.0, np.inf
-    for name in json.loads(Path(sys.argv[1]).read_text()):
-        model = mujoco.MjModel.from_xml_path(str(Path(description.PACKAGE_PATH, "mjcf", f"{name}.xml")))
-        data, linkage, rows = mujoco.MjData(model), load_aerobat(name).linkage, []
-        data.ctrl[0] = RATE
-        start = time.process_time()  # of this process alone: other work on the machine does not count
-        while data.joint("left_crank").qpos[0] < -0.5 * np.pi + 20.0 * np.pi:
-            mujoco.mj_step(model, data)
-            rows.append(data.qpos.copy())
+    misses, speed = [], np.inf
+    for name, path in MJCF.items():
+        model = mujoco.MjModel.from_xml_path(path)
+        data, start = mujoco.MjData(model), time.process_time()  # of this process alone: other work does not count
+        columns = fly_in_mujoco(model, data, round(2.0 * np.pi * TURNS / RATE / model.opt.timestep)).T
         speed = min(speed, data.time / (time.process_time() - start))
-        columns = np.array(rows).T
         for side in ("left", "right"):
-            crank, up, out = (
-                columns[model.joint(f"{side}_{joint}").qposadr[0]] for joint in ("crank", "shoulder", "elbow")
-            )
-            closure = linkage.solve(crank)
-            shoulder = max(shoulder, np.abs(up - closure.theta_s).max())
-            elbow = max(elbow, np.abs(np.remainder(out - closure.theta_e + np.pi, 2.0 * np.pi) - np.pi).max())
+            angles = (columns[model.joint(f"{side}_{one}").qposadr[0]] for one in ("crank", "shoulder", "elbow"))
+            misses.append(miss(load_aerobat(name).linkage, *angles))
+    shoulder, elbow = np.max(misses, axis=0)
     assert max(shoulder, elbow) < 2.5e-3
     print(
         f"found: MJCF, ten turns at 4.75 Hz: shoulder within {shoulder:.1e} rad of the closed form, elbow within "

@@ -21,7 +21,6 @@ def main(folder: Path) -> None:
     flown = run(load_scenario("paper", [f"simulation.duration={DURATION}"]))
     estimates, log = estimate_dataset(flown.estimates), flown.log
     write_flight_mcap(flown.robot.model, log, estimates, folder / "forces.mcap")
-    assert log.truth is not None
     forces = {f"/truth/{point}": log.truth["force_W"].sel(point=point).values for point in points(log.truth)}
     for name in map(str, estimates["observer"].values):
         of = estimates["force_W"].sel(observer=name)

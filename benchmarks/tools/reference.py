@@ -11,36 +11,28 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from support.closed import symmetric
+from support.readers import in_pinocchio
 
-import aerobat_description as description
+from aerobat_description import MORPHOLOGIES
 from aerobat_pin import load_aerobat
 from aerobat_pin.robot import JOINTS, closed_model, closed_state
 
 FRAMES = ("left_proximal", "left_distal", "right_proximal", "right_distal", "left_force_point")
 
 
-def dynamics(model: pin.Model, q: np.ndarray, v: np.ndarray, order: list[int]) -> tuple[list, list]:
-    """Return mass matrix and bias forces with gravity."""
-    data = model.createData()
-    M = pin.crba(model, data, q)
-    M = np.triu(M) + np.triu(M, 1).T
-    return M[np.ix_(order, order)].tolist(), pin.nonLinearEffects(model, data, q, v)[order].tolist()
-
-
 def reference(name: str) -> dict:
     """Return mass, five states, and the joint angles over a turn of the crank."""
-    model = pin.buildModelFromUrdf(
-        str(Path(description.PACKAGE_PATH, "urdf", f"{name}.urdf")), pin.JointModelFreeFlyer()
-    )
+    model, robot = in_pinocchio(name), load_aerobat(name)
     joints = [model.joints[model.getJointId(joint)] for joint in JOINTS]
     order, rng, states = [*range(6), *(one.idx_v for one in joints)], np.random.default_rng(5), []
-    data, robot = model.createData(), load_aerobat(name)
+    data = model.createData()
     for _ in range(5):
         q, v, angles = pin.neutral(model), rng.standard_normal(model.nv), rng.uniform(-1.5, 0.65, 4)
         q[:3], turn = rng.uniform(-1.0, 1.0, 3), rng.standard_normal(4)
         q[3:7] = turn / np.linalg.norm(turn)
         q[[one.idx_q for one in joints]] = angles
-        M, bias = dynamics(model, q, v, order)
+        M, bias = symmetric(pin.crba(model, data, q)), pin.nonLinearEffects(model, data, q, v)[order]
         fixed = q.copy()
         fixed[:7] = pin.neutral(model)[:7]
         pin.framesForwardKinematics(model, data, fixed)
@@ -50,8 +42,8 @@ def reference(name: str) -> dict:
                 "position": q[:3].tolist(),
                 "quaternion": q[3:7].tolist(),
                 "velocity": v[order].tolist(),
-                "M": M,
-                "bias": bias,
+                "M": M[np.ix_(order, order)].tolist(),
+                "bias": bias.tolist(),
                 "places": {frame: data.oMf[model.getFrameId(frame)].homogeneous.tolist() for frame in FRAMES},
             }
         )
@@ -94,4 +86,4 @@ def closed(name: str, linkage: object) -> dict:
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(json.dumps({name: reference(name) for name in description.MORPHOLOGIES}))
+    Path(sys.argv[1]).write_text(json.dumps({name: reference(name) for name in MORPHOLOGIES}))

@@ -43,7 +43,6 @@ def flown(impulse: float, *settings: str) -> FlightLog:
 
 def truth(log: FlightLog, name: str) -> np.ndarray:
     """Return a channel that only a simulation knows."""
-    assert log.truth is not None
     return np.asarray(log.truth[name].values)
 
 
@@ -56,7 +55,6 @@ def books() -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Return the work [J] done up to the end of each interval, line by line, and the gain of energy [J]."""
     log, chosen = flown(IMPULSE, *MOTOR), scenario(IMPULSE, *MOTOR)
     robot, motor = flown_robot(chosen), chosen.crank.motor
-    assert motor is not None
     data, states = robot.model.createData(), zip(log.measured["q"].values, log.measured["v"].values, strict=True)
     energy = 0.5 * motor.rotor_inertia * truth(log, "crank_rate") ** 2
     for k, (q, v) in enumerate(states):

@@ -96,7 +96,6 @@ def loaded(clone: Path, name: str, folder: Path, mass: float | None) -> Record:
 
 def judged(found: Estimate, truth: Array | float, counts: Array) -> Array:
     """Return the rms error [N] of each axis of a point, and the share within two deviations (2, 3), where it counts."""
-    assert found.standard_deviation is not None
     error = np.abs(found.components - truth)
     axes = list(zip(error.T, (error < 2.0 * found.standard_deviation).T, counts.T, strict=True))
     return np.array([[np.sqrt(np.mean(e[at] ** 2)) for e, _, at in axes], [np.mean(held[at]) for _, held, at in axes]])

@@ -1,19 +1,26 @@
-"""What a sweep costs beside its flights, and what processes bring."""
+"""What long paths cost: a sweep beside its flights, and what processes bring; raw samples, smoothed and filtered."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from measure import Figure, figure, interleaved
 
-from aerobat_pin.aerobat import estimate_flight
+from aerobat_pin.aerobat import estimate_flight, flight_channels
+from aerobat_pin.aerobat.raw import JointFilter, JointSmoother, raw_record
 from aerobat_pin.experiments.sweep.outcomes import outcome_of
 from aerobat_pin.experiments.sweep.run_sweep import in_this_process, on_this_machine
 from aerobat_pin.flight import Plant, interval_means, simulate
-from aerobat_pin.robot import flown_robot
-from aerobat_pin.scenario import load_scenario
+from aerobat_pin.robot import FORCE_POINTS, believed_robot, flown_robot
+from aerobat_pin.scenario import RawSection, load_scenario
+
+FILTERED = 300  # samples of one pass through the filter
+GIVEN = RawSection(
+    walk=(0.005, 0.05, 0.01), bend=(3.0, 25.0, 25.0), white=(1e-3, 8e-3, 7e-3), alike=(5.0, 0.2, 5.0), crank_jerk=1.0
+)
 
 
 def sweep_figures(rounds: int) -> Iterator[Figure]:
@@ -48,3 +55,26 @@ def sweep_figures(rounds: int) -> Iterator[Figure]:
         list(on_this_machine(runs, 2))
         gains[k] = (middle - start) / (time.perf_counter() - middle)
     yield figure("200 runs of 1 s, two processes faster than one by", gains, "x")
+
+
+def raw_figures(rounds: int) -> Iterator[Figure]:
+    """Two seconds of flight with given walks and with their choice by likelihood; the filter's cost for each sample."""
+    scenario = load_scenario("raw_sensors")
+    log, robot = simulate(scenario), believed_robot(scenario)
+    record = raw_record(log.time, flight_channels(log, robot), robot, "measured", GIVEN)
+    known, chosen = (JointSmoother(robot, scenario.believed_air, FORCE_POINTS, one) for one in (GIVEN, RawSection()))
+    tuning = known.run(record).tuning
+    short = replace(record, time=record.time[: FILTERED + 1], known=record.known[:FILTERED])
+
+    def stream() -> None:
+        JointFilter(known, tuning, record.channels, "measured").run(short)
+
+    times = interleaved(
+        max(2, rounds // 5),
+        given=(lambda: known.run(record), 1),
+        chosen=(lambda: chosen.run(record), 1),
+        stream=(stream, FILTERED),
+    )
+    yield figure("raw samples, 2 s smoothed, walks given", times["given"], "s", 2.0)
+    yield figure("raw samples, 2 s smoothed, walks by likelihood", times["chosen"], "s", 8.0)
+    yield figure("raw samples, causal filter, each sample (its start too)", 1e3 * times["stream"], "ms")
