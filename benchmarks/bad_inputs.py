@@ -11,9 +11,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from support.bad_bytes import READERS
@@ -49,31 +48,26 @@ ITEMS = {  # number -> what must hold
 }
 
 
-class Tried(NamedTuple):
-    """What came of the inputs so far.
+def main() -> int:
+    """Try inputs, an equal share by each seed; write the page after every hundred; return 1 if anything went wrong."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=5000, help="number of bad inputs, or a few more")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3], help="of all choices")
+    chosen = parser.parse_args()
+    start, counts, faults = time.monotonic(), Counter[tuple[int, str]](), list[str]()
 
-    Attributes:
-        counts: how often each (class, fault) occurred, with an empty fault for those without.
-        doors: door -> number of inputs.
-        longest: time that a command line took at most [s].
-        faults: which inputs failed, and how.
-    """
+    def write() -> None:
+        words = f"--count {chosen.count} --seeds {' '.join(map(str, chosen.seeds))}"
+        minutes = (time.monotonic() - start) / 60.0
+        made = f'{datetime.date.today()} by `make reliability ARGS="{words}"` in {minutes:.0f} minutes'
+        fill("docs/reliability.md", page(doors, counts, faults, made, chosen.count))
 
-    counts: Counter[tuple[int, str]]
-    doors: Counter[str]
-    longest: float
-    faults: list[str]
-
-
-def tried(count: int, seeds: Sequence[int]) -> Iterator[Tried]:
-    """Try `count` bad inputs, or a few more: an equal share by each of the seeds; yield every hundred, and the end."""
-    counts, faults = Counter[tuple[int, str]](), list[str]()
     with tempfile.TemporaryDirectory() as folder, Doors(Path(folder), SLOWEST) as doors:
         # Made before anything is timed.
         _ = doors.run, doors.swept, doors.estimated, doors.recordings, doors.bench.seconds
         doors.longest, doors.patience = 0.0, PATIENCE
-        rngs = [np.random.default_rng(seed) for seed in seeds]
-        drawn = zip(*(drawn_classes(rng, -(-count // len(seeds))) for rng in rngs), strict=True)
+        rngs = [np.random.default_rng(seed) for seed in chosen.seeds]
+        drawn = zip(*(drawn_classes(rng, -(-chosen.count // len(rngs))) for rng in rngs), strict=True)
         for k, (rng, number) in enumerate(pair for row in drawn for pair in zip(rngs, row, strict=True)):
             attempt = doors.attempt(rng, number)
             fault = next((name for name in FAULTS if attempt.fault.startswith(name)), "wrong message")
@@ -82,43 +76,36 @@ def tried(count: int, seeds: Sequence[int]) -> Iterator[Tried]:
                 faults.append(f"class {number}, {attempt.name}: {attempt.fault}")
                 print(f"{k}, {faults[-1]}", flush=True)
             if (k + 1) % 100 == 0:
-                print(f"{k + 1} of {count}, {len(faults)} faults", flush=True)
-                yield Tried(counts, doors.tried, doors.longest, faults)
-        yield Tried(counts, doors.tried, doors.longest, faults)
+                print(f"{k + 1} of {chosen.count}, {len(faults)} faults", flush=True)
+                write()
+        write()
+    return int(bool(faults))
 
 
-def main() -> int:
-    """Write the page, again after every hundred inputs, and return 1 if anything went wrong."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=5000, help="number of bad inputs")
-    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2, 3], help="of all choices")
-    chosen = parser.parse_args()
-    start, wrong = time.monotonic(), 0
-    words = f"--count {chosen.count} --seeds {' '.join(map(str, chosen.seeds))}"
-    for found in tried(chosen.count, chosen.seeds):
-        fill("docs/reliability.md", page(found, words, chosen.count, (time.monotonic() - start) / 60.0))
-        wrong = len(found.faults)
-    return int(wrong > 0)
+def page(doors: Doors, counts: Counter[tuple[int, str]], failed: list[str], made: str, asked: int) -> dict[str, str]:
+    """Return what the page says of what was tried.
 
-
-def page(found: Tried, words: str, asked: int, minutes: float) -> dict[str, str]:
-    """Return what the page says of what was tried, of so many inputs that were asked for."""
+    Args:
+        doors: where it was tried.
+        counts: how often each (class, fault) occurred, with an empty fault for those without.
+        failed: which inputs failed, and how.
+        made: when, how and in what time it was tried.
+        asked: number of inputs that were asked for.
+    """
     rows: list[list[Any]] = []
     for number, name in CLASSES.items():
-        faults = [found.counts[number, fault] for fault in FAULTS]
-        rows.append([number, name, ITEMS[number], sum(faults) + found.counts[number, ""], *faults])
+        faults = [counts[number, fault] for fault in FAULTS]
+        rows.append([number, name, ITEMS[number], sum(faults) + counts[number, ""], *faults])
     count, *faults = (sum(row[i] for row in rows) for i in range(3, 4 + len(FAULTS)))
     early = "" if count >= asked else f" of {asked}, as it was ended early"
     head = f"| bad inputs | what must hold | tried | {' | '.join(FAULTS)}"
-    said = [f"* Found: {' '.join(fault.split())[:200]}" for fault in found.faults]
-    by = f'{datetime.date.today()} by `make reliability ARGS="{words}"`'
     return {
-        "measured": f"{by} in {minutes:.0f} minutes: {count} inputs{early}",
+        "measured": f"{made}: {count} inputs{early}",
         "counts": table(head, [*rows, ["", "all", "", count, *faults]]),
         "patience": f"{PATIENCE:g}",
-        "longest": f"{found.longest:.0f}",
-        "found": "\n".join(said) or "* Found: nothing.",
-        "doors": table("door | inputs", sorted(found.doors.items())),
+        "longest": f"{doors.longest:.0f}",
+        "found": "\n".join(f"* Found: {' '.join(one.split())[:200]}" for one in failed) or "* Found: nothing.",
+        "doors": table("door | inputs", sorted(doors.tried.items())),
         "memory": f"{MORE_MEMORY / 1e6:g}",
         "readers": str(len(READERS)),
         "limits": LIMITS,
