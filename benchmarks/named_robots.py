@@ -5,9 +5,9 @@ from __future__ import annotations
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from support.pages import Values, measured, run
@@ -25,24 +25,18 @@ OBSERVERS = ("force_level", "kalman", "smoother")
 SETTLED, TURNS = 0.15, 6.0  # [s], [1/K] after which a force that turned round is judged
 
 
-@dataclass(frozen=True)
-class Judged:
+class Judged(NamedTuple):
     """How well one observer found the push on one robot.
 
     Attributes:
         error: (m, 3) over the weight of what moves.
-        deviation: (m, 3) as stated, likewise.
+        within: (m, 3) whether it is within two stated deviations.
         shown: (m, 3) whether the component is shown.
     """
 
     error: Array
-    deviation: Array
+    within: Array
     shown: Array
-
-    @property
-    def within(self) -> Array:
-        """(m, 3) whether the error is within two deviations."""
-        return np.abs(self.error) < 2.0 * self.deviation
 
 
 def judged(log: Pushed, result: Result, name: str) -> Judged:
@@ -50,9 +44,9 @@ def judged(log: Pushed, result: Result, name: str) -> Judged:
     found = result.estimates[name]
     middle = 0.5 * (found.time[1:] + found.time[:-1])
     good = (middle > SETTLED) & (np.abs(middle[:, None] - EDGES).min(axis=1) > TURNS / GAIN)
-    parts = found.components - log.true(middle), found.standard_deviation, found.shown
-    error, deviation, shown = (part[good] for part in parts)
-    return Judged(error / log.weight, deviation / log.weight, shown)
+    error = found.components - log.true(middle)
+    within = np.abs(error) < 2.0 * found.standard_deviation
+    return Judged(error[good] / log.weight, within[good], found.shown[good])
 
 
 def tried(name: str, seed: int) -> tuple[list[str], list[Judged]] | str:

@@ -122,7 +122,6 @@ class Trotter:
         self.hips = np.array([self.data.oMf[frame].translation - q[:3] for frame in self.frames])
         self.lifted = self.hips + q[:3]
         self.swung = np.zeros(4, bool)
-        self.heading = 0.0
 
     def torque(self, time: float, q: Array, v: Array) -> Array:
         """Return the torque (12,) of the motors [N m] at a time [s]."""

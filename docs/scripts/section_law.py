@@ -6,23 +6,9 @@ from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
+import support.high_incidence as section
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from support.high_incidence import (
-    DICKINSON,
-    LAWS,
-    LIMIT_1,
-    MOVING,
-    POTENTIAL,
-    RANGES,
-    ROBOT,
-    WING,
-    errors,
-    harmonic,
-    plunge,
-    steady,
-    tapped,
-)
 from support.measurements import plates, plunging
 from support.pages import ROOT, Values, run, save, table
 
@@ -33,8 +19,8 @@ from aerobat_pin.robot import flown_robot, rotations
 from aerobat_pin.scenario import load_scenario
 from aerobat_pin.visualization import style
 
-LINES = dict(zip(LAWS, (style.VERMILLION, style.PURPLE, style.BLUE, style.GREEN, style.MUTED), strict=True))
-STYLES = dict(zip(LAWS, ("-", "-.", "--", ":", (0, (1, 3))), strict=True))
+LINES = dict(zip(section.LAWS, (style.VERMILLION, style.PURPLE, style.BLUE, style.GREEN, style.MUTED), strict=True))
+STYLES = dict(zip(section.LAWS, ("-", "-.", "--", ":", (0, (1, 3))), strict=True))
 FLIGHTS, BEYOND = ("paper", "paper_open_loop"), (20.0, 34.0, 40.0)  # [deg]; the plunging section reaches 34
 CHANGES = (
     ("none", {}),
@@ -51,8 +37,8 @@ def steady_figure() -> Figure:
     for row, (aspect_ratio, sets) in zip(
         figure.subplots(2, 3, sharex=True), ((2.0, (0, 2)), (None, (1,))), strict=True
     ):
-        for law in LAWS:
-            lift, drag = steady(law, aspect_ratio, angles)
+        for law in section.LAWS:
+            lift, drag = section.steady(law, aspect_ratio, angles)
             _three(row, angles, lift, drag, color=LINES[law], linestyle=STYLES[law], label=law.name)
         for at in sets:
             one = plates()[at]
@@ -82,13 +68,13 @@ def moving() -> tuple[Figure, dict[str, str]]:
     *left, right = figure.subplots(1, 3)
     rows: list[list[str]] = []
     for one in plunging():
-        found = {law: np.array([plunge(law, one, k) for k in one.reduced_frequency]) for law in MOVING}
-        ends = [f"{found[law][-1, 0]:.2f}, {abs(found[law][-1, 1]):.2f}" for law in MOVING]
+        found = {law: np.array([section.plunge(law, one, k) for k in one.reduced_frequency]) for law in section.MOVING}
+        ends = [f"{found[law][-1, 0]:.2f}, {abs(found[law][-1, 1]):.2f}" for law in section.MOVING]
         measured = f"{one.first_harmonic[-1]:.2f}, {one.least_mean[-1]:.2f} to {one.largest_mean[-1]:.2f}"
         rows.append([f"{one.incidence:.0f}, up to {one.largest_incidence[-1]:.0f}", measured, *ends])
         for axis, at in zip(left, (0.0, 9.0), strict=True):
             if one.incidence == at:
-                for law in MOVING:
+                for law in section.MOVING:
                     look = {"color": LINES[law], "linestyle": STYLES[law], "label": law.name}
                     axis.plot(one.reduced_frequency, found[law][:, 0], **look)
                 axis.plot(one.reduced_frequency, one.first_harmonic, "ko", markerfacecolor="none", label="measured")
@@ -97,19 +83,19 @@ def moving() -> tuple[Figure, dict[str, str]]:
                 axis.set_ylim(0.0, 2.5)
     left[0].set_ylabel("lift coefficient, first harmonic")
     left[0].legend(fontsize=6.5)
-    force = 2.0 * WING.pressure @ WING.area
-    right.plot(WING.cycles, 1e3 * force, "ko", markerfacecolor="none", markersize=3)
+    force = 2.0 * section.WING.pressure @ section.WING.area
+    right.plot(section.WING.cycles, 1e3 * force, "ko", markerfacecolor="none", markersize=3)
     readings = []
-    for law in (*MOVING, POTENTIAL):
-        ours, even = tapped(law), tapped(law, flat=True)
-        if law in (ROBOT, LIMIT_1, DICKINSON):
+    for law in (*section.MOVING, section.POTENTIAL):
+        ours, even = section.tapped(law), section.tapped(law, flat=True)
+        if law in (section.ROBOT, section.LIMIT_1, section.DICKINSON):
             look = {"color": LINES[law], "linestyle": STYLES[law]}
-            right.plot(WING.cycles, 1e3 * (even if law is DICKINSON else ours), **look)
+            right.plot(section.WING.cycles, 1e3 * (even if law is section.DICKINSON else ours), **look)
         readings.append([law.name, *(_reading(one, force) for one in (ours, even))])
     right.set_title("flapping")
     right.set_xlabel("time [flaps]")
     right.set_ylabel("force at the taps [mN]")
-    names = " | ".join(law.name for law in MOVING)
+    names = " | ".join(law.name for law in section.MOVING)
     return figure, {
         "plunging": table(f"incidence [deg] | measured | {names}", rows),
         "taps": table("law | as the taps read attached flow | even load", readings),
@@ -117,7 +103,7 @@ def moving() -> tuple[Figure, dict[str, str]]:
 
 
 def _reading(ours: np.ndarray, force: np.ndarray) -> str:
-    ratio = harmonic(ours) / harmonic(force)
+    ratio = section.harmonic(ours) / section.harmonic(force)
     off = 100 * (ours - force).std() / force.std()
     return f"{100 * (abs(ratio) - 1):+.0f} %, {round(np.degrees(np.angle(ratio))):+d} deg, {off:.0f} %"
 
@@ -125,8 +111,8 @@ def _reading(ours: np.ndarray, force: np.ndarray) -> str:
 def steady_rows() -> Iterator[list[str]]:
     """Yield the errors on the plates."""
     for one in plates():
-        errors_of = np.array([errors(law, one) for law in LAWS])
-        for (low, high), each in zip(RANGES, errors_of.T, strict=True):
+        errors_of = np.array([section.errors(law, one) for law in section.LAWS])
+        for (low, high), each in zip(section.RANGES, errors_of.T, strict=True):
             if np.isfinite(each[0]):
                 shown = [f"{x:.2f}" for x in each]
                 cells = [f"**{x}**" if x == min(shown) else x for x in shown]
@@ -155,7 +141,7 @@ def flights() -> tuple[list[list[str]], list[list[str]]]:
 
 def quick() -> Values:
     """Return the tables that no flight is needed for."""
-    names = " | ".join(law.name for law in LAWS)
+    names = " | ".join(law.name for law in section.LAWS)
     plates = table(f"plate | incidence [deg] | {names}", steady_rows())
     return {"docs/section_law.md": {"plates": plates, **moving()[1]}}
 

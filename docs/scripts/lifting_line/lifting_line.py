@@ -18,7 +18,7 @@ def find() -> Values:
     """Draw every rung, and return the tables on flights."""
     figures = {draw.__name__: draw() for draw in (*ladder.FIGURES, moments.pitch)}
     save(figures | {"cases": moments.cases()[0]}, ROOT / "docs" / "figures" / "lifting_line")
-    flights = {"robot": strips.robot_table(strips.robot_errors()), "flights": strips.free_flights()}
+    flights = {"robot": strips.robot_errors(), "flights": strips.free_flights()}
     return {"docs/lifting_line.md": flights}
 
 
