@@ -32,11 +32,6 @@ def loaded(path: Path) -> tuple:
     return plant, plant.GetMyMutableContextFromRoot(root), plant.get_geometry_query_input_port(), (diagram, root)
 
 
-def skew(w: np.ndarray) -> np.ndarray:
-    """Return the matrix of w x."""
-    return np.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
-
-
 def dynamics_error(plant, context, joints: list[str], state: dict) -> float:
     """Compare mass matrix and bias; Drake has the base's angular velocity first, and world axes."""
     base, v = plant.GetBodyByName("base_link"), np.array(state["velocity"])
@@ -46,7 +41,7 @@ def dynamics_error(plant, context, joints: list[str], state: dict) -> float:
     R = R.matrix()
     P, change, start = np.zeros((10, 10)), np.zeros((10, 10)), base.floating_velocities_start_in_v()
     P[start : start + 3, 3:6] = P[start + 3 : start + 6, :3] = R
-    change[start + 3 : start + 6, :3] = R @ skew(v[3:6])
+    change[start + 3 : start + 6, :3] = R @ np.cross(v[3:6], np.eye(3)).T  # times the matrix of w x
     for k, (name, angle) in enumerate(zip(joints, state["angles"], strict=True)):
         joint = plant.GetJointByName(name)
         joint.set_angle(context, angle)

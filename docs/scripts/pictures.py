@@ -20,8 +20,22 @@ from aerobat_pin.visualization import style
 
 FIGURES = Path(__file__).resolve().parents[1] / "figures"
 MID_DOWNSTROKE = np.radians(-37.0)  # crank angle: theta_s is -27 deg, between 29 and -84, and falling
-SKY = (1.0, 1.0, 1.0)
 FIELD_OF_VIEW = 45.0  # [deg], vertical
+STUDIO = f"""<mujoco>
+  <visual>
+    <global offwidth="2400" offheight="1600" fovy="{FIELD_OF_VIEW}"/>
+    <quality offsamples="8"/>
+    <headlight ambient="0.35 0.35 0.35" diffuse="0.25 0.25 0.25" specular="0 0 0"/>
+    <map znear="0.005" fogstart="100" fogend="200"/>
+  </visual>
+  <asset>
+    <texture name="sky" type="skybox" builtin="flat" rgb1="1 1 1" rgb2="1 1 1" width="16" height="16"/>
+  </asset>
+  <worldbody>
+    <light directional="true" dir="-0.6 -1 -1.6" diffuse="0.55 0.55 0.55" specular="0.1 0.1 0.1" castshadow="false"/>
+    <light directional="true" dir="-0.8 1 -0.9" diffuse="0.25 0.25 0.25" specular="0.1 0.1 0.1" castshadow="false"/>
+  </worldbody>
+</mujoco>"""
 LABELS = {  # offsets [pt]
     "L1": (-34, -10),
     "L2": (28, -8),
@@ -41,32 +55,7 @@ def scene(robot: Aerobat, crank_angle: float, faint: tuple[str, ...] = ()) -> mu
         crank_angle: of both cranks [rad].
         faint: names of parts drawn nearly transparent.
     """
-    spec = mujoco.MjSpec()
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 2400, 1600
-    spec.visual.global_.fovy = FIELD_OF_VIEW
-    spec.visual.quality.offsamples = 8
-    spec.visual.headlight.ambient = (0.35, 0.35, 0.35)
-    spec.visual.headlight.diffuse = (0.25, 0.25, 0.25)
-    spec.visual.headlight.specular = (0.0, 0.0, 0.0)
-    spec.visual.map.znear = 0.005
-    spec.visual.map.fogstart, spec.visual.map.fogend = 100.0, 200.0
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
-        rgb1=SKY,
-        rgb2=SKY,
-        width=16,
-        height=16,
-    )
-    for position, strength in (((0.6, 1.0, 1.6), 0.55), ((0.8, -1.0, 0.9), 0.25)):
-        spec.worldbody.add_light(
-            type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-            dir=-np.array(position),
-            diffuse=[strength] * 3,
-            specular=[0.1] * 3,
-            castshadow=False,
-        )
+    spec = mujoco.MjSpec.from_string(STUDIO)
     closure = robot.linkage.solve(crank_angle)
     q = robot.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], closure.theta_s, closure.theta_e)
     picture = visual_model_with_bars(robot)
