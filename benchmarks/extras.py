@@ -90,11 +90,6 @@ assert (load_robot("ur5").model.nv, load_robot("go2").model.nv) == (6, 18)
 }
 
 
-def size_of(folder: Path) -> int:
-    """Return how much disk a folder takes [MiB], as `du -sm` says."""
-    return int(subprocess.run(["du", "-sm", folder], capture_output=True, text=True, check=True).stdout.split()[0])
-
-
 def tried(extra: str) -> list[str]:
     """Install an extra into a fresh environment, do what it is for, and return its row of the table."""
     words, program = PROGRAMS[extra]
@@ -104,7 +99,8 @@ def tried(extra: str) -> list[str]:
         programs, what = place / "venv" / "bin", str(ROOT) if extra == "none" else f"{ROOT}[{extra}]"
         pip = ["-m", "pip", "install", "--quiet", "--no-compile", "--disable-pip-version-check", "--editable", what]
         subprocess.run([programs / "python", *pip], check=True)
-        spent, size = time.monotonic() - begin, size_of(place / "venv")
+        spent = time.monotonic() - begin
+        size = subprocess.run(["du", "-sm", "venv"], cwd=place, capture_output=True, text=True, check=True).stdout
         (place / "tried.py").write_text(program, encoding="utf-8")
         bare = {**os.environ, "PYTHONPATH": ""}
         for line in ["python tried.py"] if program.startswith("\n") else program.splitlines():
@@ -112,7 +108,7 @@ def tried(extra: str) -> list[str]:
             done = subprocess.run([programs / command, *arguments], cwd=place, env=bare, capture_output=True, text=True)
             if done.returncode != 0:
                 raise SystemExit(f"extra {extra}: {line}: {done.stderr or done.stdout}")
-    return [extra if extra == "none" else f"`{extra}`", f"{size} MiB", f"{spent:.0f} s", words]
+    return [extra if extra == "none" else f"`{extra}`", f"{size.split()[0]} MiB", f"{spent:.0f} s", words]
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 from support.drone import drag_slopes, plain_force
-from support.pages import ROOT, fill, table
+from support.pages import ROOT, Values, run, save, table
 
 sys.path.insert(0, str(ROOT / "examples" / "recordings"))
 import hopper
@@ -26,9 +26,9 @@ import tiago
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Calibration, Result, calibrate, estimate
 from aerobat_pin.records import load_map, open_record, parse_map
-from aerobat_pin.visualization import draw_all, save_figure
+from aerobat_pin.visualization import draw_all
 
-FIGURES, MAPS = ROOT / "docs" / "figures" / "recordings", ROOT / "examples" / "recordings"
+MAPS = ROOT / "examples" / "recordings"
 PHASES = {"before it": (0.1, 1.3), "push-off": (1.35, 1.5), "in the air": (1.53, 1.64), "after it": (1.7, 2.9)}
 WINDS = {"nowind": 0.0, "35wind": 4.2, "70wind": 8.5, "100wind": 12.1}
 NOTED = {  # joint -> residual without and with friction [N m], of an independent reading of the same files
@@ -70,8 +70,7 @@ def hopper_text(folder: Path, work: Path) -> dict[str, str]:
         ),
         hopper_row(f"{there}, hip at its height", "fitted on all of it: nothing tests the fit", all_of_it),
     ]
-    save_figure(draw_all(fitted)["estimation"], FIGURES / "hopper_forces")
-    (FIGURES / "hopper_forces.pdf").unlink()
+    save({"hopper_forces": draw_all(fitted)["estimation"]}, ROOT / "docs" / "figures" / "recordings")
     start, force, sensor, _ = next(plain.compared["force_level"][0].pieces())
     phases = []
     for name, (begin, end) in PHASES.items():
@@ -188,18 +187,17 @@ def tiago_text(folder: Path, work: Path) -> str:
     return table(head, rows)
 
 
-def main() -> None:
-    """Write what is found, or say why the page stays as it is."""
+def find() -> Values:
+    """Return what is found, or say why the page stays as it is."""
     folder = Path(os.environ.get("AEROBAT_RECORDINGS", ""))
     if not (folder / "mim_estimation").is_dir():
         print("docs/real_recordings.md stays as it is: AEROBAT_RECORDINGS names no folder with the recordings")
-        return
-    FIGURES.mkdir(parents=True, exist_ok=True)
+        return {}
     with tempfile.TemporaryDirectory() as place:
         values = hopper_text(folder, Path(place)) | {"tiago": tiago_text(folder, Path(place))}
     values |= {"nanobench": nanobench_text(folder), "neural-fly": neural_fly_text(folder)}
-    fill("docs/real_recordings.md", values)
+    return {"docs/real_recordings.md": values}
 
 
 if __name__ == "__main__":
-    main()
+    run(find)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
-from support.pages import ROOT, Values, table
+from support.pages import ROOT, Values, save, table
 from support.pages import run as write_or_check
 
 from aerobat_pin.aerobat import known_inputs, true_force
@@ -15,9 +15,8 @@ from aerobat_pin.estimation import FORCE_AXES, r_squared
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
 from aerobat_pin.scenario import load_scenario
-from aerobat_pin.visualization import draw_all, style
+from aerobat_pin.visualization import draw_all
 
-FIGURES = ROOT / "docs" / "figures"
 SEEDS = (1, 2, 3, 4, 5)
 GAINS = (100.0, 1000.0, 2000.0)
 WINGS = [(wing, axis) for wing in ("left", "right") for axis in FORCE_AXES]
@@ -131,9 +130,8 @@ def find() -> Values:
     names = ("paper", "observer_benchmark")
     paper, benchmark = ([run(load_scenario(name, [f"simulation.seed={k}"])) for k in SEEDS] for name in names)
     drawn = draw_all(paper[0])
-    for name in re.findall(r"figures/(\w+)\.png", (ROOT / "docs" / "results.md").read_text("utf-8")):
-        style.save_figure(drawn[name], FIGURES / name)
-        (FIGURES / f"{name}.pdf").unlink()
+    shown = re.findall(r"figures/(\w+)\.png", (ROOT / "docs" / "results.md").read_text("utf-8"))
+    save({name: drawn[name] for name in shown}, ROOT / "docs" / "figures")
     wings = " | ".join(f"{wing} {axis}" for wing, axis in WINGS)
     angles = "X, Y, Z [m] | Z [m] | pitch [deg] | roll [deg] | yaw [deg]"
     observers = "observer | wing | axis | R2 | R2 noise-free | error rms [mN] | lag [ms]"
