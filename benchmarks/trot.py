@@ -208,8 +208,7 @@ def walked(gait: Gait, duration: float) -> Walked:
     pin.framesForwardKinematics(model, data, start)
     state.qpos[2] += FOOT_RADIUS - min(data.oMf[model.getFrameId(foot)].translation[2] for foot in feet)
     controller, steps = Trotter(model, feet, gait, duration), round(duration / STEP)
-    rows: dict[str, list[Array]] = {key: [] for key in ("time", "q", "v", "tau", "felt", "force")}
-    felt_since: list[tuple[Array, Array]] = []  # the last sample: accelerometer, forces on the feet
+    samples, felt, force = [], [], []
     command, tau = np.zeros(12), np.zeros(12)
     trunk = simulated.body(model.names[1]).id
     for step in range(steps + 1):
@@ -219,20 +218,17 @@ def walked(gait: Gait, duration: float) -> Walked:
         if step % round(CONTROL / STEP) == 0:
             command = controller.torque(state.time, q, v)
         if step % round(SAMPLE / STEP) == 0:
-            for key, value in (("time", np.array(state.time)), ("q", q), ("v", v), ("tau", tau.copy())):
-                rows[key].append(value)
-            if step:
-                for key, values in zip(("felt", "force"), zip(*felt_since, strict=True), strict=True):
-                    rows[key].append(np.mean(values, axis=0))
-                felt_since = []
+            samples.append((state.time, q, v, tau.copy()))
         before = tau.copy()
         tau += STEP / MOTOR_LAG * (command - tau)
         state.xfrc_applied[trunk, 1] = gait.push if 2.0 <= state.time % 3.0 < 2.3 else 0.0
         state.ctrl[:] = 0.5 * (before + tau) - DRAG * np.tanh(v[6:] / 0.02)
         mujoco.mj_step(simulated, state)
-        felt_since.append((state.sensordata[:3].copy(), _foot_forces(simulated, state, geoms)))
-    rows["felt"].insert(0, rows["felt"][0])
-    return Walked(**{key: np.array(values) for key, values in rows.items()})
+        felt.append(state.sensordata[:3].copy())
+        force.append(_foot_forces(simulated, state, geoms))
+    shape = len(samples) - 1, round(SAMPLE / STEP)
+    felt, force = (np.reshape(one[:-1], (*shape, *one[0].shape)).mean(axis=1) for one in (felt, force))
+    return Walked(*map(np.array, zip(*samples, strict=True)), np.concatenate([felt[:1], felt]), force)
 
 
 def _foot_forces(model: mujoco.MjModel, state: mujoco.MjData, geoms: dict[int, int]) -> Array:

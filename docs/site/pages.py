@@ -9,9 +9,7 @@ import re
 import shutil
 from pathlib import Path
 
-NAMED_BY_FILE = re.compile(
-    r"\[[\w./-]+\.md\](?=\()"
-)  # the generator puts the page's title in an empty pair of brackets
+NAMED_BY_FILE = re.compile(r"\[[\w./-]+\.md\](?=\()")  # in empty brackets the generator puts the page's title
 LINK = re.compile(r"(\]\()([^)#\s]+)((?:#[^)\s]*)?\))")
 CODE = {".py": "python", ".toml": "toml", ".cff": "yaml", ".json": "json"}
 PICTURES = {".png", ".svg", ".gif"}
