@@ -142,7 +142,7 @@ def check_command(
     settings: Settings = None,
     map_file: Annotated[Path | None, typer.Option("--map", help="What the recording's columns mean.")] = None,
     out: Annotated[
-        Path | None, out_option("File of the figure, .png, .pdf or .svg; default `runs/<flight>-check.png`, drawn anew.")
+        Path | None, out_option("File of the figure: .png, .pdf, .svg; default `runs/<flight>-check.png`, drawn anew.")
     ] = None,
     force: Force = False,
 ) -> None:
