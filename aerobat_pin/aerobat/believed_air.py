@@ -168,7 +168,8 @@ def half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, A
     interpolated linearly.
     """
     k = np.append(np.repeat(np.arange(len(steps)), 2 * steps), len(steps) - 1)
-    share = np.append(np.concatenate([np.arange(2 * n) / (2.0 * n) for n in steps]), 1.0)[:, None]
+    first = 2 * np.append(0, np.cumsum(steps)[:-1])
+    share = ((np.arange(len(k)) - first[k]) / (2.0 * steps[k]))[:, None]
     dt = np.diff(moved.time)
     q = moved.q[k] + share * (moved.q[k + 1] - moved.q[k])
     q[:, 3:7] = _slerp(moved.q[k, 3:7], moved.q[k + 1, 3:7], share)

@@ -4,6 +4,7 @@ from .arms import Sensitivity as Sensitivity
 from .closure import Closure as Closure
 from .joint_series import SeriesSculpture as SeriesSculpture
 from .joint_series import joint_series as joint_series
+from .joint_series import joints_along as joints_along
 from .joint_series import joints_at as joints_at
 from .kinetic_sculpture import KineticSculpture as KineticSculpture
 from .sculpture_dynamics import SculptureDynamics as SculptureDynamics

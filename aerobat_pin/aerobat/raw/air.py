@@ -8,8 +8,7 @@ import numpy as np
 
 from aerobat_pin.aerobat.believed_air import AirAlongMotion
 from aerobat_pin.aerobat.motion import Motion, wind_of
-from aerobat_pin.aerobat.raw.dynamics_kernels import half_step_motion
-from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion
+from aerobat_pin.aerobat.raw.nominal_motion import WING_JOINTS, NominalMotion, wing_angles, wing_motion
 from aerobat_pin.linkage import joint_series
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
@@ -45,7 +44,6 @@ class AirAboutNominal:
         """Set up the aerodynamic model."""
         self.robot, self.section, self.along = robot, section, AirAlongMotion(robot, section)
         self.wind = wind_of(section)
-        self._at_q, self._at_v = (np.array(places, dtype=np.intp) for places in (robot.idx_q, robot.idx_v))
         self._series = joint_series(robot.linkage)
         self.in_air, self._longest = self.along.in_air, np.inf
         self._states = np.zeros((1 + len(SHIFTS), self.along.air.state_size))
@@ -116,10 +114,16 @@ class AirAboutNominal:
 
     def _half_steps(self, nominal: NominalMotion, span: float, count: int) -> tuple[Array, Array, Array, Array]:
         """Return q, v, acceleration and wind at the half steps of one interval, as `believed_air.half_steps` does."""
-        robot, places = self.robot, 2 * count + 1
-        q, v, a = (np.empty((places, size)) for size in (robot.model.nq, robot.model.nv, robot.model.nv))
-        half_step_motion(
-            self._series, self._at_q, self._at_v, nominal.placements(), nominal.twist, nominal.crank[0], span,
-            q, v, a,
-        )  # fmt: skip
-        return q, v, a, self.wind.field(nominal.time[0] + np.arange(places) / (2.0 * count) * span)
+        robot, share = self.robot, np.arange(2 * count + 1) / (2.0 * count)
+        time = share * span
+        q, v, a = (np.empty((len(share), size)) for size in (robot.model.nq, robot.model.nv, robot.model.nv))
+        start, end = nominal.placements()
+        q[:, :7] = start + share[:, None] * (end - start)
+        q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
+        change = nominal.twist[1] - nominal.twist[0]
+        v[:, :BASE_SIZE], a[:, :BASE_SIZE] = nominal.twist[0] + share[:, None] * change, change / span
+        angle, turning, speeding = nominal.crank[0]
+        rate, bend = turning + time * speeding, np.full_like(time, speeding)
+        wings = wing_angles(self._series, angle + 0.5 * time * (turning + rate))
+        q[:, WING_JOINTS], v[:, WING_JOINTS], a[:, WING_JOINTS] = wing_motion(wings, rate, bend)
+        return q, v, a, self.wind.field(nominal.time[0] + time)

@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
-from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
+from aerobat_pin.aerobat.raw.dynamics import LinearDynamics
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR, first_prior
 from aerobat_pin.aerobat.raw.linear import added_variances
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
@@ -86,7 +86,6 @@ class JointFilter:
         white = self.layout.white
         self._fresh = np.array([white.start, white.stop], dtype=np.intp)
         self._noise_of, self._noise = -1.0, np.zeros(self.layout.size)
-        self._scratch = np.empty((self.layout.moving + 1, self.layout.size))
 
     @property
     def started(self) -> bool:
@@ -224,7 +223,7 @@ class JointFilter:
         ratio, count = self._take(motion, d, taken, 0)
         force_now, block = layout.forces(x[None]), self._block()
         self._rate = self._rate + d.push[0] + d.acceleration[0] @ x
-        advance(x, self._P, d.transition[0], d.shift[0], self._noise, self._fresh, self._scratch)
+        advance(x, self._P, d.transition[0], d.shift[0], self._noise, self._fresh)
         more, others = self._take(motion, d, taken, 1)
         after = motion.part(1, 1)
         self._remember(nominal, after)
@@ -289,7 +288,7 @@ class JointFilter:
         assert (POSE_ERROR.start, TWIST_ERROR.start, CRANK_ERROR.stop) == (0, 6, MOTION)
         return JointSample(
             float(nominal.time[0]),
-            pin.SE3ToXYZQUAT(pin.SE3(nominal.rotation[0], nominal.position[0])),
+            pin.SE3ToXYZQUAT(nominal.body(0)),
             nominal.twist[0].copy(),
             nominal.crank[0].copy(),
             force.reshape(-1, 3).copy(),

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion
-from aerobat_pin.numerics import Array, Integers
+from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import RawSection
 
 POSE_ERROR, TWIST_ERROR, CRANK_ERROR = slice(0, 6), slice(6, 12), slice(12, 15)
@@ -43,7 +43,6 @@ class Layout:
             [rad]; None where they are no states.
         offset_at: sensor -> where its clock offset [s] stands.
         moving, size: number of states whose change depends on other states, and of all states.
-        places: (5,) where walk, white, factor of the mass, factor of the air and crank stand; -1: not a state.
         modes: orthogonal matrix (points, points): forces of the points = modes times the slow states of each axis. The
             first mode is what the forces have in common, the others are how they differ.
         by_mode: the same (3 points, 3 points) from all slow states to all forces, point after point.
@@ -65,8 +64,6 @@ class Layout:
         self.mount_at = self._next(MOUNT_SIZE) if self.mount else None
         self.offset_at = {name: self._next(1).start for name in self.offsets}
         self.moving = self.walk.stop
-        at = [self.walk.start, self.white.start, self.mass_at, self.air_at, CRANK_ERROR.start]
-        self.places: Integers = np.array([-1 if place is None else place for place in at], dtype=np.intp)
         self.modes: Array = np.zeros((self.points, self.points))
         self.modes[:, 0] = self.points**-0.5
         for i in range(1, self.points):
@@ -85,19 +82,18 @@ class Layout:
 
 @dataclass(frozen=True)
 class Prior:
-    """State at a first knot: placement, twist and crank, the other states (n,), and the covariance (n, n) of all."""
+    """State at a first knot: the motion there, the other states (n,), and the covariance (n, n) of all."""
 
-    placement: pin.SE3
-    twist: Array
-    crank: Array
+    motion: NominalMotion
     mean: Array
     covariance: Array
 
     def about(self, nominal: NominalMotion) -> Array:
         """Return the mean (n,) as errors of a nominal motion's first knot."""
         x = self.mean.copy()
-        x[POSE_ERROR] = pin.log6(pin.SE3(nominal.rotation[0], nominal.position[0]).actInv(self.placement)).vector
-        x[TWIST_ERROR], x[CRANK_ERROR] = self.twist - nominal.twist[0], self.crank - nominal.crank[0]
+        x[POSE_ERROR] = pin.log6(nominal.body(0).actInv(self.motion.body(0))).vector
+        x[TWIST_ERROR] = self.motion.twist[0] - nominal.twist[0]
+        x[CRANK_ERROR] = self.motion.crank[0] - nominal.crank[0]
         return x
 
     def padded(self, spreads: Array) -> Prior:
@@ -106,7 +102,7 @@ class Prior:
         covariance = np.zeros((size + more, size + more))
         covariance[:size, :size] = self.covariance
         covariance[size:, size:] = np.diag(spreads**2)
-        return Prior(self.placement, self.twist, self.crank, np.append(self.mean, np.zeros(more)), covariance)
+        return Prior(self.motion, np.append(self.mean, np.zeros(more)), covariance)
 
 
 def first_prior(layout: Layout, nominal: NominalMotion, weight: float, settings: RawSection) -> Prior:
@@ -125,7 +121,4 @@ def first_prior(layout: Layout, nominal: NominalMotion, weight: float, settings:
 
 def prior_at(nominal: NominalMotion, k: int, x: Array, covariance: Array) -> Prior:
     """Return the prior of knot k, given errors x (n,) of the nominal motion there and their covariance."""
-    placement = pin.SE3(nominal.rotation[k], nominal.position[k]) * pin.exp6(x[POSE_ERROR])
-    return Prior(
-        placement, nominal.twist[k] + x[TWIST_ERROR], nominal.crank[k] + x[CRANK_ERROR], x.copy(), covariance.copy()
-    )
+    return Prior(nominal.part(k, k).moved(x[None, :MOTION]), x.copy(), covariance.copy())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
+from aerobat_pin.aerobat.raw.dynamics import LinearDynamics
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, Layout, Prior
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion
 from aerobat_pin.aerobat.raw.recursion import Filtered, SampleRows, Smoothed, filter_record, smooth_record

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
 from aerobat_pin.errors import LogError
+from aerobat_pin.linkage import joints_along
 from aerobat_pin.numerics import Array
 
 POSITION_KNOTS = 0.030  # [s] between the knots of the splines of a first guess; longer if samples are rare
 CRANK_KNOTS = 0.020
 DRIFT_KNOTS = 0.10  # of the correction of the integrated gyro
+WING_JOINTS = slice(-4, None)  # the joints in a configuration and in a velocity
+CRANK_STEP = 1.0e-4  # [rad]: difference quotient for the third derivative of the linkage
 
 
-@dataclass(frozen=True)
-class NominalMotion:
+class NominalMotion(NamedTuple):
     """A motion at the knots.
 
     Attributes:
@@ -46,10 +48,13 @@ class NominalMotion:
         twist, crank = self.twist + errors[:, 6:12], self.crank + errors[:, 12:15]
         return NominalMotion(self.time, rotation, position, twist, crank)
 
+    def body(self, k: int) -> pin.SE3:
+        """Return the placement of the body at a knot."""
+        return pin.SE3(self.rotation[k], self.position[k])
+
     def part(self, start: int, stop: int) -> NominalMotion:
         """Return the knots `start` to `stop`, both included."""
-        cut = slice(start, stop + 1)
-        return NominalMotion(self.time[cut], self.rotation[cut], self.position[cut], self.twist[cut], self.crank[cut])
+        return NominalMotion(*(each[start : stop + 1] for each in self))
 
     def extended(self, dt: float, rate: Array) -> NominalMotion:
         """Return one knot and the next one, `dt` [s] later, under an acceleration of the twist `rate` (6,)."""
@@ -59,14 +64,13 @@ class NominalMotion:
         position = self.position[0] + self.rotation[0] @ step.translation
         angle, turning, speeding = self.crank[0]
         crank = np.array([angle + dt * turning + 0.5 * dt**2 * speeding, turning + dt * speeding, speeding])
-        after = NominalMotion(self.time + dt, rotation[None], position[None], twist[None], crank[None])
-        return NominalMotion.joined([self, after])
+        ends = (self.time[0] + dt, rotation, position, twist, crank)
+        return NominalMotion(*(np.array([each[0], end]) for each, end in zip(self, ends, strict=True)))
 
     @classmethod
     def joined(cls, parts: Sequence[NominalMotion]) -> NominalMotion:
         """Return motions one after the other as one."""
-        names = [item.name for item in fields(cls)]
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        return cls(*map(np.concatenate, zip(*parts, strict=True)))
 
     def middles(self) -> Array:
         """Return the times (m,) in the middle of the intervals [s]."""
@@ -78,6 +82,25 @@ class NominalMotion:
         signs = np.cumprod(np.where(np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0.0, -1.0, 1.0))
         quaternion[1:] *= signs[:, None]
         return np.concatenate([self.position, quaternion], axis=1)
+
+
+def wing_angles(series: Array, angles: Array) -> Array:
+    """Return angle and first to third derivative by crank angle (m, 4, 4) of the four joints, left wing, right wing.
+
+    Args:
+        series: of the linkage, see `joint_series`.
+        angles: (m,) of the crank [rad].
+    """
+    joints = np.empty((3, len(angles), 3, 2))
+    joints_along(series, np.concatenate([angles, angles + CRANK_STEP, angles - CRANK_STEP]), joints.reshape(-1, 3, 2))
+    third = (joints[1, :, 2:] - joints[2, :, 2:]) / (2.0 * CRANK_STEP)
+    return np.concatenate([joints[0], third], axis=1)[:, :, [0, 1, 0, 1]]
+
+
+def wing_motion(wings: Array, rate: Array, bend: Array) -> tuple[Array, Array, Array]:
+    """Return angles, rates and accelerations (m, 4) of the joints under rate and acceleration (m,) of the crank."""
+    angle, first, second, _ = wings.transpose(1, 0, 2)
+    return angle, first * rate[:, None], first * bend[:, None] + second * rate[:, None] ** 2
 
 
 def first_guess(record: RawRecord) -> NominalMotion:

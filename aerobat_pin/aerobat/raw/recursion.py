@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, Integers, kernel
+from aerobat_pin.numerics import Array, Integers, add_product, add_row_product, dot, kernel, mirror
 
 
 class SampleRows(NamedTuple):
@@ -98,15 +98,8 @@ def take_samples(
         row, gain = h[i], gains[i]
         for a in range(n):
             gain[a] = 0.0
-        for j in range(n):
-            if row[j] != 0.0:
-                for a in range(n):
-                    gain[a] += row[j] * P[j, a]
-        innovation, variance = e[i], R[i]
-        for j in range(n):
-            if row[j] != 0.0:
-                innovation -= row[j] * x[j]
-                variance += row[j] * gain[j]
+        add_row_product(gain, row, P, 1.0)
+        innovation, variance = e[i] - dot(row, x), R[i] + dot(row, gain)
         innovations[i, 0], innovations[i, 1] = innovation, variance
         score -= 0.5 * (innovation * innovation / variance + np.log(variance))
         for a in range(n):
@@ -118,7 +111,7 @@ def take_samples(
 
 
 @kernel
-def advance(x: Array, P: Array, F: Array, shift: Array, noise: Array, fresh: Integers, W: Array) -> None:
+def advance(x: Array, P: Array, F: Array, shift: Array, noise: Array, fresh: Integers) -> None:
     """Advance x (n,) and P (n, n) over one interval.
 
     Args:
@@ -128,37 +121,26 @@ def advance(x: Array, P: Array, F: Array, shift: Array, noise: Array, fresh: Int
         shift: (moving,) shift of these states.
         noise: (n,) variances that the interval adds; of a fresh state: its variance.
         fresh: (2,) first and last (excluded) of the states that are drawn anew.
-        W: (moving + 1, n) scratch.
     """
     n, m = x.shape[0], F.shape[0]
+    W, across = np.zeros((m, n)), np.empty((n, m))  # F P, and its transpose
+    moved = shift.copy()
+    add_product(W, F, P, 1.0)
     for i in range(m):
-        total = shift[i]
+        moved[i] += dot(F[i], x)
         for j in range(n):
-            W[i, j] = 0.0
-        for j in range(n):
-            if F[i, j] != 0.0:
-                total += F[i, j] * x[j]
-                for a in range(n):
-                    W[i, a] += F[i, j] * P[j, a]
-        W[m, i] = total
-    for i in range(m):
-        x[i] = W[m, i]
-        for a in range(m, n):
-            P[i, a] = W[i, a]
-            P[a, i] = W[i, a]
-        for k in range(i + 1):
-            total = 0.0
+            across[j, i] = W[i, j]
+            P[i, j] = P[j, i] = 0.0 if j < m else W[i, j]
+    add_product(P[:m, :m], F, across, 1.0)
+    mirror(P, m)
+    for i in range(n):
+        if i < m:
+            x[i] = moved[i]
+        if fresh[0] <= i < fresh[1]:
+            x[i] = 0.0
             for j in range(n):
-                total += W[i, j] * F[k, j]
-            P[i, k] = total
-            P[k, i] = total
-    for a in range(fresh[0], fresh[1]):
-        x[a] = 0.0
-        for j in range(n):
-            P[a, j] = 0.0
-            P[j, a] = 0.0
-    for a in range(n):
-        P[a, a] += noise[a]
+                P[i, j] = P[j, i] = 0.0
+        P[i, i] += noise[i]
 
 
 @kernel
@@ -175,7 +157,7 @@ def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: S
     """
     x, P, gains, innovations, states, covariances = filtered
     start, h, e, R, _ = rows
-    m, score, W = F.shape[0], 0.0, np.empty((F.shape[1] + 1, x.shape[0]))
+    m, score = F.shape[0], 0.0
     keep, single = states.shape[0] > 0, gains.shape[0] == 1
     for k in range(m + 1):
         if single:
@@ -189,7 +171,7 @@ def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: S
             states[k] = x
             covariances[k] = P
         if k < m:
-            advance(x, P, F[k], shift[k], noise[k], fresh, W)
+            advance(x, P, F[k], shift[k], noise[k], fresh)
     return score
 
 
@@ -207,73 +189,49 @@ def smooth_record(F: Array, fresh: Integers, block: Integers, rows: SampleRows, 
     (_, _, gains, innovations, filtered, covariances), states, blocks, pulls, informations, inside = smoothed
     start, h = rows.start, rows.h
     m, moving, n = F.shape[0], F.shape[1], states.shape[1]
-    adjoint, old = np.zeros(n), np.zeros(n)
+    adjoint, old, replaced = np.zeros(n), np.zeros(n), np.zeros(n, np.bool_)
     wanted, spread = pulls.shape[0] > 0, blocks.shape[0] > 0
     N, T, w = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    for j in range(n):
+        replaced[j] = j < moving or fresh[0] <= j < fresh[1]
     for k in range(m, -1, -1):
         if k < m:
             for j in range(n):
                 old[j] = adjoint[j]
-                adjoint[j] = 0.0 if (j < moving or fresh[0] <= j < fresh[1]) else adjoint[j]
-            for i in range(moving):
-                for j in range(n):
-                    adjoint[j] += F[k, i, j] * old[i]
+                adjoint[j] = 0.0 if replaced[j] else old[j]
+            add_row_product(adjoint, old[:moving], F[k], 1.0)
             if wanted:
-                for i in range(n):  # T = N F
+                for i in range(n):
                     for j in range(n):
-                        T[i, j] = 0.0 if (j < moving or fresh[0] <= j < fresh[1]) else N[i, j]
-                    for a in range(moving):
-                        for j in range(n):
-                            T[i, j] += N[i, a] * F[k, a, j]
-                for i in range(n):  # N = F^T T
+                        T[i, j] = 0.0 if replaced[j] else N[i, j]
+                add_product(T, N[:, :moving], F[k], 1.0)  # T = N F
+                for i in range(n):
                     for j in range(n):
-                        N[i, j] = 0.0 if (i < moving or fresh[0] <= i < fresh[1]) else T[i, j]
-                for a in range(moving):
-                    for i in range(n):
-                        if F[k, a, i] != 0.0:
-                            for j in range(n):
-                                N[i, j] += F[k, a, i] * T[a, j]
+                        N[i, j] = 0.0 if replaced[i] else T[i, j]
+                add_product(N, F[k].T, T[:moving], 1.0)  # N = F^T T
+                mirror(N, n)
         P = covariances[k]
         for i in range(n):
-            total = 0.0
-            for j in range(n):
-                total += P[i, j] * adjoint[j]
-            states[k, i] = filtered[k, i] - total
+            states[k, i] = filtered[k, i] - dot(P[i], adjoint)
         if spread:
-            for i in range(block[0], block[1]):
-                for j in range(n):
-                    T[i, j] = 0.0
-                for a in range(n):
-                    for j in range(n):
-                        T[i, j] += P[i, a] * N[a, j]
-                for b in range(block[0], block[1]):
-                    total = P[i, b]
-                    for j in range(n):
-                        total -= T[i, j] * P[j, b]
-                    blocks[k, i - block[0], b - block[0]] = total
+            T[:] = 0.0
+            add_product(T, P, N, 1.0)
+            blocks[k] = P[block[0] : block[1], block[0] : block[1]]
+            add_product(blocks[k], T[block[0] : block[1]], P[:, block[0] : block[1]], -1.0)
         for i in range(start[k + 1] - 1, start[k] - 1, -1):
             row, gain = h[i], gains[i]
             innovation, variance = innovations[i, 0], innovations[i, 1]
             if wanted:
-                across = 0.0
                 for a in range(n):
-                    total = 0.0
-                    for j in range(n):
-                        total += N[a, j] * gain[j]
-                    w[a] = total / variance
-                for a in range(n):
-                    across += w[a] * gain[a]
-                across = (across + 1.0) / variance
+                    w[a] = 0.0
+                add_row_product(w, gain, N, 1.0 / variance)
+                across = (dot(w, gain) + 1.0) / variance
                 for a in range(n):
                     w[a] -= 0.5 * across * row[a]
                 for a in range(n):
-                    for j in range(a + 1):
+                    for j in range(n):
                         N[a, j] -= row[a] * w[j] + row[j] * w[a]
-                        N[j, a] = N[a, j]
-            push = innovation
-            for a in range(n):
-                push += gain[a] * adjoint[a]
-            push /= variance
+            push = (innovation + dot(gain, adjoint)) / variance
             for a in range(n):
                 adjoint[a] -= push * row[a]
         if wanted:

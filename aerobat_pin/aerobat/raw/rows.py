@@ -18,17 +18,16 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
-from aerobat_pin.aerobat.raw.dynamics import cross_matrices
-from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
+from aerobat_pin.aerobat.raw.dynamics import LinearDynamics, cross_matrices
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion
 from aerobat_pin.aerobat.raw.recursion import SampleRows
-from aerobat_pin.aerobat.raw.rows_kernels import accelerometer_rows, felt_accelerations
 from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.numerics import Array, Integers
 
 TURNING = slice(9, 12)  # the states of the body's rate
 SLOPE_OVER = 15  # samples over which the rate of change of a series is taken
+EYE = np.eye(3)
 LATE = 1.5  # intervals after the last knot: later samples are not used
 
 
@@ -131,8 +130,7 @@ def _poses_at(sensed: Sensed) -> tuple[Array, Array, Array]:
     last = len(nominal.time) - 2
     for i, (first, t) in enumerate(zip(sensed.knot.tolist(), sensed.at.tolist(), strict=True)):
         j = min(first, last)
-        before = pin.SE3(nominal.rotation[j], nominal.position[j])
-        after = pin.SE3(nominal.rotation[j + 1], nominal.position[j + 1])
+        before, after = nominal.body(j), nominal.body(j + 1)
         share = (t - nominal.time[j]) / (nominal.time[j + 1] - nominal.time[j])
         seen = before * pin.exp6(share * pin.log6(before.actInv(after)))
         rotation[i], position[i] = seen.rotation, seen.translation
@@ -142,7 +140,7 @@ def _poses_at(sensed: Sensed) -> tuple[Array, Array, Array]:
 
 def _position(sensed: Sensed) -> tuple[Array, Array, Array]:
     (rotation, position, ad), place, h = _poses_at(sensed), sensed.sensor.place, sensed.no_rows()
-    lever = np.concatenate([np.eye(3), -cross_matrices(place[None])[0]], axis=1)
+    lever = np.concatenate([EYE, -cross_matrices(place[None])[0]], axis=1)
     h[:, :, POSE_ERROR] = rotation @ (lever @ ad)
     h[:, :, TWIST_ERROR] = sensed.late[:, :, None] * (rotation @ lever)
     e = sensed.values - position - rotation @ place
@@ -164,20 +162,29 @@ def _gyro(sensed: Sensed) -> tuple[Array, Array, Array]:
     rate, slope = sensed.shown(sensed.nominal.time, sensed.nominal.twist[:, 3:] @ turn)
     h[:, :, TURNING] = turn.T
     h += s[:, :, None] * (turn.T @ d.acceleration[k, 3:])
-    h[:, :, sensed.layout.gyro_bias] += np.eye(3)
+    h[:, :, sensed.layout.gyro_bias] += EYE
     return h, sensed.values - rate - s * (d.push[k, 3:] @ turn), slope
 
 
 def _accelerometer(sensed: Sensed) -> tuple[Array, Array, Array]:
-    turn, place, h = sensed.sensor.turn, sensed.sensor.place, sensed.no_rows()
-    felt, constant, by_place = np.empty((len(sensed.d.up), 3)), np.empty(h.shape[:2]), np.empty((len(h), 3, 3))
-    felt_accelerations(sensed.d, place, felt)
+    turn, place, d, k = sensed.sensor.turn, sensed.sensor.place, sensed.d, sensed.interval
+    twist, rate, half = d.middle_twist, d.middle_acceleration, d.half[k]
+    crossed = cross_matrices(np.concatenate([twist[:, :3], twist[:, 3:], rate[:, 3:], d.up]))
+    (V, W, turning, up), lever = crossed.reshape(4, -1, 3, 3), cross_matrices(place[None])[0]
+    by_place = turning + W @ W
+    felt = rate[:, :3] - d.up + by_place @ place + (W @ twist[:, :3, None])[:, :, 0]
     expected, slope = sensed.shown(sensed.nominal.middles(), felt @ turn)
-    accelerometer_rows(sensed.d, sensed.interval, turn, place, h, constant, by_place)
-    h[:, :, sensed.layout.accelerometer_bias] += np.eye(3)
+    by_rate = np.concatenate([EYE, -lever], axis=1)
+    by_twist = np.concatenate([W, lever @ W - 2.0 * W @ lever - V], axis=2)[k]
+    by_push = turn.T @ (by_rate + half * by_twist)
+    h = by_push @ d.acceleration[k]
+    h[:, :, POSE_ERROR] -= turn.T @ up[k] @ d.ad_half[k, 3:]
+    h[:, :, TWIST_ERROR] += turn.T @ by_twist
+    h[:, :, TURNING] -= half * (turn.T @ up[k])
+    h[:, :, sensed.layout.accelerometer_bias] += EYE
     if (mount := sensed.layout.mount_at) is not None:
-        h[:, :, mount] = np.concatenate([turn.T @ by_place, cross_matrices(expected)], axis=2)
-    return h, sensed.values - expected - constant, slope
+        h[:, :, mount] = np.concatenate([turn.T @ by_place[k], cross_matrices(expected)], axis=2)
+    return h, sensed.values - expected - (by_push @ d.push[k, :, None])[:, :, 0], slope
 
 
 def _crank(sensed: Sensed) -> tuple[Array, Array, Array]:

@@ -14,8 +14,7 @@ import numpy as np
 
 from aerobat_pin.aerobat.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.aerobat.raw.channels import RawRecord, RecordPart, part_of, stretches
-from aerobat_pin.aerobat.raw.dynamics import linear_dynamics
-from aerobat_pin.aerobat.raw.dynamics_kernels import LinearDynamics
+from aerobat_pin.aerobat.raw.dynamics import LinearDynamics, linear_dynamics
 from aerobat_pin.aerobat.raw.layout import MOTION, TWIST_ERROR, Layout, Prior, first_prior, prior_at
 from aerobat_pin.aerobat.raw.linear import LinearRecord
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
