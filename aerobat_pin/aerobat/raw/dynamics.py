@@ -114,10 +114,7 @@ def linear_dynamics(
     by_wings = np.concatenate([Dq[:, :, WING_JOINTS], Dv[:, :, WING_JOINTS], M[:, :, WING_JOINTS]], axis=2)
     Z[:, :, CRANK_ERROR] = by_wings @ wings_by_crank(wings, *crank[:, 1:].transpose(1, 0, 2)) @ to_middle
     Z[:, :, layout.walk], Z[:, :, layout.white] = -Jt @ layout.by_mode, -Jt
-    if layout.mass_at is not None:
-        Z[:, :, layout.mass_at] = ID
-    if layout.air_at is not None:
-        Z[:, :, layout.air_at] = -air.force
+    Z[:, :, layout.mass_at], Z[:, :, layout.air_at] = ID[:, :, None], -air.force[:, :, None]
     r, through = ID - air.force - known, M[:, :, BODY_ROWS] + half * Zv
     solved = np.linalg.solve(-through[:, BODY_ROWS], np.concatenate([Z[:, BODY_ROWS], r[:, BODY_ROWS, None]], axis=2))
     A, push = solved[:, :, :n], solved[:, :, n]

@@ -251,7 +251,7 @@ class JointFilter:
         h, e, R = (np.concatenate(each) for each in zip(*parts, strict=True))
         count, x, P = len(e), self._x.copy(), self._P.copy()
         gains, innovations = np.empty((count, len(x))), np.empty((count, 2))
-        score = take_samples(self._x, self._P, h, e, R, gains, innovations, 0, count)
+        score = take_samples(self._x, self._P, h, e, R, gains, innovations)
         ratio = float(innovations[:, 0] @ (innovations[:, 0] / innovations[:, 1]))
         if ratio > count + SURPRISING * np.sqrt(2.0 * count):
             self._jump(x, P, score, h, e, R)
@@ -270,7 +270,7 @@ class JointFilter:
             for state in states:
                 state_after, spread = x.copy(), P.copy()
                 spread[state, state] += variance
-                likelihood = take_samples(state_after, spread, h, e, R, gains, innovations, 0, len(e))
+                likelihood = take_samples(state_after, spread, h, e, R, gains, innovations)
                 tried.append((likelihood, state, state_after, spread))
             best, state, state_after, spread = max(tried, key=lambda attempt: attempt[0])
             if best < score + LEAST_JUMP_GAIN:

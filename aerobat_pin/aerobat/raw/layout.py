@@ -38,9 +38,9 @@ class Layout:
         walk, slope: slowly changing forces, in modes, world axes [N], and their slopes [N/s].
         white: force of each point that is drawn anew in every interval, world axes [N].
         gyro_bias, accelerometer_bias: [rad/s], [m/s2].
-        mass_at, air_at: errors of the factors of mass and air; None where they are no states.
+        mass_at, air_at: errors of the factors of mass and air; empty where they are no states, as the next.
         mount_at: errors of the accelerometer's place, body axes [m], and of its turn, a rotation vector in its axes
-            [rad]; None where they are no states.
+            [rad].
         offset_at: sensor -> where its clock offset [s] stands.
         moving, size: number of states whose change depends on other states, and of all states.
         modes: orthogonal matrix (points, points): forces of the points = modes times the slow states of each axis. The
@@ -59,9 +59,8 @@ class Layout:
         self.size, forces = MOTION, 3 * self.points
         self.walk, self.slope, self.white = self._next(forces), self._next(forces), self._next(forces)
         self.gyro_bias, self.accelerometer_bias = self._next(3), self._next(3)
-        self.mass_at = self._next(1).start if self.mass else None
-        self.air_at = self._next(1).start if self.air else None
-        self.mount_at = self._next(MOUNT_SIZE) if self.mount else None
+        self.mass_at, self.air_at = self._next(1 * self.mass), self._next(1 * self.air)
+        self.mount_at = self._next(MOUNT_SIZE * self.mount)
         self.offset_at = {name: self._next(1).start for name in self.offsets}
         self.moving = self.walk.stop
         self.modes: Array = np.zeros((self.points, self.points))
@@ -111,11 +110,8 @@ def first_prior(layout: Layout, nominal: NominalMotion, weight: float, settings:
     spread[: len(START)] = START
     spread[layout.walk], spread[layout.slope] = FORCE_PRIOR * weight, SLOPE_PRIOR * weight
     spread[layout.gyro_bias], spread[layout.accelerometer_bias] = BIAS_PRIOR[:3], BIAS_PRIOR[3:]
-    for at, error in ((layout.mass_at, settings.mass_error), (layout.air_at, settings.air_error)):
-        if at is not None:
-            spread[at] = error
-    if layout.mount_at is not None:
-        spread[layout.mount_at] = MOUNT_PRIOR
+    spread[layout.mass_at], spread[layout.air_at] = settings.mass_error, settings.air_error
+    spread[layout.mount_at] = MOUNT_PRIOR[: MOUNT_SIZE * layout.mount]
     return prior_at(nominal, 0, np.zeros(layout.size), np.diag(spread**2))
 
 

@@ -63,9 +63,7 @@ class LinearRecord:
         x[white], P[white, :], P[:, white] = 0.0, 0.0, 0.0
         P[white, white] = np.diag(np.tile(first[0], self.layout.points))
         knots = m + 1 if keep else 0
-        filtered = Filtered(
-            x, P, np.empty((k if keep else 1, n)), np.empty((k, 2)), np.empty((knots, n)), np.empty((knots, n, n))
-        )
+        filtered = Filtered(x, P, *map(np.empty, ((k, n), (k, 2), (knots, n), (knots, n, n))))
         d, fresh = self.dynamics, _ends(white)
         return filter_record(d.transition, d.shift, self.noise(tuning), fresh, self.rows, filtered), filtered
 

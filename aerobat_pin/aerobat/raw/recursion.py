@@ -43,7 +43,7 @@ class Filtered(NamedTuple):
 
     Attributes:
         x, P: (n,), (n, n) the last state and its covariance; before, the first ones.
-        gains: (k, n) P h of each sample; or (1, n), if they are not kept.
+        gains: (k, n) P h of each sample.
         innovations: (k, 2) innovation of each sample and its variance.
         states, covariances: (m + 1, n), (m + 1, n, n) at each knot, after its samples; or empty, if they are not kept.
     """
@@ -77,10 +77,8 @@ class Smoothed(NamedTuple):
 
 
 @kernel
-def take_samples(
-    x: Array, P: Array, h: Array, e: Array, R: Array, gains: Array, innovations: Array, first: int, last: int
-) -> float:
-    """Update x (n,) and P (n, n) by the samples `first` to `last` (excluded); return their log-likelihood.
+def take_samples(x: Array, P: Array, h: Array, e: Array, R: Array, gains: Array, innovations: Array) -> float:
+    """Update x (n,) and P (n, n) by samples; return their log-likelihood.
 
     Args:
         x: (n,) state, changes.
@@ -90,11 +88,9 @@ def take_samples(
         R: (k,) variances of their noise.
         gains: (k, n) written: P h.
         innovations: (k, 2) written: innovation and its variance.
-        first: first row.
-        last: the row after the last one.
     """
     n, score = x.shape[0], 0.0
-    for i in range(first, last):
+    for i in range(h.shape[0]):
         row, gain = h[i], gains[i]
         for a in range(n):
             gain[a] = 0.0
@@ -158,16 +154,10 @@ def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: S
     x, P, gains, innovations, states, covariances = filtered
     start, h, e, R, _ = rows
     m, score = F.shape[0], 0.0
-    keep, single = states.shape[0] > 0, gains.shape[0] == 1
     for k in range(m + 1):
-        if single:
-            for i in range(start[k], start[k + 1]):
-                score += take_samples(
-                    x, P, h[i : i + 1], e[i : i + 1], R[i : i + 1], gains, innovations[i : i + 1], 0, 1
-                )
-        else:
-            score += take_samples(x, P, h, e, R, gains, innovations, start[k], start[k + 1])
-        if keep:
+        a, b = start[k], start[k + 1]
+        score += take_samples(x, P, h[a:b], e[a:b], R[a:b], gains[a:b], innovations[a:b])
+        if states.shape[0] > 0:
             states[k] = x
             covariances[k] = P
         if k < m:

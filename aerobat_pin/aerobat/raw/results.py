@@ -80,17 +80,15 @@ def smoothed_raw(
     )
     estimates = {}
     for name in names:
-        forces = (smoothed.force, smoothed.force_covariance, smoothed.innovation)
-        if name == "kalman":
-            forces = filtered_forces(record, smoother, smoothed)
-        estimates[name] = as_estimate(name, checked, inputs, robot, record.torque, *forces, smoothed)
+        found = filtered(record, smoother, smoothed) if name == "kalman" else smoothed
+        estimates[name] = as_estimate(name, checked, inputs, robot, torque, found)
     extra = {"crank": smoothed.nominal.crank.T}
     block = Block(inputs.time, inputs.q, inputs.v, inputs.tau, extra, frozenset(channels), inputs.source)
     return SmoothedMotion(block, inputs.known, estimates)
 
 
-def filtered_forces(record: RawRecord, smoother: JointSmoother, smoothed: JointEstimate) -> tuple[Array, Array, Array]:
-    """Return forces (m, points, 3), covariances and innovations as in `JointEstimate`, of the causal filter.
+def filtered(record: RawRecord, smoother: JointSmoother, smoothed: JointEstimate) -> JointEstimate:
+    """Return the joint estimate with forces, covariances and innovations of the causal filter.
 
     Until the filter starts, the forces are zero, as uncertain as before any sample.
     """
@@ -102,7 +100,7 @@ def filtered_forces(record: RawRecord, smoother: JointSmoother, smoothed: JointE
     for k, sample in enumerate(samples[1:]):
         if sample is not None:
             force[k], covariance[k], innovation[k] = sample.force, sample.covariance, sample.innovation
-    return force, covariance, innovation
+    return replace(smoothed, force=force, force_covariance=covariance, innovation=innovation)
 
 
 def smoothed_inputs(record: RawRecord, robot: Aerobat, smoother: JointSmoother, smoothed: JointEstimate) -> KnownInputs:
@@ -128,15 +126,7 @@ def smoothed_inputs(record: RawRecord, robot: Aerobat, smoother: JointSmoother, 
 
 
 def as_estimate(
-    name: str,
-    checked: Estimate,
-    inputs: KnownInputs,
-    robot: Aerobat,
-    torque: str,
-    force: Array,
-    covariance: Array,
-    innovation: Array,
-    smoothed: JointEstimate,
+    name: str, checked: Estimate, inputs: KnownInputs, robot: Aerobat, torque: Torque, found: JointEstimate
 ) -> Estimate:
     """Return forces as an estimate; without any torque, their sum over the frames takes their place.
 
@@ -146,18 +136,15 @@ def as_estimate(
         inputs: the smoothed motion.
         robot: the believed robot.
         torque: which torque was used.
-        force: as `JointEstimate.force`, like the next two.
-        covariance: as `JointEstimate.force_covariance`.
-        innovation: as `JointEstimate.innovation`.
-        smoothed: what the joint smoother found.
+        found: forces of smoother or filter, and what else they found.
     """
-    m, points = force.shape[:2]
-    counted = innovation[:, 1] > 0.0
-    nis = np.where(counted, innovation[:, 0] / np.maximum(innovation[:, 1], 1.0), 1.0)
+    (m, points, _), covariance, (total, count) = found.force.shape, found.force_covariance, found.innovation.T
+    counted = count > 0.0
+    nis = np.where(counted, total / np.maximum(count, 1.0), 1.0)
     centred = nis[counted] - 1.0
     white = float(np.sum(centred[1:] * centred[:-1]) / max(float(np.sum(centred[:-1] ** 2)), 1e-300))
-    components, frames, units = force.reshape(m, -1), checked.frames, checked.units
-    identifiability, warnings = checked.identifiability, warnings_of(smoothed)
+    components, frames, units = found.force.reshape(m, -1), checked.frames, checked.units
+    identifiability, warnings = checked.identifiability, warnings_of(found)
     if torque == "none" and points > 1:
         warnings.append(f"torque none: the split between {', '.join(frames)} is not determined; the sum is given")
         adding = np.tile(np.eye(3), points)
@@ -172,11 +159,11 @@ def as_estimate(
         components=components,
         frames=frames,
         units=units,
-        residual=generalised(robot, checked.frames, inputs, force),
+        residual=generalised(robot, checked.frames, inputs, found.force),
         identifiability=identifiability,
         standard_deviation=deviation,
         innovation=Innovation(nis, white),
-        notes=tuple(notes_of(smoothed)),
+        notes=tuple(notes_of(found)),
         warnings=tuple(warnings),
     )
 

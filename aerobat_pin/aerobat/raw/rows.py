@@ -182,8 +182,8 @@ def _accelerometer(sensed: Sensed) -> tuple[Array, Array, Array]:
     h[:, :, TWIST_ERROR] += turn.T @ by_twist
     h[:, :, TURNING] -= half * (turn.T @ up[k])
     h[:, :, sensed.layout.accelerometer_bias] += EYE
-    if (mount := sensed.layout.mount_at) is not None:
-        h[:, :, mount] = np.concatenate([turn.T @ by_place[k], cross_matrices(expected)], axis=2)
+    if sensed.layout.mount:
+        h[:, :, sensed.layout.mount_at] = np.concatenate([turn.T @ by_place[k], cross_matrices(expected)], axis=2)
     return h, sensed.values - expected - (by_push @ d.push[k, :, None])[:, :, 0], slope
 
 

@@ -259,11 +259,11 @@ class Solved:
             force_covariance=layout.by_mode @ smoothed.blocks[a:b] @ layout.by_mode.T,
             jumps=tuple(self.linear.nominal.time[a + 1 : b + 1][self.linear.jumps[a:b] > 0.0].tolist()),
             bias=np.concatenate([x[layout.gyro_bias], x[layout.accelerometer_bias]]),
-            mount=None if (at := layout.mount_at) is None else (x[at].copy(), P[at, at].copy()),
+            mount=(x[layout.mount_at].copy(), P[layout.mount_at, layout.mount_at].copy()) if layout.mount else None,
             factors={
-                name: (1.0 + float(x[at]), float(np.sqrt(P[at, at])))
-                for name, at in (("mass", layout.mass_at), ("air", layout.air_at))
-                if at is not None
+                name: (1.0 + x[at].item(), np.sqrt(P[at, at]).item())
+                for name, at, sought in (("mass", layout.mass_at, layout.mass), ("air", layout.air_at, layout.air))
+                if sought
             },
             tuning=self.tuning,
             nis=self.nis(),
