@@ -37,6 +37,7 @@ DOUBTFUL_CHECKS = (  # a warning of theirs may make up a force
     "effort sign",
     "swapped joints",
     "mounting",
+    "load",
     "mass",
     "effort unit or mass",
     "effort against motion",

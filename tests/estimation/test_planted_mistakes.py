@@ -186,6 +186,41 @@ def test_an_arm_that_is_mounted_otherwise_is_told_how(
         np.testing.assert_allclose([float(part) for part in told.groups()], [0.0, 0.0, -1.0], atol=within)
 
 
+@pytest.mark.parametrize(
+    ("kilograms", "place"), [(1.0, (0.15, 0.1, 0.0)), (2.0, (0.1, 0.0, 0.1)), (4.0, (0.0, 0.0, 0.2))]
+)
+def test_a_load_beside_the_point_is_called_a_load(
+    kilograms: float, place: tuple[float, float, float], tmp_path: Path
+) -> None:
+    """Of 1 to 4 kg that the robot's file lacks: the weight passes for a push at the point, the moment about it is left.
+
+    That moment once passed for wrong units of efforts. Its size errs by what the load's moments of inertia need.
+    """
+    ur5 = load_robot("ur5")
+    model, tool = ur5.model.copy(), ur5.model.frames[ur5.model.getFrameId("tool0")]
+    model.inertias[tool.parentJoint] += pin.Inertia(kilograms, np.array(place), 1e-3 * np.eye(3))
+    log = arm_table(tmp_path, known=replace(ur5, model=model))
+    record = planted(log, together(rubbing(0.1), noisy(0.02)))
+    (found,) = warned(replace(record, robot=PlainRobot(ur5.model, False, record.robot.joints, "ur5")))
+    told = re.match(r"load: a load beside tool0, mass times distance (.*) kg m", found)
+    assert told is not None, found
+    away = float(np.linalg.norm(place - tool.placement.translation))
+    assert float(told.group(1)) == pytest.approx(kilograms * away, rel=0.12)
+
+
+@pytest.mark.parametrize(
+    "factors", [(0.7, 0.7, 1.0, 0.7, 0.7, 0.7), (0.5, 0.5, 0.7, 1.0, 0.3, 1.0), (0.3, 1.0, 0.3, 0.5, 1.0, 1.0)]
+)
+def test_wrong_factors_are_neither_another_mounting_nor_other_places(
+    factors: tuple[float, ...], tmp_path: Path
+) -> None:
+    """As of currents whose torque constants are guessed: gravity would seem to be of another size."""
+    record = arm_table(tmp_path, known=load_robot("ur5"))
+    slips = [times(EFFORTS, factor, joint) for joint, factor in enumerate(factors)]
+    found = warned(planted(record, together(*slips, rubbing(0.2), noisy(0.02))))
+    assert not [one for one in found if not one.startswith("effort unit: the effort of")], found
+
+
 def test_without_points_whatever_pushes_is_not_taken_for_a_wrong_effort(records: dict[str, Record]) -> None:
     """Of an arm that is pushed, of which residuals alone are asked for."""
     record = records["arm"]

@@ -43,6 +43,7 @@ class Balance:
         v: (instants, joints) rates.
         a: (instants, joints) accelerations.
         span: time that the instants cover [s].
+        of_body: joint -> (n, 3) what first moments of 1 kg m need, of the body that the joint carries, in its axes.
     """
 
     needed: Array
@@ -54,6 +55,7 @@ class Balance:
     v: Array
     a: Array
     span: float
+    of_body: Callable[[int], Array]
 
     @cached_property
     def given(self) -> Array:
@@ -99,7 +101,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
     lighter = _heavier_base(model) if robot.free else None
     data, lighter_data = model.createData(), None if lighter is None else lighter.createData()
     falling = [] if robot.free else [_falling(model, axis) for axis in np.eye(3)]
-    projects, needed, motion, base, pulled = list[Array](), [], [], [], []
+    projects, needed, motion, base, pulled, moved = list[Array](), [], [], [], [], list[tuple[Array, ...]]()
     most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
     step = max(1, most // INSTANTS)
     for stretch in record.spread(most, *(free or ())):
@@ -120,6 +122,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
         projects += [Q.T * weight for Q in beyond]
         needed.append(whole[:, rows])
         motion.append(np.stack([tau[:, at], v[:, at], a[chosen][:, at]]))
+        moved += zip(q, v, a[chosen], strict=True)
         base.append(np.zeros((len(q), len(rows))))
         if lighter is not None:
             base[-1][:] = [pin.rnea(lighter, lighter_data, *each)[rows] for each in zip(q, v, a[chosen], strict=True)]
@@ -133,8 +136,14 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
     b, heavier, weights = (
         np.einsum("nr,nr...->n...", project, np.concatenate(part)[instants]) for part in (needed, base, pulled)
     )
+
+    def of_body(joint: int) -> Array:
+        first = 10 * joint - 10
+        parts = [pin.computeJointTorqueRegressor(model, data, *each)[rows, first + 1 : first + 4] for each in moved]
+        return np.asarray(np.einsum("nr,nrk->nk", project, np.array(parts)[instants]))
+
     span = len(projects) * step * record.dt
-    return Balance(b, project @ unit, heavier, weights, instants, effort, rates, bends, span)
+    return Balance(b, project @ unit, heavier, weights, instants, effort, rates, bends, span, of_body)
 
 
 def _falling(model: pin.Model, gravity: Array) -> pin.Model:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,7 @@ SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
 WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
 RIGHT_PLACES = 0.25  # of the needed square sum, that joints or limbs in the right places leave at most
 LEAST_TILT = np.radians(5.0)  # by which a robot must be mounted otherwise than believed before that is said
+SAME_SIZE = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
 ABOVE_NOISE = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
 WORTH_SIGNS = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
 WHITE_SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
@@ -81,11 +83,11 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
     turned = balance.imbalance(signs=signs)
     mounting = None if record.robot.free else _mounting(record, balance, min(turned, least_share))
-    if mounting is not None:
-        yield mounting
+    yield from [] if mounting is None else [mounting]
     if mounting is not None or idle:
         return
-    if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned):
+    by_factors = float(least @ least) / (SWAP * balance.size)
+    if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors):
         yield _swap(record, "efforts", pair, least_share, share)
         return
     if share > GOOD:
@@ -95,30 +97,49 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
         if least_share < min(SWAP * share, turned, RIGHT_PLACES):
             yield _swap(record, "all columns", pair, least_share, share)
             return
-    yield from _factors(record, balance, signs, factors, least)
+    doubts = list(_factors(record, balance, signs, factors, least))
+    yield from (_loads(record, balance) if doubts and not record.robot.free else []) or doubts
+
+
+def _loads(record: Record, balance: Balance) -> list[Finding]:
+    """Return that a load beside a point, and friction, explain the efforts far better than friction, and none is off.
+
+    A force is sought at the point: the weight passes for one, its moment about the point is left.
+    """
+    model, rubs, signs = record.robot.model, _rubbing(balance), np.ones(len(record.driven))
+    before = replace(balance, needed=balance.needed + rubs @ _explained_by(balance, rubs)).imbalance()
+    for name in (*record.map.robot.points, *record.map.robot.wrenches):
+        table = np.column_stack([balance.of_body(model.frames[model.getFrameId(name)].parentJoint), rubs])
+        fitted = _explained_by(balance, table)
+        loaded = replace(balance, needed=balance.needed + table @ fitted)
+        explains = loaded.imbalance() < min(SWAP * before, RIGHT_PLACES)
+        if explains and not any(_factors(record, loaded, signs, *_least_squares(loaded))):
+            moment, left, mapped = np.linalg.norm(fitted[:3]), 100.0 * loaded.imbalance() ** 0.5, 100.0 * before**0.5
+            what = f"a load beside {name}, mass times distance {moment:.2g} kg m, leaves {left:.1f} % of what is needed"
+            what += f", as mapped {mapped:.1f} %: does the robot carry what its file lacks ([payload] in the map)?"
+            return [Finding("load", "warning", what, float(moment), "kg m")]
+    return []
 
 
 def _mounting(record: Record, balance: Balance, least: float) -> Finding | None:
     """Return that gravity of another direction, beside friction, explains the efforts far better than friction alone.
 
-    And better than what leaves the share `least` of what is needed.
+    And better than what leaves the share `least`; it keeps its size, which by wrong masses or factors seems another.
     """
     residual, believed, rubs = balance.residual, record.robot.model.gravity.linear, _rubbing(balance)
-    table = np.column_stack([balance.weight, rubs])
-    size = np.linalg.norm(table, axis=0)
-    if size[:3].max() < RANK * np.sqrt(balance.size):
+    if np.linalg.norm(balance.weight, axis=0).max() < RANK * np.sqrt(balance.size):
         return None  # no row feels gravity
-    size[:3] = np.maximum(size[:3], RANK * size[:3].max())  # a direction that no row feels is rounding alone
-    size = np.maximum(size, 1e-300)
-    fitted, friction = (np.linalg.lstsq(A, -residual, rcond=RANK)[0] for A in (table / size, rubs / size[3:]))
-    gravity = believed + fitted[:3] / size[:3]
-    down, moved = gravity / max(float(np.linalg.norm(gravity)), 1e-300), balance.weight @ (gravity - believed)
-    fits = rubs / size[3:] @ friction, table / size @ fitted
-    before, after = (float(np.sum((residual + fit) ** 2)) for fit in fits)
+    table = np.column_stack([balance.weight, rubs])
+    fitted, friction = _explained_by(balance, table), _explained_by(balance, rubs)
+    gravity = believed + fitted[:3]
+    down, moved = gravity / max(float(np.linalg.norm(gravity)), 1e-300), balance.weight @ fitted[:3]
+    before, after = (float(np.sum((residual + fit) ** 2)) for fit in (rubs @ friction, table @ fitted))
     needed = float(np.sum((balance.needed + moved) ** 2))
-    as_believed = float(down @ believed) > np.cos(LEAST_TILT) * np.linalg.norm(believed)
+    g = float(np.linalg.norm(believed))
+    turned_only = abs(float(np.linalg.norm(gravity)) - g) < SAME_SIZE * g
+    tilted = turned_only and float(down @ believed) < np.cos(LEAST_TILT) * g
     share = SWAP if before > GOOD * needed else 1.0 - CLEAR  # a little is also explained by wrong factors
-    if as_believed or after > min(share * before, least * balance.size, RIGHT_PLACES * needed):
+    if not tilted or after > min(share * before, least * balance.size, RIGHT_PLACES * needed):
         return None
     x, y, z = down
     what = (
@@ -127,6 +148,13 @@ def _mounting(record: Record, balance: Balance, least: float) -> Finding | None:
         "first joints off?"
     )
     return Finding("mounting", "warning", what, float(np.sqrt(after / needed)), "1")
+
+
+def _explained_by(balance: Balance, table: Array) -> Array:
+    """Return what of each column (n, k) makes up best for what the efforts leave, (k,)."""
+    size = np.linalg.norm(table, axis=0)
+    size = np.maximum(size, max(RANK * float(size.max()), 1e-300))  # what no row feels is rounding alone
+    return np.asarray(np.linalg.lstsq(table / size, -balance.residual, rcond=RANK)[0] / size)
 
 
 def _rubbing(balance: Balance) -> Array:
@@ -222,7 +250,7 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     off = np.flatnonzero(sure & (np.abs(factors - 1.0) > NAMED))
     c = float(np.mean(factors[off])) if len(off) else 1.0
     alike = bool(np.all(np.abs(c * shown - 1.0) < SAME_FACTOR + SURE * abs(c) * deviation))
-    if len(off) and alike and abs(common - 1.0) > NAMED:
+    if len(off) and alike and c * common > 0.0 and abs(common - 1.0) > NAMED:
         if c < 0.0:
             yield from _reversed(record, shown, off)
             return
