@@ -86,5 +86,5 @@ def _in_words(
             yield (
                 f"{record.title}: something pushed at {point_label(place)}, or the model lacks a weight, most from "
                 f"{when[0]:.2f} to {when[-1]:.2f} s, with up to {peak} (+-{along[at]:.2g}), in the mean "
-                f"({', '.join(f'{part:.3g}' for part in mean)}): that explains the rows of the joints, and offsets do not"
+                f"({', '.join(f'{part:.3g}' for part in mean)}): that explains the rows of joints, and offsets do not"
             )
