@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from aerobat_pin.estimation.contacts import END_SHARE, walks_on
 from aerobat_pin.estimation.inputs import KnownInputs
-from aerobat_pin.estimation.instants import settled_instants
+from aerobat_pin.estimation.instants import settled_instants, settling_intervals
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.numerics import Array
@@ -52,7 +52,8 @@ def expected_of(
     """
     if not record.robot.limits_forces:
         return None
-    stretches = [given for given in map(lambda ends: inputs(*ends), record.spread(LOOKED_AT)) if len(given.tau) > 1]
+    ends = record.spread(LOOKED_AT, least=settling_intervals(record))
+    stretches = [given for given in (inputs(*each) for each in ends) if len(given.tau) > 1]
     if not stretches:
         return None
     blocks = [Block(stretch.time, stretch.q, stretch.v, stretch.tau) for stretch in stretches]

@@ -65,7 +65,7 @@ def looked_at(
         known: joints whose friction is among the inputs.
         rate: speed at which Coulomb friction sets in [m/s or rad/s]; that from which joints slide when omitted.
     """
-    stretches = [inputs(*ends) for ends in record.spread(SEEN_INTERVALS)]
+    stretches = [inputs(*ends) for ends in record.spread(SEEN_INTERVALS, least=settling_intervals(record))]
     robot, gain, rows = record.robot, float(record.map.observer.gain), stretches[0].rows
     model = robot.model
     kept = rows.kept(model) if isinstance(rows, AllBut) else list(range(model.nv))
@@ -92,6 +92,11 @@ def looked_at(
     at = [kept.index(robot.v_index(joint)) for joint in joints]
     time, x = np.concatenate(times), np.stack(columns)[:, :, kept]
     return Instants(time, q, y, jacobians, kept, joints, at, sliding[:, kept], x, every)
+
+
+def settling_intervals(record: Record) -> int:
+    """Return how many intervals a stretch needs of which a half has settled."""
+    return round(2.0 * TIME_CONSTANTS_TO_SETTLE / float(record.map.observer.gain) * record.rate)
 
 
 def settled_instants(time: Array, gain: float) -> NDArray[np.intp]:

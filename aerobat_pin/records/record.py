@@ -150,18 +150,21 @@ class Record:
         first = self.knots.index(float(time[0]))
         return np.asarray(channel.values[first : first + len(time)])
 
-    def spread(self, most: int, begin: float = -np.inf, end: float = np.inf) -> Iterator[tuple[int, int]]:
+    def spread(
+        self, most: int, begin: float = -np.inf, end: float = np.inf, *, least: int = 0
+    ) -> Iterator[tuple[int, int]]:
         """Yield (first, last) of pieces of all parts, or of a long record `SPREAD` stretches at even distances.
 
         Args:
             most: intervals of all pieces together.
             begin: time after the start [s] before which there is no piece.
             end: time after the start [s] after which there is none.
+            least: intervals of a stretch, however many they are together.
         """
         low, high = (float(np.clip(place * self.rate, 0.0, self.parts[-1][1])) for place in (begin, end))
         parts = [(max(first, int(np.floor(low))), min(last, int(np.ceil(high)))) for first, last in self.parts]
         parts = [(first, last) for first, last in parts if first < last]
-        for begin_at, end_at in spread_stretches(sum(last - first for first, last in parts), most):
+        for begin_at, end_at in spread_stretches(sum(last - first for first, last in parts), most, least):
             done = 0
             for first, last in parts:
                 inside = max(first, first + begin_at - done), min(last, first + end_at - done)

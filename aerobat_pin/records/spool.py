@@ -131,11 +131,14 @@ class Series:
         return [self[first:last] for first, last in spread_stretches(self._count, most)]
 
 
-def spread_stretches(count: int, most: int) -> list[tuple[int, int]]:
-    """Return (first, last), exclusive, of stretches of a series: all of it, or `SPREAD` with `most` rows together."""
-    if count <= most:
+def spread_stretches(count: int, most: int, least: int = 0) -> list[tuple[int, int]]:
+    """Return (first, last), exclusive, of stretches of a series: all of it, or `SPREAD` with `most` rows together.
+
+    Each has `least` rows at least.
+    """
+    size = max(most // SPREAD, least)
+    if count <= max(most, SPREAD * least):
         return [(0, count)]
-    size = most // SPREAD
     return [(first, first + size) for first in np.linspace(0, count - size, SPREAD).astype(int).tolist()]
 
 
