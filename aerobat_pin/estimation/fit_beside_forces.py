@@ -2,8 +2,9 @@
 
     y = J^T f + X b + e,    f ~ N(0, S^2),    b ~ N(0, B^2),    e ~ N(0, r R + stiction)
 
-At some instants y are the rows behind the observer's low-pass, X b Coulomb and viscous friction of the driven joints
-behind the same, and R is what is expected of the rows' errors without a record. Those b and r that make the rows most
+At some instants y are the rows behind the observer's low-pass, X b Coulomb and viscous friction of the driven joints,
+and their rotors' inertia if that leaves smaller errors, behind the same, and R is what is expected of the rows' errors
+without a record. Those b and r that make the rows most
 likely, whatever the forces are, follow by expectation maximisation (Dempster, Laird and Rubin 1977). Rows to spare tell
 errors from forces; without any a force would pass for an error, and nothing is sought.
 
@@ -81,12 +82,15 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     if y.size <= np.count_nonzero(force):
         return forces
     force = with_blows(force, y, J)
-    fitted = _fitted(forces, instants, expected, force, lifts)
+    fitted, turning = (_fitted(forces, instants, expected, force, lifts, rotors=rotors) for rotors in (False, True))
+    if _errors_over(turning, _errors(fitted)) < FRICTION_SHOWN:
+        fitted = turning
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
-        fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), False)
+        fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), False, rotors=False)
     if law is not None:
         return replace(forces, values=_with_known(fitted, values, law))
-    return replace(forces, values=fitted) if _smaller_errors(fitted, values.row_noise) else forces
+    shown = _errors_over(fitted, values.row_noise) < FRICTION_SHOWN
+    return replace(forces, values=fitted) if shown else forces
 
 
 def with_blows(force: Array, y: Array, J: Array) -> Array:
@@ -125,24 +129,34 @@ def _with_known(fitted: FittedValues, known: FittedValues, law: JointFriction) -
     )
 
 
-def _smaller_errors(fitted: FittedValues, known: Mapping[str, float]) -> bool:
-    """Return whether errors of rows beside friction are smaller than those that are known; if none are, they are."""
-    shares = [fitted.doubt**0.5 * fitted.row_noise[row] / known[row] for row in known if known[row] > 0.0]
-    return not shares or float(np.exp(np.mean(np.log(np.maximum(shares, LEAST_SIZE))))) < FRICTION_SHOWN
+def _errors(fitted: FittedValues) -> dict[str, float]:
+    """Return row -> deviation of its errors that was found beside the forces."""
+    return {row: fitted.doubt**0.5 * size for row, size in fitted.row_noise.items()}
 
 
-def _fitted(forces: KnownForces, instants: Instants, expected: Expected, force: Array, lifts: bool) -> FittedValues:
-    """Return friction, errors of rows and, where feet lift, factors of efforts, for forces (m, c) of a size."""
+def _errors_over(fitted: FittedValues, known: Mapping[str, float]) -> float:
+    """Return the geometric mean of rows' errors beside friction over those that are known; 0 if none is known."""
+    shares = [size / known[row] for row, size in _errors(fitted).items() if known.get(row, 0.0) > 0.0]
+    return float(np.exp(np.mean(np.log(np.maximum(shares, LEAST_SIZE))))) if shares else 0.0
+
+
+def _fitted(
+    forces: KnownForces, instants: Instants, expected: Expected, force: Array, lifts: bool, *, rotors: bool
+) -> FittedValues:
+    """Return friction, errors of rows and, where feet lift, factors of efforts, for forces (m, c) of a size.
+
+    Rotors have inertia, or not.
+    """
     record, robot, kept, at, n = forces.record, forces.record.robot, instants.kept, instants.at, len(instants.at)
     y, J, error = instants.rows[:, kept], instants.jacobians[:, :, kept], expected.row_error[kept]
     sought = lifts and kept[0] == 0  # factors, by rows of the base
-    x = instants.columns[[0, 1, 3] if sought else [0, 1]][:, :, at]
-    known = np.array([np.inf, np.inf, EFFORT_ERROR])[: len(x)]
+    kinds = [0, 1, *([2] if rotors else []), *([3] if sought else [])]
+    x, known = instants.columns[kinds][:, :, at], np.array([np.inf, np.inf, np.inf, EFFORT_ERROR])[kinds]
     g = float(np.linalg.norm(robot.model.gravity.linear))
     offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
     tables = y, x, known, J, at, instants.sliding, force, error
     b, size, unsure, error_rms = most_likely(*tables, offset=robot.mass * offset if sought else 0.0)
-    coulomb, viscous, factors = *b[:2], b[2] if sought else np.zeros(n)
+    coulomb, viscous, inertia, factors = b[0], b[1], b[2] if rotors else np.zeros(n), b[-1] if sought else np.zeros(n)
     if lifts and not sought:
         rows = instants.rows.copy()
         rows[:, np.array(kept)[at]] -= np.einsum("bmi,bi->mi", x, b)
@@ -160,7 +174,7 @@ def _fitted(forces: KnownForces, instants: Instants, expected: Expected, force: 
     fits = [
         Fit(
             f"friction of {joint}{BESIDE}",
-            {"coulomb": float(coulomb[i]), "viscous": float(viscous[i])}
+            {"coulomb": float(coulomb[i]), "viscous": float(viscous[i]), "inertia": float(inertia[i])}
             | ({"effort times": float(1.0 + factors[i])} if lifts else {}),
             "N" if robot.slides(joint) else "N m",
             float(before[at[i]]),
@@ -174,7 +188,7 @@ def _fitted(forces: KnownForces, instants: Instants, expected: Expected, force: 
     return replace(
         forces.values,
         joints=tuple(instants.joints),
-        friction=JointFriction(coulomb, viscous, zero, zero, float(expected.stiction_rate.max())),
+        friction=JointFriction(coulomb, viscous, inertia, zero, float(expected.stiction_rate.max())),
         scale=1.0 + factors,
         row_noise=dict(zip([names[row] for row in kept], noise.tolist(), strict=True)),
         doubt=level,

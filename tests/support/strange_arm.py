@@ -42,11 +42,14 @@ def write_log(
     pace: float = 1.0,
     load: dict[str, Any] | None = None,
     still: int = 0,
+    rotors: float = 0.0,
+    rate: float = RATE,
 ) -> np.ndarray:
     """Write a log of the arm; return the force (n, 3) on it [N], which acts at `lever` [m] from its tool (world axes).
 
     Friction grows with the load and falls with the speed at first (Stribeck); at rest it is anything below. The arm
     swings so many times as fast as `pace` says, and carries a `load`, a map's `payload`. Its first `still` joints rest.
+    Its `rotors` have an inertia [kg m2], seen at the first three joints; a tenth of it at the others.
     """
     model = pin.buildModelFromUrdf(str(URDF))
     if load is not None:
@@ -54,7 +57,7 @@ def write_log(
         body = pin.Inertia(load["mass"], np.array(load["com"]), np.zeros((3, 3)))
         model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
     data, rng = model.createData(), np.random.default_rng(seed)
-    time = np.arange(round(SECONDS * RATE)) / RATE
+    time = np.arange(round(SECONDS * rate)) / rate
     up, down = (np.clip(x, 0.0, 1.0) for x in ((time - 3.0) / 3.0, (SECONDS - 2.0 - time) / 3.0))
     fade = (up**3 * (10.0 - 15.0 * up + 6.0 * up**2)) * (down**3 * (10.0 - 15.0 * down + 6.0 * down**2))
     angle = np.zeros((len(time), 6))
@@ -74,6 +77,7 @@ def write_log(
     friction = COULOMB * loaded * (1.0 + 0.25 * np.exp(-((v / 0.05) ** 2))) * np.tanh(v / 0.01)
     friction += VISCOUS * np.abs(v) ** 0.8 * np.sign(v)
     friction = np.where(np.abs(v) < 1e-3, rng.uniform(-1.0, 1.0, 6) * COULOMB, friction)
+    torque += rotors * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1]) * a
     torque += friction + 0.03 * COULOMB * rng.standard_normal(torque.shape)
     columns = {"t": time, **{f"q{k}": q[:, k] for k in range(6)}}
     columns |= {f"v{k}": v[:, k] + 1e-3 * rng.standard_normal(len(time)) for k in range(6)}

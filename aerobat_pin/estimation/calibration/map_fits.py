@@ -16,12 +16,13 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
 from aerobat_pin.estimation.gain_regression import CENTRE_ERROR, MASS_ERROR, fits_to_sensor, in_stretch
-from aerobat_pin.estimation.known_forces import FRICTION_SHOWN, FittedValues, KnownForces
+from aerobat_pin.estimation.known_forces import FRICTION_SHOWN, Fit, FittedValues, KnownForces
 from aerobat_pin.estimation.run_observers import ignored_rows
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
 from aerobat_pin.records import FrictionSection, Map, Record
 
+LAWS = ("coulomb+viscous", "coulomb+viscous+inertia")  # that are tried: without and with the inertia of rotors
 FITTED = "the map names no friction of the joints; it was fitted, as the rest shows it (--identify none: without)"
 NOT_FITTED = "friction of the joints is fitted to one recording, these are several: none was fitted"
 LEAST_KEPT = 1e-9  # of what is left of a row: so much counts where nothing is
@@ -64,16 +65,35 @@ def with_friction(records: Sequence[Record], *, mass: bool) -> tuple[list[Record
         return [*records], [], []
     if len(records) > 1:
         return [*records], [], [NOT_FITTED]
-    friction = FrictionSection(law="coulomb+viscous", fit=fitted_stretch(first))
-    joints = first.map.joints.model_copy(update={"friction": friction})
-    asking = replace(first, map=first.map.model_copy(update={"joints": joints}))
-    try:
-        fits = [fit for fit in fitted_by_map(asking, mass=mass).values.fits if fit.name.startswith("friction")]
-    except MapError:  # too short to tell, or its other fits fail as they did before
+    plain, turning = (_with_law(first, law, mass=mass) for law in LAWS)
+    if plain is None or not _shown([(fit.outside, fit.before) for fit in plain[1]]):
         return [first], [], []
-    kept = [fit.outside / fit.before for fit in fits if fit.before > 0.0 and np.isfinite(fit.outside)]
-    shown = bool(kept) and float(np.exp(np.mean(np.log(np.maximum(kept, LEAST_KEPT))))) < FRICTION_SHOWN
-    return ([asking], [FITTED], []) if shown else ([first], [], [])
+    if turning is not None and _shown(
+        [(fit.outside, less.outside) for fit, less in zip(turning[1], plain[1], strict=True)]
+    ):
+        plain = turning
+    return [plain[0]], [FITTED], []
+
+
+def _with_law(record: Record, law: str, *, mass: bool) -> tuple[Record, list[Fit]] | None:
+    """Return a record whose map asks for friction of a law, and its fits; None where the record is too short to tell.
+
+    Or where its other fits fail, as they did before.
+    """
+    friction = FrictionSection(law=law, fit=fitted_stretch(record))
+    joints = record.map.joints.model_copy(update={"friction": friction})
+    asking = replace(record, map=record.map.model_copy(update={"joints": joints}))
+    try:
+        fits = fitted_by_map(asking, mass=mass).values.fits
+    except MapError:
+        return None
+    return asking, [fit for fit in fits if fit.name.startswith("friction")]
+
+
+def _shown(left: list[tuple[float, float]]) -> bool:
+    """Return whether less is left of rows than without, on the rest of the record, in the geometric mean."""
+    kept = [after / before for after, before in left if before > 0.0 and np.isfinite(after)]
+    return bool(kept) and float(np.exp(np.mean(np.log(np.maximum(kept, LEAST_KEPT))))) < FRICTION_SHOWN
 
 
 def fitted_stretch(record: Record) -> tuple[float, float]:
