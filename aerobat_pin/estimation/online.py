@@ -22,16 +22,16 @@ from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
 from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.deviations import LAGS, RECENT, add_lag_of_filter, raise_to_noise, tilt_of, with_tilt
-from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
 from aerobat_pin.estimation.inputs import change_of_axes
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth, stream_health
-from aerobat_pin.estimation.run_observers import built_observers, points_of, rows_of
+from aerobat_pin.estimation.run_observers import built_observers, rows_of
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.estimation.stream_kernels import build_interval
 from aerobat_pin.estimation.stream_samples import put
+from aerobat_pin.estimation.stream_sizes import StreamSizes
 from aerobat_pin.numerics import Array, fields_of, guarded
-from aerobat_pin.observers import Expected, KalmanObserver, Observer, ObserversTogether, Sample, SmootherObserver
+from aerobat_pin.observers import Expected, KalmanObserver, Observer, ObserversTogether, SmootherObserver
 from aerobat_pin.records import (
     Map,
     PlainRobot,
@@ -43,7 +43,7 @@ from aerobat_pin.records import (
     stamp,
 )
 
-LEGS_EVERY, LEGS_KEPT = 50, 200  # estimates of a robot that walks: one in so many shows the errors of legs in the air
+K_EVERY = 50  # estimates: after so many filters expect errors of the size that others see
 LEADING = ("joints.position", "base.position")
 
 
@@ -107,13 +107,11 @@ class OnlineEstimator:
         self._unstamped, self._parted = set[str](), dict[int, str]()  # topics; channel -> column that others lacked
         self._estimates = self._starts = self._failed = 0
         self._rows, _ = rows_of(chosen, self.robot, names, self._requests)
-        sizes = self._expected(np.zeros(self.robot.model.nv)) if expected is None else expected
+        self._learnt = StreamSizes(chosen, self.robot, self._rows, self._values)
+        sizes = self._learnt.expected(np.zeros(self.robot.model.nv)) if expected is None else expected
         self._learns = expected is None and sizes is not None
         self._tilt = 0.0 if chosen.robot.wrenches else tilt_of(chosen)
         self._sizes, self._observers = sizes, list[Observer]()
-        count, nv = 3 * len(chosen.robot.points), self.robot.model.nv
-        self._legs = np.zeros((LEGS_KEPT, count)), np.zeros((LEGS_KEPT, count, nv))  # forces, and their Jacobians
-        self._leg_samples = 0
         self._build()
         put(self._memory, 0, np.nan, self._readers[0][2])  # these four compile
         build_interval(self._memory, self._leading)
@@ -242,7 +240,9 @@ class OnlineEstimator:
                 )
             if isinstance(observer, KalmanObserver) and observer.doubted_forces:
                 raise MapError("online: observer.kalman.known_error: a stream knows the sum of known forces alone")
-        self._together = ObserversTogether(self._observers)
+        filters = self._sizes is not None and all(isinstance(each, KalmanObserver) for each in self._observers)
+        judge = built_observers(self._map, self.robot, self._rows, ("force_level",), self._sizes) if filters else []
+        self._together = ObserversTogether([*self._observers, *judge])  # a filter does not say its k
         self._behind: list[tuple[Array, Array]] = []  # of each observer: filters behind its components, recent noise
 
     def _advance(self) -> list[OnlineSample]:
@@ -263,7 +263,7 @@ class OnlineEstimator:
         rings, now, together = self._rings, self._rings.now, self._together
         q, v, tau, dt, end = rings.q, rings.v, rings.tau, float(now[ring_kernels.DT]), float(now[ring_kernels.LAST])
         if self._learns:
-            self._learn_size()
+            self._learn_sizes()
         if rezeroed:
             tau = tau + change_of_axes(together.model, together.data, q, rings.before, v, dt)
         samples = together.take(q, v, tau, dt)
@@ -272,11 +272,12 @@ class OnlineEstimator:
             now[ring_kernels.LAST] = np.nan
         else:
             self._estimates += 1
-            self._keep_legs(samples[0], q)
+            if self._learns:
+                self._learnt.take(together, samples, q, tau, dt)
         settled, epoch = bool(end - now[ring_kernels.BEGAN] >= self._wait), self._epoch or 0.0
         k = self._together.recent_k
         kept, estimates = math.exp(-dt * float(self._map.observer.gain)), list[OnlineSample]()
-        for observer, sample, (behind, recent) in zip(self._observers, samples, self._behind, strict=True):
+        for observer, sample, (behind, recent) in zip(self._observers, samples, self._behind, strict=False):
             if sample is None:
                 continue
             components = sample.components
@@ -293,31 +294,13 @@ class OnlineEstimator:
                 self._heard(estimates[-1])
         return estimates
 
-    def _keep_legs(self, sample: Sample | None, q: Array) -> None:
-        """Keep one estimate in `LEGS_EVERY`, whose legs in the air show the errors of their rows."""
-        if sample is not None and self._learns and self._estimates % LEGS_EVERY == 0 and self.walks:
-            at = self._leg_samples % LEGS_KEPT
-            self._legs[0][at], self._legs[1][at] = sample.components, self._observers[0].applications.jacobian(q)
-            self._leg_samples += 1
-
-    def _expected(self, effort: Array) -> Expected | None:
-        """Return what is expected, from the rms (nv,) of the efforts so far; other rows carry the weight."""
-        if not self.robot.limits_forces:
-            return None
-        carried = self.robot.weight * row_scale(self.robot.model)
-        return expected_from(self.robot, self._rows, self._values, points_of(self._map), effort, carried)
-
-    def _learn_size(self) -> None:
-        """Expect errors in proportion to the efforts: anew whenever twice as many intervals have shown their size."""
+    def _learn_sizes(self) -> None:
+        """Expect errors anew whenever twice as many intervals have shown them; tell filters k, which others see."""
         count = int(self._rings.now[ring_kernels.COUNT])
-        if count & (count - 1) == 0:
-            expected = self._expected(np.sqrt(self._rings.squares / count))
-            if expected is not None and self._leg_samples:
-                force, jacobians = (part[: self._leg_samples] for part in self._legs)
-                rows = np.einsum("mc,mcv->mv", force, jacobians)
-                lifted = lifted_errors(rows, jacobians, self.robot.weight)
-                expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
-            for observer in self._observers:
-                if expected is not None and observer.expected is not None:
-                    self._sizes = expected
-                    observer.expect(expected)
+        learns = count & (count - 1) == 0
+        if learns:
+            self._sizes = self._learnt.expected(np.sqrt(self._rings.squares / count))
+        if self._sizes is not None and (learns or count % K_EVERY == 0):
+            doubted = replace(self._sizes, doubt=max(1.0, self._together.recent_k))  # 1 while k is not known
+            for observer in self._together.observers:
+                observer.expect(doubted if isinstance(observer, KalmanObserver) else self._sizes)

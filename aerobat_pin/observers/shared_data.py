@@ -41,15 +41,23 @@ class ObserversTogether:
             _read_from(observer, self.data)
             groups.setdefault(observer._compute, []).append((k, observer))
         self._groups = tuple(groups.items())
-        self._levels = np.zeros(3)
-        for observer in reversed(observers):
+        self._levels, self.judge = np.zeros(3), 0
+        for k, observer in reversed(list(enumerate(observers))):
             if observer.expected is not None and not isinstance(observer, KalmanObserver):
+                self.judge = k
                 self._levels = fields_of(observer._memory, ObserverState).posterior[posterior.LEVELS]
 
     @property
     def recent_k(self) -> float:
         """Mean k in the last seconds by the first observer that is no filter, see `Expected`; NaN if none shows it."""
         return float(self._levels[1]) if self._levels[2] > 0.0 else math.nan
+
+    def last_interval(self, u: Array, dt: float) -> tuple[Array, Array]:
+        """Return the mean velocity and the generalised force (nv,) of the newest interval, behind no filter."""
+        state = fields_of(self.observers[self.judge]._memory, ObserverState)
+        after, before = state.samples[state.newest[0]], state.samples[1 - state.newest[0]]
+        momentum, drift, velocity = after[0] - before[0], 0.5 * (before[1] + after[1]), 0.5 * (before[2] + after[2])
+        return velocity, momentum / dt - drift - u
 
     def start(self, q: Array, v: Array) -> None:
         """Start all observers again, as `Observer.reset` does, at a sample that has been checked."""

@@ -16,12 +16,12 @@ import xarray as xr
 from support.commands import call
 from support.strange_arm import COULOMB, JOINTS, URDF, arm_map, nothing, pushed, write_log
 
-from aerobat_pin.estimation import Result, calibrate, check_record, estimate
+from aerobat_pin.estimation import OnlineEstimator, Result, calibrate, check_record, estimate
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
 from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.deviations import lag_of_filter
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
-from aerobat_pin.observers import OBSERVERS
+from aerobat_pin.observers import DOUBTFUL, OBSERVERS, SHOWN
 from aerobat_pin.records import open_record, parse_map, suggested_map
 from aerobat_pin.visualization.figures.record import unexplained_limit
 
@@ -253,6 +253,27 @@ def test_each_observer_is_as_right_as_it_says(folder: Path) -> None:
         assert np.abs(whole.components).max() < 1.2 * whole.expected_force.max(), name
         lag = lag_of_filter(whole.components, np.diff(whole.time), 20.0, np.inf)  # faster than errors are known
         assert np.all(whole.standard_deviation >= np.abs(lag)), name
+
+
+@pytest.mark.parametrize("names", [["force_level", "kalman"], ["kalman"]])
+def test_friction_that_nobody_told_a_stream_is_in_its_deviations(names: list[str], tmp_path: Path) -> None:
+    """The filter made 45 N of it, with +-10, and nothing said so; a stream cannot tell it from a push that lasts."""
+    write_log(tmp_path / "push.csv", 5, pushed, pace=1.6)
+    chosen = arm_map(["tool0"]) | {"observer": {"gain": 20.0, "names": names}}
+    del chosen["check"]
+    stream = OnlineEstimator(parse_map(chosen, "of the test"), tmp_path)
+    rows = pd.read_csv(tmp_path / "push.csv").to_dict("records")
+    every = [one for row in rows for one in stream.push(row.pop("t"), row)]
+    found = [one for one in every if one.observer == names[-1] and one.end > 4.0]
+    assert {one.observer for one in every} == {*names}
+    force, sure, seen = (
+        np.array([[*getattr(one, what).values()] for one in found]) for what in ("components", "deviation", "seen")
+    )
+    error = np.abs(force - pushed(np.array([0.5 * (one.start + one.end) for one in found])))
+    shown = seen > SHOWN
+    assert shown.mean() > 0.1
+    assert np.mean((error < 2.0 * sure)[shown]) > 0.9
+    assert stream.health.k < DOUBTFUL
 
 
 def test_a_self_check_says_whether_pose_or_map_hides_a_force(folder: Path) -> None:

@@ -1,0 +1,85 @@
+"""What a stream expects of forces and of errors of its rows, learnt from what has come so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aerobat_pin.estimation.contacts import walks_on
+from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
+from aerobat_pin.estimation.known_forces import FittedValues
+from aerobat_pin.estimation.run_observers import points_of
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Expected, ObserversTogether, Rows, Sample
+from aerobat_pin.records import Map, PlainRobot
+
+LEGS_EVERY, LEGS_KEPT = 50, 200  # estimates of a robot that walks: one in so many shows the errors of legs in the air
+RUBS_EVERY = 4  # estimates of another: one in so many shows friction
+FAINT = 1e-9  # share of a regressor's square that is added to it
+
+
+class StreamSizes:
+    """Sizes that a stream expects.
+
+    Errors are in proportion to the efforts. Where friction is not known, they contain what friction can explain: a
+    stream does not take it off, as a push that lasts looks like it until the joint turns back.
+
+    Args:
+        chosen: the map.
+        robot: the robot.
+        rows: that are believed.
+        values: friction and errors of rows that are known.
+    """
+
+    def __init__(self, chosen: Map, robot: PlainRobot, rows: Rows, values: FittedValues) -> None:
+        self._robot, self._rows, self._values, self._points = robot, rows, values, points_of(chosen)
+        self._walks = walks_on(robot, chosen)
+        count, nv = 3 * len(chosen.robot.points), robot.model.nv
+        self._legs = np.zeros((LEGS_KEPT, count)), np.zeros((LEGS_KEPT, count, nv))  # forces, and their Jacobians
+        self._count = self._taken = 0
+        self._rate = values.stiction(robot)[1]
+        self._joints = [robot.v_index(joint) for joint in robot.joints]
+        self._products = np.zeros((3, 3, nv))  # sums over samples, of each row
+
+    def take(
+        self, together: ObserversTogether, samples: Sequence[Sample | None], q: Array, u: Array, dt: float
+    ) -> None:
+        """Take what observers find at the end q (nq,) of an interval of length dt [s], of known forces u (nv,)."""
+        sample, self._count = samples[together.judge], self._count + 1
+        if self._walks and sample is not None and self._count % LEGS_EVERY == 0:
+            at = self._taken % LEGS_KEPT
+            observer = together.observers[together.judge]
+            self._legs[0][at], self._legs[1][at] = sample.components, observer.applications.jacobian(q)
+            self._taken += 1
+        elif not self._walks and self._count % RUBS_EVERY == 0:
+            v, y = together.last_interval(u, dt)
+            z = np.stack([np.tanh(v / self._rate), v, y])
+            self._products += z[:, None] * z
+            self._taken += 1
+
+    def expected(self, effort: Array) -> Expected | None:
+        """Return what is expected, from the rms (nv,) of the efforts so far; other rows carry the weight.
+
+        None for a robot that expects forces of any size.
+        """
+        if not self._robot.limits_forces:
+            return None
+        carried = self._robot.weight * row_scale(self._robot.model)
+        expected = expected_from(self._robot, self._rows, self._values, self._points, effort, carried)
+        errors = np.zeros_like(expected.row_error)
+        if self._walks and self._taken:
+            force, jacobians = (part[: self._taken] for part in self._legs)
+            errors = lifted_errors(np.einsum("mc,mcv->mv", force, jacobians), jacobians, self._robot.weight)
+        elif self._taken and self._values.friction is None:
+            errors[self._joints] = self._rubbing()[self._joints]
+        return replace(expected, row_error=np.hypot(expected.row_error, errors))
+
+    def _rubbing(self) -> Array:
+        """Return the rms (nv,) of what Coulomb and viscous friction explain of each row, whatever pushed."""
+        A, y = self._products[:2, :2].transpose(2, 0, 1), self._products[:2, 2].T
+        scale = np.sqrt(np.maximum(np.diagonal(A, axis1=1, axis2=2), np.finfo(float).tiny))
+        A = A / (scale[:, :, None] * scale[:, None, :]) + FAINT * np.eye(2)
+        b = np.linalg.solve(A, (y / scale)[..., None])[..., 0]
+        return np.asarray(np.sqrt(np.maximum(np.sum(b * y / scale, axis=1), 0.0) / self._taken))
