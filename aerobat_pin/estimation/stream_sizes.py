@@ -77,9 +77,10 @@ class StreamSizes:
         return replace(expected, row_error=np.hypot(expected.row_error, errors))
 
     def _rubbing(self) -> Array:
-        """Return the rms (nv,) of what Coulomb and viscous friction explain of each row, whatever pushed."""
+        """Return the rms (nv,) of what Coulomb and viscous friction, which resist, explain of each row."""
         A, y = self._products[:2, :2].transpose(2, 0, 1), self._products[:2, 2].T
         scale = np.sqrt(np.maximum(np.diagonal(A, axis1=1, axis2=2), np.finfo(float).tiny))
-        A = A / (scale[:, :, None] * scale[:, None, :]) + FAINT * np.eye(2)
-        b = np.linalg.solve(A, (y / scale)[..., None])[..., 0]
-        return np.asarray(np.sqrt(np.maximum(np.sum(b * y / scale, axis=1), 0.0) / self._taken))
+        A, y = A / (scale[:, :, None] * scale[:, None, :]) + FAINT * np.eye(2), y / scale
+        b = np.linalg.solve(A, y[..., None])[..., 0]
+        both, alone = np.where(np.all(b < 0.0, axis=1), np.sum(b * y, axis=1), 0.0), np.minimum(y, 0.0).min(axis=1)
+        return np.asarray(np.sqrt(np.maximum(both, alone**2) / self._taken))

@@ -9,6 +9,7 @@ import pytest
 from support.pushed_robots import EDGES, GAIN, RATE, pushed_robot
 
 from aerobat_pin import estimate
+from aerobat_pin.estimation.checks.result import _reason
 
 
 @pytest.mark.parametrize(
@@ -37,6 +38,15 @@ def test_what_a_fast_filter_lets_through_is_part_of_the_deviation(name: str, tmp
     good = found.shown & (middle > 0.15)[:, None]
     assert found.standard_deviation is not None
     assert np.mean((np.abs(found.components - log.true(middle)) < 2.0 * found.standard_deviation)[good]) > 0.95
+
+
+def test_no_pose_of_a_flying_body_hides_a_force(tmp_path: Path) -> None:
+    """A drone without a joint was told that a force along an axis hardly turns a joint."""
+    log = pushed_robot("iris")
+    record = log.record(tmp_path)
+    stored = estimate(record).stored["force_level"]
+    said = {_reason(record, stored, len(stored) // 2, component) for component in range(3)}
+    assert said == {"the rows that show it err too much there"}
 
 
 def test_a_push_that_lasts_where_no_force_is_sought_is_said(tmp_path: Path) -> None:

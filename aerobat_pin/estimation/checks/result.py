@@ -15,10 +15,10 @@ from aerobat_pin.estimation.expected_of_record import column_rms
 from aerobat_pin.estimation.findings import Finding, FindingVerdict
 from aerobat_pin.estimation.known_forces import BESIDE, KnownForces, command_sum, unit_direction
 from aerobat_pin.estimation.result import Result
-from aerobat_pin.estimation.run_observers import rms_in, settled
+from aerobat_pin.estimation.run_observers import rms_in, rows_of, settled
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array, runs_of_true
-from aerobat_pin.observers import Applications, Expected
+from aerobat_pin.observers import AllBut, Applications, Expected
 from aerobat_pin.records import Record
 
 LATE_COMMAND = 5.0e-3  # [s]
@@ -33,7 +33,7 @@ MOST_NAMED = 3  # stretches of a component that is not seen
 ALWAYS = 0.995  # share of the time that counts as all of it
 STRAIGHT_ARM = 0.3  # sine of the angle between an unseen force and the lines from far joints to it, in a straight arm
 ALONG = 0.3  # share of a component along the directions that the pose hides, from which it hides the component
-NO_LEVER = 1e-9  # lever of a direction over the largest one, below which no row shows it at all
+FAINT_LEVER = 0.1  # lever of a direction over the largest one, below which the pose hides it
 FAR = 0.3  # of the farthest joint's distance: joints nearer to the force have little lever anyhow
 
 
@@ -265,10 +265,12 @@ def _reason(record: Record, estimate: StoredEstimate, at: int, component: int) -
         return "no row shows it"
     index = int(np.clip(round((time - record.start) * record.rate), 0, record.parts[-1][1] - 1))
     q = record.block(index, index + 1).q[0]
-    J = Applications(record.robot.model, head.frames).jacobian(q)
+    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    kept = rows.kept(record.robot.model) if isinstance(rows, AllBut) else slice(None)
+    J = Applications(record.robot.model, head.frames).jacobian(q)[:, kept]
     _, levers, directions = np.linalg.svd(J.T, full_matrices=True)
     levers = np.pad(levers, (0, len(directions) - len(levers)))
-    faintest = directions[levers <= max(levers[-1], NO_LEVER * levers[0])]
+    faintest = directions[levers <= FAINT_LEVER * levers[0]]
     part: Array = faintest.T @ faintest[:, component]  # what the pose hides of the component
     if np.linalg.norm(part) < ALONG:
         return "the rows that show it err too much there"
