@@ -9,6 +9,7 @@ import numpy as np
 
 from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
+from aerobat_pin.estimation.fit_beside_forces import LEAST_SHOWN
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.run_observers import points_of
 from aerobat_pin.numerics import Array
@@ -17,7 +18,6 @@ from aerobat_pin.records import Map, PlainRobot
 
 LEGS_EVERY, LEGS_KEPT = 50, 200  # estimates of a robot that walks: one in so many shows the errors of legs in the air
 RUBS_EVERY = 4  # estimates of another: one in so many shows friction
-FAINT = 1e-9  # share of a regressor's square that is added to it
 
 
 class StreamSizes:
@@ -80,7 +80,7 @@ class StreamSizes:
         """Return the rms (nv,) of what Coulomb and viscous friction, which resist, explain of each row."""
         A, y = self._products[:2, :2].transpose(2, 0, 1), self._products[:2, 2].T
         scale = np.sqrt(np.maximum(np.diagonal(A, axis1=1, axis2=2), np.finfo(float).tiny))
-        A, y = A / (scale[:, :, None] * scale[:, None, :]) + FAINT * np.eye(2), y / scale
+        A, y = A / (scale[:, :, None] * scale[:, None, :]) + LEAST_SHOWN * np.eye(2), y / scale
         b = np.linalg.solve(A, y[..., None])[..., 0]
         both, alone = np.where(np.all(b < 0.0, axis=1), np.sum(b * y, axis=1), 0.0), np.minimum(y, 0.0).min(axis=1)
         return np.asarray(np.sqrt(np.maximum(both, alone**2) / self._taken))
