@@ -139,7 +139,7 @@ def measured(case: Case, seed: int, *, causal: bool) -> tuple[list[list[float]],
     rows, sample_time = [figures(found.force, found.force_covariance, truth, total=total)], 0.0
     if causal:
         start = time.process_time()
-        samples, _ = JointFilter(smoother, found.tuning, record.channels, record.torque).run(record)
+        samples = JointFilter(smoother, found.tuning, record.channels, record.torque).run(record)
         sample_time = (time.process_time() - start) / len(samples)
         use = [k for k, sample in enumerate(samples[1:]) if sample is not None and record.time[k] > 0.1]
         force = np.array([samples[k + 1].force for k in use])  # type: ignore[union-attr]

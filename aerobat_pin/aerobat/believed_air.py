@@ -27,7 +27,7 @@ from aerobat_pin.scenario import AirSection
 
 LONGEST_STEP = 1.5e-3  # [s]: longer steps change the lift by more than a thousandth at 5 m/s and 6.7 Hz
 LARGEST_MODE_STEP = 1.4  # rate of the fastest mode times the step; the method is unstable from 2.785 on
-WARM_UP_ANGLES = 60  # number of crank angles in a turn at which the airspeeds of the warm-up are computed
+FLAP_ANGLES = 60  # number of crank angles in a turn at which its airspeeds are computed
 WARM_UP_LIMIT = 3.0  # [s]: for a crank that hardly turns; the wake matters for about ten chords of travel
 LONGEST_GAP = 0.5  # [s]: the motion of the wings during a longer gap is unknown
 
@@ -80,6 +80,11 @@ class AirAlongMotion:
         """Return the longest allowed step (n,) [s] for the airspeed (n,) [m/s] of the fastest strip."""
         return np.asarray(1.0 / np.maximum(1.0 / LONGEST_STEP, self.fastest * airspeed / LARGEST_MODE_STEP))
 
+    def longest_in_flap(self, placement: Array, twist: Array, crank_rate: float) -> float:
+        """Return the longest step [s] for the fastest airspeed of a flap, of a body as `through_air` returns it."""
+        turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, FLAP_ANGLES), crank_rate))
+        return float(np.min(self.longest_step(self.airspeed(self.in_air.flapping_twists(placement, twist, turn)))))
+
     def steps(self, moved: Motion) -> Integers:
         """Return the number of integration steps (m,) of each interval between samples."""
         v = moved.v.copy()
@@ -101,13 +106,10 @@ class AirAlongMotion:
         if rate == 0.0 or cycles == 0 or not self.air.state_size:
             return np.zeros(self.air.state_size)
         assert moved.crank is not None
-        R = pin.Quaternion(moved.q[0, 3:7]).matrix()
-        body = moved.q[0, :7], moved.v[0, :BASE_SIZE] - np.concatenate([R.T @ moved.wind[0, 0], np.zeros(3)])
+        body = through_air(moved.q[0], moved.v[0], moved.wind[0, 0])
         angle, turning = moved.crank[:2, 0]
-        turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, WARM_UP_ANGLES), turning))
         duration = min(cycles * 2.0 * np.pi / rate, WARM_UP_LIMIT)
-        longest = np.min(self.longest_step(self.airspeed(self.in_air.flapping_twists(*body, turn))))
-        count = int(np.ceil(duration / longest))
+        count = int(np.ceil(duration / self.longest_in_flap(*body, turning)))
         back = (np.arange(2 * count + 1) * 0.5 / count - 1.0) * duration
         motion = joint_table(self.robot.linkage.solve(angle + turning * back, turning))
         return self.in_air.warmed_up(*body, motion, duration / count)
@@ -146,19 +148,26 @@ class AirAlongMotion:
         nle(model, data, q[0], v[0])
         half = 0
         for k, count in enumerate(steps.tolist()):
-            if dt[k] > 0.0:
+            if (step := dt[k]) > 0.0:
+                mean = means[k]
                 for i in range(half, half + 2 * count, 2):
                     # `data` already has Pinocchio's results for the step's start, where the previous step ended.
-                    advance_air_stage(memory, wind[i], a[i + 1], dt[k], 0, means[k])
+                    slope = a[i + 1]
+                    advance_air_stage(memory, wind[i], slope, step, 0, mean)
                     nle(model, data, q[i + 1], v[i + 1])
-                    advance_air_stage(memory, wind[i + 1], a[i + 1], dt[k], 1, means[k])
+                    advance_air_stage(memory, wind[i + 1], slope, step, 1, mean)
                     if inertia is not None:
                         inertia[k] = fields.H
                     nle(model, data, q[i + 2], v[i + 2])
-                    advance_air_stage(memory, wind[i + 2], a[i + 1], dt[k], 2, means[k])
-                means[k] /= count
+                    advance_air_stage(memory, wind[i + 2], slope, step, 2, mean)
+                mean /= count
             half += 2 * count
         return means[:, 0], means[:, 1]
+
+
+def through_air(q: Array, v: Array, wind: Array) -> tuple[Array, Array]:
+    """Return placement (7,) and twist (6,) relative to the air of a body in wind (3,), world axes."""
+    return q[:7], v[:BASE_SIZE] - np.append(pin.Quaternion(q[3:7]).matrix().T @ wind, np.zeros(3))
 
 
 def half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, Array, Array, Array]:
@@ -252,10 +261,7 @@ class AirStream:
         stream = self._stream
         stream.q[:], stream.v[:] = q, v
         stream.wind[:] = stream.last_wind[:] = wind[0]
-        body = v[:BASE_SIZE] - np.concatenate([pin.Quaternion(q[3:7]).matrix().T @ wind[0, 0], np.zeros(3)])
-        turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, WARM_UP_ANGLES), crank_rate))
-        fastest = np.max(along.airspeed(self._in_air.flapping_twists(q[:7], body, turn)), keepdims=True)
-        self._steps = int(np.ceil(self.dt / along.longest_step(fastest)[0] - 1e-9))
+        self._steps = int(np.ceil(self.dt / along.longest_in_flap(*through_air(q, v, wind[0, 0]), crank_rate) - 1e-9))
         pin.nonLinearEffects(self.robot.model, self._in_air.data, stream.q, stream.v)
 
     def update(self, time: float, q: Array, v: Array) -> Array:

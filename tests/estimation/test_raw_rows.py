@@ -53,7 +53,7 @@ def test_joints_move_with_the_crank_as_their_derivatives_say() -> None:
     series, crank = joint_series(load_aerobat().linkage), np.array([[0.7], [40.0], [900.0]])
 
     def joints(crank: np.ndarray) -> np.ndarray:
-        return np.stack(wing_motion(wing_angles(series, crank[0]), crank[1], crank[2]), axis=1).ravel()
+        return np.stack(wing_motion(wing_angles(series, crank[0]), *crank[1:, :, None]), axis=1).ravel()
 
     found = wings_by_crank(wing_angles(series, crank[0]), *crank[1:, :, None])[0]
     for column, step in enumerate((1e-5, 1e-3, 1e-3)):

@@ -186,7 +186,7 @@ def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:
     smoother, record, found = smoothed("measured")
     stream = JointFilter(smoother, found.tuning, record.channels, "measured")
     cut = RawRecord(record.time[:601], record.channels, record.known[:600], "measured")
-    samples, _ = stream.run(cut)
+    samples = stream.run(cut)
     first = next(k for k, sample in enumerate(samples) if sample is not None)
     assert record.time[first] == pytest.approx(0.07, abs=2e-3)
     force = np.array([sample.force for sample in samples[101:] if sample is not None])
@@ -203,7 +203,7 @@ def test_poses_may_come_late_to_the_causal_filter() -> None:
     """Ten milliseconds: carried along the filter's motion they say what they would have said at once."""
     smoother, record, found = smoothed("measured")
     cut = RawRecord(record.time[:301], record.channels, record.known[:300], "measured")
-    at_once, _ = JointFilter(smoother, found.tuning, record.channels, "measured").run(cut)
+    at_once = JointFilter(smoother, found.tuning, record.channels, "measured").run(cut)
     stream, late, waiting = JointFilter(smoother, found.tuning, record.channels, "measured"), None, []
     for k in range(301):
         samples = {}

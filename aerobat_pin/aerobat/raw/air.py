@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerobat_pin.aerobat.believed_air import AirAlongMotion
+from aerobat_pin.aerobat.believed_air import AirAlongMotion, through_air
 from aerobat_pin.aerobat.motion import Motion, wind_of
 from aerobat_pin.aerobat.raw.nominal_motion import WING_JOINTS, NominalMotion, wing_angles, wing_motion
 from aerobat_pin.linkage import joint_series
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
+from aerobat_pin.robot import BASE_SIZE, Aerobat
 from aerobat_pin.scenario import AirSection
 
-FLAP_ANGLES = 64  # of the crank, at which the fastest airspeed of a flap is looked for
 SHIFTS = (0.02, 0.02, 0.02, 0.2, 0.2, 0.2)  # [m/s, rad/s] by which the twist is shifted
 
 
@@ -42,7 +42,7 @@ class AirAboutNominal:
 
     def __init__(self, robot: Aerobat, section: AirSection) -> None:
         """Set up the aerodynamic model."""
-        self.robot, self.section, self.along = robot, section, AirAlongMotion(robot, section)
+        self.robot, self.along = robot, AirAlongMotion(robot, section)
         self.wind = wind_of(section)
         self._series = joint_series(robot.linkage)
         self.in_air, self._longest = self.along.in_air, np.inf
@@ -63,67 +63,65 @@ class AirAboutNominal:
             by_twist: derivative by the twist, if it is known from an earlier motion; flown anew when omitted.
         """
         moved, nv = self.motion(nominal), self.robot.model.nv
-        state, inertia = self.along.in_air.fields.state, np.zeros((len(nominal.time) - 1, nv, nv))
-        force = np.add(*self.along.fly(moved, inertia))
-        self._states[0] = state
-        if by_twist is None:
-            by_twist = np.empty((len(force), nv, BASE_SIZE))
-            for i, shift in enumerate(SHIFTS):
-                v = moved.v.copy()
-                v[:, i] += shift
-                shifted = Motion(moved.time, moved.q, v, moved.crank, moved.wind)
-                by_twist[:, :, i] = (np.add(*self.along.fly(shifted)) - force) / shift
-                self._states[1 + i] = state
-        return AirForces(force, inertia, by_twist)
+        inertia = np.zeros((len(nominal.time) - 1, nv, nv))
+
+        def flown(i: int, v: Array, inertia: Array | None = None) -> Array:
+            force = np.add(*self.along.fly(replace(moved, v=v), inertia))
+            self._states[i] = self.in_air.fields.state
+            return force
+
+        force = flown(0, moved.v, inertia)
+        return AirForces(force, inertia, _by_twist(flown, moved.v, force) if by_twist is None else by_twist)
 
     def begin(self, nominal: NominalMotion) -> None:
         """Fly along a motion, for `go_on`: with steps as short as the fastest airspeed of a flap at its end needs."""
         self.fly(nominal)
-        moved, solve = self.motion(nominal), self.robot.linkage.solve
-        angle, rate, _ = nominal.crank[-1]
-        turn = joint_table(solve(angle + np.linspace(0.0, 2.0 * np.pi, FLAP_ANGLES), rate))
-        body = moved.q[-1, :7], nominal.twist[-1] - np.append(nominal.rotation[-1].T @ moved.wind[-1, 0], np.zeros(3))
-        self._longest = float(
-            np.min(self.along.longest_step(self.along.airspeed(self.in_air.flapping_twists(*body, turn))))
-        )
+        moved = self.motion(nominal)
+        body = through_air(moved.q[-1], moved.v[-1], moved.wind[-1, 0])
+        self._longest = self.along.longest_in_flap(*body, nominal.crank[-1, 1])
 
     def go_on(self, nominal: NominalMotion) -> AirForces:
         """Return the air of one more interval, from where `begin` or `go_on` has ended.
 
         Between the knots the body moves as in `believed_air`, and the crank's acceleration is that at the start.
         """
-        nv = self.robot.model.nv
-        fields, inertia, by_twist = self.in_air.fields, np.zeros((1, nv, nv)), np.empty((1, nv, BASE_SIZE))
+        fields, inertia = self.in_air.fields, np.zeros((1, self.robot.model.nv, self.robot.model.nv))
         span = float(nominal.time[1] - nominal.time[0])
         count = max(int(np.ceil(span / self._longest - 1e-9)), 1)
         q, v, a, wind = self._half_steps(nominal, span, count)
         steps, dt = np.array([count]), np.array([span / count])
 
-        def flown(i: int, inertia: Array | None = None) -> Array:
+        def flown(i: int, v: Array, inertia: Array | None = None) -> Array:
             fields.start[:] = fields.state[:] = self._states[i]
             force = np.add(*self.along.advance((q, v, a, wind), steps, dt, inertia))
             self._states[i] = fields.state
             return force
 
-        force = flown(0, inertia)
-        for i, shift in enumerate(SHIFTS):
-            v[:, i] += shift
-            by_twist[:, :, i] = (flown(1 + i) - force) / shift
-            v[:, i] -= shift
-        return AirForces(force, inertia, by_twist)
+        force = flown(0, v, inertia)
+        return AirForces(force, inertia, _by_twist(flown, v, force))
 
     def _half_steps(self, nominal: NominalMotion, span: float, count: int) -> tuple[Array, Array, Array, Array]:
         """Return q, v, acceleration and wind at the half steps of one interval, as `believed_air.half_steps` does."""
-        robot, share = self.robot, np.arange(2 * count + 1) / (2.0 * count)
-        time = share * span
+        robot, share = self.robot, np.arange(2 * count + 1)[:, None] / (2.0 * count)
         q, v, a = (np.empty((len(share), size)) for size in (robot.model.nq, robot.model.nv, robot.model.nv))
         start, end = nominal.placements()
-        q[:, :7] = start + share[:, None] * (end - start)
+        q[:, :7] = start + share * (end - start)
         q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
         change = nominal.twist[1] - nominal.twist[0]
-        v[:, :BASE_SIZE], a[:, :BASE_SIZE] = nominal.twist[0] + share[:, None] * change, change / span
+        v[:, :BASE_SIZE], a[:, :BASE_SIZE] = nominal.twist[0] + share * change, change / span
         angle, turning, speeding = nominal.crank[0]
-        rate, bend = turning + time * speeding, np.full_like(time, speeding)
-        wings = wing_angles(self._series, angle + 0.5 * time * (turning + rate))
-        q[:, WING_JOINTS], v[:, WING_JOINTS], a[:, WING_JOINTS] = wing_motion(wings, rate, bend)
-        return q, v, a, self.wind.field(nominal.time[0] + time)
+        time = share * span
+        rate = turning + time * speeding
+        wings = wing_angles(self._series, (angle + 0.5 * time * (turning + rate))[:, 0])
+        q[:, WING_JOINTS], v[:, WING_JOINTS], a[:, WING_JOINTS] = wing_motion(wings, rate, speeding)
+        return q, v, a, self.wind.field(nominal.time[0] + time[:, 0])
+
+
+def _by_twist(flown: Callable[[int, Array], Array], v: Array, force: Array) -> Array:
+    """Return the derivative (m, nv, 6) of a force (m, nv) flown with velocities v: `flown(i, v)` flies shift i - 1."""
+    by_twist = np.empty((*force.shape, BASE_SIZE))
+    for i, shift in enumerate(SHIFTS):
+        shifted = v.copy()
+        shifted[:, i] += shift
+        by_twist[:, :, i] = (flown(1 + i, shifted) - force) / shift
+    return by_twist

@@ -87,7 +87,7 @@ def linear_dynamics(
     wings = wing_angles(series, crank[:, 0, 0])
     q, v, a = np.empty((m, model.nq)), np.empty((m, model.nv)), np.empty((m, model.nv))
     v[:, BODY_ROWS], a[:, BODY_ROWS] = twist, rate
-    q[:, WING_JOINTS], v[:, WING_JOINTS], a[:, WING_JOINTS] = wing_motion(wings, *crank[:, 1:, 0].T)
+    q[:, WING_JOINTS], v[:, WING_JOINTS], a[:, WING_JOINTS] = wing_motion(wings, crank[:, 1], crank[:, 2])
     ids, world = [model.getFrameId(frame) for frame in frames], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     rotation, ID, J = np.empty((m, 3, 3)), np.empty((m, model.nv)), np.empty((m, 3 * len(ids), model.nv))
     Dq, Dv, M = (np.empty((m, model.nv, model.nv)) for _ in range(3))
@@ -112,7 +112,7 @@ def linear_dynamics(
     Zq[:, :, 3:] -= Jt @ (cross_matrices(force.reshape(-1, 3)).reshape(m, -1, 3) @ rotation)
     Z[:, :, POSE_ERROR], Z[:, :, TWIST_ERROR] = Zq @ ad_half, half * Zq + Zv
     by_wings = np.concatenate([Dq[:, :, WING_JOINTS], Dv[:, :, WING_JOINTS], M[:, :, WING_JOINTS]], axis=2)
-    Z[:, :, CRANK_ERROR] = by_wings @ wings_by_crank(wings, *crank[:, 1:].transpose(1, 0, 2)) @ to_middle
+    Z[:, :, CRANK_ERROR] = by_wings @ wings_by_crank(wings, crank[:, 1], crank[:, 2]) @ to_middle
     Z[:, :, layout.walk], Z[:, :, layout.white] = -Jt @ layout.by_mode, -Jt
     Z[:, :, layout.mass_at], Z[:, :, layout.air_at] = ID[:, :, None], -air.force[:, :, None]
     r, through = ID - air.force - known, M[:, :, BODY_ROWS] + half * Zv

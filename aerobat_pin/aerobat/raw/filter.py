@@ -125,8 +125,8 @@ class JointFilter:
             return self._start()
         return None
 
-    def run(self, record: RawRecord) -> tuple[list[JointSample | None], Array]:
-        """Filter a record as a stream; return what each update returned, and the times of the updates (m + 1,)."""
+    def run(self, record: RawRecord) -> list[JointSample | None]:
+        """Filter a record as a stream; return what the update at each of its knots returned."""
         places = {
             name: np.searchsorted(channel.time, record.time + 1e-9, side="right")
             for name, channel in record.channels.items()
@@ -140,7 +140,7 @@ class JointFilter:
                 if at > (int(places[name][k - 1]) if k else 0):  # of several, the latest
                     samples[name] = float(channel.time[at - 1]), channel.values[at - 1]
             estimates.append(self.update(time, samples, known))
-        return estimates, record.time
+        return estimates
 
     def _checked(
         self, name: str, sample: ArrayLike | tuple[float, ArrayLike], time: float, last: float | None

@@ -97,10 +97,10 @@ def wing_angles(series: Array, angles: Array) -> Array:
     return np.concatenate([joints[0], third], axis=1)[:, :, [0, 1, 0, 1]]
 
 
-def wing_motion(wings: Array, rate: Array, bend: Array) -> tuple[Array, Array, Array]:
-    """Return angles, rates and accelerations (m, 4) of the joints under rate and acceleration (m,) of the crank."""
+def wing_motion(wings: Array, rate: Array, bend: Array | float) -> tuple[Array, Array, Array]:
+    """Return angles, rates and accelerations (m, 4) of the joints under rate and acceleration (m, 1) of the crank."""
     angle, first, second, _ = wings.transpose(1, 0, 2)
-    return angle, first * rate[:, None], first * bend[:, None] + second * rate[:, None] ** 2
+    return angle, first * rate, first * bend + second * rate**2
 
 
 def first_guess(record: RawRecord) -> NominalMotion:

@@ -92,7 +92,7 @@ def filtered(record: RawRecord, smoother: JointSmoother, smoothed: JointEstimate
 
     Until the filter starts, the forces are zero, as uncertain as before any sample.
     """
-    samples, _ = JointFilter(smoother, smoothed.tuning, record.channels, record.torque).run(record)
+    samples = JointFilter(smoother, smoothed.tuning, record.channels, record.torque).run(record)
     m, points = smoothed.force.shape[:2]
     spread = (FORCE_PRIOR * smoother.weight) ** 2
     force, covariance = np.zeros((m, points, 3)), np.tile(spread * np.eye(3 * points), (m, 1, 1))
