@@ -199,6 +199,18 @@ def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:
         stream.update(0.5, {})
 
 
+def test_the_causal_filter_lets_a_force_jump() -> None:
+    """The step of 0.15 N at 1 s is there after 3 ms, within 20 mN."""
+    log, _ = flight()
+    smoother, record, found = smoothed("measured")
+    samples = JointFilter(smoother, found.tuning, record.channels, "measured").run(record)
+    at = int(np.searchsorted(record.time, 1.0025))
+    last = samples[at + 1]
+    assert last is not None
+    np.testing.assert_allclose(last.force, truth(log)[at], atol=0.02)
+    assert np.abs(truth(log)[at] - truth(log)[at - 5]).max() > 0.1
+
+
 def test_poses_may_come_late_to_the_causal_filter() -> None:
     """Ten milliseconds: carried along the filter's motion they say what they would have said at once."""
     smoother, record, found = smoothed("measured")

@@ -12,6 +12,7 @@ import math
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -30,6 +31,7 @@ from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array
 
+Given: TypeAlias = "ArrayLike | tuple[float, ArrayLike]"  # a sample, or stamp [s] and sample
 FIRST_POSES = 8  # with which the filter starts
 POSES, MOST_LATE = ("position", "orientation"), 0.05  # what may come late, and by how much [s]
 SURPRISING = 6.0  # standard deviations of a chi-square above its mean: the forces may have jumped
@@ -92,9 +94,7 @@ class JointFilter:
         """Whether enough poses have come."""
         return self._nominal is not None
 
-    def update(
-        self, time: float, samples: Mapping[str, ArrayLike | tuple[float, ArrayLike]], known: ArrayLike | None = None
-    ) -> JointSample | None:
+    def update(self, time: float, samples: Mapping[str, Given], known: ArrayLike | None = None) -> JointSample | None:
         """Take the samples that have come since the last update.
 
         Args:
@@ -134,7 +134,7 @@ class JointFilter:
         estimates: list[JointSample | None] = []
         for k, time in enumerate(record.time.tolist()):
             known = record.known[max(k - 1, 0)]
-            samples: dict[str, ArrayLike | tuple[float, ArrayLike]] = {}
+            samples: dict[str, Given] = {}
             for name, channel in record.channels.items():
                 at = int(places[name][k])
                 if at > (int(places[name][k - 1]) if k else 0):  # of several, the latest
@@ -142,17 +142,11 @@ class JointFilter:
             estimates.append(self.update(time, samples, known))
         return estimates
 
-    def _checked(
-        self, name: str, sample: ArrayLike | tuple[float, ArrayLike], time: float, last: float | None
-    ) -> tuple[float, Array]:
+    def _checked(self, name: str, sample: Given, time: float, last: float | None) -> tuple[float, Array]:
         if name not in self.sensors:
             raise ObserverError(f"joint filter: no sensor '{name}': {', '.join(self.sensors)} were expected")
-        stamp = time if name not in OVER_INTERVAL or last is None else 0.5 * (time + last)
-        values: ArrayLike
-        if isinstance(sample, tuple) and len(sample) == 2:
-            stamp, values = sample
-        else:
-            values = sample
+        now = time if name not in OVER_INTERVAL or last is None else 0.5 * (time + last)
+        stamp, values = sample if isinstance(sample, tuple) and len(sample) == 2 else (now, sample)
         array, size = np.atleast_1d(np.asarray(values, float)), self.sensors[name].values.shape[1]
         if array.shape != (size,) or not all(map(math.isfinite, array.tolist())):
             raise ObserverError(f"joint filter: sample of {name}: {size} finite numbers were expected")
@@ -251,33 +245,30 @@ class JointFilter:
         h, e, R = (np.concatenate(each) for each in zip(*parts, strict=True))
         count, x, P = len(e), self._x.copy(), self._P.copy()
         gains, innovations = np.empty((count, len(x))), np.empty((count, 2))
-        score = take_samples(self._x, self._P, h, e, R, gains, innovations)
+        take_samples(self._x, self._P, h, e, R, gains, innovations)
         ratio = float(innovations[:, 0] @ (innovations[:, 0] / innovations[:, 1]))
         if ratio > count + SURPRISING * np.sqrt(2.0 * count):
-            self._jump(x, P, score, h, e, R)
+            self._let_jump(x, P, h, e, R)
+            take_samples(x, P, h, e, R, gains, innovations)
+            self._x[:], self._P[:] = x, P
         return ratio, count
 
-    def _jump(self, x: Array, P: Array, score: float, h: Array, e: Array, R: Array) -> None:
-        """Take samples anew with a jump of the slow states that make them likelier, one after the other.
+    def _let_jump(self, x: Array, P: Array, h: Array, e: Array, R: Array) -> None:
+        """Add to P the variances of jumps of the slow states that make samples likelier, one after the other.
 
-        State `x` (n,) and covariance `P` (n, n) are those before the samples; without a jump, `score` is their
-        log-likelihood. The samples are given as in `SampleRows`.
+        State `x` (n,) and covariance `P` (n, n) are those before the samples, which are given as in `SampleRows`.
         """
-        gains, innovations = np.empty_like(h), np.empty((len(e), 2))
-        variance, states = (JUMP * self.smoother.weight) ** 2, set(range(*self.layout.walk.indices(len(x))))
-        while states:
-            tried = []
-            for state in states:
-                state_after, spread = x.copy(), P.copy()
-                spread[state, state] += variance
-                likelihood = take_samples(state_after, spread, h, e, R, gains, innovations)
-                tried.append((likelihood, state, state_after, spread))
-            best, state, state_after, spread = max(tried, key=lambda attempt: attempt[0])
-            if best < score + LEAST_JUMP_GAIN:
+        variance, walk = (JUMP * self.smoother.weight) ** 2, self.layout.walk
+        shown, jumped = h[:, walk], np.zeros(walk.stop - walk.start, bool)
+        while not np.all(jumped):
+            answer = np.linalg.solve(h @ P @ h.T + np.diag(R), np.column_stack([e - h @ x, shown]))
+            pull, information = shown.T @ answer[:, 0], np.sum(shown * answer[:, 1:], axis=0)
+            gains = 0.5 * (pull**2 / (information + 1.0 / variance) - np.log1p(variance * information))
+            best = int(np.argmax(np.where(jumped, -np.inf, gains)))
+            if gains[best] < LEAST_JUMP_GAIN:
                 return
-            self._x[:], self._P[:], score = state_after, spread, best
-            P[state, state] += variance
-            states.remove(state)
+            jumped[best] = True
+            P[walk.start + best, walk.start + best] += variance
 
     def _block(self) -> Array:
         by_mode, walk = self.layout.by_mode, self.layout.walk
