@@ -1,9 +1,10 @@
-"""Print what the logs of two arms show that nobody here has seen, if they are here; what is checked, if they are not.
+"""Print what the logs of four arms show that nobody here has seen, if they are here; what is checked, if they are not.
 
     AEROBAT_RECORDINGS=FOLDER python docs/scripts/strange_arms.py
 
 FOLDER holds clones of github.com/shamilmamedov/dynamic_calibration (no licence stated: read the data, do not pass them
-on) and github.com/aspectum/ur3-force-estimation (MIT).
+on), github.com/aspectum/ur3-force-estimation (MIT), github.com/liuyurong129/figaroh_kinova and
+github.com/thanhndv212/figaroh-examples (the same).
 
 A UR10E swings for 50 s, alone and with 2.805 kg that sit 0.165 m beside its tool. From one loaded log, of which the mass
 is known, `calibrate` finds the torque per ampere of all joints and where the load sits. With them, and from nothing
@@ -14,6 +15,9 @@ none of them served for any choice of this program.
 Nothing touches a UR3, whose bags are those of ROS 1. It rests straight up and then swings; its efforts oppose its
 velocities, and its last joint turns on and on, which the robot's file does not allow. One log ends as the arm is stopped
 within 30 ms: its last 0.1 s do not count. Factors, friction and errors are learnt from one log and hold for the other.
+
+An AIRBOT Play moves alone, twice, and with 0.48 kg; only angles and torques are recorded. A Staubli TX40 moves fast;
+its log has angles and torques of the motors, of which two share a wrist. Its friction was identified by others.
 """
 
 from __future__ import annotations
@@ -46,6 +50,9 @@ CENTRES = {"14harm50sec": (0.03, 0.16, 0.04), "15harm50sec": (-0.04, -0.16, 0.04
 BAGS, UR3_NAMES = ("id1", "id2"), ("Base", "Shoulder", "Elbow", "Wrist 1", "Wrist 2", "Wrist 3")
 MOST_SHOWN, STOP = 20.0, 0.1  # [N] where nothing touches, and [s] at the end that do not count
 GRAVITY = np.array([0.0, 0.0, 9.81])
+AIRBOT_LOGS, AIRBOT_LOAD = ("chirp_motion", "trapezoidal_motion", "chirp_motion_loaded"), 0.48  # [kg]
+GEARS, OFFSETS = np.array([32.0, 32.0, 45.0, -48.0, 45.0, 32.0]), {"joint_2": -np.pi / 2, "joint_3": np.pi / 2}
+TX40_FRICTION = {"coulomb": (7.14, 8.26, 6.34, 2.48), "viscous": (8.05, 5.53, 1.97, 1.11)}  # as identified by others
 LETTERS = {"position": "q", "velocity": "v", "effort": "i"}
 
 
@@ -170,9 +177,75 @@ def nothing_lines(bags: Path) -> None:
         )
 
 
+def bare(files: tuple[Path, Path], rate: float, urdf: Path, point: str, place: Path, **joints: object) -> Record:
+    """Open angles and torques of six joints, tables without times, by a map that seeks a force at a point."""
+    q, tau = (pd.read_csv(file).to_numpy() for file in files)
+    columns = {part: [f"{part}{k}" for k in range(6)] for part in ("q", "tau")}
+    rows = pd.DataFrame(
+        np.column_stack([np.arange(len(q)) / rate, q, tau]), columns=["t", *columns["q"], *columns["tau"]]
+    )
+    rows.to_csv(place / "log.csv", index=False)
+    motion = {"position": {"columns": columns["q"]}, "velocity": {"from": "position", "window": 0.02}}
+    values = {
+        "robot": {"urdf": str(urdf), "root": "fixed", "points": [point]},
+        "log": {"time": {"column": "t"}},
+        "joints": motion | {"effort": {"columns": columns["tau"]}} | joints,
+        "observer": {"gain": 20.0},
+    }
+    return open_record(place / "log.csv", parse_map(values, f"of {urdf.name}"), place)
+
+
+def airbot_lines(folder: Path, place: Path) -> None:
+    """Print which mean force is found on the AIRBOT, with its load and without."""
+    names, calibration = [f"joint{k}" for k in range(1, 7)], None
+    for learnt in ("nothing", AIRBOT_LOGS[0]):
+        for log in AIRBOT_LOGS[0 if calibration is None else 1 :]:
+            kind, loaded = log.removesuffix("_loaded"), "_loaded" * log.endswith("_loaded")
+            files = [
+                folder / "identification" / kind / f"identification_{part}_real{loaded}.csv" for part in ("q", "tau")
+            ]
+            record = bare(
+                tuple(files), 100.0, folder / "urdf" / "airbot_play_v3_0_gripper.urdf", "link6", place, names=names
+            )
+            result = estimate(record, calibration=calibration)
+            [found], truth = result.estimates.values(), np.array([0.0, 0.0, -9.81 * AIRBOT_LOAD * bool(loaded)])
+            mean = [component[at].mean() for component, at in zip(found.components.T, found.shown.T, strict=True)]
+            rms, cover = judged(found, truth, found.shown)
+            print(
+                f"AIRBOT, {log}, learnt from {learnt}: mean {np.round(mean, 2)} N where seen, {np.round(truth, 2)} pushes; "
+                f"{'/'.join(f'{x:.1f}' for x in rms)} N rms, {', '.join(f'{share:.0%}' for share in cover)} within two deviations"
+            )
+            if learnt == "nothing" and log == AIRBOT_LOGS[0]:
+                free = record
+        calibration = calibrate([free], trust=True)
+
+
+def friction_lines(folder: Path, place: Path) -> None:
+    """Print which friction is found on the TX40, beside forces and by a calibration, and whether a push is made up."""
+    names = [f"joint_{k}" for k in range(1, 7)]
+    gears = {"factor": dict(zip(names, (1.0 / GEARS).tolist(), strict=True)), "offset": OFFSETS}
+    gears["coupling"] = {"joint_6": {"joint_5": -1.0, "joint_6": 1.0}}
+    files = folder / "data" / "pos_read_data.csv", folder / "data" / "curr_data.csv"
+    record = bare(files, 5000.0, folder / "urdf" / "tx40_mdh_modified.urdf", "joint_6", place, names=names, **gears)
+    result, learnt = estimate(record), calibrate([record], trust=True)
+    print(f"TX40: {result.verdict}")
+    for name, published in TX40_FRICTION.items():
+        both = (getattr(values.friction, name)[:4].round(2) for values in (result.forces.values, learnt.fitted))
+        print(
+            f"TX40, {name} friction of joints 1 to 4: {next(both)} beside forces, {next(both)} learnt, {published} published"
+        )
+
+
 def main() -> None:
-    """Print gains and payload of both logs of the UR10E, each found with the other, and the same of the UR3."""
+    """Print gains and payload of both logs of the UR10E, each found with the other, and what the others show."""
     folder = Path(os.environ.get("AEROBAT_RECORDINGS", ""))
+    with tempfile.TemporaryDirectory() as place:
+        for lines, data in (
+            (airbot_lines, folder / "figaroh_kinova" / "examples" / "airbot_play" / "data"),
+            (friction_lines, folder / "figaroh-examples" / "examples" / "staubli_TX40"),
+        ):
+            if data.is_dir():
+                lines(data, Path(place))
     nothing_lines(folder / "ur3-force-estimation" / "experiment")
     clone = folder / "dynamic_calibration"
     if not (clone / "dataset_ur10e").is_dir():
