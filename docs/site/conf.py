@@ -17,8 +17,6 @@ author = "Aerobat on Pinocchio developers"
 version = release = aerobat_pin.__version__
 copyright = f"{author}, BSD-2-Clause; version {release}"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-source_suffix = {".md": "markdown", ".rst": "restructuredtext"}
-root_doc = "index"
 highlight_language = "none"
 smartquotes = False
 
@@ -26,19 +24,14 @@ myst_enable_extensions = ["dollarmath", "amsmath"]
 myst_heading_anchors = 4
 
 autodoc_member_order = "bysource"
-autodoc_typehints = "signature"
-autodoc_typehints_format = "short"
 autodoc_class_signature = "mixed"
 autodoc_type_aliases = {"Array": "Array", "ArrayLike": "ArrayLike", "Integers": "Integers"}
 python_maximum_signature_line_length = 100
-napoleon_google_docstring = True
-napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 
 html_theme = "furo"
 html_title = "Aerobat on Pinocchio"
 html_math_renderer = "mathml"
-html_show_sourcelink = False
 html_copy_source = False
 html_use_index = False  # api/names has every name, in a line
 html_static_path = ["static"]
