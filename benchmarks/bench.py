@@ -143,9 +143,7 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
     aerodynamic = np.ascontiguousarray(inputs.known["aerodynamic"])
     data = model.createData()
     samples = list(zip(list(configurations), list(velocities), strict=True))
-    stamps = [float(stamp) for stamp in instants[1 : STREAM + 1]]
-    torques = list(torque[:STREAM])
-    known = [{"aerodynamic": row} for row in aerodynamic[:STREAM]]
+    known = [{"aerodynamic": row} for row in aerodynamic]
     crba, coriolis, gravity = pin.crba, pin.computeCoriolisMatrix, pin.computeGeneralizedGravity
 
     def bare(count: int) -> Part:
@@ -160,11 +158,8 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
         return call, count
 
     def stream(observer: Any, with_known: bool) -> Part:
-        extras = [(one,) if with_known else () for one in known]
-        rows = [
-            (stamp, q, v, tau, *extra)
-            for stamp, (q, v), tau, extra in zip(stamps, samples[1:], torques, extras, strict=False)
-        ]
+        columns = [instants[1:].tolist(), configurations[1:], velocities[1:], torque, *([known] if with_known else [])]
+        rows = list(zip(*columns, strict=True))[:STREAM]
 
         def call() -> None:
             observer.reset(*samples[0], float(instants[0]))
@@ -183,13 +178,12 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
         "momentum, two points": (MomentumObserver(model, FORCE_POINTS), 1.7, None),
         "force_level, two points": (ForceLevelObserver(model, FORCE_POINTS), 1.7, None),
     }
-    floor = "crba + Coriolis + gravity"
     parts = {f"{kind}{more}": stream(one[0], bool(more)) for kind, one in kinds.items() for more in ("", ", one known")}
     rows = np.full(model.nv, 0.01)
-    sizes = Expected(np.full(6, 0.2), rows, rows, rows)
-    parts["expected"] = stream(ForceLevelObserver(model, FORCE_POINTS, expected=sizes), False)
+    expecting = ForceLevelObserver(model, FORCE_POINTS, expected=Expected(np.full(6, 0.2), rows, rows, rows))
+    parts["expected"] = stream(expecting, False)
     times = interleaved(4 * rounds, bare=bare(STREAM), **parts)
-    yield figure(f"bare {floor}", 1e6 * times["bare"], "us")
+    yield figure("bare crba + Coriolis + gravity", 1e6 * times["bare"], "us")
     for kind, (_, target, _) in kinds.items():
         yield figure(f"update, {kind}", times[kind] / times["bare"], "x", target)
         yield figure(f"update, {kind}, one known", times[f"{kind}, one known"] / times["bare"], "x")
@@ -197,12 +191,7 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
     yield figure("update, force_level, two points, sizes expected, over any size", above, "us", 8.0)
     parts = {kind: batch(one[0]) for kind, one in kinds.items()}
     parts["momentum, no points, one known"] = batch(kinds["momentum, no points"][0], {"aerodynamic": aerodynamic})
-    times = interleaved(
-        rounds,
-        bare=bare(len(samples)),
-        **parts,
-        expected=batch(ForceLevelObserver(model, FORCE_POINTS, expected=sizes)),
-    )
+    times = interleaved(rounds, bare=bare(len(samples)), **parts, expected=batch(expecting))
     above = 1e6 * (times["expected"] - times["force_level, two points"])
     yield figure("batch per sample, force_level, two points, sizes expected, over any size", above, "us", 50.0)
     for kind in parts:

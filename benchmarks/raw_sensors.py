@@ -107,8 +107,7 @@ def through_a_table(log: FlightLog) -> FlightLog:
 
 def true_forces(log: FlightLog) -> np.ndarray:
     """Return the true forces without noise (m, 2, 3)."""
-    points = [str(point) for point in log.truth["point"].values]
-    return log.truth["force_noise_free_W"].values[:, [points.index(frame) for frame in FORCE_POINTS]]
+    return log.truth["force_noise_free_W"].sel(point=list(FORCE_POINTS)).values
 
 
 def figures(force: np.ndarray, covariance: np.ndarray, truth: np.ndarray, *, total: bool) -> list[float]:

@@ -61,15 +61,13 @@ def main() -> int:
         for words in ("run paper --out first", "run paper --set unknown_force=[] --no-report --out free"):
             gaps(words, folder, warm, terminal=False)
         for title, words in COMMANDS.items():
-            for terminal in (False, True):
+            for kind, terminal in {"pipe": False, "terminal": True}.items():
                 empty = {**warm, "NUMBA_CACHE_DIR": str(folder / f"kernels_{terminal}")}
                 found = gaps(words, folder, empty if "first" in title else warm, terminal=terminal)
                 longest = sorted(found, reverse=True)[:3]
                 worst = max(worst, longest[1])
                 silences = ", ".join(f"{gap:.2f}" for gap in longest)
-                rows.append(
-                    [title, "terminal" if terminal else "pipe", f"{sum(found):.1f}", f"{found[0]:.1f}", silences]
-                )
+                rows.append([title, kind, f"{sum(found):.1f}", f"{found[0]:.1f}", silences])
                 print(rows[-1], flush=True)
     fill("docs/installation.md", {"silences": table(HEAD, rows), "measured": measured()})
     return int(worst > LONGEST)
