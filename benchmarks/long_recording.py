@@ -10,25 +10,16 @@ import time
 from pathlib import Path
 
 import numpy as np
+import tomli_w
+from support.drone import MAP
 
-MAP = """
-[robot]
-body = {mass = 1.5, inertia = [0.01, 0.01, 0.02]}
-points = ["body"]
-rows = {ignore = ["base.Mx", "base.My", "base.Mz"]}
-[base]
-position = {columns = ["px", "py", "pz"]}
-quaternion = {columns = ["qx", "qy", "qz", "qw"]}
-velocity = {columns = ["vx", "vy", "vz"]}
-rate = {columns = ["wx", "wy", "wz"]}
-"""
 SECONDS, LONGEST, LARGEST = 3600.0, 120.0, 0.6  # [s] of one core, whatever else the machine does; [GB]
 
 
 def write_log(path: Path, seconds: float) -> None:
     """Write a body that swings about a point, at 1 kHz, in pieces."""
     with path.open("w") as file:
-        file.write("t,px,py,pz,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz\n")
+        file.write(",".join(["t", *(name for part in MAP["base"].values() for name in part["columns"])]) + "\n")
         for first in np.arange(0.0, seconds, 60.0):
             t = first + np.arange(round(min(60.0, seconds - first) * 1000)) * 1e-3
             half = 0.1 * np.sin(2.0 * t)
@@ -45,7 +36,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         write_log(folder / "hour.csv", SECONDS)
-        (folder / "map.toml").write_text(MAP)
+        (folder / "map.toml").write_text(tomli_w.dumps({key: MAP[key] for key in ("robot", "base")}))
         words = [sys.executable, "-m", "aerobat_pin", "estimate", "hour.csv", "--map", "map.toml", "--out", "out"]
         start = time.perf_counter()
         subprocess.run(words, cwd=folder, check=True, stdout=subprocess.DEVNULL)
