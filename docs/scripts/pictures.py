@@ -47,19 +47,13 @@ LABELS = {  # offsets [pt]
 }
 
 
-def scene(robot: Aerobat, crank_angle: float, faint: tuple[str, ...] = ()) -> mujoco.MjModel:
-    """Return a still scene of a robot at the origin, with the bars in place.
-
-    Args:
-        robot: the robot.
-        crank_angle: of both cranks [rad].
-        faint: names of parts drawn nearly transparent.
-    """
+def scene(robot: Aerobat, faint: tuple[str, ...] = ()) -> mujoco.MjModel:
+    """Return a still scene of a robot at the origin, half way down, bars in place; faint parts are nearly transparent."""
     spec = mujoco.MjSpec.from_string(STUDIO)
-    closure = robot.linkage.solve(crank_angle)
+    closure = robot.linkage.solve(MID_DOWNSTROKE)
     q = robot.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], closure.theta_s, closure.theta_e)
     picture = visual_model_with_bars(robot)
-    place_bars(robot, picture, crank_angle)
+    place_bars(robot, picture, MID_DOWNSTROKE)
     data, placed = robot.model.createData(), picture.createData()
     pin.updateGeometryPlacements(robot.model, data, picture, placed, q)
     for item, placement in zip(picture.geometryObjects, placed.oMg, strict=True):
@@ -67,9 +61,7 @@ def scene(robot: Aerobat, crank_angle: float, faint: tuple[str, ...] = ()) -> mu
         mesh = spec.add_mesh(name=item.name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
         mesh.uservert = shape.vertices().ravel()
         mesh.userface = np.array([[t[0], t[1], t[2]] for t in map(shape.tri_indices, range(shape.num_tris))]).ravel()
-        colour = item.meshColor.copy()
-        if item.name in faint:
-            colour[3] = 0.12
+        colour = [*item.meshColor[:3], 0.12 if item.name in faint else item.meshColor[3]]
         spec.worldbody.add_geom(
             type=mujoco.mjtGeom.mjGEOM_MESH,
             meshname=item.name,
@@ -121,7 +113,7 @@ def morphologies() -> Figure:
     for axis, name, width in zip(figure.subplots(1, 3, width_ratios=widths), MORPHOLOGIES, widths, strict=True):
         robot = load_aerobat(name)
         view = View((0.0, 0.0, -0.025), 0.445, 146.0, -34.0)
-        axis.imshow(view.image(scene(robot, MID_DOWNSTROKE), width, height))
+        axis.imshow(view.image(scene(robot), width, height))
         axis.set_title(f"{name}, {1e3 * robot.mass:.1f} g", fontsize=9)
         axis.axis("off")
     return figure
@@ -132,14 +124,10 @@ def linkage_in_the_robot() -> Figure:
     width, height = 1100, 640
     robot = load_aerobat("aerobat")
     view = View((0.012, 0.036, 0.008), 0.165, 163.0, -14.0)
-    faint = (
-        "body",
-        "tail",
-        *(f"{side}_{panel}_membrane" for side in ("left", "right") for panel in ("proximal", "distal")),
-    )
+    membranes = (f"{side}_{panel}_membrane" for side in ("left", "right") for panel in ("proximal", "distal"))
     figure = Figure(figsize=(width / 150.0, height / 150.0), dpi=150)
     axis = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    axis.imshow(view.image(scene(robot, MID_DOWNSTROKE, faint), width, height))
+    axis.imshow(view.image(scene(robot, ("body", "tail", *membranes)), width, height))
     axis.axis("off")
     closure = robot.linkage.solve(MID_DOWNSTROKE)
     for bar in linkage_bars(robot.morphology.linkage).values():
