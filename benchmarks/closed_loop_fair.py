@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
-import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -161,7 +160,7 @@ def flights(known: dict[str, Any]) -> dict[tuple[str, str], tuple[str, tuple[str
     }
 
 
-def main() -> int:
+def main() -> None:
     """Fly, seed by seed, and write the page after each."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=10)
@@ -185,8 +184,7 @@ def main() -> int:
         print("\n\n".join(told.values()), flush=True)
         if options.write:
             fill(PAGE, told)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -22,7 +22,6 @@ from __future__ import annotations
 import argparse
 import copy
 import json
-import sys
 import warnings
 from pathlib import Path
 from typing import Any
@@ -46,6 +45,7 @@ PARTS = {
     "observer": (),
 }
 CAUTION = 2e-3  # of the logarithms of the limits: gains are rounded to three digits
+SCATTER = 0.15  # of the logarithms of the starts: their standard deviation
 FARTHEST = 0.2  # in a round, of the logarithms of gains
 ROUNDS, LEAST = 12, 1e-3  # of the logarithm of the cost
 MOST_GAIN = 30.0  # [1/s]: an observer that is as fast as the flaps answers what is believed wrongly of them
@@ -178,11 +178,8 @@ def cost(scenario: Scenario) -> float:
     return float(np.exp(np.average(np.log(errors(scenario)), weights=weights)))
 
 
-def free_gains(gains: dict[str, Any], height: bool = False) -> list[tuple[str, int]]:
-    """Return key and place of the gains that are looked for: all, or those of height alone."""
-    if height:
-        places = (("height", 0), ("damping", 2), ("position_integral", 2), ("lift_gain", 0))
-        return [(key, i) for key, i in places if key in gains]
+def free_gains(gains: dict[str, Any]) -> list[tuple[str, int]]:
+    """Return key and place of the gains that are looked for."""
     shared = ("forward", "forward_gain", "bias")
     first = {key: int(key in ("damping", "position_integral")) for key in gains if key not in shared}
     return [(key, i) for key, begin in first.items() for i in range(begin, np.size(gains[key]))]
@@ -196,20 +193,17 @@ def changed(gains: dict[str, Any], free: list[tuple[str, int]], x: np.ndarray, d
     return {key: value if isinstance(gains[key], list) else value[0] for key, value in new.items()}
 
 
-def main() -> int:
+def main() -> None:
     """Search from each start."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("law", choices=list(PARTS))
     parser.add_argument("--starts", type=int, default=4)
-    parser.add_argument("--scatter", type=float, default=0.15, help="standard deviation of the starts' logarithms")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--height", action="store_true", help="tune the gains of height alone, and keep none of them")
     options = parser.parse_args()
     warnings.simplefilter("ignore")
-    law, rng = options.law, np.random.default_rng(options.seed)
+    law, rng = options.law, np.random.default_rng(1)
     base = load_scenario(SCENARIO, PARTS[law])
     pilot, gains = Controller(base), json.loads(GAINS.read_text())[law]["gains"]
-    best, free = np.inf, free_gains(gains, options.height)
+    best, free = np.inf, free_gains(gains)
     most = np.log([MOST_GAIN / np.atleast_1d(gains[key])[i] for key, i in free])
 
     def at_gains(x: np.ndarray) -> Scenario:
@@ -222,7 +216,7 @@ def main() -> int:
         return float(np.log(cost(at_gains(x))))
 
     for start in range(options.starts + 1):
-        x = np.zeros(len(free)) if start == 0 else options.scatter * rng.standard_normal(len(free))
+        x = np.zeros(len(free)) if start == 0 else SCATTER * rng.standard_normal(len(free))
         for _ in range(ROUNDS):
             bounds = list(zip(x - FARTHEST, np.minimum(x + FARTHEST, most), strict=True))
             limits = {"type": "ineq", "fun": left}
@@ -240,12 +234,11 @@ def main() -> int:
         print(
             f"{law}, start {start}: {1e3 * value:.4f}, {'within' if fits else 'beyond'} the limits, {tuned}", flush=True
         )
-        if fits and value < best and not options.height:
+        if fits and value < best:
             best, known = value, json.loads(GAINS.read_text())
             known[law] = {"gains": tuned, "cost": value}
             GAINS.write_text(json.dumps(known, indent=1) + "\n")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -201,9 +201,8 @@ class Figures:
             if case == NONE:
                 mark = self.ask(not any(found), f"{sum(found)} false alarms in {len(rows)} unchanged flights")
             else:
-                mark = self.ask(
-                    np.mean(found) >= FOUND_ONLY.get(case, FOUND), f"{case}: found in {sum(found)} of {len(rows)}"
-                )
+                enough = np.mean(found) >= FOUND_ONLY.get(case, FOUND)
+                mark = self.ask(bool(enough), f"{case}: found in {sum(found)} of {len(rows)}")
             named = [row for row in rows if row["cause"] is not None]
             right = [row for row in named if row["cause"]["name"] == change.cause]
             words = "-"

@@ -181,9 +181,8 @@ def own_model_rows() -> Iterator[list[str]]:
         guess = first_guess(record)
         prior = first_prior(smoother.layout, guess, smoother.weight, settings)
         solved = smoother.solve(record, guess, prior, None, {})
-        drawn = [
-            own_model_errors(solved.linear, prior, solved.tuning, np.random.default_rng(seed)) for seed in range(DRAWS)
-        ]
+        rngs = map(np.random.default_rng, range(DRAWS))
+        drawn = [own_model_errors(solved.linear, prior, solved.tuning, rng) for rng in rngs]
         for kind in ("smoother", "filter"):
             nees = np.mean([one[f"{kind}_nees"] for one in drawn])
             covered = np.mean([np.abs(one[f"{kind}_z"]) < 1.96 for one in drawn])

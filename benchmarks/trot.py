@@ -73,32 +73,27 @@ class Walked:
 
 def mjcf(model: pin.Model, feet: tuple[str, ...]) -> str:
     """Return a robot as MJCF: its inertias and joints, spheres for feet, and a floor."""
-    children: dict[int, list[int]] = {}
-    for joint in range(2, model.njoints):
-        children.setdefault(int(model.parents[joint]), []).append(joint)
 
     def words(values: Array) -> str:
         return " ".join(f"{value:.10g}" for value in values)
 
     def body(joint: int) -> str:
         inertia, place = model.inertias[joint], model.jointPlacements[joint]
-        I = inertia.inertia  # noqa: E741
         turn = pin.Quaternion(place.rotation)
         at = f'pos="{words(place.translation)}" quat="{turn.w} {turn.x} {turn.y} {turn.z}"'
-        own = "<freejoint/>" if joint == 1 else ""
-        if joint > 1:
+        if joint == 1:
+            own = '<freejoint/><site name="imu"/>'
+        else:
             axis = words(np.eye(3)["XYZ".index(model.joints[joint].shortname()[-1])])
             own = f'<joint name="{model.names[joint]}" axis="{axis}"/>'
-        full = words(np.array([I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2]]))
+        full = words(inertia.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]])
         own += f'<inertial pos="{words(inertia.lever)}" mass="{inertia.mass}" fullinertia="{full}"/>'
-        if joint == 1:
-            own += '<site name="imu"/>'
         for foot in feet:
             frame = model.frames[model.getFrameId(foot)]
             if frame.parentJoint == joint:
                 shape = f'type="sphere" size="{FOOT_RADIUS}" mass="0" friction="{FRICTION} 0.01 0.001"'
                 own += f'<geom name="{foot}" {shape} pos="{words(frame.placement.translation)}"/>'
-        below = "".join(body(child) for child in children.get(joint, ()))
+        below = "".join(body(child) for child in model.children[joint])
         return f'<body name="{model.names[joint]}" {at}>{own}{below}</body>'
 
     motors = "".join(f'<motor joint="{name}"/>' for name in model.names.tolist()[2:])

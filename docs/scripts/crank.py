@@ -58,9 +58,7 @@ def books() -> tuple[dict[str, np.ndarray], np.ndarray]:
     data, states = robot.model.createData(), zip(log.measured["q"].values, log.measured["v"].values, strict=True)
     energy = 0.5 * motor.rotor_inertia * truth(log, "crank_rate") ** 2
     for k, (q, v) in enumerate(states):
-        energy[k] += pin.computeKineticEnergy(robot.model, data, q, v) + pin.computePotentialEnergy(
-            robot.model, data, q
-        )
+        energy[k] += pin.computeMechanicalEnergy(robot.model, data, q, v)
     step = chosen.simulation.dt
     work = {name: sign * step * np.cumsum(truth(log, channel)) for channel, (name, sign) in BOOKS.items()}
     return work, energy[1:] - energy[0]

@@ -57,19 +57,18 @@ def draw_view(axes: Axes, robot: Aerobat, q: np.ndarray, view: np.ndarray, names
     """Draw the visible parts, far ones first, and the named frames as three arrows each."""
     model, data = robot.model, robot.model.createData()
     pin.framesForwardKinematics(model, data, q)
-    meshes, corners, colours, solid = parts(robot.morphology), [], [], []
+    meshes, painted = parts(robot.morphology), []
     for item in robot.visual_model.geometryObjects:
         place = data.oMi[item.parentJoint] * item.placement
         for triangle in np.array(meshes[item.name].mesh) @ place.rotation.T + place.translation:
             normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
             shade = 0.55 + 0.45 * abs(normal @ LIGHT) / (np.linalg.norm(normal) + 1e-12)
             pale = 1.0 - 0.42 * (1.0 - np.array(item.meshColor[:3]))
-            corners.append(triangle @ view.T)
-            solid.append(item.meshColor[3] == 1.0)  # what is translucent is painted first, so that nothing hides in it
-            colours.append(np.clip(pale * shade + (1.0 - shade) * 0.5, 0.0, 1.0))
-    order = np.lexsort([[triangle[:, 2].mean() for triangle in corners], solid])
-    faces = [corners[i][:, :2] for i in order]
-    shades = [colours[i] for i in order]
+            face, colour = triangle @ view.T, np.clip(pale * shade + (1.0 - shade) * 0.5, 0.0, 1.0)
+            solid = item.meshColor[3] == 1.0  # what is translucent is painted first, so that nothing hides in it
+            painted.append((solid, face[:, 2].mean(), face[:, :2], colour))
+    painted.sort(key=lambda one: one[:2])
+    _, _, faces, shades = zip(*painted, strict=True)
     axes.add_collection(PolyCollection(faces, facecolors=shades, edgecolors=shades, linewidths=0.3, zorder=1))
     for name, offset in names.items():
         place = data.oMf[model.getFrameId(name)]

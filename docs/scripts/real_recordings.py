@@ -59,15 +59,14 @@ def hopper_text(folder: Path, work: Path) -> dict[str, str]:
     fitted, plain = read(first, "hopper_friction"), read(hop, "hopper_hop")
     learnt = calibrate([open_record(first, load_map(MAPS / "hopper_friction.toml"), MAPS)])
     all_of_it = read(hop, "hopper_hop", friction={"fit": [0.0, 3.0], "to": "check.wrench", "scale": True})
+    carried = read(hop, "hopper_hop", calibration=learnt)
     wrong, here, there = read(hop, "hopper"), "2019-07-04_16-25-06, 23 s", "hopper_data, 3 s"
     rows = [
         hopper_row(here, "none", read(first, "hopper")),
         hopper_row(here, "fitted on the first half; scored on the second", fitted),
         hopper_row(f"{there}, hip held (wrong)", "none", wrong),
         hopper_row(f"{there}, hip at its height", "none", plain),
-        hopper_row(
-            f"{there}, hip at its height", "those of the first recording", read(hop, "hopper_hop", calibration=learnt)
-        ),
+        hopper_row(f"{there}, hip at its height", "those of the first recording", carried),
         hopper_row(f"{there}, hip at its height", "fitted on all of it: nothing tests the fit", all_of_it),
     ]
     save({"hopper_forces": draw_all(fitted)["estimation"]}, ROOT / "docs" / "figures" / "recordings")

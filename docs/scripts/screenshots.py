@@ -27,9 +27,8 @@ TURN = 2.0  # [s], of the animated linkage
 def flight(name: str) -> Replay:
     """Return the replay of a shipped scenario."""
     made = run(load_scenario(name))
-    return replay_flight(
-        made.robot, made.log, made.scenario.air, estimate_dataset(made.estimates), made.metrics["note"]
-    )
+    estimates = estimate_dataset(made.estimates)
+    return replay_flight(made.robot, made.log, made.scenario.air, estimates, made.metrics["note"])
 
 
 def walker() -> Replay:

@@ -146,9 +146,8 @@ def noise_rows(r2: xr.DataArray, least: float) -> Iterator[list[str]]:
 
 def results(grids: dict[str, xr.Dataset]) -> dict[str, str]:
     """Return what the page says that only the sweeps' results tell."""
-    known, built = (
-        grids["morphology"]["r2"].sel(observer="momentum", point="left", belief=name) for name in ("known", "as built")
-    )
+    wings = grids["morphology"]["r2"].sel(observer="momentum", point="left")
+    known, built = (wings.sel(belief=name) for name in ("known", "as built"))
     usual = built.sel({SPAN: 1.05, CHORD: 1.0, "elbow": "as built", SPEED: 3.0, FREQUENCY: 4.75}).squeeze("seed")
     gains = grids["gain_noise"]["r2_noise_free"].sel(observer="force_level", point="left", axis="z").mean("seed")
     best = [
@@ -178,9 +177,8 @@ def find() -> Values:
         grids = {name: run_sweep(load_sweep(name), Path(work) / name, jobs=jobs) for name in shipped_sweeps()}
     figures = {"morphology_known": "known", "morphology_as_built": "as built"}
     drawn = {name: morphology(grids["morphology"], belief) for name, belief in figures.items()}
-    drawn |= {
-        draw.__name__: draw(grids[draw.__name__]) for draw in (gain_noise, model_error, sample_rate, sensor_noise)
-    }
+    for draw in (gain_noise, model_error, sample_rate, sensor_noise):
+        drawn[draw.__name__] = draw(grids[draw.__name__])
     save(drawn, ROOT / "docs" / "figures" / "studies")
     return {"docs/studies.md": results(grids)}
 

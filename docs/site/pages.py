@@ -94,14 +94,9 @@ class Stage:
 
     def write_pages(self) -> None:
         """Write every page of the sections, and every file that one of them links to."""
+        texts = {".py": self.example, ".ipynb": self.notebook, ".md": self.linked}
         for file, page in self.pages.items():
-            if file.suffix == ".py":
-                self.write(page, self.example(file))
-            elif file.suffix == ".ipynb":
-                self.write(page, self.notebook(file))
-            elif page != "index":
-                self.write(page, self.linked(file.read_text("utf-8"), file, page))
-        self.write("index", self.front())
+            self.write(page, texts[file.suffix](file) + (self.contents() if page == "index" else ""))
         done: set[Path] = set()
         while left := self.shown - done:
             for path in left:
@@ -123,18 +118,17 @@ class Stage:
         where = f"A notebook: `{file.relative_to(self.root).as_posix()}`."
         return "\n\n".join([f"{title}: a notebook", where, words.strip(), *rest]) + "\n"
 
-    def front(self) -> str:
-        """Return the front page: the README, and the tables of contents behind it."""
-        readme = self.root / "README.md"
-        text = self.linked(readme.read_text("utf-8"), readme, "index")
+    def contents(self) -> str:
+        """Return the tables of contents, which stand behind the README."""
+        text = ""
         for caption, files in self.sections.items():
             entries = [self.pages[file] for file in files] + (MADE if caption == "Reference" else [])
             if entries:
                 text += f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n" + "\n".join(entries) + "\n```\n"
         return text
 
-    def linked(self, text: str, file: Path, page: str) -> str:
-        """Return the text of a page with links that lead to pages of the site; code blocks stay as they are."""
+    def linked(self, file: Path) -> str:
+        """Return the text of a file with links that lead to pages of the site; code blocks stay as they are."""
 
         def relink(match: re.Match[str]) -> str:
             before, target, after = match.groups()
@@ -144,9 +138,9 @@ class Stage:
             if not path.exists():
                 said, missing = (one.relative_to(self.root).as_posix() for one in (file, path))
                 raise SystemExit(f"{said} links to {missing}, which does not exist")
-            return f"{before}{os.path.relpath(self.place(path), Path(page).parent)}{after}"
+            return f"{before}{os.path.relpath(self.place(path), Path(self.pages[file]).parent)}{after}"
 
-        parts = re.split(r"(^```.*?^```$)", text, flags=re.DOTALL | re.MULTILINE)
+        parts = re.split(r"(^```.*?^```$)", file.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
         parts[::2] = [LINK.sub(relink, NAMED_BY_FILE.sub("[]", part)) for part in parts[::2]]
         return "".join(parts)
 

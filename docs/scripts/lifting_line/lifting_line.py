@@ -57,10 +57,10 @@ def free_flights() -> str:
 
 def stable_steps() -> str:
     """Return Runge-Kutta's largest stable step [ms] by number of strips."""
-    limits = {
-        name: [runge_kutta_limit(wing(n).state_space(AIRSPEED).A) for n in STRIPS] for name, wing in wings().items()
-    }
-    rows = ([name, *(f"{1e3 * limit:.2f}" for limit in of)] for name, of in limits.items())
+    rows = []
+    for name, wing in wings().items():
+        limits = (runge_kutta_limit(wing(n).state_space(AIRSPEED).A) for n in STRIPS)
+        rows.append([name, *(f"{1e3 * limit:.2f}" for limit in limits)])
     return table(f"strips | {' | '.join(map(str, STRIPS))}", rows)
 
 
