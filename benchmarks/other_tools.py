@@ -75,17 +75,9 @@ MCAP_TOOLS = (
 )
 
 
-class Suite(NamedTuple):
-    """Tools that read the same files: page of the table, what writes the reference of their checks, the tools."""
-
-    page: Path
-    reference: str
-    tools: tuple[Tool, ...]
-
-
-SUITES = (
-    Suite(ROOT / "aerobat_description" / "README.md", "reference.py", TOOLS),
-    Suite(ROOT / "docs" / "recordings.md", "mcap_reference.py", MCAP_TOOLS),
+SUITES = (  # page of the table, what writes the reference of the checks, tools that read the same files
+    ("aerobat_description/README.md", "reference.py", TOOLS),
+    ("docs/recordings.md", "mcap_reference.py", MCAP_TOOLS),
 )
 
 
@@ -160,22 +152,22 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", metavar="TOOL", help="try these, and print their rows")
     only = parser.parse_args().only
     bad = []
-    for suite in SUITES:
-        chosen = tuple(tool for tool in suite.tools if only is None or slug(tool.title) in map(slug, only))
+    for page, writer, tools in SUITES:
+        chosen = tuple(tool for tool in tools if only is None or slug(tool.title) in map(slug, only))
         rows = []
         with tempfile.TemporaryDirectory() as name:
             reference = Path(name, "reference")
             if chosen:
-                run(sys.executable, CHECKS / suite.reference, reference, cwd=ROOT)
+                run(sys.executable, CHECKS / writer, reference, cwd=ROOT)
             for tool in chosen:
-                good, row = tried(tool, suite.page, reference)
+                good, row = tried(tool, ROOT / page, reference)
                 rows.append(row)
                 bad += [] if good else [tool.title]
                 print(row, flush=True)
-        if chosen == suite.tools:
+        if chosen == tools:
             when = f"Tried on {measured()}, Python {sys.version_info[0]}.{sys.version_info[1]}, by `make tools`:"
             laid_out = table("tool | version | what was found | trap", rows)
-            fill(str(suite.page.relative_to(ROOT)), {"tools": f"{when}\n\n{laid_out}"})
+            fill(page, {"tools": f"{when}\n\n{laid_out}"})
     if bad:
         sys.exit(f"failed: {', '.join(bad)}")
 
