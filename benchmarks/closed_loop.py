@@ -139,7 +139,7 @@ def margins(board: Board, seeds: Sequence[int]) -> None:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 good = [flight(PUSHED, settings, seed)["bounded"] for seed in seeds]
-            board.show(f"{what}, {law}: share of flights bounded for 5 s", float(np.mean(good)), 1.0, least=True)
+            board.show(f"{what}, {law}: share of flights bounded for 5 s", np.mean(good), 1.0, least=True)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         weak = ("thrusters.factor=0.5", "believed.thrusters.factor=1.0", longer)
@@ -152,14 +152,15 @@ def margins(board: Board, seeds: Sequence[int]) -> None:
 
 def impact(board: Board, seeds: Sequence[int]) -> None:
     """A blow of 25 mN s on the left wing: when is the body within 15 mm of its course for good?"""
+    for law in LAWS:
+        out = [np.flatnonzero(off_course(law, seed) > SETTLED) for seed in seeds]
+        after = [one[-1] * 1e-3 - 0.7 if len(one) else 0.0 for one in out]
+        board.show(f"{law}: settled after", np.median(after), unit="s")
 
-    def settled(settings: tuple[str, ...], seed: int) -> float:
-        away = np.linalg.norm(flight(BLOW, settings, seed)["error"][:, 1:3], axis=1) > SETTLED
-        return float(np.flatnonzero(away)[-1] * 1e-3 - 0.7) if away.any() else 0.0
 
-    for law, settings in LAWS.items():
-        after = float(np.median([settled(settings, seed) for seed in seeds]))
-        board.show(f"{law}: settled after", after, unit="s")
+def off_course(law: str, seed: int) -> np.ndarray:
+    """Return the distances from the course [m] of a flight with the blow, sideways and upwards, each millisecond."""
+    return np.linalg.norm(flight(BLOW, LAWS[law], seed)["error"][:, 1:3], axis=1)
 
 
 def blow(seed: int) -> Figure:
@@ -167,7 +168,7 @@ def blow(seed: int) -> Figure:
     figure = Figure(figsize=(6.5, 2.8), layout="constrained")
     axis = figure.subplots()
     for law, colour, line in (("PD", style.MUTED, "--"), ("PD + I + observer", style.BLUE, "-")):
-        away = 1e3 * np.linalg.norm(flight(BLOW, LAWS[law], seed)["error"][:, 1:3], axis=1)
+        away = 1e3 * off_course(law, seed)
         axis.plot(1e-3 * np.arange(len(away)), away, line, color=colour, label=law)
     axis.axhline(1e3 * SETTLED, color=style.INK, linestyle=":", linewidth=0.9, label="settled below")
     axis.axvline(0.7, color=style.FAINT, linewidth=0.9)
@@ -198,26 +199,24 @@ def cost(board: Board, seconds: float) -> None:
             used.append(resident())
     every = 1e6 * np.concatenate(times)[10:]
     least_bare = float(np.median(np.reshape(bare, (EQUAL_FLIGHTS, -1)).min(axis=0)))
-    board.show("loop: median", float(np.median(every)), unit="us")
-    board.show("loop: 99th percentile", float(np.percentile(every, 99.0)), 100.0, "us")
-    board.show("loop: worst of the first minute", float(np.max(every)), unit="us")
+    board.show("loop: median", np.median(every), unit="us")
+    board.show("loop: 99th percentile", np.percentile(every, 99.0), 100.0, "us")
+    board.show("loop: worst of the first minute", np.max(every), unit="us")
     for what, found in (("a sum of fixed numbers", fixed), ("bare calls of Pinocchio", bare)):
-        board.show(f"{what}, in the same minute: median", float(np.median(found)), unit="us")
-        board.show("  99th percentile", float(np.percentile(found, 99.0)), unit="us")
-        board.show("  that, of its median", float(np.percentile(found, 99.0) / np.median(found)))
-    board.show("loop: 99th percentile, of its median", float(np.percentile(every, 99.0) / np.median(every)))
+        board.show(f"{what}, in the same minute: median", np.median(found), unit="us")
+        board.show("  99th percentile", np.percentile(found, 99.0), unit="us")
+        board.show("  that, of its median", np.percentile(found, 99.0) / np.median(found))
+    board.show("loop: 99th percentile, of its median", np.percentile(every, 99.0) / np.median(every))
     least = []
     for _ in range(EQUAL_FLIGHTS):  # the same numbers in each, so what differs between them is the machine
         again = Controller(scenario, believed)
         ClosedLoop(Plant(robot, scenario), again).fly(window)
         least.append(again.loop_times)
     quiet = 1e6 * np.min(least, axis=0)[10:]
-    board.show(
-        f"the same, least of {EQUAL_FLIGHTS} equal flights, step by step: median", float(np.median(quiet)), unit="us"
-    )
-    board.show("  its 99th percentile", float(np.percentile(quiet, 99.0)), 100.0, "us")
-    board.show("  its largest", float(np.max(quiet)), unit="us")
-    board.show("loop: median, of its bare calls", float(np.median(every) / np.median(bare)), 15.0)
+    board.show(f"the same, least of {EQUAL_FLIGHTS} equal flights, step by step: median", np.median(quiet), unit="us")
+    board.show("  its 99th percentile", np.percentile(quiet, 99.0), 100.0, "us")
+    board.show("  its largest", np.max(quiet), unit="us")
+    board.show("loop: median, of its bare calls", np.median(every) / np.median(bare), 15.0)
     share = float(np.percentile(quiet, 99.0)) / least_bare
     board.show("loop: 99th percentile of the least, of the least bare calls", share, 15.0)
     minute = round(60.0 / (window * scenario.simulation.dt))
