@@ -198,12 +198,11 @@ def observer_figures(rounds: int) -> Iterator[Figure]:
         limit = kinds[kind][2] if kind in kinds else None
         yield figure(f"batch per sample, {kind}", times[kind] / times["bare"], "x", limit)
     doubts = {"known_error": {"aerodynamic": 0.2}, "mass_error": 0.05}
+    doubtful = SmootherObserver(model, FORCE_POINTS, force_walk=0.7, **doubts)
     parts = {
         "kalman": batch(KalmanObserver(model, FORCE_POINTS, force_walk=0.7)),
         "kalman and smoother": batch(SmootherObserver(model, FORCE_POINTS, force_walk=0.7)),
-        "kalman and smoother, mass and air in doubt": batch(
-            SmootherObserver(model, FORCE_POINTS, force_walk=0.7, **doubts), {"aerodynamic": aerodynamic}
-        ),
+        "kalman and smoother, mass and air in doubt": batch(doubtful, {"aerodynamic": aerodynamic}),
     }
     times = interleaved(rounds, bare=bare(len(samples)), **parts)
     for kind in parts:

@@ -97,9 +97,8 @@ def flight(name: str, settings: tuple[str, ...], seed: int) -> dict[str, Any]:
         flown = loop.fly(simulation.count)
     except SimulationError as error:
         flown, diverged = error.kept, True
-    course = np.array(scenario.flight.position) + np.outer(
-        np.arange(len(flown.q)) * simulation.dt, scenario.flight.velocity
-    )
+    seconds = np.arange(len(flown.q)) * simulation.dt
+    course = np.array(scenario.flight.position) + np.outer(seconds, scenario.flight.velocity)
     error = np.concatenate([flown.q[:, :3] - course, euler_angles(flown.q)], axis=1)
     record = loop.record(len(flown.q) - 1)
     slew = np.diff(record.command, axis=0) / simulation.dt

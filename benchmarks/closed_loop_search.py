@@ -231,9 +231,8 @@ def main() -> None:
                 break
         tuned = changed(gains, free, x, digits=3)
         value, fits = cost(with_gains(base, tuned)), room(pilot, with_gains(base, tuned)).min() >= 0.0
-        print(
-            f"{law}, start {start}: {1e3 * value:.4f}, {'within' if fits else 'beyond'} the limits, {tuned}", flush=True
-        )
+        where = "within" if fits else "beyond"
+        print(f"{law}, start {start}: {1e3 * value:.4f}, {where} the limits, {tuned}", flush=True)
         if fits and value < best:
             best, known = value, json.loads(GAINS.read_text())
             known[law] = {"gains": tuned, "cost": value}

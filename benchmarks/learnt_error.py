@@ -75,13 +75,11 @@ def flights(sensors: str, count: int) -> Iterator[Flight]:
     """Yield all flights in the order in which they are flown: of each case a few first, so that a part is of all."""
     noise = changed.SENSORS[sensors]
     near = ((*changed.AT, *noise),)
-    calibrations = zip(
-        CALIBRATIONS, (near, (*near, (*changed.AWAY, *noise)), (*near, (*changed.LIVELY, *noise))), strict=True
-    )
+    learnt = near, (*near, (*changed.AWAY, *noise)), (*near, (*changed.LIVELY, *noise))
     within = tuple((*one, *noise) for one in changed.DAY)
     freely = changed.FLIGHTS["no force"]
     kinds = changed.FLIGHTS | {"a manoeuvre": (*freely, *changed.MANOEUVRE), "outside": (*freely, *changed.OUTSIDE)}
-    for words, free in calibrations:
+    for words, free in zip(CALIBRATIONS, learnt, strict=True):
         for kind, settings in kinds.items():
             yield Flight(f"after {words}: {kind}", 1, (*settings, *noise, "simulation.seed=1"), free)
     unchanged, changes = UNCHANGED[sensors], changed.CHANGES if sensors == "exact" else NOISY_CHANGES

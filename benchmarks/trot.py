@@ -248,6 +248,5 @@ def _pin_state(state: mujoco.MjData) -> tuple[Array, Array]:
 def feet_of(model: pin.Model) -> tuple[str, ...]:
     """Return the frames of the feet, front left, front right, rear left, rear right."""
     names = [frame.name for frame in model.frames.tolist() if frame.type == pin.FrameType.BODY]
-    return tuple(
-        next(n for n in names if n.lower().startswith(leg) and "foot" in n.lower()) for leg in ("fl", "fr", "rl", "rr")
-    )
+    feet = [name for name in names if "foot" in name.lower()]
+    return tuple(next(foot for foot in feet if foot.lower().startswith(leg)) for leg in ("fl", "fr", "rl", "rr"))

@@ -21,9 +21,8 @@ MM = 1e3
 
 def arrow(axes: Axes, start: np.ndarray, end: np.ndarray, colour: str, width: float = 1.4) -> None:
     """Draw an arrow between two points of the page."""
-    axes.annotate(
-        "", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "lw": width, "shrinkA": 0, "shrinkB": 0}
-    )
+    look = {"arrowstyle": "-|>", "color": colour, "lw": width, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", end, start, arrowprops=look)
 
 
 def five_bodies() -> Figure:
@@ -88,9 +87,8 @@ def lengths(axes: Axes, body: np.ndarray, shoulder: np.ndarray, elbow: np.ndarra
         (elbow, com, "$l_{L3}$", (4, -22)),
     ):
         arrow(axes, start, end, PURPLE)
-        axes.annotate(
-            name, 0.5 * (start + end), off, textcoords="offset points", color=PURPLE, fontsize=12, ha="center"
-        )
+        middle = 0.5 * (start + end)
+        axes.annotate(name, middle, off, textcoords="offset points", color=PURPLE, fontsize=12, ha="center")
 
 
 def angles(axes: Axes, shoulder: np.ndarray, elbow: np.ndarray, theta_s: float, theta_e: float) -> None:

@@ -44,9 +44,8 @@ def summary(experiment: Experiment) -> str:
     momentum = experiment.metrics["observers"]["momentum"]
     rows = [["paper, R2", *PAPER], *(row(f"{wing} wing, R2 (error rms)", momentum, wing) for wing in ("left", "right"))]
     three = 'observers.names=["momentum", "force_level", "kalman"]'
-    rows += [
-        row(f"left wing, motor torque alone, `{name}`", of) for name, of in scored("paper", MOTOR_ONLY, three).items()
-    ]
+    alone = scored("paper", MOTOR_ONLY, three)
+    rows += [row(f"left wing, motor torque alone, `{name}`", of) for name, of in alone.items()]
     noisy = scored("noisy_sensors", MOTOR_ONLY, 'observers.names=["smoother"]')["smoother"]
     rows.append(row("left wing, motor torque alone, noisy sensors, `smoother`", noisy))
     dense = scored("paper", "believed.air.density=1.47")["momentum"]

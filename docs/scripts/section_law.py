@@ -34,9 +34,8 @@ CHANGES = (
 def steady_figure() -> Figure:
     """Draw normal force, lift and drag over incidence, aspect ratio 2 above, wall to wall below."""
     figure, angles, named = Figure(figsize=(7.4, 5.4), layout="constrained"), np.arange(2.0, 91.0, 4.0), {}
-    for row, (aspect_ratio, sets) in zip(
-        figure.subplots(2, 3, sharex=True), ((2.0, (0, 2)), (None, (1,))), strict=True
-    ):
+    panels = figure.subplots(2, 3, sharex=True)
+    for row, (aspect_ratio, sets) in zip(panels, ((2.0, (0, 2)), (None, (1,))), strict=True):
         for law in section.LAWS:
             lift, drag = section.steady(law, aspect_ratio, angles)
             _three(row, angles, lift, drag, color=LINES[law], linestyle=STYLES[law], label=law.name)

@@ -270,9 +270,8 @@ def main() -> None:
             mass, deviation = load["mass"], load["deviation of mass"]
             good = LIGHTEST <= round(mass, 2) <= HEAVIEST and abs(mass - MASS) < 2.0 * deviation
             centre = ", ".join(f"{load[axis]:.3f} +- {load[f'deviation of {axis}']:.3f}" for axis in "xyz")
-            print(
-                f"load of {sought}: {mass:.3f} +- {deviation:.3f} kg at ({centre}) m{'' if good else ': not within'}\n"
-            )
+            verdict = "" if good else ": not within"
+            print(f"load of {sought}: {mass:.3f} +- {deviation:.3f} kg at ({centre}) m{verdict}\n")
 
 
 if __name__ == "__main__":

@@ -78,10 +78,8 @@ class Stage:
     def __init__(self, root: Path, folder: Path) -> None:
         self.root, self.folder = root, folder
         self.sections = sections(root)
-        self.pages = {
-            file: page_name(file.relative_to(root).as_posix()) for files in self.sections.values() for file in files
-        }
-        self.pages[root / "README.md"] = "index"
+        files = [root / "README.md", *(file for files in self.sections.values() for file in files)]
+        self.pages = {file: page_name(file.relative_to(root).as_posix()) for file in files}
         self.shown: set[Path] = set()  # files that are shown as they are, because a page links to them
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
