@@ -176,15 +176,16 @@ def _accelerometer(sensed: Sensed) -> tuple[Array, Array, Array]:
     expected, slope = sensed.shown(sensed.nominal.middles(), felt @ turn)
     by_rate = np.concatenate([EYE, -lever], axis=1)
     by_twist = np.concatenate([W, lever @ W - 2.0 * W @ lever - V], axis=2)[k]
-    by_push = turn.T @ (by_rate + half * by_twist)
-    h = by_push @ d.acceleration[k]
-    h[:, :, POSE_ERROR] -= turn.T @ up[k] @ d.ad_half[k, 3:]
-    h[:, :, TWIST_ERROR] += turn.T @ by_twist
-    h[:, :, TURNING] -= half * (turn.T @ up[k])
+    by_push, by_turn = by_rate + half * by_twist, -up[k]
+    in_body = by_push @ d.acceleration[k]
+    in_body[:, :, POSE_ERROR] += by_turn @ d.ad_half[k, 3:]
+    in_body[:, :, TWIST_ERROR] += by_twist
+    in_body[:, :, TURNING] += half * by_turn
+    h = turn.T @ in_body
     h[:, :, sensed.layout.accelerometer_bias] += EYE
     if sensed.layout.mount:
         h[:, :, sensed.layout.mount_at] = np.concatenate([turn.T @ by_place[k], cross_matrices(expected)], axis=2)
-    return h, sensed.values - expected - (by_push @ d.push[k, :, None])[:, :, 0], slope
+    return h, sensed.values - expected - (by_push @ d.push[k, :, None])[:, :, 0] @ turn, slope
 
 
 def _crank(sensed: Sensed) -> tuple[Array, Array, Array]:
