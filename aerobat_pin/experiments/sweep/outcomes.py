@@ -69,15 +69,12 @@ def outcome_of(scenario: Scenario) -> str:
 def _load_once(section: RobotSection, scenario: Scenario) -> Aerobat:
     from_file = section.morphology not in MORPHOLOGIES and os.path.isfile(section.morphology)
     stamp = Path(section.morphology).stat().st_mtime_ns if from_file else 0
-    robot = _loaded(section.morphology, json.dumps(section.changes), scenario.flight.gravity, stamp)
-    if isinstance(robot, AerobatError):
-        raise robot
-    return robot
+    return _loaded(section.morphology, json.dumps(section.changes), scenario.flight.gravity, stamp)
 
 
 @lru_cache(maxsize=16)
-def _loaded(morphology: str, changes: str, gravity: float, stamp: int) -> Aerobat | AerobatError:
-    """Load a robot, or return the error that prevents it.
+def _loaded(morphology: str, changes: str, gravity: float, stamp: int) -> Aerobat:
+    """Load a robot.
 
     Args:
         morphology: shipped name or TOML file.
@@ -85,7 +82,4 @@ def _loaded(morphology: str, changes: str, gravity: float, stamp: int) -> Aeroba
         gravity: acceleration of gravity [m/s2].
         stamp: time when the TOML file was last changed, so that a changed file is loaded again.
     """
-    try:
-        return load_aerobat(morphology, json.loads(changes), gravity=gravity)
-    except AerobatError as error:
-        return error
+    return load_aerobat(morphology, json.loads(changes), gravity=gravity)
