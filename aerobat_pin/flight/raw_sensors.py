@@ -97,7 +97,7 @@ def specific_force(time: Array, q: Array, v: Array, gravity: Array, place: Array
     return np.asarray(rate[:, :3] + np.cross(rate[:, 3:], place) + 0.5 * (steady[1:] + steady[:-1]))
 
 
-def _ticks(time: Array, sensor: SampledSection) -> Array:
+def _sample_times(time: Array, sensor: SampledSection) -> Array:
     """Return when a sensor takes its samples (n,) [s]: at its rate, or as often as the log."""
     if sensor.rate is None:
         return time
@@ -112,14 +112,14 @@ def _kept(taken: Array, sensor: SampledSection, rng: np.random.Generator) -> np.
 
 def _instants(time: Array, sensor: SampledSection, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return the stamps of a sensor's samples, and when they were taken [s]."""
-    ticks = _ticks(time, sensor)
+    ticks = _sample_times(time, sensor)
     taken = np.minimum(ticks[_kept(ticks, sensor, rng)], time[-1])
     return taken + sensor.delay, taken
 
 
 def _means(time: Array, means: Array, sensor: SampledSection, rng: np.random.Generator) -> tuple[Array, Array, Array]:
     """Return stamps, middles [s] and means (n, c) over periods, from means (m, c) over the intervals of the log."""
-    edges = _ticks(time, sensor)
+    edges = _sample_times(time, sensor)
     integral = np.concatenate([np.zeros((1, means.shape[1])), np.cumsum(means * np.diff(time)[:, None], axis=0)])
     over = np.diff(_between(time, integral, np.minimum(edges, time[-1])), axis=0) / np.diff(edges)[:, None]
     middle = 0.5 * (edges[1:] + edges[:-1])
