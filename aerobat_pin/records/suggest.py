@@ -33,6 +33,7 @@ TIME = re.compile(
     r"^(t|time|timestamp|stamp|time_stamp|elapsed|seconds|(?=[mun]s$))[ _]*[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$",
     re.IGNORECASE,
 )
+UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
 GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
 STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
 GROUP_WORDS = {  # what a group of columns may be -> words in its name
@@ -144,6 +145,22 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
                 forces += 1
                 yield f"force {forces + 1}", tuple(axes[axis] for axis in needed)
                 break
+    if "quaternion" not in taken:
+        yield from (("quaternion", names) for names in _numbered_by_four(columns) if _is_attitude(columns, names))
+
+
+def _numbered_by_four(columns: Columns) -> Iterator[tuple[str, ...]]:
+    """Yield four columns each that are numbered, as q[0] to q[3]."""
+    groups: dict[str, list[str]] = {}
+    for name in columns.names:
+        groups.setdefault(re.sub(r"[\[_ .]?\d\]?$", "", name), []).append(name)
+    yield from (tuple(names) for names in groups.values() if len(names) == 4)
+
+
+def _is_attitude(columns: Columns, names: tuple[str, ...]) -> bool:
+    """Return whether four columns are unit quaternions that turn."""
+    values = np.column_stack([columns.sample(name) for name in names])
+    return bool(np.allclose(np.linalg.norm(values, axis=1), 1.0, atol=UNIT_ERROR) and np.ptp(values, axis=0).any())
 
 
 def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
@@ -213,7 +230,12 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         unit = named_unit("length", groups["position"]) or "m"
         yield f'position = {{columns = {listed(groups["position"])}, unit = "{unit}"}}'
         if "quaternion" in groups:
-            yield f'quaternion = {{columns = {listed(groups["quaternion"])}, order = "xyzw", sense = "body_to_world"}}'
+            means = [float(np.abs(columns.sample(name)).mean()) for name in groups["quaternion"]]
+            numbered = groups["quaternion"][0][-1:].lower() != "x"
+            order = "wxyz" if numbered and means[0] > means[3] else "xyzw"
+            asked = f"  # or {'xyzw' if order == 'wxyz' else 'wxyz'}?" if numbered else ""
+            columns_of = f'{{columns = {listed(groups["quaternion"])}, order = "{order}", sense = "body_to_world"}}'
+            yield f"quaternion = {columns_of}{asked}"
         else:
             yield "# quaternion = {columns = [...]}  # which columns are the attitude?"
         if "velocity" in groups:

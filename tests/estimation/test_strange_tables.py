@@ -35,7 +35,7 @@ def test_decimals_are_judged_over_the_whole_table(tmp_path: Path, monkeypatch: p
 
 
 def test_numbered_columns_are_suggested_for_the_joints_in_order(tmp_path: Path) -> None:
-    """And four numbered columns of a quaternion are not; a second force sensor is asked about."""
+    """And four numbered columns of length 1 for the attitude, in an order to ask about; as is a second force sensor."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
     frame = table(walk())
     numbers = {f"quat{k}": frame[f"q{axis}"] for k, axis in enumerate("wxyz")}
@@ -51,6 +51,8 @@ def test_numbered_columns_are_suggested_for_the_joints_in_order(tmp_path: Path) 
     assert suggested["joints"]["names"] == list(walk().joints)
     for part, name in (("position", "q{}"), ("velocity", "dq_{}"), ("effort", "tau_J{}")):
         assert suggested["joints"][part]["columns"] == [name.format(k) for k in range(1, 13)]
+    assert suggested["base"]["quaternion"]["columns"] == list(numbers)[:4]
+    assert 'order = "wxyz", sense = "body_to_world"}  # or xyzw?' in text
     assert suggested["base"]["rate"]["columns"] == [f"base_ang_vel_{axis}" for axis in "xyz"]
     assert suggested["check"]["wrench"]["columns"] == [f"left_foot_force_{axis}" for axis in "xyz"]
     assert "# And right_foot_force_x, right_foot_force_y, right_foot_force_z?" in text
