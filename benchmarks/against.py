@@ -1,7 +1,5 @@
 """Two checkouts measured in turn, each by its own `bench.py`: what one asks for that says no ratio got worse."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -3,8 +3,6 @@
 PYTHONPATH=tests python benchmarks/bad_inputs.py --count 5000 --seeds 1 2 3
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import sys

@@ -10,8 +10,6 @@ the lowest and the highest round beside it. Nothing fails here: benchmarks infor
     python benchmarks/bench.py --against REV         measure another commit (or checkout) too, in turn, five times each
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import json

@@ -6,8 +6,6 @@ Every signal is sent to a process of its own, at any time from its start to its 
 `tests/support/broken_runs.py`. All is done on two file systems: that of temporary folders, and /dev/shm.
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import shutil

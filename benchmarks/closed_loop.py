@@ -5,8 +5,6 @@ them, each beside its bound; ends with exit code 1 where one is not reached. Tim
 neighbours on the machine lengthen them, too. `--write` puts what was measured into docs/control_results.md.
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import gc

@@ -8,8 +8,6 @@ these seeds served a choice. The figures of finished flights are kept in `--kept
 `--only` names the rows that are flown; the page keeps its others.
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import json

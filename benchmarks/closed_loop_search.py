@@ -17,8 +17,6 @@ minutes. What each start ends at is printed: where they agree there is one optim
 Which gains are kept, and why, stands in docs/design/0015-control.md.
 """
 
-from __future__ import annotations
-
 import argparse
 import copy
 import json

@@ -1,7 +1,5 @@
 """Read the numbers that two folders of results have in common, and compare them leaf by leaf."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import Counter

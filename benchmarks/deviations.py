@@ -5,8 +5,6 @@ a flight (`tests/support/rails.py`), and estimated with settings as they come. A
 joint smoother are measured by `benchmarks/raw_sensors.py`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

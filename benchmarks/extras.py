@@ -6,8 +6,6 @@
 An environment has nothing but the project and the extra; it is removed afterwards. Ends with an error if one fails.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import subprocess

@@ -10,8 +10,6 @@ where it was, and the page is written after each flight. Run by `make evidence`;
 Exits with 1 if a figure that is asked for is missed.
 """
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import json

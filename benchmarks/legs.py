@@ -1,7 +1,5 @@
 """Forces on the feet of a trotting Go2 without motion capture: the tables of docs/legs.md. Some minutes."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor

@@ -1,7 +1,5 @@
 """`aerobat live` in a software-rendered Chromium: the table of docs/live.md."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What long paths cost: a sweep beside its flights, and what processes bring; raw samples, smoothed and filtered."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Time and memory of `aerobat estimate` on an hour of 1 kHz data of one rigid body; an error if it is slow or large."""
 
-from __future__ import annotations
-
 import resource
 import subprocess
 import sys

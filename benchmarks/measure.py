@@ -1,7 +1,5 @@
 """Timing several callables against each other, one line of the table of results, and the time of another process."""
 
-from __future__ import annotations
-
 import gc
 import os
 import time

@@ -1,7 +1,5 @@
 """A push at the last link of every robot that has a name: the tables of docs/named_robots.md."""
 
-from __future__ import annotations
-
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor

@@ -8,8 +8,6 @@ in benchmarks/tools/, which compares it with Pinocchio. The one for MCAP files, 
 alone, which compares what is read with what was written. Environments are kept in `.venv-tools/`.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -3,8 +3,6 @@
 Each row is the worse wing and the worst of the seeds, against the true force without its noise. A quarter of an hour.
 """
 
-from __future__ import annotations
-
 import resource
 import time
 from collections.abc import Iterator

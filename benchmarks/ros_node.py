@@ -1,7 +1,5 @@
 """`aerobat node` over minutes at 500 Hz, with restarts of publisher and node: the table of docs/ros_node.md."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -15,8 +15,6 @@ every channel of NetCDF files, tables of text, calibrations, and the lines that 
 Ends with exit code 1 where a difference is above that of `--limit` (default 0: equal to the last bit).
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

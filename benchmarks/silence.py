@@ -5,8 +5,6 @@
 Ends with an error if a command is silent for more than `LONGEST` seconds a second time.
 """
 
-from __future__ import annotations
-
 import os
 import pty
 import subprocess

@@ -3,8 +3,6 @@
 PYTHONPATH=tests python benchmarks/stream_faults.py
 """
 
-from __future__ import annotations
-
 import tempfile
 import tracemalloc
 from pathlib import Path

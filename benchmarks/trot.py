@@ -4,8 +4,6 @@ The controller is a plain one: forces of the feet on the ground that hold height
 feet in the air on arcs to where the speed asks for them (Raibert 1986).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

@@ -1,7 +1,5 @@
 """Drake: dynamics of the URDF, contacts over a turn, and the closed linkage of the MJCF."""
 
-from __future__ import annotations
-
 import json
 import logging
 import sys

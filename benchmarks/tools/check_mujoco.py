@@ -1,7 +1,5 @@
 """MuJoCo: the closed linkage over ten turns from rest, with the file's own settings, and its speed."""
 
-from __future__ import annotations
-
 import time
 
 import mujoco

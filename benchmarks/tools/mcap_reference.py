@@ -1,7 +1,5 @@
 """Write an MCAP file of a short simulated flight, and beside it, as JSON, the forces that it holds."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -3,8 +3,6 @@
 Order of all vectors: base (linear, angular, base axes), left shoulder, left elbow, right shoulder, right elbow.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write the tables of docs/crank.md and its figure: a blow on a wing whose crank a motor turns."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 

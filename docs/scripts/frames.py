@@ -1,7 +1,5 @@
 """Draw the description's frames: a picture in which every kind of frame has its name, or an error."""
 
-from __future__ import annotations
-
 import io
 import sys
 from pathlib import Path

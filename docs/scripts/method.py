@@ -1,7 +1,5 @@
 """Draw the robot as five bodies, for docs/method.md; the observer's blocks beside it are drawn by hand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import matplotlib as mpl

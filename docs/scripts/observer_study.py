@@ -1,7 +1,5 @@
 """Write the tables and the figure of docs/observer_results.md: every observer under the same conditions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

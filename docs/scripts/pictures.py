@@ -1,7 +1,5 @@
 """Render the robot for docs/robot.md, off screen with MuJoCo: `make docs`, or `python docs/scripts/pictures.py`."""
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass
 from pathlib import Path

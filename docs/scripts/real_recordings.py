@@ -3,8 +3,6 @@
 The folder AEROBAT_RECORDINGS must hold clones of the repositories that examples/recordings/README.md names.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """Write the tables of docs/results.md, its figures, and the table of README.md."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """Take the pictures of docs/replay.md, and the animated one of README.md, under 3 MB; needs a Chromium."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

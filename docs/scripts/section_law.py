@@ -1,7 +1,5 @@
 """Write the tables and figures of docs/section_law.md: the section laws against measured plates and wings."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cache
 

@@ -23,8 +23,6 @@ A quadrotor flies a figure in front of fans. Its thrust is known as a command ov
 2.53 kg.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import tempfile

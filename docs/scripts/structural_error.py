@@ -3,8 +3,6 @@
 Some three minutes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from support.calibrated import FREE, SIX_ERRORS, FreeFlight, believed, free_flight, learnt, seen_with, with_six_errors

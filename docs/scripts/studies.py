@@ -1,7 +1,5 @@
 """Write the results and figures of docs/studies.md: the shipped sweeps, flown and drawn."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Iterable, Iterator

@@ -1,7 +1,5 @@
 """Build the site: `make site`, or `python docs/site/build.py [FOLDER]`; needs no network. A warning is an error."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

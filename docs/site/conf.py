@@ -1,7 +1,5 @@
 """Settings of Sphinx for the site; `build.py` stages the pages and calls it."""
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

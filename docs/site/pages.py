@@ -1,7 +1,5 @@
 """Which file of the repository becomes which page of the site, and where links between them lead."""
 
-from __future__ import annotations
-
 import ast
 import json
 import os

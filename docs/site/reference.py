@@ -1,7 +1,5 @@
 """Pages of the reference: every public name of every room's door, from its docstring."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import re

@@ -1,7 +1,5 @@
 """The rungs that the lifting line alone is held to, a figure each, theory against ours; for docs/lifting_line.md."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -3,8 +3,6 @@
 How many strips it takes, and how large a step they allow, is counted here.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import ladder

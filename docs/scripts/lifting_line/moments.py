@@ -1,7 +1,5 @@
 """Moments and thrust beside lift: a pitching section, and the vortex lattice's cases; for docs/lifting_line.md."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
