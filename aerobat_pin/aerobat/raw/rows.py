@@ -70,8 +70,7 @@ class Sensed(NamedTuple):
 
     def shown(self, time: Array, series: Array) -> tuple[Array, Array]:
         """Return a series (m, c) at the samples' times, and its rate of change if a clock offset is estimated."""
-        values = _interpolated(time, series, self.at)[0]
-        wanted = self.sensor.name in self.layout.offset_at
+        values, wanted = _interpolated(time, series, self.at), self.sensor.name in self.layout.offset_at
         return values, _rate_of(time, series, self.at) if wanted else np.zeros_like(values)
 
 
@@ -99,13 +98,13 @@ def sample_rows(
     return SampleRows(start.astype(np.intp), np.ascontiguousarray(h[order]), e[order], R[order], sensor[order])
 
 
-def _interpolated(time: Array, series: Array, at: Array) -> tuple[Array, Array]:
-    """Return a series (m, c) at times `at` (k,), and its rate of change there; straight lines, extended at the ends."""
+def _interpolated(time: Array, series: Array, at: Array) -> Array:
+    """Return a series (m, c) at times `at` (k,), by straight lines that are extended at the ends."""
     if len(time) == 1:
-        return np.repeat(series, len(at), axis=0), np.zeros((len(at), series.shape[1]))
+        return np.repeat(series, len(at), axis=0)
     first = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-    slope = (series[first + 1] - series[first]) / (time[first + 1] - time[first])[:, None]
-    return series[first] + (at - time[first])[:, None] * slope, slope
+    share = (at - time[first]) / (time[first + 1] - time[first])
+    return np.asarray(series[first] + share[:, None] * (series[first + 1] - series[first]))
 
 
 def _rate_of(time: Array, series: Array, at: Array) -> Array:
@@ -113,8 +112,6 @@ def _rate_of(time: Array, series: Array, at: Array) -> Array:
 
     Noise of the series would make up a clock offset, because a sample's own noise is in the smoothed series too.
     """
-    if len(time) < 3 * SLOPE_OVER:
-        return _interpolated(time, series, at)[1]
     window = np.hanning(SLOPE_OVER + 2)[1:-1]
     window /= np.sum(window)
     half = SLOPE_OVER // 2
