@@ -23,9 +23,10 @@ A quadrotor flies a figure in front of fans. Its thrust is known as a command ov
 2.53 kg.
 """
 
-import json
 import os
 import tempfile
+import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,7 @@ MOST_SHOWN, STOP = 20.0, 0.1  # [N] where nothing touches, and [s] at the end th
 GRAVITY = np.array([0.0, 0.0, 9.81])
 WINDS = {"nowind": 0.0, "35wind": 4.2, "70wind": 8.5, "100wind": 12.1}  # [m/s]
 DRONE = 2.53  # [kg]
+MAPS = Path(__file__).resolve().parents[2] / "examples" / "recordings"
 AIRBOT_LOGS, AIRBOT_LOAD = ("chirp_motion", "trapezoidal_motion", "chirp_motion_loaded"), 0.48  # [kg]
 GEARS, OFFSETS = np.array([32.0, 32.0, 45.0, -48.0, 45.0, 32.0]), {"joint_2": -np.pi / 2, "joint_3": np.pi / 2}
 TX40_FRICTION = {"coulomb": (7.14, 8.26, 6.34, 2.48), "viscous": (8.05, 5.53, 1.97, 1.11)}  # as identified by others
@@ -181,14 +183,12 @@ def nothing_lines(bags: Path) -> None:
         )
 
 
-def bare(files: tuple[Path, Path], rate: float, urdf: Path, point: str, place: Path, **joints: object) -> Record:
+def bare(files: Iterable[Path], rate: float, urdf: Path, point: str, place: Path, **joints: object) -> Record:
     """Open angles and torques of six joints, tables without times, by a map that seeks a force at a point."""
     q, tau = (pd.read_csv(file).to_numpy() for file in files)
     columns = {part: [f"{part}{k}" for k in range(6)] for part in ("q", "tau")}
-    rows = pd.DataFrame(
-        np.column_stack([np.arange(len(q)) / rate, q, tau]), columns=["t", *columns["q"], *columns["tau"]]
-    )
-    rows.to_csv(place / "log.csv", index=False)
+    rows, names = np.column_stack([np.arange(len(q)) / rate, q, tau]), ["t", *columns["q"], *columns["tau"]]
+    pd.DataFrame(rows, columns=names).to_csv(place / "log.csv", index=False)
     motion = {"position": {"columns": columns["q"]}, "velocity": {"from": "position", "window": 0.02}}
     values = {
         "robot": {"urdf": str(urdf), "root": "fixed", "points": [point]},
@@ -205,12 +205,9 @@ def airbot_lines(folder: Path, place: Path) -> None:
     for learnt in ("nothing", AIRBOT_LOGS[0]):
         for log in AIRBOT_LOGS[0 if calibration is None else 1 :]:
             kind, loaded = log.removesuffix("_loaded"), "_loaded" * log.endswith("_loaded")
-            files = [
-                folder / "identification" / kind / f"identification_{part}_real{loaded}.csv" for part in ("q", "tau")
-            ]
-            record = bare(
-                tuple(files), 100.0, folder / "urdf" / "airbot_play_v3_0_gripper.urdf", "link6", place, names=names
-            )
+            there = folder / "identification" / kind
+            files = [there / f"identification_{part}_real{loaded}.csv" for part in ("q", "tau")]
+            record = bare(files, 100.0, folder / "urdf" / "airbot_play_v3_0_gripper.urdf", "link6", place, names=names)
             result = estimate(record, calibration=calibration)
             [found], truth = result.estimates.values(), np.array([0.0, 0.0, -9.81 * AIRBOT_LOAD * bool(loaded)])
             mean = [component[at].mean() for component, at in zip(found.components.T, found.shown.T, strict=True)]
@@ -234,40 +231,22 @@ def friction_lines(folder: Path, place: Path) -> None:
     result, learnt = estimate(record), calibrate([record], trust=True)
     print(f"TX40: {result.verdict}")
     for name, published in TX40_FRICTION.items():
-        both = (getattr(values.friction, name)[:4].round(2) for values in (result.forces.values, learnt.fitted))
-        print(
-            f"TX40, {name} friction of joints 1 to 4: {next(both)} beside forces, {next(both)} learnt, {published} published"
-        )
+        beside, alone = (getattr(one.friction, name)[:4].round(2) for one in (result.forces.values, learnt.fitted))
+        print(f"TX40, {name} friction of joints 1 to 4: {beside} beside forces, {alone} learnt, {published} published")
 
 
 def wind_lines(folder: Path, place: Path) -> None:
     """Print the mean force of the air on the quadrotor, by the speed of the wind."""
-    values = {
-        "robot": {"body": {"mass": DRONE, "inertia": [0.03, 0.03, 0.05]}, "root": "free_flyer", "wrenches": ["body"]},
-        "log": {"time": {"column": "t"}},
-        "base": {
-            "position": {"columns": [f"p{k}" for k in range(3)]},
-            "quaternion": {"columns": [f"q{k}" for k in range(4)]},
-            "velocity": {"columns": [f"v{k}" for k in range(3)], "axes": "world"},
-            "rate": {"columns": [f"w{k}" for k in range(3)]},
-        },
-        "known": {
-            "thrust": {"columns": ["T_sp0"], "supply": {"column": "hover_throttle0", "divide": True}}
-            | {"law": "polynomial 1", "coefficients": [DRONE * GRAVITY[2]], "direction": [0, 0, 1]}
-        },
-        "observer": {"gain": 10.0},
-    }
+    values = tomllib.loads((MAPS / "neural_fly.toml").read_text())
+    values["robot"] = {"body": values["robot"]["body"] | {"mass": DRONE}, "root": "free_flyer", "wrenches": ["body"]}
+    values["known"]["thrust"] |= {"coefficients": [DRONE * GRAVITY[2]], "direction": [0, 0, 1]}
+    values["observer"] = {"gain": 10.0}
     for wind, speed in WINDS.items():
-        rows, columns = pd.read_csv(folder / f"custom_figure8_baseline_{wind}.csv"), {}
-        for name in ("p", "q", "v", "w", "T_sp", "hover_throttle"):
-            table = np.array(list(map(json.loads, rows[name])))
-            columns |= {f"{name}{k}": column for k, column in enumerate(table.T)}
-        pd.DataFrame({"t": rows.t, **columns}).to_csv(place / "log.csv", index=False)
-        result = estimate(open_record(place / "log.csv", parse_map(values, "of the drone"), place))
+        log = folder / f"custom_figure8_baseline_{wind}.csv"
+        result = estimate(open_record(log, parse_map(values, "of the drone"), place))
         mean = result.estimates["force_level"].components[:, :3].mean(axis=0)
-        print(
-            f"quadrotor, wind of {speed:g} m/s: mean force {np.round(mean, 2)} N; {result.verdict.partition(' and ')[0]}"
-        )
+        verdict = result.verdict.partition(" and ")[0]
+        print(f"quadrotor, wind of {speed:g} m/s: mean force {np.round(mean, 2)} N; {verdict}")
 
 
 def main() -> None:
