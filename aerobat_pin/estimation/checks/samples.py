@@ -138,12 +138,25 @@ def rests_at_zero(key: str) -> bool:
 
 
 def _dead_efforts(record: Record) -> Iterator[Finding]:
-    """Yield that no effort ever changes although the joints move: a driver may fill in zeros for what it lacks."""
+    """Yield efforts that never change although their joints move: a driver may fill in zeros for what it lacks."""
     efforts, positions = (record.channels.get(f"joints.{part}") for part in ("effort", "position"))
-    if efforts is None or positions is None or _changes(efforts).any() or not _changes(positions).any():
+    if efforts is None or positions is None:
         return
-    what = "joint efforts never change although the joints move: are they measured at all?"
-    yield Finding("held channel", "warning", what, 1.0, "1")
+    moves = {joint for joint, rests in zip(record.joints, _constant(positions), strict=True) if not rests}
+    moves -= {*record.map.robot.rows.ignore}
+    dead = [joint for joint, rests in zip(record.driven, _constant(efforts), strict=True) if rests and joint in moves]
+    if dead:
+        whose = "joint efforts" if len(dead) == len(record.driven) else f"efforts of {', '.join(dead)}"
+        what = f"{whose} never change although the joints move: are they measured at all? joints.passive names joints"
+        text = f"{what} without a motor, robot.rows.ignore those whose efforts nobody knows"
+        yield Finding("held channel", "warning", text, len(dead) / len(record.driven), "1")
+
+
+def _constant(channel: Channel) -> NDArray[np.bool_]:
+    """Return whether each column never changes."""
+    values = channel.values
+    parts = [values[begin : begin + EXTENT] for begin in range(0, len(values), EXTENT)]
+    return np.asarray(np.all([np.all(part == values[0], axis=0) for part in parts], axis=0))
 
 
 def _held(changed: NDArray[np.bool_]) -> bool:
