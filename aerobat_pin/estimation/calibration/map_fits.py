@@ -66,9 +66,9 @@ def with_friction(records: Sequence[Record], *, mass: bool) -> tuple[list[Record
     if len(records) > 1:
         return [*records], [], [NOT_FITTED]
     plain, turning = (_with_law(first, law, mass=mass) for law in LAWS)
-    if plain is None or not _shown([(fit.outside, fit.before) for fit in plain[1]]):
+    if plain is None or not _leaves_less([(fit.outside, fit.before) for fit in plain[1]]):
         return [first], [], []
-    if turning is not None and _shown(
+    if turning is not None and _leaves_less(
         [(fit.outside, less.outside) for fit, less in zip(turning[1], plain[1], strict=True)]
     ):
         plain = turning
@@ -90,7 +90,7 @@ def _with_law(record: Record, law: str, *, mass: bool) -> tuple[Record, list[Fit
     return asking, [fit for fit in fits if fit.name.startswith("friction")]
 
 
-def _shown(left: list[tuple[float, float]]) -> bool:
+def _leaves_less(left: list[tuple[float, float]]) -> bool:
     """Return whether less is left of rows than without, on the rest of the record, in the geometric mean."""
     kept = [after / before for after, before in left if before > 0.0 and np.isfinite(after)]
     return bool(kept) and float(np.exp(np.mean(np.log(np.maximum(kept, LEAST_KEPT))))) < FRICTION_SHOWN
