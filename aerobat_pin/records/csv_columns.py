@@ -24,6 +24,7 @@ SEPARATORS = (",", ";", "\t", " ")
 ROWS_AT_ONCE = 50_000
 LONGEST_HEADER, MOST_CELLS = 1_000_000, 10_000  # characters; columns
 NUMBER, LETTER = re.compile(r"nan|inf|(?<=[\d.])e(?=[-+\d])", re.IGNORECASE), re.compile(r"[^\W\d]")
+COMMENT_SIGN = re.compile(r"^\s*[#%]+\s*")  # before a header, as numpy.savetxt writes it
 NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\]]*)\]")
 
 
@@ -35,7 +36,7 @@ def header_of(path: Path, log: LogTable = LogTable()) -> tuple[str, list[str]]: 
             line = file.readline(LONGEST_HEADER)
             while line and not line.strip():  # empty lines before the header
                 line = file.readline(LONGEST_HEADER)
-            line = line.strip("\r\n")
+            line = COMMENT_SIGN.sub("", line.strip("\r\n"))
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"log {path}: is no text: a table, .nc, .mcap or a bag was expected ({error})") from error
     separator = log.delimiter or max(SEPARATORS, key=lambda sign: (line.count(sign), -SEPARATORS.index(sign)))
@@ -43,6 +44,7 @@ def header_of(path: Path, log: LogTable = LogTable()) -> tuple[str, list[str]]: 
         separator = max((",", ";", "\t"), key=line.count)
     try:
         names = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
+        names = [name for name in names if name or separator != " "]  # spaces may be repeated
     except csv.Error as error:
         raise LogError(f"log {path}: its first line cannot be read as a header: {error}") from error
     if len(line) >= LONGEST_HEADER or len(names) > MOST_CELLS:
@@ -95,6 +97,8 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
         with pd.read_csv(
             path,
             sep=separator,
+            header=0,
+            names=list(range(len(names))),  # as the header says them
             usecols=used,
             nrows=rows,
             chunksize=ROWS_AT_ONCE,

@@ -34,6 +34,23 @@ def test_decimals_are_judged_over_the_whole_table(tmp_path: Path, monkeypatch: p
         read_csv_columns(log, LogTable(), ["x"])
 
 
+@pytest.mark.parametrize(("separator", "comments"), [(" ", "# "), (",", "# "), ("\t", "%")])
+def test_a_header_behind_the_sign_of_a_comment_names_the_columns(separator: str, comments: str, tmp_path: Path) -> None:
+    """As numpy.savetxt writes it: between spaces the sign passed for a column, and each name for that of the next."""
+    values = np.arange(12.0).reshape(4, 3)
+    np.savetxt(tmp_path / "log.txt", values, delimiter=separator, header=separator.join("txy"), comments=comments)
+    found = read_csv_columns(tmp_path / "log.txt", LogTable(), None)
+    assert found.names == ("t", "x", "y")
+    np.testing.assert_array_equal(np.stack([found.values[name][:] for name in "xy"], axis=1), values[:, 1:])
+
+
+def test_columns_may_be_aligned_by_spaces(tmp_path: Path) -> None:
+    """A column without a name was said to appear twice."""
+    (tmp_path / "log.txt").write_text(" t   x    y\n 0   1.5  2\n 1  10    3 \n")
+    found = read_csv_columns(tmp_path / "log.txt", LogTable(), ["x", "y"])
+    np.testing.assert_array_equal(np.stack([found.values[name][:] for name in "xy"]), [[1.5, 10.0], [2.0, 3.0]])
+
+
 def test_numbered_columns_are_suggested_for_the_joints_in_order(tmp_path: Path) -> None:
     """And four numbered columns of length 1 for the attitude, in an order to ask about; as is a second force sensor."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
