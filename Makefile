@@ -7,7 +7,7 @@ HEART := tests/description/test_description.py tests/description/test_portabilit
 	tests/cli/test_cli.py
 # Each writes the pages and figures that its first line names.
 SCRIPTS := pictures lifting_line/lifting_line section_law screenshots studies results crank frames \
-	observer_study structural_error method real_recordings strange_robots
+	observer_study structural_error method real_recordings strange_arms
 BIN := $(VENV)/bin
 # Without --no-compile, Python's copies of modules that nobody imports take 130 MB.
 PIP := -m pip install --quiet --no-compile --disable-pip-version-check

@@ -1,10 +1,10 @@
-"""Print what the logs of four arms and a drone show that nobody here has seen, or what is checked, if they are not here.
+"""Print what the logs of four arms show that nobody here has seen, if they are here; what is checked, if they are not.
 
-    AEROBAT_RECORDINGS=FOLDER python docs/scripts/strange_robots.py
+    AEROBAT_RECORDINGS=FOLDER python docs/scripts/strange_arms.py
 
-FOLDER holds clones of github.com/shamilmamedov/dynamic_calibration (no licence stated: read the data, do not pass them
-on), github.com/aspectum/ur3-force-estimation (MIT), github.com/liuyurong129/figaroh_kinova and
-github.com/thanhndv212/figaroh-examples (the same), and github.com/aerorobotics/neural-fly (for education, by its authors).
+FOLDER holds clones of github.com/shamilmamedov/dynamic_calibration, github.com/liuyurong129/figaroh_kinova and
+github.com/thanhndv212/figaroh-examples (no licence stated for these data: read them, do not pass them on), and
+github.com/aspectum/ur3-force-estimation (MIT).
 
 A UR10E swings for 50 s, alone and with 2.805 kg that sit 0.165 m beside its tool. From one loaded log, of which the mass
 is known, `calibrate` finds the torque per ampere of all joints and where the load sits. With them, and from nothing
@@ -18,14 +18,10 @@ within 30 ms: its last 0.1 s do not count. Factors, friction and errors are lear
 
 An AIRBOT Play moves alone, twice, and with 0.48 kg; only angles and torques are recorded. A Staubli TX40 moves fast;
 its log has angles and torques of the motors, of which two share a wrist. Its friction was identified by others.
-
-A quadrotor flies a figure in front of fans. Its thrust is known as a command over that of hovering, its mass taken as
-2.53 kg.
 """
 
 import os
 import tempfile
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -53,9 +49,6 @@ CENTRES = {"14harm50sec": (0.03, 0.16, 0.04), "15harm50sec": (-0.04, -0.16, 0.04
 BAGS, UR3_NAMES = ("id1", "id2"), ("Base", "Shoulder", "Elbow", "Wrist 1", "Wrist 2", "Wrist 3")
 MOST_SHOWN, STOP = 20.0, 0.1  # [N] where nothing touches, and [s] at the end that do not count
 GRAVITY = np.array([0.0, 0.0, 9.81])
-WINDS = {"nowind": 0.0, "35wind": 4.2, "70wind": 8.5, "100wind": 12.1}  # [m/s]
-DRONE = 2.53  # [kg]
-MAPS = Path(__file__).resolve().parents[2] / "examples" / "recordings"
 AIRBOT_LOGS, AIRBOT_LOAD = ("chirp_motion", "trapezoidal_motion", "chirp_motion_loaded"), 0.48  # [kg]
 GEARS, OFFSETS = np.array([32.0, 32.0, 45.0, -48.0, 45.0, 32.0]), {"joint_2": -np.pi / 2, "joint_3": np.pi / 2}
 TX40_FRICTION = {"coulomb": (7.14, 8.26, 6.34, 2.48), "viscous": (8.05, 5.53, 1.97, 1.11)}  # as identified by others
@@ -235,20 +228,6 @@ def friction_lines(folder: Path, place: Path) -> None:
         print(f"TX40, {name} friction of joints 1 to 4: {beside} beside forces, {alone} learnt, {published} published")
 
 
-def wind_lines(folder: Path, place: Path) -> None:
-    """Print the mean force of the air on the quadrotor, by the speed of the wind."""
-    values = tomllib.loads((MAPS / "neural_fly.toml").read_text())
-    values["robot"] = {"body": values["robot"]["body"] | {"mass": DRONE}, "root": "free_flyer", "wrenches": ["body"]}
-    values["known"]["thrust"] |= {"coefficients": [DRONE * GRAVITY[2]], "direction": [0, 0, 1]}
-    values["observer"] = {"gain": 10.0}
-    for wind, speed in WINDS.items():
-        log = folder / f"custom_figure8_baseline_{wind}.csv"
-        result = estimate(open_record(log, parse_map(values, "of the drone"), place))
-        mean = result.estimates["force_level"].components[:, :3].mean(axis=0)
-        verdict = result.verdict.partition(" and ")[0]
-        print(f"quadrotor, wind of {speed:g} m/s: mean force {np.round(mean, 2)} N; {verdict}")
-
-
 def main() -> None:
     """Print gains and payload of both logs of the UR10E, each found with the other, and what the others show."""
     folder = Path(os.environ.get("AEROBAT_RECORDINGS", ""))
@@ -256,7 +235,6 @@ def main() -> None:
         for lines, data in (
             (airbot_lines, folder / "figaroh_kinova" / "examples" / "airbot_play" / "data"),
             (friction_lines, folder / "figaroh-examples" / "examples" / "staubli_TX40"),
-            (wind_lines, folder / "neural-fly" / "data" / "experiment"),
         ):
             if data.is_dir():
                 lines(data, Path(place))
