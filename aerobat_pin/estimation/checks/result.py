@@ -146,8 +146,8 @@ def _force_sizes(record: Record, estimate: StoredEstimate, rms: Array) -> Iterat
 
 
 def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[Finding]:
-    """Yield the mean (3,) of all forces together over the weight, for a robot whose base is free."""
-    if not record.robot.free or record.map.base.held:
+    """Yield the mean (3,) of all forces together over the weight, for a robot whose base nothing else holds."""
+    if not record.robot.free or record.map.base.held or "base" in record.map.robot.rows.ignore:
         return
     mean = force / record.robot.weight
     carried = bool(record.map.known) or record.robot.knows_forces

@@ -1,0 +1,58 @@
+"""An arm on a base that something else moves, as a ship does: by an IMU at the base its forces are right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+from support.six_joints import SIX, six_joints, six_map
+
+from aerobat_pin import estimate, open_record
+from aerobat_pin.records import parse_map
+
+AXES = "xyz"
+
+
+def on_a_ship(folder: Path) -> None:
+    """Write six seconds of an arm that nothing touches, on a deck that accelerates by up to 1 m/s2, and its URDF."""
+    (folder / "six.urdf").write_text(six_joints())
+    model, rng, time = pin.buildModelFromXML(six_joints()), np.random.default_rng(1), np.arange(1200) / 200.0
+    data, speed, size = model.createData(), rng.uniform(1.0, 2.8, 6), np.array([0.5, 0.3, 0.35, 0.4, 0.5, 0.6])
+    angle = speed * time[:, None]
+    q, v, a = size * np.sin(angle) + [0.0, 0.6, 0.9, -0.5, 0.4, 0.0], size * speed * np.cos(angle), -size * speed**2
+    a = a * np.sin(angle)
+    deck = np.stack([np.sin(0.9 * time), 0.8 * np.cos(0.7 * time), 0.8 * np.sin(1.1 * time)], axis=1)
+    torque = np.empty_like(q)
+    for k, moved in enumerate(deck):
+        model.gravity.linear = np.array([0.0, 0.0, -9.81]) - moved
+        torque[k] = pin.rnea(model, data, q[k], v[k], a[k])
+    columns = {"t": time, "qx": 0.0 * time, "qy": 0.0 * time, "qz": 0.0 * time, "qw": 0.0 * time + 1.0}
+    columns |= {f"w{axis}": 1e-3 * rng.standard_normal(len(time)) for axis in AXES}
+    felt = deck + [0.0, 0.0, 9.81] + 0.02 * rng.standard_normal(deck.shape)
+    columns |= {f"a{axis}": felt[:, k] for k, axis in enumerate(AXES)}
+    for k, joint in enumerate(SIX):
+        columns |= {f"{joint}_q": q[:, k], f"{joint}_v": v[:, k] + 1e-3 * rng.standard_normal(len(time))}
+        columns[f"{joint}_i"] = torque[:, k] + 0.05 * rng.standard_normal(len(time))
+    pd.DataFrame(columns).to_csv(folder / "ship.csv", index=False)
+
+
+def test_an_arm_on_a_ship_needs_its_imu(tmp_path: Path) -> None:
+    """Fixed, it is wrong by newtons; by the IMU it is not, and no weight is asked for, which the deck bears."""
+    on_a_ship(tmp_path)
+    fixed = six_map(log={"time": {"column": "t"}}, observer={"gain": 50.0})
+    del fixed["joints"]["friction"]
+    names = {"quaternion": ("qx", "qy", "qz", "qw"), "rate": ("wx", "wy", "wz"), "acceleration": ("ax", "ay", "az")}
+    base = {"from": "imu", **{name: {"columns": list(columns)} for name, columns in names.items()}}
+    free = fixed | {"robot": fixed["robot"] | {"root": "free_flyer", "rows": {"ignore": ["base"]}}, "base": base}
+    errors = []
+    for chosen in (fixed, free):
+        result = estimate(open_record(tmp_path / "ship.csv", parse_map(chosen, "of the test"), tmp_path))
+        found = result.estimates["force_level"]
+        errors.append(np.sqrt(np.mean(found.components[100:] ** 2)))
+    assert errors[0] > 1.0
+    assert errors[1] < 0.3 * errors[0]
+    assert found.standard_deviation is not None
+    assert np.mean(np.abs(found.components[100:]) < 2.0 * found.standard_deviation[100:]) > 0.95
+    assert not any(finding.check == "mean force" for finding in result.findings)
