@@ -303,4 +303,7 @@ class OnlineEstimator:
         if self._sizes is not None and (learns or count % K_EVERY == 0):
             doubted = replace(self._sizes, doubt=max(1.0, self._together.recent_k))  # 1 while k is not known
             for observer in self._together.observers:
-                observer.expect(doubted if isinstance(observer, KalmanObserver) else self._sizes)
+                if isinstance(observer, KalmanObserver):
+                    observer.expect(doubted)
+                elif learns:
+                    observer.expect(self._sizes)

@@ -44,8 +44,9 @@ class ObserversTogether:
         self._levels, self.judge = np.zeros(3), 0
         for k, observer in reversed(list(enumerate(observers))):
             if observer.expected is not None and not isinstance(observer, KalmanObserver):
-                self.judge = k
-                self._levels = fields_of(observer._memory, ObserverState).posterior[posterior.LEVELS]
+                state, self.judge = fields_of(observer._memory, ObserverState), k
+                self._levels, self._newest = state.posterior[posterior.LEVELS], state.newest
+                self._samples = state.samples
 
     @property
     def recent_k(self) -> float:
@@ -54,8 +55,7 @@ class ObserversTogether:
 
     def last_interval(self, u: Array, dt: float) -> tuple[Array, Array]:
         """Return the mean velocity and the generalised force (nv,) of the newest interval, behind no filter."""
-        state = fields_of(self.observers[self.judge]._memory, ObserverState)
-        after, before = state.samples[state.newest[0]], state.samples[1 - state.newest[0]]
+        after, before = self._samples[self._newest[0]], self._samples[1 - self._newest[0]]
         momentum, drift, velocity = after[0] - before[0], 0.5 * (before[1] + after[1]), 0.5 * (before[2] + after[2])
         return velocity, momentum / dt - drift - u
 
