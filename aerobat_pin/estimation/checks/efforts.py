@@ -276,8 +276,8 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
 
 def _left_unexplained(what: str, percent: float) -> Finding:
     text = (
-        f"{what} of the efforts explain it ({percent:.0f} % left): friction of the joints, other axes, "
-        "another order of joints, another robot"
+        f"{what} of the efforts explain it ({percent:.0f} % left): friction of the joints, a load or push "
+        "elsewhere, known forces of another size, other axes, another order of joints, another robot"
     )
     return Finding("effort against motion", "warning", text, percent, "%")
 
