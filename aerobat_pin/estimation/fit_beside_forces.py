@@ -51,6 +51,7 @@ BLOW, BLOW_ROUNDS = 3.0, 5  # of what is expected of a force: one that is larger
 LEAST_TRACE = 1e-9  # of the largest singular value: a fainter force leaves none
 FACTOR_SIZES = np.linspace(0.05, 1.0, 20)  # of g, over the largest: one is as likely as another before
 BALANCE_STRETCHES = 8  # of a record, whose means show how far its momentum changes
+ROTORS_SOUGHT = 0.5  # of what is expected of the rows' errors, geometric mean, from which they may show rotors
 ROTORS_SHOWN = 0.75  # of the errors of rows, geometric mean: where rotors leave more, errors cover them all the same
 SLIDES_AT = 0.76  # of Coulomb friction that has set in: a joint that never shows as much hardly moves
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
@@ -83,9 +84,10 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     if y.size <= np.count_nonzero(force):
         return forces
     force = with_blows(force, y, J)
-    fitted, turning = (_fitted(forces, instants, expected, force, lifts, rotors=rotors) for rotors in (False, True))
-    if _errors_over(turning, _errors(fitted)) < ROTORS_SHOWN:
-        fitted = turning
+    fitted, names = _fitted(forces, instants, expected, force, lifts, rotors=False), list(row_names(robot.model))
+    if _errors_over(fitted, {names[row]: expected.row_error[row] for row in instants.kept}) > ROTORS_SOUGHT:
+        turning = _fitted(forces, instants, expected, force, lifts, rotors=True)
+        fitted = turning if _errors_over(turning, _errors(fitted)) < ROTORS_SHOWN else fitted
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
         fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), False, rotors=False)
     if law is not None:
