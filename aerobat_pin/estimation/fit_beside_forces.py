@@ -34,7 +34,7 @@ from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.deviations import tilt_of
 from aerobat_pin.estimation.expected_of_record import EFFORT_ERROR, column_rms, expected_of, lifted_feet, row_scale
 from aerobat_pin.estimation.instants import Instants, looked_at
-from aerobat_pin.estimation.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces
+from aerobat_pin.estimation.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
 from aerobat_pin.estimation.run_observers import ignored_rows, inputs_between, points_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected, JointFriction, row_names
@@ -92,8 +92,8 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
         fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), False, rotors=False)
     if law is not None:
         return replace(forces, values=_with_known(fitted, values, law))
-    shown = _errors_over(fitted, values.row_noise) < FRICTION_SHOWN
-    return replace(forces, values=fitted) if shown else forces
+    no_smaller = _errors_over(fitted, values.row_noise) >= FRICTION_SHOWN  # if any are known
+    return forces if no_smaller else replace(forces, values=fitted)
 
 
 def with_blows(force: Array, y: Array, J: Array) -> Array:
@@ -138,9 +138,8 @@ def _errors(fitted: FittedValues) -> dict[str, float]:
 
 
 def _errors_over(fitted: FittedValues, known: Mapping[str, float]) -> float:
-    """Return the geometric mean of rows' errors beside friction over those that are known; 0 if none is known."""
-    shares = [size / known[row] for row, size in _errors(fitted).items() if known.get(row, 0.0) > 0.0]
-    return float(np.exp(np.mean(np.log(np.maximum(shares, LEAST_SIZE))))) if shares else 0.0
+    """Return the geometric mean of rows' errors beside friction over those that are known; NaN if none is."""
+    return share_left((size, known.get(row, 0.0)) for row, size in _errors(fitted).items())
 
 
 def _fitted(

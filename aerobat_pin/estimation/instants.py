@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.estimation.known_forces import mean_motion
 from aerobat_pin.estimation.run_observers import points_of
 from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array
@@ -75,8 +76,7 @@ def looked_at(
     observer, parts = MomentumObserver(model, points_of(record.map), gain, rows), []
     places, times = list[Array](), list[Array]()
     for stretch in stretches:
-        v, share = 0.5 * (stretch.v[1:] + stretch.v[:-1]), -np.expm1(-gain * typical_step(stretch.time))
-        a = np.diff(stretch.v, axis=0) / np.diff(stretch.time)[:, None]
+        (v, a), share = mean_motion(record, stretch.time, stretch.v), -np.expm1(-gain * typical_step(stretch.time))
         y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
         sliding, coulomb = np.tanh(v / stiction_rate), np.tanh(v / (stiction_rate if rate is None else rate))
         chosen = settled_instants(stretch.time, gain)[::every]

@@ -7,7 +7,7 @@ a series over the robot's phase.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,6 +23,7 @@ from aerobat_pin.records import Block, KnownSection, PlainRobot, Record, world_t
 CALIBRATION, FRICTION = "calibration", "friction"  # names of the known forces that are learnt
 BESIDE = ", beside the forces"  # ends the name of a fit that was made while unknown forces pushed
 FRICTION_SHOWN = 0.9  # of errors of rows, geometric mean: where friction leaves as much or more, none is believed
+LEAST_LEFT = 1e-9  # of what was there: so much counts where nothing is left
 SLIDING_RATE = 2.0 * SMOOTH_RATE  # below it friction falls with the speed (Stribeck): no fitted law holds there
 
 
@@ -162,6 +163,12 @@ class KnownForces:
             if section.axes == "world":
                 wrench = turned(wrench, world_turn(self.record.map))
         return frame_wrench(self.record, section, block, wrench)
+
+
+def share_left(pairs: Iterable[tuple[float, float]]) -> float:
+    """Return the geometric mean of what is left over what was there, of pairs; NaN if there was nothing in any."""
+    shares = [after / before for after, before in pairs if before > 0.0 and np.isfinite(after)]
+    return float(np.exp(np.mean(np.log(np.maximum(shares, LEAST_LEFT))))) if shares else float("nan")
 
 
 def mean_motion(record: Record, time: Array, v: Array) -> tuple[Array, Array]:

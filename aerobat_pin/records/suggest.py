@@ -231,7 +231,7 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         yield f'position = {{columns = {listed(groups["position"])}, unit = "{unit}"}}'
         if "quaternion" in groups:
             means = [float(np.abs(columns.sample(name)).mean()) for name in groups["quaternion"]]
-            numbered = groups["quaternion"][0][-1:].lower() != "x"
+            numbered = groups["quaternion"] in [*_numbered_by_four(columns)]
             order = "wxyz" if numbered and means[0] > means[3] else "xyzw"
             asked = f"  # or {'xyzw' if order == 'wxyz' else 'wxyz'}?" if numbered else ""
             columns_of = f'{{columns = {listed(groups["quaternion"])}, order = "{order}", sense = "body_to_world"}}'

@@ -73,16 +73,18 @@ def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(
     assert any("forces elsewhere, a moment, or a wrong model" in line for line in beside.warnings)
 
 
-@pytest.mark.parametrize(("rate", "gain"), [(100.0, 20.0), (1000.0, 5.0)])
-def test_rotors_that_the_file_lacks_are_found_beside_the_forces(rate: float, gain: float, tmp_path: Path) -> None:
-    """3 kg m2 behind the gears of the first joints; at 1 kHz, too, where a stretch is long enough to settle."""
-    force = write_log(tmp_path / "log.csv", 41, pushed, pace=2.5, rotors=3.0, rate=rate)
+@pytest.mark.parametrize(("rotors", "rate", "gain"), [(0.0, 100.0, 20.0), (3.0, 100.0, 20.0), (3.0, 1000.0, 5.0)])
+def test_rotors_that_the_file_lacks_are_found_beside_the_forces(
+    rotors: float, rate: float, gain: float, tmp_path: Path
+) -> None:
+    """3 kg m2 behind the first joints' gears, or none; at 1 kHz, too, where stretches are long enough to settle."""
+    force = write_log(tmp_path / "log.csv", 41, pushed, pace=2.5, rotors=rotors, rate=rate)
     chosen = arm_map(["tool0"]) | {"observer": {"gain": gain}}
     result = estimate(open_record(tmp_path / "log.csv", parse_map(chosen, "of the test"), tmp_path))
     assert result.forces is not None
     friction = result.forces.values.friction
     assert friction is not None
-    np.testing.assert_allclose(friction.inertia[:3], 3.0, rtol=0.2)
+    np.testing.assert_allclose(friction.inertia[:3], rotors, rtol=0.2)
     found = result.estimates["force_level"]
     inside = np.abs(found.components - 0.5 * (force[1:] + force[:-1])) < 2.0 * found.standard_deviation
     assert inside[found.shown].mean() > 0.9

@@ -76,6 +76,17 @@ def test_numbered_columns_are_suggested_for_the_joints_in_order(tmp_path: Path) 
     assert "# the columns are not called like the joints" in text
 
 
+def test_an_attitude_whose_columns_say_their_axes_has_their_order(tmp_path: Path) -> None:
+    """Also upside down, where x is the largest, and with a word behind the axis."""
+    turn = 0.01 * np.arange(50.0)
+    values = {"x": np.cos(turn), "y": np.sin(turn), "z": 0.0 * turn, "w": 0.0 * turn}
+    columns = {f"base_pos_{axis}": turn for axis in "xyz"} | {f"quat_{axis}_imu": one for axis, one in values.items()}
+    pd.DataFrame({"t": turn, **columns}).to_csv(tmp_path / "log.csv", index=False)
+    line = next(one for one in suggested_map(tmp_path / "log.csv", None).splitlines() if one.startswith("quaternion"))
+    assert 'order = "xyzw"' in line
+    assert "# or" not in line
+
+
 ARM = """<robot name="arm"><link name="b"/>{}</robot>"""
 LINK = """<link name="l{0}"><inertial><mass value="1"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>

@@ -16,16 +16,15 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.fit_joint_friction import fit_mass
 from aerobat_pin.estimation.fit_known_forces import fitted_forces, given_forces
 from aerobat_pin.estimation.gain_regression import CENTRE_ERROR, MASS_ERROR, fits_to_sensor, in_stretch
-from aerobat_pin.estimation.known_forces import FRICTION_SHOWN, Fit, FittedValues, KnownForces
+from aerobat_pin.estimation.known_forces import FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
 from aerobat_pin.estimation.run_observers import ignored_rows
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
 from aerobat_pin.records import FrictionSection, Map, Record
 
-LAWS = ("coulomb+viscous", "coulomb+viscous+inertia")  # that are tried: without and with the inertia of rotors
+PLAIN, WITH_ROTORS = "coulomb+viscous", "coulomb+viscous+inertia"  # laws that are tried where a map names none
 FITTED = "the map names no friction of the joints; it was fitted, as the rest shows it (--identify none: without)"
 NOT_FITTED = "friction of the joints is fitted to one recording, these are several: none was fitted"
-LEAST_KEPT = 1e-9  # of what is left of a row: so much counts where nothing is
 FITTED_SHARE = 0.75  # of the recording, if the map does not say where to fit; the rest tests the fit
 
 
@@ -65,13 +64,13 @@ def with_friction(records: Sequence[Record], *, mass: bool) -> tuple[list[Record
         return [*records], [], []
     if len(records) > 1:
         return [*records], [], [NOT_FITTED]
-    plain, turning = (_with_law(first, law, mass=mass) for law in LAWS)
-    if plain is None or not _leaves_less([(fit.outside, fit.before) for fit in plain[1]]):
+    plain = _with_law(first, PLAIN, mass=mass)
+    if plain is None or not share_left((fit.outside, fit.before) for fit in plain[1]) < FRICTION_SHOWN:
         return [first], [], []
-    if turning is not None and _leaves_less(
-        [(fit.outside, less.outside) for fit, less in zip(turning[1], plain[1], strict=True)]
-    ):
-        plain = turning
+    turning = _with_law(first, WITH_ROTORS, mass=mass)
+    if turning is not None:
+        pairs = zip(turning[1], plain[1], strict=True)
+        plain = turning if share_left((fit.outside, less.outside) for fit, less in pairs) < FRICTION_SHOWN else plain
     return [plain[0]], [FITTED], []
 
 
@@ -88,12 +87,6 @@ def _with_law(record: Record, law: str, *, mass: bool) -> tuple[Record, list[Fit
     except MapError:
         return None
     return asking, [fit for fit in fits if fit.name.startswith("friction")]
-
-
-def _leaves_less(left: list[tuple[float, float]]) -> bool:
-    """Return whether less is left of rows than without, on the rest of the record, in the geometric mean."""
-    kept = [after / before for after, before in left if before > 0.0 and np.isfinite(after)]
-    return bool(kept) and float(np.exp(np.mean(np.log(np.maximum(kept, LEAST_KEPT))))) < FRICTION_SHOWN
 
 
 def fitted_stretch(record: Record) -> tuple[float, float]:

@@ -82,9 +82,11 @@ def _in_words(
         at = int(np.argmax(beyond))
         if beyond[at] > 1.0 or (lasting > LASTING and rms > least):
             when = time[beyond >= min(1.0, beyond[at])] - record.start
-            peak, mean = quantity(float(size[at]), "N" if axis.startswith("F") else "N m"), force.mean(axis=0)
+            unit = "N" if axis.startswith("F") else "N m"
+            mean = ", ".join(f"{part:.3g}" for part in force.mean(axis=0))
             yield (
                 f"{record.title}: something pushed at {point_label(place)}, or the model lacks a weight, most from "
-                f"{when[0]:.2f} to {when[-1]:.2f} s, with up to {peak} (+-{along[at]:.2g}), in the mean "
-                f"({', '.join(f'{part:.3g}' for part in mean)}): that explains the rows of joints, and offsets do not"
+                f"{when[0]:.2f} to {when[-1]:.2f} s, with up to {quantity(float(size[at]), unit)} "
+                f"(+-{along[at]:.2g}), in the mean ({mean}) {unit} in world axes: that explains the rows of the "
+                "joints, and offsets do not"
             )

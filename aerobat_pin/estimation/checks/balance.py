@@ -18,7 +18,7 @@ from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
 from aerobat_pin.estimation.run_observers import ignored_rows
 from aerobat_pin.numerics import Array, frame_jacobian
-from aerobat_pin.observers import MOMENT_ARM, AllBut
+from aerobat_pin.observers import MOMENT_ARM, SMOOTH_RATE, AllBut
 from aerobat_pin.records import Block, Record
 
 INSTANTS = 400  # of the record that are looked at
@@ -71,6 +71,18 @@ class Balance:
     def size(self) -> float:
         """Sum of squares of what is needed."""
         return max(float(self.needed @ self.needed), 1e-300)
+
+    @cached_property
+    def rubbing(self) -> Array:
+        """(n, 2 joints) what Coulomb and viscous friction of 1 N m, 1 N m s/rad of each joint give."""
+        v = self.v[self.at]
+        return np.column_stack([self.reach * np.tanh(v / SMOOTH_RATE), self.reach * v])
+
+    def explained_by(self, table: Array) -> Array:
+        """Return how much (k,) of each column (n, k) makes up best for what the efforts leave."""
+        size = np.linalg.norm(table, axis=0)
+        size = np.maximum(size, max(RANK * float(size.max()), 1e-300))  # what no row feels is rounding alone
+        return np.asarray(np.linalg.lstsq(table / size, -self.residual, rcond=RANK)[0] / size)
 
     def imbalance(self, pair: Exchange = ((), ()), signs: Array | None = None) -> float:
         """Return the sum of squares that the efforts leave, those of a pair exchanged, over the needed one."""

@@ -83,7 +83,8 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
     turned = balance.imbalance(signs=signs)
     mounting = None if record.robot.free else _mounting(record, balance, min(turned, least_share))
-    yield from [] if mounting is None else [mounting]
+    if mounting is not None:
+        yield mounting
     if mounting is not None or idle:
         return
     by_factors = float(least @ least) / (SWAP * balance.size)
@@ -106,11 +107,11 @@ def _loads(record: Record, balance: Balance) -> list[Finding]:
 
     A force is sought at the point: the weight passes for one, its moment about the point is left.
     """
-    model, rubs, signs = record.robot.model, _rubbing(balance), np.ones(len(record.driven))
-    before = replace(balance, needed=balance.needed + rubs @ _explained_by(balance, rubs)).imbalance()
+    model, rubs, signs = record.robot.model, balance.rubbing, np.ones(len(record.driven))
+    before = replace(balance, needed=balance.needed + rubs @ balance.explained_by(rubs)).imbalance()
     for name in (*record.map.robot.points, *record.map.robot.wrenches):
         table = np.column_stack([balance.of_body(model.frames[model.getFrameId(name)].parentJoint), rubs])
-        fitted = _explained_by(balance, table)
+        fitted = balance.explained_by(table)
         loaded = replace(balance, needed=balance.needed + table @ fitted)
         explains = loaded.imbalance() < min(SWAP * before, RIGHT_PLACES)
         if explains and not any(_factors(record, loaded, signs, *_least_squares(loaded))):
@@ -126,18 +127,18 @@ def _mounting(record: Record, balance: Balance, least: float) -> Finding | None:
 
     And better than what leaves the share `least`; it keeps its size, which by wrong masses or factors seems another.
     """
-    residual, believed, rubs = balance.residual, record.robot.model.gravity.linear, _rubbing(balance)
+    residual, believed, rubs = balance.residual, record.robot.model.gravity.linear, balance.rubbing
     if np.linalg.norm(balance.weight, axis=0).max() < RANK * np.sqrt(balance.size):
         return None  # no row feels gravity
     table = np.column_stack([balance.weight, rubs])
-    fitted, friction = _explained_by(balance, table), _explained_by(balance, rubs)
+    fitted, friction = balance.explained_by(table), balance.explained_by(rubs)
     gravity = believed + fitted[:3]
     down, moved = gravity / max(float(np.linalg.norm(gravity)), 1e-300), balance.weight @ fitted[:3]
     before, after = (float(np.sum((residual + fit) ** 2)) for fit in (rubs @ friction, table @ fitted))
     needed = float(np.sum((balance.needed + moved) ** 2))
     g = float(np.linalg.norm(believed))
-    turned_only = abs(float(np.linalg.norm(gravity)) - g) < SAME_SIZE * g
-    tilted = turned_only and float(down @ believed) < np.cos(LEAST_TILT) * g
+    turned_only = g == 0.0 or abs(float(np.linalg.norm(gravity)) - g) < SAME_SIZE * g
+    tilted = turned_only and float(down @ believed) <= np.cos(LEAST_TILT) * g
     share = SWAP if before > GOOD * needed else 1.0 - CLEAR  # a little is also explained by wrong factors
     if not tilted or after > min(share * before, least * balance.size, RIGHT_PLACES * needed):
         return None
@@ -148,19 +149,6 @@ def _mounting(record: Record, balance: Balance, least: float) -> Finding | None:
         "first joints off?"
     )
     return Finding("mounting", "warning", what, float(np.sqrt(after / needed)), "1")
-
-
-def _explained_by(balance: Balance, table: Array) -> Array:
-    """Return what of each column (n, k) makes up best for what the efforts leave, (k,)."""
-    size = np.linalg.norm(table, axis=0)
-    size = np.maximum(size, max(RANK * float(size.max()), 1e-300))  # what no row feels is rounding alone
-    return np.asarray(np.linalg.lstsq(table / size, -balance.residual, rcond=RANK)[0] / size)
-
-
-def _rubbing(balance: Balance) -> Array:
-    """Return what Coulomb and viscous friction of 1 N m, 1 N m s/rad of each joint give, (n, 2 joints)."""
-    v = balance.v[balance.at]
-    return np.column_stack([balance.reach * np.tanh(v / SMOOTH_RATE), balance.reach * v])
 
 
 def _swap(record: Record, columns: str, pair: Exchange, share_after: float, share: float) -> Finding:
@@ -218,7 +206,7 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     n = len(record.driven)
     gain, unsure = _measured_per_needed(balance, signs, balance.needed - balance.given @ signs)
     if np.any(turned := gain + SURE * unsure < 0.0):
-        rubs, other = _rubbing(balance), balance.needed - balance.given @ np.where(turned, -1.0, 1.0)
+        rubs, other = balance.rubbing, balance.needed - balance.given @ np.where(turned, -1.0, 1.0)
         left, before = (each - rubs @ np.linalg.lstsq(rubs, each, rcond=RANK)[0] for each in (other, balance.residual))
         if left @ left < RIGHT_PLACES * (before @ before):
             yield from _reversed(record, gain, np.flatnonzero(turned))
