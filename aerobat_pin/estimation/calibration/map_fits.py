@@ -22,7 +22,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
 from aerobat_pin.records import FrictionSection, Map, Record
 
-PLAIN, WITH_ROTORS = "coulomb+viscous", "coulomb+viscous+inertia"  # laws that are tried where a map names none
+WITHOUT_ROTORS, WITH_ROTORS = "coulomb+viscous", "coulomb+viscous+inertia"  # laws that are tried where a map names none
 FITTED = "the map names no friction of the joints; it was fitted, as the rest shows it (--identify none: without)"
 NOT_FITTED = "friction of the joints is fitted to one recording, these are several: none was fitted"
 FITTED_SHARE = 0.75  # of the recording, if the map does not say where to fit; the rest tests the fit
@@ -64,7 +64,7 @@ def with_friction(records: Sequence[Record], *, mass: bool) -> tuple[list[Record
         return [*records], [], []
     if len(records) > 1:
         return [*records], [], [NOT_FITTED]
-    plain = _with_law(first, PLAIN, mass=mass)
+    plain = _with_law(first, WITHOUT_ROTORS, mass=mass)
     if plain is None or not share_left((fit.outside, fit.before) for fit in plain[1]) < FRICTION_SHOWN:
         return [first], [], []
     turning = _with_law(first, WITH_ROTORS, mass=mass)
