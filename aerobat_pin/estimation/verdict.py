@@ -31,6 +31,7 @@ ROW_TORQUE, ROW_TORQUES = "a torque that the motion does not explain", "torques 
 WAYS = {"Fx": ("along x", "against x"), "Fy": ("along y", "against y"), "Fz": ("upward", "downward")}
 DOUBTFUL_CHECKS = (  # a warning of theirs may make up a force
     "held channel",
+    "late efforts",
     "position against velocity",
     "gyro against attitude",
     "joint velocities against positions",

@@ -14,6 +14,7 @@ from support.arm import arm
 from support.planted_mistakes import (
     ANGLES,
     EFFORTS,
+    EFFORTS_APART,
     FREE_BASE,
     LINKAGE,
     RATES,
@@ -100,8 +101,8 @@ def warned(record: Record) -> list[str]:
 
 MISTAKES: dict[str, Mistakes] = {
     "aerobat": FREE_BASE | of_joints(JOINTS, 0, 1) | LINKAGE,
-    "arm": of_joints(ARM_JOINTS, 1, 3),
-    "quadruped": FREE_BASE | of_joints(LEGS, 1, 2),
+    "arm": of_joints(ARM_JOINTS, 1, 3) | EFFORTS_APART,
+    "quadruped": FREE_BASE | of_joints(LEGS, 1, 2) | {"efforts late": EFFORTS_APART["efforts late"]},
 }
 
 

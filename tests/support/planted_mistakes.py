@@ -151,6 +151,11 @@ LINKAGE: Mistakes = {
     "crank angle off, as if it were late": (off(CRANK, 0.1, 0), r"late channel: joint positions|joints off"),
 }
 
+EFFORTS_APART: Mistakes = {
+    "efforts late": (late(20e-3, EFFORTS), r"late efforts: joints\.effort comes (19|20|21) ms after the motion"),
+    "angles and rates late": (late(20e-3, ANGLES, RATES), r"late efforts: the motion comes (19|20|21) ms after"),
+}
+
 
 def of_joints(names: tuple[str, ...], one: int, other: int) -> Mistakes:
     """Return mistakes in the channels of joints; those of single joints in two of them."""

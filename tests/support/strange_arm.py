@@ -44,12 +44,15 @@ def write_log(
     still: int = 0,
     rotors: float = 0.0,
     rate: float = RATE,
+    rubs: float = 1.0,
+    late: float = 0.0,
 ) -> np.ndarray:
     """Write a log of the arm; return the force (n, 3) on it [N], which acts at `lever` [m] from its tool (world axes).
 
     Friction grows with the load and falls with the speed at first (Stribeck); at rest it is anything below. The arm
     swings so many times as fast as `pace` says, and carries a `load`, a map's `payload`. Its first `still` joints rest.
-    Its `rotors` have an inertia [kg m2], seen at the first three joints; a tenth of it at the others.
+    Its `rotors` have an inertia [kg m2], seen at the first three joints; a tenth of it at the others. It rubs so many
+    times as much, and its efforts are `late` [s].
     """
     model = pin.buildModelFromUrdf(str(URDF))
     if load is not None:
@@ -78,7 +81,8 @@ def write_log(
     friction += VISCOUS * np.abs(v) ** 0.8 * np.sign(v)
     friction = np.where(np.abs(v) < 1e-3, rng.uniform(-1.0, 1.0, 6) * COULOMB, friction)
     torque += rotors * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1]) * a
-    torque += friction + 0.03 * COULOMB * rng.standard_normal(torque.shape)
+    torque += rubs * (friction + 0.03 * COULOMB * rng.standard_normal(torque.shape))
+    torque = torque[np.maximum(np.arange(len(time)) - round(late * rate), 0)]
     columns = {"t": time, **{f"q{k}": q[:, k] for k in range(6)}}
     columns |= {f"v{k}": v[:, k] + 1e-3 * rng.standard_normal(len(time)) for k in range(6)}
     columns |= {f"tau{k}": torque[:, k] for k in range(6)} | {f"f{axis}": push[:, k] for k, axis in enumerate("xyz")}

@@ -44,6 +44,7 @@ class Balance:
         a: (instants, joints) accelerations.
         span: time that the instants cover [s].
         of_body: joint -> (n, 3) what first moments of 1 kg m need, of the body that the joint carries, in its axes.
+        later: time [s] -> (instants, joints) what the efforts are so much later.
     """
 
     needed: Array
@@ -56,6 +57,7 @@ class Balance:
     a: Array
     span: float
     of_body: Callable[[int], Array]
+    later: Callable[[float], Array]
 
     @cached_property
     def given(self) -> Array:
@@ -114,6 +116,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
     data, lighter_data = model.createData(), None if lighter is None else lighter.createData()
     falling = [] if robot.free else [_falling(model, axis) for axis in np.eye(3)]
     projects, needed, motion, base, pulled, moved = list[Array](), [], [], [], [], list[tuple[Array, ...]]()
+    seen = list[tuple[Array, slice]]()
     most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
     step = max(1, most // INSTANTS)
     for stretch in record.spread(most, *(free or ())):
@@ -135,6 +138,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
         needed.append(whole[:, rows])
         motion.append(np.stack([tau[:, at], v[:, at], a[chosen][:, at]]))
         moved += zip(q, v, a[chosen], strict=True)
+        seen.append((given.time, chosen))
         base.append(np.zeros((len(q), len(rows))))
         if lighter is not None:
             base[-1][:] = [pin.rnea(lighter, lighter_data, *each)[rows] for each in zip(q, v, a[chosen], strict=True)]
@@ -154,8 +158,11 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
         parts = [pin.computeJointTorqueRegressor(model, data, *each)[rows, first + 1 : first + 4] for each in moved]
         return np.asarray(np.einsum("nr,nrk->nk", project, np.array(parts)[instants]))
 
+    def later(by: float) -> Array:
+        return np.concatenate([record.means("joints.effort", time + by)[chosen] for time, chosen in seen])
+
     span = len(projects) * step * record.dt
-    return Balance(b, project @ unit, heavier, weights, instants, effort, rates, bends, span, of_body)
+    return Balance(b, project @ unit, heavier, weights, instants, effort, rates, bends, span, of_body, later)
 
 
 def _falling(model: pin.Model, gravity: Array) -> pin.Model:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.balance import RANK, Balance, Exchange, InputsBetween, balance_of, with_exchanged
+from aerobat_pin.estimation.checks.late_efforts import late_efforts
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE
@@ -82,6 +83,10 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
     joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
     turned = balance.imbalance(signs=signs)
+    late = late_efforts(record, balance, min(turned, float(least @ least) / balance.size))
+    if late is not None:
+        yield late
+        return
     mounting = None if record.robot.free else _mounting(record, balance, min(turned, least_share))
     if mounting is not None:
         yield mounting
