@@ -12,7 +12,6 @@ from aerobat_pin.estimation.calibration.check_model import CheckedModel, check_m
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
 from aerobat_pin.estimation.calibration_use import ModelCheck
 from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
-from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_beside_forces import fit_beside_forces, knows_friction
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
@@ -20,7 +19,7 @@ from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.online import OnlineEstimator
 from aerobat_pin.estimation.result import Result
-from aerobat_pin.estimation.run_observers import inputs_between, observers_of, points_of, run_observers
+from aerobat_pin.estimation.run_observers import inputs_between, observers_of, run_observers
 from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Expected, Observer
@@ -64,11 +63,10 @@ def estimate(
         refuse_if_certain(name, findings)
 
     given = fitted_forces(record) if calibration is None else calibration.forces(record)
-    forces = _with_noise(given)
+    forces, expected = _with_noise(given)
     beside = knows_friction(forces) and not knows_friction(given)  # found in this record, of which no calibration knew
     record = forces.record  # whose robot carries what was found
     inputs = inputs_between(record, forces)
-    expected = expected_of(record, inputs, forces.values, points_of(record.map))
 
     model = None
     if calibration is not None and not record.robot.smooths(record.channels):
@@ -130,15 +128,17 @@ def stream_of(record: Record) -> OnlineEstimator:
     Raises:
         MapError: the map needs a whole record.
     """
-    forces = _with_noise(fitted_forces(record))
-    expected = expected_of(record, inputs_between(record, forces), forces.values, points_of(record.map))
+    forces, expected = _with_noise(fitted_forces(record))
     return OnlineEstimator(record.map, record.folder, expected=expected, values=forces.values)
 
 
-def _with_noise(forces: KnownForces) -> KnownForces:
-    """Return known forces with the errors of the rows where nothing touches, or else as the record tells them."""
+def _with_noise(forces: KnownForces) -> tuple[KnownForces, Expected | None]:
+    """Return known forces with the errors of the rows where nothing touches, or else as the record tells them.
+
+    And what is expected of the record; None for a robot that expects forces of any size.
+    """
     if not forces.record.robot.limits_forces:
-        return forces
+        return forces, None
     noise = forces.values.row_noise or noise_where_known(forces)
     return fit_beside_forces(replace(forces, values=replace(forces.values, row_noise=noise)))
 

@@ -2,80 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.contacts import END_SHARE, walks_on
-from aerobat_pin.estimation.inputs import KnownInputs
-from aerobat_pin.estimation.instants import settled_instants, settling_intervals
-from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
+from aerobat_pin.estimation.instants import WEIGHED, Instants, column_rms
 from aerobat_pin.estimation.known_forces import FittedValues
+from aerobat_pin.estimation.run_observers import points_of, rows_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
     SHARE_OF_WEIGHT,
     Application,
     Applications,
     Expected,
-    MomentumObserver,
     Rows,
     moving_weight,
     robot_length,
     row_names,
     with_record,
 )
-from aerobat_pin.records import Block, PlainRobot, Record
+from aerobat_pin.records import PlainRobot, Record
 
 EFFORT_ERROR = 0.1  # of the rms of a row's effort, or of what its motion needs: its error if nothing better is known
 LEAST_ROW_ERROR = 1e-3  # of the weight that rows move (moments: times the robot's length): none is known better
-LOOKED_AT = 2000  # intervals of a record that show the size of efforts and forces
-WEIGHED = 20  # of them, one in so many is weighed
 LEAST_LIFTED = 10  # of these, with a foot in the air
 FOOT_SHARE = 0.15  # of the weight: a point that never holds so much is no foot
 STRAIGHT_LEG = 0.1  # least over largest singular value of a leg's Jacobian: below, it does not show a force along it
 
 
-def expected_of(
-    record: Record, inputs: Callable[[int, int], KnownInputs], values: FittedValues, points: Sequence[str | Application]
-) -> Expected | None:
-    """Return what is expected of a record; None for a robot that expects forces of any size.
+def expected_of(record: Record, instants: Instants, values: FittedValues) -> Expected:
+    """Return what is expected of a record.
 
     A force is expected to be a third of the weight, or larger if that makes the record more likely.
 
     Args:
         record: the record.
-        inputs: function of first and last index of the common times: what an observer is given there.
+        instants: what was looked at.
         values: what was learnt of the rows' errors and of friction.
-        points: where forces are sought.
     """
-    if not record.robot.limits_forces:
-        return None
-    ends = record.spread(LOOKED_AT, least=settling_intervals(record))
-    stretches = [given for given in (inputs(*each) for each in ends) if len(given.tau) > 1]
-    if not stretches:
-        return None
-    blocks = [Block(stretch.time, stretch.q, stretch.v, stretch.tau) for stretch in stretches]
-    needed = [required_torque(record, block, accelerations(block, record)) for block in blocks]
-    efforts = np.concatenate([stretch.tau for stretch in stretches])
-    effort, need, believed = column_rms(efforts), column_rms(np.concatenate(needed)), stretches[0].rows
-    expected = expected_from(record.robot, believed, values, points, effort, need)
-    if not points:
+    robot, points = record.robot, points_of(record.map)
+    rows, _ = rows_of(record.map, robot, record.joints, record.channels)
+    expected = expected_from(robot, rows, values, points, instants.effort, instants.needed)
+    if not points or not len(instants.rows):
         return expected
-    gain, instants = float(record.map.observer.gain), []
-    observer = MomentumObserver(record.robot.model, points, gain, believed)
-    for stretch in stretches:
-        residual = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
-        at = settled_instants(stretch.time, gain)[::WEIGHED]
-        instants += [(stretch.v[k], residual[k], observer.applications.jacobian(stretch.q[k])) for k in at]
-    if not instants:
-        return expected
-    v, rows, jacobians = (np.stack(part) for part in zip(*instants, strict=True))
-    if walks_on(record.robot, record.map) and not values.row_noise:
-        lifted = lifted_errors(rows, jacobians, record.robot.weight)
+    some = slice(None, None, max(1, len(instants.rows) // WEIGHED))
+    v, residual, jacobians = instants.v[some], instants.rows[some], instants.jacobians[some]
+    if walks_on(robot, record.map) and not values.row_noise:
+        lifted = lifted_errors(residual, jacobians, robot.weight)
         expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
-    weighed = with_record(expected, believed, record.robot.model, v, rows, jacobians)
+    weighed = with_record(expected, rows, robot.model, v, residual, jacobians)
     return replace(weighed, doubt=max(weighed.doubt, values.doubt))
 
 
@@ -140,8 +118,3 @@ def row_scale(model: pin.Model) -> Array:
     """Return what makes a force [N] the size of each row (nv,): 1, or for a moment the robot's length [m]."""
     length = robot_length(model)
     return np.array([1.0 if unit == "N" else length for unit in row_names(model).values()])
-
-
-def column_rms(values: Array) -> Array:
-    """Return the root mean square (k,) of the columns of values (m, k)."""
-    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

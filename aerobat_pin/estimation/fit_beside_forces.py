@@ -4,9 +4,9 @@
 
 At some instants y are the rows behind the observer's low-pass, X b Coulomb and viscous friction of the driven joints,
 and their rotors' inertia if that leaves smaller errors, behind the same, and R is what is expected of the rows' errors
-without a record. Those b and r that make the rows most
-likely, whatever the forces are, follow by expectation maximisation (Dempster, Laird and Rubin 1977). Rows to spare tell
-errors from forces; without any a force would pass for an error, and nothing is sought.
+without a record. Those b and r that make the rows most likely, whatever the forces are, follow by expectation
+maximisation (Dempster, Laird and Rubin 1977). Rows to spare tell errors from forces; without any a force would pass for
+an error, and nothing is sought.
 
 A foot in the air carries nothing, S = 0: its leg shows friction and errors whatever the other feet do. Only then are
 factors of efforts sought, too: else what pushes elsewhere than at the points would pass for them. An accelerometer with
@@ -32,8 +32,9 @@ from aerobat_pin.estimation.coefficient_errors import (
 )
 from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.deviations import tilt_of
-from aerobat_pin.estimation.expected_of_record import EFFORT_ERROR, column_rms, expected_of, lifted_feet, row_scale
-from aerobat_pin.estimation.instants import Instants, looked_at
+from aerobat_pin.estimation.expected_of_record import EFFORT_ERROR, expected_of, lifted_feet, row_scale
+from aerobat_pin.estimation.factors_by_balance import factors_by_balance
+from aerobat_pin.estimation.instants import Instants, column_rms, looked_at
 from aerobat_pin.estimation.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
 from aerobat_pin.estimation.run_observers import ignored_rows, inputs_between, points_of
 from aerobat_pin.numerics import Array
@@ -49,40 +50,49 @@ HARDLY_MOVES = "it hardly moves, so that this may be a force as well: up to its 
 CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
 BLOW, BLOW_ROUNDS = 3.0, 5  # of what is expected of a force: one that is larger is what the rows show of it
 LEAST_TRACE = 1e-9  # of the largest singular value: a fainter force leaves none
-FACTOR_SIZES = np.linspace(0.05, 1.0, 20)  # of g, over the largest: one is as likely as another before
-BALANCE_STRETCHES = 8  # of a record, whose means show how far its momentum changes
 ROTORS_SOUGHT = 0.5  # of what is expected of the rows' errors, geometric mean, from which they may show rotors
 ROTORS_SHOWN = 0.75  # of the errors of rows, geometric mean: where rotors leave more, errors cover them all the same
 SLIDES_AT = 0.76  # of Coulomb friction that has set in: a joint that never shows as much hardly moves
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
 
 
-def fit_beside_forces(forces: KnownForces) -> KnownForces:
+def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None]:
     """Return known forces with the friction of a record's joints and the errors of its rows, if it tells them.
+
+    And what is then expected of the record; None if it is too short.
 
     Errors of rows that are known count where friction is known, too, or where friction and errors by the record itself
     are no smaller: what was learnt without friction, where nothing touches, has it among the errors.
     """
-    record, values, points = forces.record, forces.values, points_of(forces.record.map)
-    sought = "joints.effort" in record.channels and not knows_friction(forces)
-    inputs = inputs_between(record, forces)
-    expected = expected_of(record, inputs, values, points) if points and sought else None
-    if expected is None:
-        return forces
-    law = values.friction
-    known, rate = ((), None) if law is None else (values.joints, law.rate)
-    instants = looked_at(record, inputs, expected.stiction_rate, known=known, rate=rate)
+    record, values = forces.record, forces.values
+    sought = bool(points_of(record.map)) and "joints.effort" in record.channels and not knows_friction(forces)
+    instants = looked_at(record, inputs_between(record, forces), values, closely=sought)
+    if instants is None:
+        return forces, None
+    expected = expected_of(record, instants, values)
+    found = _found(forces, instants, expected) if sought else None
+    if found is None:
+        return forces, expected
+    law, n = found.friction, len(instants.joints)
+    assert law is not None
+    b = np.stack([law.coulomb, law.viscous, law.inertia, found.scale - 1.0])[:, -n:]
+    return replace(forces, values=found), expected_of(record, instants.without(b), found)
+
+
+def _found(forces: KnownForces, instants: Instants, expected: Expected) -> FittedValues | None:
+    """Return what instants tell of friction and of the errors of the rows; None if they tell nothing."""
+    record, values, law = forces.record, forces.values, forces.values.friction
     if len(instants.rows) < FEWEST_INSTANTS or not instants.joints:
-        return forces
+        return None
     if law is not None and np.abs(instants.sliding[:, instants.at]).max() < SLIDES_AT:
-        return forces  # what a calibration did not see move does not move here, either
+        return None  # what a calibration did not see move does not move here, either
     y, J, robot = instants.rows[:, instants.kept], instants.jacobians[:, :, instants.kept], record.robot
     force, lifts = np.broadcast_to(expected.force, J.shape[:2]), False
     if walks_on(robot, record.map):
         lifted, _ = lifted_feet(y, J, robot.weight)
         force, lifts = force * np.where(np.repeat(lifted, 3, axis=1), 0.0, 1.0), bool(lifted.any())
     if y.size <= np.count_nonzero(force):
-        return forces
+        return None
     force = with_blows(force, y, J)
     fitted, names = _fitted(forces, instants, expected, force, lifts, rotors=False), list(row_names(robot.model))
     if _errors_over(fitted, {names[row]: expected.row_error[row] for row in instants.kept}) > ROTORS_SOUGHT:
@@ -91,9 +101,9 @@ def fit_beside_forces(forces: KnownForces) -> KnownForces:
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
         fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), False, rotors=False)
     if law is not None:
-        return replace(forces, values=_with_known(fitted, values, law))
+        return _with_known(fitted, values, law)
     no_smaller = _errors_over(fitted, values.row_noise) >= FRICTION_SHOWN  # if any are known
-    return forces if no_smaller else replace(forces, values=fitted)
+    return None if no_smaller else fitted
 
 
 def with_blows(force: Array, y: Array, J: Array) -> Array:
@@ -160,8 +170,7 @@ def _fitted(
     b, size, unsure, error_rms = most_likely(*tables, offset=robot.mass * offset if sought else 0.0)
     coulomb, viscous, inertia, factors = b[0], b[1], b[2] if rotors else np.zeros(n), b[-1] if sought else np.zeros(n)
     if lifts and not sought:
-        rows = instants.rows.copy()
-        rows[:, np.array(kept)[at]] -= np.einsum("bmi,bi->mi", x, b)
+        rows = instants.without(np.stack([coulomb, viscous, inertia, factors])).rows
         acceleration = UNKNOWN_SPEED / (len(y) * instants.every * record.dt) + offset
         least = robot.mass * row_scale(robot.model)[:6] * acceleration
         SJ = force[..., None] ** 2 * J
@@ -281,45 +290,3 @@ def _bounded(normal: Array, target: Array, largest: Array) -> Array:
     L = np.linalg.cholesky(normal * scale * scale[:, None])
     bounds = np.where(np.isfinite(largest), 0.0, -np.inf), largest / scale
     return np.asarray(scale * lsq_linear(L.T, np.linalg.solve(L, scale * target), bounds, method="bvls").x)
-
-
-def factors_by_balance(
-    y: Array, J: Array, G: Array, legs: list[int], efforts: Array, attitude: Array, least: Array, largest: float
-) -> tuple[Array, Array]:
-    """Return errors d (n,) of the factors of efforts, and their standard deviations (n,), by the weight of a robot.
-
-    Its momentum hardly changes over a record, so in the mean all forces on it, and all moments about its base, cancel.
-    With the most likely forces on the feet, f = G (y_l - X d) by the rows y_l of the legs, the base's rows y_b say
-
-        mean(y_b - J_b^T G y_l) + A d = e,    A = mean(J_b^T G X),    d ~ N(0, g^2),    e ~ N(0, s^2)
-
-    where X are the efforts. Six numbers show how large g is, and which efforts hold up too much or too little.
-
-    Args:
-        y: (m, nv) rows, of which the first six are the base's; friction is taken out of the others.
-        J: (m, c, nv) Jacobian of the forces on the feet.
-        G: (m, c, n) these forces by the rows of the legs.
-        legs: the n rows of the legs.
-        efforts: (m, n) behind the low-pass of the rows.
-        attitude: (m, 3, 3) from the base's axes to the world's.
-        least: (6,) of s.
-        largest: g.
-    """
-    base = np.swapaxes(J[:, :, :6], 1, 2) @ G
-    remainder, moved = y[:, :6] - np.einsum("mbk,mk->mb", base, y[:, legs]), base * efforts[:, None]
-    table = np.concatenate([moved, remainder[..., None]], axis=2).reshape(len(y), 2, 3, -1)
-    table = np.einsum("mij,mbjk->mbik", attitude, table).reshape(len(y), 6, -1)  # in the world's axes
-    A, z = (part := table.mean(axis=0))[:, :-1], part[:, -1]
-    means = np.stack([part[..., -1].mean(axis=0) for part in np.array_split(table, BALANCE_STRETCHES)])
-    s = np.hypot(least, means.std(axis=0, ddof=1) / np.sqrt(BALANCE_STRETCHES))
-    solutions = []
-    for g in largest * FACTOR_SIZES:
-        cov = g**2 * A @ A.T + np.diag(s**2)
-        gain = g**2 * np.linalg.solve(cov, A).T
-        likely = -0.5 * (np.linalg.slogdet(cov)[1] + z @ np.linalg.solve(cov, z))
-        solutions.append((likely, -gain @ z, g**2 - g**2 * np.einsum("ib,bi->i", gain, A)))
-    likely, d, variance = (np.stack(part) for part in zip(*solutions, strict=True))
-    share = np.exp(likely - likely.max())
-    share /= share.sum()
-    mean = share @ d
-    return mean, np.sqrt(share @ (variance + d**2) - mean**2)

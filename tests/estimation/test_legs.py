@@ -22,7 +22,7 @@ from aerobat_pin.estimation import estimate
 from aerobat_pin.estimation.contacts import contact_probability, stances_of, touching
 from aerobat_pin.estimation.deviations import with_tilt
 from aerobat_pin.estimation.expected_of_record import lifted_errors
-from aerobat_pin.estimation.fit_beside_forces import factors_by_balance
+from aerobat_pin.estimation.factors_by_balance import factors_by_balance
 from aerobat_pin.estimation.inputs import change_of_axes
 from aerobat_pin.records import base_requests, open_record, parse_map
 

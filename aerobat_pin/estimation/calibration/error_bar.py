@@ -11,9 +11,10 @@ from aerobat_pin.estimation.calibration.free_run import FreeRun, free_runs
 from aerobat_pin.estimation.calibration.map_fits import held_out_stretch, used_by_fits
 from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.gain_regression import fits_to_sensor
+from aerobat_pin.estimation.instants import looked_at
 from aerobat_pin.estimation.inverse_dynamics import contact_torque
 from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import inputs_between, observers_of, points_of, rms_in, run_observers, settled
+from aerobat_pin.estimation.run_observers import inputs_between, observers_of, rms_in, run_observers, settled
 from aerobat_pin.observers import low_passed, row_names, typical_step
 from aerobat_pin.records import FREE_NV
 
@@ -87,7 +88,8 @@ def _sizes_where_free(known: KnownForces | None) -> dict[str, float]:
         return {}
     record = known.record
     inputs = inputs_between(record, known)
-    expected = expected_of(record, inputs, known.values, points_of(record.map))
+    instants = looked_at(record, inputs, known.values) if record.robot.limits_forces else None
+    expected = None if instants is None else expected_of(record, instants, known.values)
     named = observers_of(record, (), expected)[0]
     # force_level is right for any choice of rows
     chosen = next((observer for observer in named if observer.name == "force_level"), named[0])

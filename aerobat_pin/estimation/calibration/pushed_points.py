@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT
-from aerobat_pin.estimation.expected_of_record import column_rms, expected_of
+from aerobat_pin.estimation.expected_of_record import expected_of
 from aerobat_pin.estimation.fit_beside_forces import CHECKED, FEWEST_INSTANTS, most_likely, spare_share
-from aerobat_pin.estimation.instants import looked_at
+from aerobat_pin.estimation.instants import column_rms, looked_at
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.run_observers import inputs_between, points_of
 from aerobat_pin.estimation.scores import point_label, quantity
@@ -39,10 +39,10 @@ def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
         return [], []
     plain = replace(forces, values=replace(forces.values, friction=None, row_noise={}), series=None)
     inputs, points = inputs_between(record, plain), points_of(record.map)
-    expected = expected_of(record, inputs, plain.values, points)
-    instants = None if expected is None else looked_at(record, inputs, expected.stiction_rate)
-    if expected is None or instants is None or len(instants.rows) < FEWEST_INSTANTS or not instants.joints:
+    instants = looked_at(record, inputs, plain.values, closely=True)
+    if instants is None or len(instants.rows) < FEWEST_INSTANTS or not instants.joints:
         return [], []
+    expected = expected_of(record, instants, plain.values)
     kept, at, y = instants.kept, instants.at, instants.rows[:, instants.kept]
     J, error, S = instants.jacobians[:, :, kept], expected.row_error[kept], expected.force
     force = np.broadcast_to(S, J.shape[:2])

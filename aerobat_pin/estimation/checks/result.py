@@ -11,8 +11,8 @@ from aerobat_pin.estimation.against_reference import PairedEstimate
 from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.checks.push_elsewhere import elsewhere_findings
-from aerobat_pin.estimation.expected_of_record import column_rms
 from aerobat_pin.estimation.findings import Finding, FindingVerdict
+from aerobat_pin.estimation.instants import column_rms
 from aerobat_pin.estimation.known_forces import BESIDE, KnownForces, command_sum, unit_direction
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.estimation.run_observers import rms_in, rows_of, settled
