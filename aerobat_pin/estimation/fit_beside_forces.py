@@ -32,7 +32,15 @@ from aerobat_pin.estimation.coefficient_errors import (
 )
 from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.deviations import tilt_of
-from aerobat_pin.estimation.expected_of_record import EFFORT_ERROR, expected_of, lifted_feet, row_scale
+from aerobat_pin.estimation.expected_of_record import (
+    EFFORT_ERROR,
+    SLIDES_AT,
+    as_others_rub,
+    effort_limits,
+    expected_of,
+    lifted_feet,
+    row_scale,
+)
 from aerobat_pin.estimation.factors_by_balance import factors_by_balance
 from aerobat_pin.estimation.instants import Instants, column_rms, looked_at
 from aerobat_pin.estimation.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
@@ -46,13 +54,15 @@ EXPECTATION_ROUNDS = 30  # of expectation and maximisation; what a record tells 
 UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: something else explains the rows
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
-HARDLY_MOVES = "it hardly moves, so that this may be a force as well: up to its Coulomb friction it counts as unknown"
+HARDLY_MOVES = (
+    "it hardly moves: it is taken to rub as the others do, in proportion to the efforts that joints can bear, and up "
+    "to its Coulomb friction it counts as unknown"
+)
 CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
 BLOW, BLOW_ROUNDS = 3.0, 5  # of what is expected of a force: one that is larger is what the rows show of it
 LEAST_TRACE = 1e-9  # of the largest singular value: a fainter force leaves none
 ROTORS_SOUGHT = 0.5  # of what is expected of the rows' errors, geometric mean, from which they may show rotors
 ROTORS_SHOWN = 0.75  # of the errors of rows, geometric mean: where rotors leave more, errors cover them all the same
-SLIDES_AT = 0.76  # of Coulomb friction that has set in: a joint that never shows as much hardly moves
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
 
 
@@ -166,8 +176,9 @@ def _fitted(
     x, known = instants.columns[kinds][:, :, at], np.array([np.inf, np.inf, np.inf, EFFORT_ERROR])[kinds]
     g = float(np.linalg.norm(robot.model.gravity.linear))
     offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
+    offset_force, limits = robot.mass * offset if sought else 0.0, effort_limits(robot, instants.joints)
     tables = y, x, known, J, at, instants.sliding, force, error
-    b, size, unsure, error_rms = most_likely(*tables, offset=robot.mass * offset if sought else 0.0)
+    b, size, unsure, error_rms = most_likely(*tables, offset=offset_force, limits=limits)
     coulomb, viscous, inertia, factors = b[0], b[1], b[2] if rotors else np.zeros(n), b[-1] if sought else np.zeros(n)
     if lifts and not sought:
         rows = instants.without(np.stack([coulomb, viscous, inertia, factors])).rows
@@ -218,6 +229,7 @@ def most_likely(
     error: Array,
     *,
     offset: float = 0.0,
+    limits: Array | None = None,
 ) -> tuple[Array, Array, Array, Array]:
     """Return b (kinds, n), the sizes r (k,), what its errors make of the rows (k,), squared, and the errors' rms (k,).
 
@@ -233,6 +245,8 @@ def most_likely(
             that never slides they are as expected.
         force: (m, c) S.
         error: (k,) square roots of R.
+        limits: (n,) efforts that joints can bear, in proportion to which those that never slide rub as the worst of
+            the others; what their own rows show of friction when omitted.
         offset: force [N] that a base's accelerometer with an offset may find in each of the first three rows for ever.
     """
     k, (kinds, _, n) = y.shape[1], x.shape
@@ -243,6 +257,7 @@ def most_likely(
     largest = np.where(np.isinf(known)[:, None], largest, np.inf).ravel()
     information = LEAST_SHOWN * largest**-2.0 + prior
     size = np.maximum((column_rms(y) / error) ** 2, LEAST_SIZE)  # from below they would hardly move
+    slides = slid[at] > SLIDES_AT
     for _ in range(EXPECTATION_ROUNDS):
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
         cov = forces.copy()
@@ -253,6 +268,8 @@ def most_likely(
         white = np.einsum("mij,mj->mi", inverse, y, optimize=True)
         target = np.einsum("ami,mi->ai", x, white[:, at]).ravel()
         b = _bounded(normal, target, largest).reshape(kinds, n)
+        if limits is not None:
+            b[0] = as_others_rub(b[0], slides, limits)
         stiction[at] = b[0]
         remainder = y.copy()
         remainder[:, at] -= np.einsum("ami,ai->mi", x, b)

@@ -8,7 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.estimation.contacts import walks_on
-from aerobat_pin.estimation.expected_of_record import expected_from, lifted_errors, row_scale
+from aerobat_pin.estimation.expected_of_record import (
+    SLIDES_AT,
+    as_others_rub,
+    effort_limits,
+    expected_from,
+    lifted_errors,
+    row_scale,
+)
 from aerobat_pin.estimation.fit_beside_forces import LEAST_SHOWN
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.run_observers import points_of
@@ -24,7 +31,8 @@ class StreamSizes:
     """Sizes that a stream expects.
 
     Errors are in proportion to the efforts. Where friction is not known, they contain what friction can explain: a
-    stream does not take it off, as a push that lasts looks like it until the joint turns back.
+    stream does not take it off, as a push that lasts looks like it until the joint turns back. Joints that have not
+    slid yet are taken to rub as the others.
 
     Args:
         chosen: the map.
@@ -41,6 +49,7 @@ class StreamSizes:
         self._count = self._taken = 0
         self._rate = values.stiction(robot)[1]
         self._joints = [robot.v_index(joint) for joint in robot.joints]
+        self._limits, self._slid = effort_limits(robot, robot.joints), np.zeros(nv)
         self._products = np.zeros((3, 3, nv))  # sums over samples, of each row
 
     def take(
@@ -57,6 +66,7 @@ class StreamSizes:
             v, y = together.last_interval(u, dt)
             z = np.stack([np.tanh(v / self._rate), v, y])
             self._products += z[:, None] * z
+            self._slid = np.maximum(self._slid, np.abs(z[0]))
             self._taken += 1
 
     def expected(self, effort: Array) -> Expected | None:
@@ -73,7 +83,8 @@ class StreamSizes:
             force, jacobians = (part[: self._taken] for part in self._legs)
             errors = lifted_errors(np.einsum("mc,mcv->mv", force, jacobians), jacobians, self._robot.weight)
         elif self._taken and self._values.friction is None:
-            errors[self._joints] = self._rubbing()[self._joints]
+            slides = self._slid[self._joints] > SLIDES_AT
+            errors[self._joints] = as_others_rub(self._rubbing()[self._joints], slides, self._limits)
         return replace(expected, row_error=np.hypot(expected.row_error, errors))
 
     def _rubbing(self) -> Array:

@@ -279,10 +279,13 @@ def test_each_observer_is_as_right_as_it_says(folder: Path) -> None:
         assert np.all(whole.standard_deviation >= np.abs(lag)), name
 
 
-@pytest.mark.parametrize("names", [["force_level", "kalman"], ["kalman"]])
-def test_friction_that_nobody_told_a_stream_is_in_its_deviations(names: list[str], tmp_path: Path) -> None:
-    """The filter made 45 N of it, with +-10, and nothing said so; a stream cannot tell it from a push that lasts."""
-    write_log(tmp_path / "push.csv", 5, pushed, pace=1.6)
+@pytest.mark.parametrize(("names", "still"), [(["force_level", "kalman"], 0), (["kalman"], 0), (["force_level"], 2)])
+def test_friction_that_nobody_told_a_stream_is_in_its_deviations(names: list[str], still: int, tmp_path: Path) -> None:
+    """The filter made 45 N of it, with +-10, and nothing said so; a stream cannot tell it from a push that lasts.
+
+    Nor what joints at rest hold.
+    """
+    write_log(tmp_path / "push.csv", 5, pushed, pace=1.6, still=still)
     chosen = arm_map(["tool0"]) | {"observer": {"gain": 20.0, "names": names}}
     del chosen["check"]
     stream = OnlineEstimator(parse_map(chosen, "of the test"), tmp_path)
@@ -298,6 +301,21 @@ def test_friction_that_nobody_told_a_stream_is_in_its_deviations(names: list[str
     assert shown.mean() > 0.1
     assert np.mean((error < 2.0 * sure)[shown]) > 0.9
     assert stream.health.k < DOUBTFUL
+
+
+@pytest.mark.parametrize(("seed", "still"), [(61, 1), (62, 2), (63, 4)])
+def test_joints_at_rest_may_rub_as_those_that_move(seed: int, still: int, tmp_path: Path) -> None:
+    """What stiction holds passed for a push: 13 N were made of a shoulder's, with +-5 N."""
+    force = write_log(tmp_path / "still.csv", seed, pushed, still=still)
+    result = estimate(opened(tmp_path / "still.csv", ["tool0"]))
+    [found] = result.estimates.values()
+    inside, error = found.shown, np.abs(found.components - 0.5 * (force[1:] + force[:-1]))
+    assert inside[:, 0].mean() > 0.5
+    assert np.mean((error < 2.0 * found.standard_deviation)[inside]) > 0.95
+    fits = result.forces.values.fits
+    assert [bool(fit.untold) for fit in fits] == [k < still for k in range(6)]
+    share = [fit.values["coulomb"] / (150.0 if k < 3 else 28.0) for k, fit in enumerate(fits)]
+    np.testing.assert_allclose(share[:still], max(share[still:]), rtol=1e-9)
 
 
 def test_a_self_check_says_whether_pose_or_map_hides_a_force(folder: Path) -> None:
