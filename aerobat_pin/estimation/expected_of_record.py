@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from aerobat_pin.estimation.contacts import END_SHARE, walks_on
 from aerobat_pin.estimation.instants import WEIGHED, Instants, column_rms
@@ -32,7 +31,6 @@ LEAST_ROW_ERROR = 1e-3  # of the weight that rows move (moments: times the robot
 LEAST_LIFTED = 10  # of these, with a foot in the air
 FOOT_SHARE = 0.15  # of the weight: a point that never holds so much is no foot
 SLIDES_AT = 0.76  # of Coulomb friction that has set in: a joint that never shows as much hardly moves
-UNLIMITED = 1e6  # [N m, N]: a larger limit of an effort is none
 STRAIGHT_LEG = 0.1  # least over largest singular value of a leg's Jacobian: below, it does not show a force along it
 
 
@@ -115,20 +113,6 @@ def lifted_errors(rows: Array, jacobians: Array, weight: float) -> Array:
         if up.sum() >= LEAST_LIFTED:
             errors[leg] = column_rms(rows[up][:, leg])
     return errors
-
-
-def effort_limits(robot: PlainRobot, joints: Sequence[str]) -> Array:
-    """Return the efforts (n,) that joints can bear by the robot's file [N or N m]; 1 for all if it does not say so."""
-    limits = robot.model.effortLimit[[robot.v_index(joint) for joint in joints]]
-    return np.asarray(limits if np.all((limits > 0.0) & (limits < UNLIMITED)) else np.ones(len(limits)))
-
-
-def as_others_rub(friction: Array, slides: NDArray[np.bool_], limits: Array) -> Array:
-    """Return friction (n,) in which joints that do not slide rub as the worst of the others, over what they can bear.
-
-    What a joint at rest holds by its friction is otherwise no different from a push that lasts.
-    """
-    return np.where(slides, friction, limits * np.max(friction / limits, where=slides, initial=0.0))
 
 
 def row_scale(model: pin.Model) -> Array:

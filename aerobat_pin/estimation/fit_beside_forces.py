@@ -32,21 +32,13 @@ from aerobat_pin.estimation.coefficient_errors import (
 )
 from aerobat_pin.estimation.contacts import walks_on
 from aerobat_pin.estimation.deviations import tilt_of
-from aerobat_pin.estimation.expected_of_record import (
-    EFFORT_ERROR,
-    SLIDES_AT,
-    as_others_rub,
-    effort_limits,
-    expected_of,
-    lifted_feet,
-    row_scale,
-)
+from aerobat_pin.estimation.expected_of_record import EFFORT_ERROR, SLIDES_AT, expected_of, lifted_feet, row_scale
 from aerobat_pin.estimation.factors_by_balance import factors_by_balance
 from aerobat_pin.estimation.instants import Instants, column_rms, looked_at
 from aerobat_pin.estimation.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
 from aerobat_pin.estimation.run_observers import ignored_rows, inputs_between, points_of
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Expected, JointFriction, row_names
+from aerobat_pin.observers import Expected, JointFriction, as_others_rub, effort_limits, row_names
 from aerobat_pin.robot import rotation_matrices
 
 FEWEST_INSTANTS = 50  # that are weighed
@@ -176,7 +168,8 @@ def _fitted(
     x, known = instants.columns[kinds][:, :, at], np.array([np.inf, np.inf, np.inf, EFFORT_ERROR])[kinds]
     g = float(np.linalg.norm(robot.model.gravity.linear))
     offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
-    offset_force, limits = robot.mass * offset if sought else 0.0, effort_limits(robot, instants.joints)
+    offset_force = robot.mass * offset if sought else 0.0
+    limits = effort_limits(robot.model, [kept[k] for k in at])
     tables = y, x, known, J, at, instants.sliding, force, error
     b, size, unsure, error_rms = most_likely(*tables, offset=offset_force, limits=limits)
     coulomb, viscous, inertia, factors = b[0], b[1], b[2] if rotors else np.zeros(n), b[-1] if sought else np.zeros(n)

@@ -17,7 +17,7 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.calibration.learnt_error import LearntError
 from aerobat_pin.estimation.inverse_dynamics import frame_jacobians, turned
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import SMOOTH_RATE, JointFriction
+from aerobat_pin.observers import SMOOTH_RATE, JointFriction, as_others_rub, effort_limits
 from aerobat_pin.records import Block, KnownSection, PlainRobot, Record, world_turn
 
 CALIBRATION, FRICTION = "calibration", "friction"  # names of the known forces that are learnt
@@ -92,11 +92,15 @@ class FittedValues:
     doubt: float = 1.0
 
     def stiction(self, robot: PlainRobot) -> tuple[Array, Array]:
-        """Return (nv,) friction at rest [N or N m], and the speed from which each joint slides [m/s or rad/s]."""
+        """Return (nv,) friction at rest [N or N m], and the speed from which each joint slides [m/s or rad/s].
+
+        Joints of which no friction is known rub as the others, if that of any is known.
+        """
         size, rate = np.zeros(robot.model.nv), np.full(robot.model.nv, SLIDING_RATE)
         if self.friction is not None:
-            rows = [robot.v_index(joint) for joint in self.joints]
-            size[rows], rate[rows] = np.abs(self.friction.coulomb), max(self.friction.rate, SLIDING_RATE)
+            known, every = ([robot.v_index(joint) for joint in joints] for joints in (self.joints, robot.joints))
+            size[known], rate[known] = np.abs(self.friction.coulomb), max(self.friction.rate, SLIDING_RATE)
+            size[every] = as_others_rub(size[every], np.isin(every, known), effort_limits(robot.model, every))
         return size, rate
 
 

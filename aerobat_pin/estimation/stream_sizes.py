@@ -8,19 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.estimation.contacts import walks_on
-from aerobat_pin.estimation.expected_of_record import (
-    SLIDES_AT,
-    as_others_rub,
-    effort_limits,
-    expected_from,
-    lifted_errors,
-    row_scale,
-)
+from aerobat_pin.estimation.expected_of_record import SLIDES_AT, expected_from, lifted_errors, row_scale
 from aerobat_pin.estimation.fit_beside_forces import LEAST_SHOWN
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.run_observers import points_of
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Expected, ObserversTogether, Rows, Sample
+from aerobat_pin.observers import Expected, ObserversTogether, Rows, Sample, as_others_rub, effort_limits
 from aerobat_pin.records import Map, PlainRobot
 
 LEGS_EVERY, LEGS_KEPT = 50, 200  # estimates of a robot that walks: one in so many shows the errors of legs in the air
@@ -49,7 +42,7 @@ class StreamSizes:
         self._count = self._taken = 0
         self._rate = values.stiction(robot)[1]
         self._joints = [robot.v_index(joint) for joint in robot.joints]
-        self._limits, self._slid = effort_limits(robot, robot.joints), np.zeros(nv)
+        self._limits, self._slid = effort_limits(robot.model, self._joints), np.zeros(nv)
         self._products = np.zeros((3, 3, nv))  # sums over samples, of each row
 
     def take(

@@ -29,6 +29,8 @@ from .expected import with_record as with_record
 from .friction import FRICTION_COEFFICIENTS as FRICTION_COEFFICIENTS
 from .friction import SMOOTH_RATE as SMOOTH_RATE
 from .friction import JointFriction as JointFriction
+from .friction import as_others_rub as as_others_rub
+from .friction import effort_limits as effort_limits
 from .friction import fit_friction as fit_friction
 from .identifiability import Identifiability as Identifiability
 from .kalman.kalman import KalmanObserver as KalmanObserver

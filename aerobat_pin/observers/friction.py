@@ -15,11 +15,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded
 
 SMOOTH_RATE = 0.02  # [rad/s, m/s]: where Coulomb friction has reached 76 %
+UNLIMITED = 1.0e6  # [N m, N]: a larger limit of an effort is none
 STILL = 1.0e-3  # [rad, m]: a joint that moved less shows only its offset
 LEAST_SHARE = 1.0e-3  # of a regressor that is not explained by the joint's others: below, it is not identifiable
 FRICTION_COEFFICIENTS = ("coulomb", "viscous", "inertia", "offset")
@@ -108,3 +111,17 @@ def _independent(regressors: Array) -> list[int]:
         if np.linalg.norm(residual) > LEAST_SHARE * np.linalg.norm(column) > 0.0:
             kept.append(k)
     return sorted(kept)
+
+
+def effort_limits(model: pin.Model, rows: list[int]) -> Array:
+    """Return the efforts (n,) that joints of some rows can bear [N or N m]; 1 for all if the model does not say so."""
+    limits = model.effortLimit[rows]
+    return np.asarray(limits if np.all((limits > 0.0) & (limits < UNLIMITED)) else np.ones(len(limits)))
+
+
+def as_others_rub(friction: Array, slides: NDArray[np.bool_], limits: Array) -> Array:
+    """Return friction (n,) in which joints that do not slide rub as the worst of the others, over what they can bear.
+
+    What a joint at rest holds by its friction is otherwise no different from a push that lasts.
+    """
+    return np.where(slides, friction, limits * np.max(friction / limits, where=slides, initial=0.0))

@@ -305,13 +305,19 @@ def test_friction_that_nobody_told_a_stream_is_in_its_deviations(names: list[str
 
 @pytest.mark.parametrize(("seed", "still"), [(61, 1), (62, 2), (63, 4)])
 def test_joints_at_rest_may_rub_as_those_that_move(seed: int, still: int, tmp_path: Path) -> None:
-    """What stiction holds passed for a push: 13 N were made of a shoulder's, with +-5 N."""
+    """What stiction holds passed for a push: 13 N were made of a shoulder's, with +-5 N.
+
+    Also with a calibration from a log in which the same joints rest.
+    """
     force = write_log(tmp_path / "still.csv", seed, pushed, still=still)
-    result = estimate(opened(tmp_path / "still.csv", ["tool0"]))
-    [found] = result.estimates.values()
-    inside, error = found.shown, np.abs(found.components - 0.5 * (force[1:] + force[:-1]))
-    assert inside[:, 0].mean() > 0.5
-    assert np.mean((error < 2.0 * found.standard_deviation)[inside]) > 0.95
+    write_log(tmp_path / "free.csv", seed + 100, nothing, still=still)
+    calibration = calibrate([opened(tmp_path / "free.csv", ["tool0"], friction=True)], trust=True)
+    for learnt in (calibration, None):
+        result = estimate(opened(tmp_path / "still.csv", ["tool0"]), calibration=learnt)
+        [found] = result.estimates.values()
+        inside, error = found.shown, np.abs(found.components - 0.5 * (force[1:] + force[:-1]))
+        assert inside[:, 0].mean() > 0.5
+        assert np.mean((error < 2.0 * found.standard_deviation)[inside]) > 0.95
     fits = result.forces.values.fits
     assert [bool(fit.untold) for fit in fits] == [k < still for k in range(6)]
     share = [fit.values["coulomb"] / (150.0 if k < 3 else 28.0) for k, fit in enumerate(fits)]
