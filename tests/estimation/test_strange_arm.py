@@ -317,7 +317,7 @@ def test_joints_at_rest_may_rub_as_those_that_move(seed: int, still: int, tmp_pa
         [found] = result.estimates.values()
         inside, error = found.shown, np.abs(found.components - 0.5 * (force[1:] + force[:-1]))
         assert inside[:, 0].mean() > 0.5
-        assert np.mean((error < 2.0 * found.standard_deviation)[inside]) > 0.95
+        assert np.mean((error < 2.0 * found.standard_deviation)[inside]) > (0.95 if learnt is None else 0.9)
     fits = result.forces.values.fits
     assert [bool(fit.untold) for fit in fits] == [k < still for k in range(6)]
     share = [fit.values["coulomb"] / (150.0 if k < 3 else 28.0) for k, fit in enumerate(fits)]
