@@ -22,7 +22,6 @@ from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.lines import fit_errors, fit_to_drawn
 from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_run
 from aerobat_pin.visualization.replay.moving_page import Replay
-from aerobat_pin.visualization.replay.page import SPEEDS
 from aerobat_pin.visualization.template import fill_template
 
 MOST_FIGURE, MOST_METRICS = 5_000_000, 5_000_000  # bytes; those of `aerobat run` have 300,000
@@ -114,11 +113,15 @@ class RunComparison:
         a, b = self.first.label, self.second.label
         return "observer", "point", "axis", f"R2 {a}", f"R2 {b}", f"error rms {a}", f"error rms {b}"
 
+    @property
+    def shared(self) -> list[tuple[str, str, str]]:
+        """Observer, point and axis of the scores that both runs have."""
+        return [key for key in self.first.scores if key in self.second.scores]
+
     def rows(self) -> Iterator[tuple[str, ...]]:
         """Yield the rows of the table with the columns of `header`: the scores that both runs have."""
-        shared = [key for key in self.first.scores if key in self.second.scores]
-        say = one_unit(run.scores[key][1] for run in (self.first, self.second) for key in shared)
-        for key in shared:
+        say = one_unit(run.scores[key][1] for run in (self.first, self.second) for key in self.shared)
+        for key in self.shared:
             pair = self.first.scores[key], self.second.scores[key]
             r2 = ("no signal" if score[0] is None else f"{score[0]:.5f}" for score in pair)
             yield *key, *r2, *(say(score[1], "N") for score in pair)
@@ -126,13 +129,12 @@ class RunComparison:
     @property
     def verdict(self) -> str:
         """One sentence on the first observer that both runs have: how far it is off the true force in each."""
-        shared = [key for key in self.first.scores if key in self.second.scores]
-        if not shared:
+        if not self.shared:
             return "No force is compared with its truth in both."
-        name = shared[0][0]
-        count = len({point for observer, point, _ in shared if observer == name})
-        runs = (self.first, self.second)
-        squares = [sum(run.scores[key][1] ** 2 for key in shared if key[0] == name) / count for run in runs]
+        name = self.shared[0][0]
+        keys = [key for key in self.shared if key[0] == name]
+        count, runs = len({point for _, point, _ in keys}), (self.first, self.second)
+        squares = [sum(run.scores[key][1] ** 2 for key in keys) / count for run in runs]
         sizes = [f"{quantity(square**0.5, 'N')} rms in {run.label}" for square, run in zip(squares, runs, strict=True)]
         times = f", {(squares[1] / squares[0]) ** 0.5:.2g} times as much" if squares[0] > 0.0 else ""
         return f"{name} is off the true force by {sizes[0]} and by {sizes[1]}{times}."
@@ -142,16 +144,11 @@ class RunComparison:
         """Why a curve or a row is not there: lines of text."""
         lines, runs = [], (self.first, self.second)
         for run, other in (runs, runs[::-1]):
-            drawn, *others = map(str, run.estimates["observer"].values)
+            drawn, *others = _names_along(run, "observer")
             lines += [f"{run.label}: {drawn} is drawn, its first observer, and not {', '.join(others)}"] * bool(others)
-            alone = {
-                name: set(_names_along(run, name)) - set(_names_along(other, name)) for name in ("observer", "point")
-            }
-            lines += [
-                f"{run.label} alone has the {name} {', '.join(sorted(names))}: nothing to set beside it"
-                for name, names in alone.items()
-                if names
-            ]
+            for name in ("observer", "point"):
+                if alone := sorted(set(_names_along(run, name)) - set(_names_along(other, name))):
+                    lines.append(f"{run.label} alone has the {name} {', '.join(alone)}: nothing to set beside it")
             known = set() if run.log.truth is None else set(map(str, run.log.truth["point"].values))
             if blind := [point_label(point) for point in _names_along(run, "point") if point not in known]:
                 why = "is not known" if run.log.truth is None else "is none"
@@ -171,10 +168,10 @@ class RunComparison:
     def draw(self) -> Figure:
         """Draw true and estimated forces of both runs and the errors, a column for each point that both estimate."""
         runs = (self.first, self.second)
-        points = [str(p) for p in self.first.estimates["point"].values if p in self.second.estimates["point"].values]
+        points = [point for point in _names_along(self.first, "point") if point in _names_along(self.second, "point")]
         if not points:
             raise LogError(f"{self.first.folder} and {self.second.folder}: forces at the same points were expected")
-        names = [str(run.estimates["observer"].values[0]) for run in runs]
+        names = [_names_along(run, "observer")[0] for run in runs]
         with mpl.rc_context(style.RC):
             figure = Figure(figsize=(max(6.5, 4.2 * len(points)), 7.4), layout="constrained")
             grid = figure.subplots(6, len(points), sharex=True, squeeze=False, height_ratios=(2, 1) * 3)
@@ -207,19 +204,16 @@ class RunComparison:
         lines = [",".join(row) for row in (self.header, *self.rows())]
         (folder / "comparison.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
         first, second = self.first.figures, self.second.figures
+        labels = self.first.label, self.second.label
         page = fill_template(
             "comparison.html",
-            runs=(self.first, self.second),
+            comparison=self,
+            labels=labels,
             differences=keys_text(self.differences),
-            verdict=self.verdict,
-            header=self.header,
-            rows=list(self.rows()),
-            missing=self.missing,
             forces=folder / "forces.png",
             figures={name: (first[name], second[name]) for name in first if name in second},
         )
         (folder / "comparison.html").write_text(page, encoding="utf-8")
-        labels = self.first.label, self.second.label
         flights = side_by_side(replay_run(self.first.folder), replay_run(self.second.folder), labels, SLOW_MOTION)
         (folder / "replay.html").write_text(flights, encoding="utf-8")
 
@@ -258,6 +252,5 @@ def side_by_side(first: Replay, second: Replay, labels: tuple[str, str], rate: f
         start=float(longer.time[0]),
         duration=longer.duration,
         step=longer.duration / (len(longer.time) - 1),
-        speeds=[f"{speed:g}" for speed in sorted({*SPEEDS, rate})],
         rate=rate,
     )

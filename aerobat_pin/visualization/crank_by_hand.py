@@ -7,7 +7,6 @@ The page is a single HTML file that needs no network. It closes the linkage itse
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any
 
 import meshcat
 import meshcat.geometry as shapes
@@ -17,10 +16,8 @@ from aerobat_description.bars import BOSS_RADIUS, BOSS_THICKNESS, HALF_WIDTH, TH
 from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
 from aerobat_description.position_closure import turn
-from aerobat_description.solids import Mesh
 from aerobat_description.write_urdf import MATERIALS, SIDES
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.page import viewer_script
 from aerobat_pin.visualization.replay.scene import Window, clear_background, rgb_number
 from aerobat_pin.visualization.template import base64_text, fill_template
 
@@ -38,12 +35,16 @@ PLANE_MARGIN = 9.0  # [mm] around all that the pins reach in a turn
 
 def crank_page(morphology: Morphology) -> str:
     """Return the page of a robot as HTML."""
-    bars = linkage_bars(morphology.linkage)
+    bars, sliders = linkage_bars(morphology.linkage), []
+    for key, what in WHAT.items():
+        built = getattr(morphology.linkage, key)
+        low, high = sorted(share * built for share in SLIDER)
+        sliders.append({"key": key, "what": what, "value": built, "low": low, "high": high, "step": LENGTH_STEP})
     return fill_template(
         "crank.html",
         title=f"{morphology.name}: turn the crank",
         window=_window(morphology),
-        sliders=[_slider(morphology, key) for key in MORPHING],
+        sliders=sliders,
         scene={
             "commands": [base64_text(command) for command in _commands(morphology, bars)],
             "lengths": asdict(morphology.linkage),
@@ -55,15 +56,7 @@ def crank_page(morphology: Morphology) -> str:
             "colours": style.BAR_COLOURS,
             "straight": STRAIGHT_DEG,
         },
-        meshcat=viewer_script(),
     )
-
-
-def _slider(morphology: Morphology, key: str) -> dict[str, Any]:
-    """Return name, meaning, value and range [m] of the slider for an adjustable length."""
-    built = getattr(morphology.linkage, key)
-    low, high = sorted(share * built for share in SLIDER)
-    return {"key": key, "what": WHAT[key], "value": built, "low": low, "high": high, "step": LENGTH_STEP}
 
 
 def _window(morphology: Morphology) -> str:
@@ -90,32 +83,23 @@ def _commands(morphology: Morphology, bars: dict[str, Bar]) -> list[bytes]:
     clear_background(viewer)
     for name, part in parts(morphology).items():
         if not name.endswith(("_L3", "_L7")):
-            viewer[f"world/robot/{part.link}/{name}"].set_object(_triangles(part.mesh), _paint(part.material))
-    sideways = np.eye(4)
-    sideways[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]  # a cylinder's axis from y to x
+            corners = np.array(part.mesh).reshape(-1, 3)
+            mesh = shapes.TriangularMeshGeometry(corners, np.arange(len(corners)).reshape(-1, 3))
+            *colour, alpha = MATERIALS[part.material]
+            number = int.from_bytes(bytes(round(255.0 * share) for share in colour))
+            paint = shapes.MeshLambertMaterial(color=number, opacity=alpha, transparent=alpha < 1.0)
+            viewer[f"world/robot/{part.link}/{name}"].set_object(mesh, paint)
     for side, sign in SIDES:
         for name, bar in bars.items():
+            place, sideways = np.eye(4), np.eye(4)
+            sideways[:3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]  # a cylinder's axis from y to x
+            place[0, 3] = sideways[0, 3] = sign * layer(name)
             paint = shapes.MeshLambertMaterial(color=rgb_number(style.BAR_COLOURS[name]))
             node = viewer[f"world/robot/{side}_{name}"]
             for k in range(len(bar.struts)):
-                place = np.eye(4)
-                place[0, 3] = sign * layer(name)
                 node[f"strut{k}"].set_object(shapes.Box([THICKNESS, 1.0, 2.0 * HALF_WIDTH]), paint)
                 node[f"strut{k}"].set_transform(place)
             for pin in bar.pins:
-                place = sideways.copy()
-                place[0, 3] = sign * layer(name)
                 node[f"{pin}/boss"].set_object(shapes.Cylinder(BOSS_THICKNESS, BOSS_RADIUS), paint)
-                node[f"{pin}/boss"].set_transform(place)
+                node[f"{pin}/boss"].set_transform(sideways)
     return window.commands
-
-
-def _triangles(mesh: Mesh) -> shapes.TriangularMeshGeometry:
-    corners = np.array(mesh).reshape(-1, 3)
-    return shapes.TriangularMeshGeometry(corners, np.arange(len(corners)).reshape(-1, 3))
-
-
-def _paint(material: str) -> shapes.MeshLambertMaterial:
-    red, green, blue, alpha = MATERIALS[material]
-    colour = int("".join(f"{round(255 * part):02x}" for part in (red, green, blue)), 16)
-    return shapes.MeshLambertMaterial(color=colour, opacity=alpha, transparent=alpha < 1.0)

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 from support.lowest import lowest
 
-from aerobat_pin.visualization.replay.page import viewer_script
+from aerobat_pin.visualization.template import viewer_script
 
 ROOT = Path(__file__).resolve().parents[2]
 LEFT_OUT = shutil.ignore_patterns(".*", "build", "dist", "runs", "*.egg-info", "__pycache__")

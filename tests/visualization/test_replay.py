@@ -24,7 +24,6 @@ from aerobat_pin.robot.closed_model import bar_placements
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_flight
-from aerobat_pin.visualization.replay.page import SPEEDS
 
 # Linear RGB as seen without red and without green cones: Machado, Oliveira & Fernandes (2009), severity 1.
 BLIND = {
@@ -69,8 +68,7 @@ def test_it_plays_from_disk_as_long_as_the_flight_and_pauses(page: Any) -> None:
 @needs_browser
 def test_its_speed_is_chosen_by_a_button(page: Any) -> None:
     """From 1/50 to real time; the one that holds is marked."""
-    assert (min(SPEEDS), max(SPEEDS)) == (0.02, 1.0)
-    for speed in SPEEDS:
+    for speed in (0.02, 0.05, 0.1, 0.25, 0.5, 1.0):
         page.locator(f"#speeds button[data-rate='{speed:g}']").click()
         assert page.evaluate("viewer.animator.mixer.timeScale") == speed
         marked = page.locator(f"#speeds button[data-rate='{speed:g}'][aria-pressed=true]")

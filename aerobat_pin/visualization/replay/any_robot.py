@@ -21,10 +21,9 @@ import pinocchio as pin
 
 from aerobat_pin.errors import LARGEST_TABLE, LogError, foreign_file, foreign_xml
 from aerobat_pin.numerics import Array, Packages, checked_robot, read_robot
-from aerobat_pin.records import LogTable, header_of, read_columns
+from aerobat_pin.records import FREE_NQ, LogTable, header_of, read_columns
 from aerobat_pin.visualization.replay.moving_page import Replay, record
 
-FREE_BASE = 7  # number of entries of q for a free base
 LARGEST_MESH = 100_000_000  # bytes
 MESHES = (".dae", ".obj", ".stl")  # what the page can draw; none of them but Collada names other files
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"BM")  # how the content of a texture begins
@@ -54,16 +53,16 @@ def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pi
     text = ElementTree.tostring(root, encoding="unicode")
     model = read_robot(urdf, lambda: pin.buildModelFromXML(text))
     fixed = model.nq
-    if columns == fixed + FREE_BASE:
+    if columns == fixed + FREE_NQ:
         model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
     if model.nq == 0:
         raise LogError(
-            f"robot {urdf}: no joint of it moves; a joint, or the {FREE_BASE} columns of a free base, were expected"
+            f"robot {urdf}: no joint of it moves; a joint, or the {FREE_NQ} columns of a free base, were expected"
         )
     if columns != model.nq:
         raise LogError(
             f"motion {table}: {columns} columns of configuration; {urdf.name} takes {fixed}, or "
-            f"{fixed + FREE_BASE} on a free base, in the order {', '.join(list(model.names)[1:])}"
+            f"{fixed + FREE_NQ} on a free base, in the order {', '.join(list(model.names)[1:])}"
         )
     kind = pin.GeometryType.VISUAL
     visual_model = read_robot(urdf, lambda: pin.buildGeomFromUrdfString(model, text, kind))
@@ -118,7 +117,7 @@ def replay_table(table: Path, urdf: Path) -> Replay:
             raise LogError(f"motion {table}: three columns {frame}.Fx, {frame}.Fy and {frame}.Fz were expected")
     model, visual_model = load_any_robot(urdf, len(columns), table)
     q = values[:, columns]
-    if model.joints[1].nq == FREE_BASE:
+    if model.joints[1].nq == FREE_NQ:
         length = np.linalg.norm(q[:, 3:7], axis=1)
         if np.any(np.abs(length - 1.0) > 0.01):
             raise LogError(f"motion {table}: columns 4 to 7 of the configuration are no unit quaternion, w last")

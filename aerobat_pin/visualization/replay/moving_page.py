@@ -20,16 +20,18 @@ from scipy.signal import savgol_filter
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, frame_id, shaped
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.page import LegendLine, Zone, replay_page
 from aerobat_pin.visualization.replay.scene import (
     HALO_OPACITY,
+    LONGEST_ARROW,
     SHEET_OPACITY,
+    LegendLine,
     Scene,
     Sheet,
-    arrow_scale,
+    Zone,
     box_corners,
     round_number_above,
 )
+from aerobat_pin.visualization.template import base64_text, fill_template
 
 KEYFRAMES_PER_SECOND = 120.0  # per second of recorded time: 25 per flap at 4.75 Hz
 MOST_KEYFRAMES = 7201  # one minute, a page of 34 MB; a lower rate would distort the motion
@@ -111,7 +113,7 @@ class Replay:
         box = high - low if self._free else high.max(axis=0) - low.min(axis=0)
         self.size = 0.5 * float(np.linalg.norm(box, axis=-1).max()) or 1.0
         self._arrows: list[_Arrows] = []
-        self._zones: list[Zone] = []
+        self.zones: list[Zone] = []
         self.sheet: Sheet | None = None
         self.rate = 1.0
         self.scale: float | None = None
@@ -159,17 +161,18 @@ class Replay:
 
     def add_zone(self, start: float, end: float, label: str, colour: str) -> None:
         """Mark a stretch of time, from `start` to `end` [s], with a label; `end` can be infinite."""
-        self._zones.append(Zone(start, end, label, colour))
+        self.zones.append(Zone(start, end, label, colour))
 
     @property
     def newtons_per_centimetre(self) -> float:
         """Scale of the arrows [N/cm]: 1, 2 or 5 times a power of ten."""
         if self.scale is not None:
             return self.scale
-        shown = [kind for kind in self._arrows if kind not in self._choices[1:]]
-        norms = [np.linalg.norm(rows, axis=1) for kind in shown for rows in kind.force.values()]
+        hidden = [kind for kind in self._arrows if kind.choice][1:]
+        shown = [rows for kind in self._arrows if kind not in hidden for rows in kind.force.values()]
+        norms = [np.linalg.norm(rows, axis=1) for rows in shown]
         largest = max((float(np.percentile(norm, 99.0)) for norm in norms), default=0.0) or 1.0
-        return arrow_scale(largest, self.size)
+        return round_number_above(largest / (100.0 * LONGEST_ARROW * self.size))
 
     def _repr_html_(self) -> str:
         """Return the page within a frame, as a notebook shows it."""
@@ -183,26 +186,38 @@ class Replay:
         scene.robot(self.model, self.visual_model, self._placements)
         legend = [*self._draw_arrows(scene), self._draw_ground(scene)]
         if self._free:
-            inside = np.any([(self.time >= zone.start) & (self.time <= zone.end) for zone in self._zones], axis=0)
+            inside = np.any([(self.time >= zone.start) & (self.time <= zone.end) for zone in self.zones], axis=0)
             steps = np.stack([self._path[:-1], self._path[1:]], axis=1)
-            scene.segments("world/path", steps[~(inside[1:] & inside[:-1])] if self._zones else steps, style.PATH)
+            scene.segments("world/path", steps[~(inside[1:] & inside[:-1])] if self.zones else steps, style.PATH)
             legend.append(LegendLine("line", style.PATH, "path of the body"))
-        for i, zone in enumerate(self._zones):
+        for i, zone in enumerate(self.zones):
             if self._free:
                 self._draw_zone(scene, f"world/zone/{i}", zone)
             until = f"{zone.start:g} s to {zone.end:g} s" if np.isfinite(zone.end) else f"from {zone.start:g} s on"
             legend.append(LegendLine("line", zone.colour, f"{zone.label}, {until}"))
-        rows = None
         if (sheet := self.sheet) is not None:
             scene.move("world/air", position=sheet.drift)
             scene.sheet("world/air/sheet", sheet.points, sheet.colours)
             legend.append(LegendLine("bar", sheet.colour, sheet.label, SHEET_OPACITY))
-            rows = (2 * (sheet.points.shape[1] - 1), sheet.lasting)
-        commands = scene.commands(self.size * np.array(CAMERA))
         whole, title = float(self._time[-1] - self._time[0]), self.title
         if self.duration < whole:
             title += f" (the first {self.duration:.3g} s of {whole:.3g} s)"
-        return replay_page(commands, title, legend, self._zones, self.time, rate, rows, self.subtitle, self.report)
+        return fill_template(
+            "replay.html",
+            replay=self,
+            title=title,
+            legend=legend,
+            rate=rate,
+            scene={
+                "commands": [base64_text(command) for command in scene.commands(self.size * np.array(CAMERA))],
+                "start": float(self.time[0]),
+                "truth": style.TRUTH,
+                "rate": rate,
+                "step": self.duration / (len(self.time) - 1),
+                "times": [round(time, 6) for time in (self.time - self.time[0]).tolist()],
+                "sheet": sheet and {"faces": 2 * (sheet.points.shape[1] - 1), "lasting": sheet.lasting},
+            },
+        )
 
     def _place(self, move: PlaceParts | None) -> tuple[Array, Array, Array]:
         """Place the visible parts at every keyframe.
@@ -244,25 +259,19 @@ class Replay:
         """Draw the forces; in the legend, the kind that was added last comes first."""
         scale = self.newtons_per_centimetre
         legend = [LegendLine("", "", f"arrows: {scale:g} N per cm")] if self._arrows else []
+        options = [(kind.label, kind.choice) for kind in self._arrows if kind.choice]
         for kind in self._arrows:
             for name, start in kind.start.items():
                 node, force = f"world/force/{kind.label}/{name}", kind.force[name]
                 scene.arrow(node, kind.colour, start, force, scale, self.size, inner=kind.inner)
-            text, choices = kind.label, [(option.label, option.choice) for option in self._choices]
-            if kind in self._choices and len(choices) > 1:
-                if kind is not self._choices[0]:
-                    scene.hide(f"world/force/{kind.label}")
+            text, choices = kind.label, []
+            if kind.choice and len(options) > 1:
+                if kind.label != options[0][0]:
+                    scene.viewer[f"world/force/{kind.label}"].set_property("visible", False)  # until the page shows it
                     continue
-                text = text.replace(f"({kind.choice})", "").strip()
-            else:
-                choices = []
+                text, choices = text.replace(f"({kind.choice})", "").strip(), options
             legend.insert(0, LegendLine("bar", kind.colour, text, 1.0 if kind.inner else HALO_OPACITY, choices))
         return legend
-
-    @property
-    def _choices(self) -> list[_Arrows]:
-        """The kinds of force of which one is shown at a time."""
-        return [kind for kind in self._arrows if kind.choice]
 
     def _draw_zone(self, scene: Scene, node: str, zone: Zone) -> None:
         """Draw a stretch of time on the path, with balls at its start and end if these are within the replay."""

@@ -58,8 +58,7 @@ class RobotView:
         """
         closure = self.robot.linkage.solve(crank_angle)
         place_bars(self.robot, self._picture, crank_angle)
-        level = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
-        self.display(self.robot.configuration(level, closure.theta_s, closure.theta_e))
+        self.display(self.robot.configuration(self.robot.q0[:7], closure.theta_s, closure.theta_e))
 
     def display(self, q: Array) -> None:
         """Show a configuration (nq,); the bars keep to the body where the crank put them last."""
@@ -104,8 +103,8 @@ def in_frame(shown: Aerobat | PlainRobot | Experiment) -> str:
 
 def _slow_flap(robot: Aerobat) -> Replay:
     angles = CRANK_START + 2.0 * np.pi * MOMENTS / MOMENTS[-1]
-    closure, level = robot.linkage.solve(angles), np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(angles), 1))
-    q = robot.configuration(level, closure.theta_s, closure.theta_e)
+    closure = robot.linkage.solve(angles)
+    q = robot.configuration(np.tile(robot.q0[:7], (len(angles), 1)), closure.theta_s, closure.theta_e)
 
     def move_bars(visual_model: pin.GeometryModel, row: int) -> None:
         place_bars(robot, visual_model, float(angles[row]))

@@ -1,6 +1,6 @@
 """Build a meshcat scene: the commands that draw it and the keyframes that move it, without a server or browser.
 
-`page.replay_page` turns the commands into a page. Collada meshes that the viewer cannot draw from their files are drawn
+Collada meshes that the viewer cannot draw from their files are drawn
 as plain triangles in one colour: meshcat's script merges all geometries of a file into one. That fails, and the page
 stays empty, if only some of them have texture coordinates or colours at their corners; and a geometry of several
 materials loses some of its parts.
@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import itertools
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import meshcat
 import meshcat.animation
@@ -55,6 +56,28 @@ class Sheet:
     colours: Array
     drift: Array
     lasting: float
+
+
+class LegendLine(NamedTuple):
+    """A line of the legend. The shape of its mark is `bar`, `line`, `grid`, or empty for no mark.
+
+    With `choices`, pairs of a node below `world/force` and its name, the line lets people choose which one is shown.
+    """
+
+    shape: str
+    colour: str
+    text: str
+    opacity: float = 1.0
+    choices: Sequence[tuple[str, str]] = ()
+
+
+class Zone(NamedTuple):
+    """A stretch of time, from `start` to `end` [s], that is marked on the time bar with a label."""
+
+    start: float
+    end: float
+    label: str
+    colour: str
 
 
 def packed(values: Any) -> bytes:
@@ -138,7 +161,7 @@ class Scene:
             colour: colour of the arrow, hexadecimal.
             start: (m, 3) start of the arrow at each keyframe [m].
             force: (m, 3) the force at each keyframe [N].
-            scale: of the arrow [N/cm], see `arrow_scale`.
+            scale: of the arrow [N/cm].
             size: size of the robot [m].
             inner: draw a slim, opaque arrow that remains visible inside a thick, translucent one.
         """
@@ -166,10 +189,6 @@ class Scene:
         head_start = start + shaft[:, None] * direction
         self.move(f"{node}/shaft", position=start, quaternion=rotation, scale=np.column_stack([share, shaft, share]))
         self.move(f"{node}/head", position=head_start, quaternion=rotation, scale=np.column_stack([share] * 3))
-
-    def hide(self, node: str) -> None:
-        """Hide a node until the page shows it."""
-        self.viewer[node].set_property("visible", False)
 
     def line(self, node: str, points: Array, colour: str) -> None:
         """Draw a line through points (k, 3) [m]."""
@@ -210,11 +229,6 @@ def box_corners(part: pin.GeometryObject) -> Array:
     if not np.all(np.abs(ends) < UNBOUNDED):
         ends = np.zeros((2, 3))
     return np.array(list(itertools.product(*ends.T)))
-
-
-def arrow_scale(largest: float, size: float) -> float:
-    """Return the scale [N/cm] with which the arrow of the largest force [N] fits a robot of this size [m]."""
-    return round_number_above(largest / (100.0 * LONGEST_ARROW * size))
 
 
 def round_number_above(value: float) -> float:

@@ -1,1 +1,0 @@
-"""A page on which a robot lives and can be pushed."""
