@@ -105,9 +105,6 @@ def report_html(outcome: Experiment | Result, images: Mapping[str, Path]) -> str
     if flown is not None and flown.flight is not None and flown.scenario.crank.frequency > 0.0:
         linkage = Markup(linkage_animation(flown.robot.linkage, SLOWER / flown.scenario.crank.frequency))
     scenario = None if flown is None else described(flown.scenario)
-    shape = ""
-    if scenario is not None:
-        shape = f"{Path(scenario.robot.morphology).stem}{' with changes' if scenario.robot.changes else ''}"
     judged = [scores.redundancy for scores in result.observers.values()]
     return fill_template(
         "report.html",
@@ -116,14 +113,9 @@ def report_html(outcome: Experiment | Result, images: Mapping[str, Path]) -> str
         scenario=scenario,
         shipped="" if scenario is None else shipped_description(scenario.name),
         repeated=map_toml(result) if scenario is None else scenario_toml(scenario),
-        shape=shape,
+        shape="" if scenario is None else Path(scenario.robot.morphology).stem,
         gains=_names_and_gains(outcome),
-        say=one_unit(
-            size
-            for redundancy in judged
-            for size in (redundancy.rms, redundancy.sensors, redundancy.belief, redundancy.allowed)
-        ),
-        heads={name: estimate.head for name, estimate in result.stored.items()},
+        say=one_unit(size for check in judged for size in (check.rms, check.sensors, check.belief, check.allowed)),
         words={name: (OBSERVERS[name].__doc__ or "").split("\n")[0] for name in result.stored},
         versions=versions(),
         degrees=np.degrees,

@@ -12,7 +12,7 @@ import io
 import os
 import signal
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -126,14 +126,6 @@ def _rendered(figure: Figure) -> dict[str, bytes]:
     files = {"png": render_figure(figure, "png")}
     figure.set_layout_engine("none")
     return files | {"pdf": render_figure(figure, "pdf")}
-
-
-def share_limits(axes: Iterable[Axes]) -> None:
-    """Give panels the same vertical limits, wide enough for all of them."""
-    panels = list(axes)
-    limits = [panel.get_ylim() for panel in panels]
-    for panel in panels:
-        panel.set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
 
 
 def title_of(figure: Figure, title: str) -> None:

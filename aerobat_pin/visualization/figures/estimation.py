@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -41,10 +41,10 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
         result: the estimates, with their references and events.
         events: events beside those of the true force, such as a gust.
     """
-    panels = _Panels.of(result)
-    frames, rows, known = panels.frames, len(panels.labels), bool(result.references)
+    panels = _Panels(result)
+    frames, known = panels.frames, bool(result.references)
     events = sorted([*result.events, *events], key=lambda event: event.start)
-    heights = [*((1.0, 0.45) if known else (1.0,)) * rows, 1.15]
+    heights = [*((1.0, 0.45) if known else (1.0,)) * len(panels.labels), 1.15]
     height = 0.45 + sum(heights) * (1.77 if known else 1.67)
     figure = Figure(figsize=(max(6.5, 4.5 * len(frames)), height), layout="constrained")
     kind = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
@@ -52,63 +52,52 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
     what = f"Unknown force at each {kind}, world axes" if named else "Residual of each joint"
     style.title_of(figure, f"{what}: interval means")
     grid = figure.subplots(len(heights), len(frames), sharex="row", squeeze=False, height_ratios=heights)
+    forces, errors, close_ups = grid[: -1 : 2 if known else 1], list(grid[1:-1:2]), grid[-1]
     enlarged = _enlarged(result, panels, events)
-    step, free = 2 if known else 1, None if result.record is None else result.record.map.use.free
     for column, frame in enumerate(frames):
-        grid[0][column].set_title(f"{point_label(frame)} wing" if frame in FORCE_POINTS else frame)
+        forces[0][column].set_title(f"{point_label(frame)} wing" if frame in FORCE_POINTS else frame)
         for row, label in enumerate(panels.labels):
-            axis = grid[step * row][column]
-            panels.draw_forces(axis, frame, label)
-            axis.set_xlim(*panels.span)
+            panels.draw_forces(forces[row][column], frame, label)
+            forces[row][column].set_xlim(*panels.span)
             if known:
-                panels.draw_errors(grid[step * row + 1][column], frame, label)
-        close = grid[-1][column]
+                panels.draw_errors(errors[row][column], frame, label)
+        close = close_ups[column]
         panels.draw_forces(close, frame, enlarged.label, (enlarged.start, enlarged.end))
         close.set(xlim=(enlarged.start, enlarged.end), xlabel="time [s]")
         close.set_ylabel(f"{close.get_ylabel()}, enlarged")
+        close.spines[:].set(visible=True, color=style.ENLARGED_ZONE)
     risen = max(result.risen.values()) - result.start
-    for row in range(rows):
-        fit_to_drawn(grid[step * row], risen)
+    for axes in forces:
+        fit_to_drawn(axes, risen)
     if known:
-        fit_errors([grid[2 * row + 1] for row in range(rows)], risen)
-    _fit_close_ups(grid[-1])
-    chosen = step * panels.labels.index(enlarged.label)
-    for column in range(len(frames)):
-        for row in range(rows):
-            _draw_event_boxes(grid[step * row][column], panels.span[1], events)
+        fit_errors(errors, risen)
+    _fit_close_ups(close_ups)
+    for axis in (*forces.flat, *close_ups):
+        _draw_event_boxes(axis, panels.span[1], events)
+    chosen = forces[panels.labels.index(enlarged.label)]
+    for axis in chosen:
         span = (enlarged.start, enlarged.end)
-        _draw_box(grid[chosen][column], span, style.ENLARGED_ZONE, f"{enlarged.what}, enlarged in the last row")
-        _draw_event_boxes(grid[-1][column], panels.span[1], events)
-        for row in range(rows):
-            if free is not None:
-                grid[step * row][column].axvspan(*free, color=style.FAINT, alpha=0.4, zorder=0)
-        for spine in grid[-1][column].spines.values():
-            spine.set_visible(True)
-            spine.set_color(style.ENLARGED_ZONE)
+        _draw_box(axis, span, style.ENLARGED_ZONE, f"{enlarged.what}, enlarged in the last row")
+    if result.record is not None and result.record.map.use.free is not None:
+        for axis in forces.flat:
+            axis.axvspan(*result.record.map.use.free, color=style.FAINT, alpha=0.4, zorder=0)
     shown: dict[str, Artist] = {}
-    for axis in grid[chosen][::-1]:
+    for axis in chosen[::-1]:
         handles, labels = axis.get_legend_handles_labels()
         shown = dict(zip(labels, handles, strict=True)) | {k: v for k, v in shown.items() if k not in labels}
     figure.legend(shown.values(), shown.keys(), loc="outside lower center", ncols=3 if len(frames) > 1 else 2)
     return figure
 
 
-@dataclass(frozen=True)
 class _Panels:
     """What the panels show: points, labels of components, and begin and end [s] of the record."""
 
-    result: Result
-    frames: tuple[str, ...]
-    labels: tuple[str, ...]
-    span: tuple[float, float]
-
-    @classmethod
-    def of(cls, result: Result) -> _Panels:
-        first = next(iter(result.stored.values()))
-        places = [label.rpartition(".") for label in first.head.identifiability.components]
-        frames = tuple(dict.fromkeys(frame for frame, _, _ in places))[:MOST_COLUMNS]
-        labels = tuple(dict.fromkeys(label for frame, _, label in places if frame in frames))
-        return cls(result, frames, labels, (first.start[0] - result.start, first.end - result.start))
+    def __init__(self, result: Result) -> None:
+        self.result, self.first = result, next(iter(result.stored.values()))
+        places = [label.rpartition(".") for label in self.first.head.identifiability.components]
+        self.frames = list(dict.fromkeys(frame for frame, _, _ in places))[:MOST_COLUMNS]
+        self.labels = list(dict.fromkeys(label for frame, _, label in places if frame in self.frames))
+        self.span = self.first.start[0] - result.start, self.first.end - result.start
 
     @property
     def factor(self) -> float:
@@ -118,17 +107,17 @@ class _Panels:
 
     def reference(self, frame: str, label: str) -> tuple[Reference, int] | None:
         """Return the reference of a component and its column there; None without one."""
-        references = [
-            reference for reference in self.result.references if reference.frame == frame and label in reference.labels
-        ]
-        return (references[0], references[0].labels.index(label)) if references else None
+        for reference in self.result.references:
+            if reference.frame == frame and label in reference.labels:
+                return reference, reference.labels.index(label)
+        return None
 
     def draw_forces(self, axis: Axes, frame: str, label: str, span: tuple[float, float] = EVERYWHERE) -> None:
         """Draw the truth, and the estimates over it; one that is much rougher goes behind, where it hides no truth."""
         smooth, known = np.inf, self.reference(frame, label)
         if known is not None:
             actual = partial(_actual, reference=known[0], k=known[1])
-            time, force = self._lines(next(iter(self.result.stored.values())), actual, span)
+            time, force = self._lines(self.first, actual, span)
             smooth = ROUGHER * max(float(np.std(np.diff(force))), 1e-6)
             axis.plot(time, force, color=style.TRUTH, linewidth=2.0, label=ACTUAL[known[0].kind], zorder=2.2)
         for name, estimate, colour, line in self._estimates():
@@ -145,7 +134,7 @@ class _Panels:
             if estimate.head.standard_deviation is not None:
                 words = f"{name}: {DEVIATIONS:g} standard deviations"
                 axis.fill_between(time, low, high, color=colour, alpha=0.25, lw=0, zorder=2.0, label=words)
-            if estimate is next(iter(self.result.stored.values())) and np.any(np.isnan(force)):
+            if estimate is self.first and np.any(np.isnan(force)):
                 axis.fill_between(
                     time,
                     0.0,
@@ -212,8 +201,7 @@ def _error(part: Estimate, at: int, side: PairedEstimate, k: int, factor: float)
     return np.where(side.reference.scored(part.time[:-1]), difference, np.nan)[:, None]
 
 
-@dataclass(frozen=True)
-class _Enlarged:
+class _Enlarged(NamedTuple):
     """The part of the record that the last row enlarges: start and end [s], component, and what it is."""
 
     start: float
@@ -227,7 +215,7 @@ def _enlarged(result: Result, panels: _Panels, events: Sequence[TrueEvent]) -> _
 
     If there is no event within the record, it is the part with the fastest change of the first estimate.
     """
-    first, end_of_all = next(iter(result.stored.values())), panels.span[1]
+    first, end_of_all = panels.first, panels.span[1]
     for event in events:
         if event.start >= end_of_all:
             continue

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from matplotlib.figure import Figure
 
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import Aerobat, euler_angles, world_velocity
+from aerobat_pin.robot import Aerobat, euler_angles, rotation_matrices, world_velocity
 from aerobat_pin.scenario import Scenario
 from aerobat_pin.visualization import style
 
@@ -115,11 +114,8 @@ def thrust_forces(robot: Aerobat, log: FlightLog) -> dict[str, Array]:
     """Return the force (n, 3) of each thruster in world axes [N], by the name of its frame, as interval means."""
     assert log.truth is not None
     q, thrust = (log.truth if "q" in log.truth else log.measured)["q"].values[:-1], log.truth["thrust"].values
-    attitudes = [pin.Quaternion(row[3:7]).matrix() for row in q]
-    return {
-        thruster.name: np.array([R @ np.array(thruster.direction) for R in attitudes]) * thrust[:, i : i + 1]
-        for i, thruster in enumerate(robot.morphology.thrusters)
-    }
+    R, thrusters = rotation_matrices(q[:, 3:7]), robot.morphology.thrusters
+    return {item.name: R @ np.array(item.direction) * thrust[:, i : i + 1] for i, item in enumerate(thrusters)}
 
 
 def _legend(part: Any, axis: Any) -> None:

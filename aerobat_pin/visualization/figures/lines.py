@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from aerobat_pin.estimation import StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
-from aerobat_pin.visualization import style
 
 MOST_DRAWN = 4000  # of a line; a longer one is drawn by the extremes of each of its stretches
 READ = 50_000  # samples that are read at once
@@ -66,7 +65,10 @@ def fit_errors(rows: Sequence[Sequence[Axes]], begin: float = -np.inf) -> None:
     """Fit rows of panels of errors; all get one scale, unless it hides those of a row."""
     sizes = [fit_to_drawn(axes, begin) for axes in rows]
     if min(sizes) > HIDDEN * max(sizes):
-        style.share_limits(axis for axes in rows for axis in axes)
+        panels = [axis for axes in rows for axis in axes]
+        lows, highs = zip(*(panel.get_ylim() for panel in panels), strict=True)
+        for panel in panels:
+            panel.set_ylim(min(lows), max(highs))
 
 
 def fit_to_drawn(axes: Sequence[Axes], begin: float = -np.inf) -> float:

@@ -21,7 +21,7 @@ STICK_ROOM = (8.2, 6.0)  # largest width and height of the stick diagram's axes 
 
 def draw_position(log: FlightLog) -> Figure:
     """Draw the position of the body's centre of mass over time (the paper's Fig. 5)."""
-    figure, axes = _panels(3, "Position of the body's centre of mass, world axes")
+    figure, axes = _panels("Position of the body's centre of mass, world axes")
     q = log.measured["q"].values
     for i, (axis, name) in enumerate(zip(axes, "XYZ", strict=True)):
         axis.plot(log.time, q[:, i], color=style.AXIS_COLOURS[i])
@@ -34,7 +34,7 @@ def draw_position(log: FlightLog) -> Figure:
 
 def draw_states(log: FlightLog) -> Figure:
     """Draw joint angles, Euler angles and world velocities over time (the paper's Fig. 6)."""
-    figure, axes = _panels(3, "Joint angles, attitude and velocity", height=6.0)
+    figure, axes = _panels("Joint angles, attitude and velocity", height=6.0)
     q, v = log.measured["q"], log.measured["v"].values
     for joint, sign, colour, line in (("shoulder", "θₛ", style.LEFT, "-"), ("elbow", "θₑ", style.RIGHT, "--")):
         angle = np.degrees(q.sel(q_axis=f"left_{joint}").values)
@@ -100,9 +100,9 @@ def _without_jumps(angles: Array) -> Array:
     return angles
 
 
-def _panels(rows: int, title: str, height: float = 5.0) -> tuple[Figure, list[Axes]]:
+def _panels(title: str, height: float = 5.0) -> tuple[Figure, list[Axes]]:
     figure = Figure(figsize=(7.0, height), layout="constrained")
-    axes = list(figure.subplots(rows, 1, sharex=True))
+    axes = list(figure.subplots(3, 1, sharex=True))
     figure.suptitle(title)
     axes[-1].set_xlabel("time [s]")
     return figure, axes
