@@ -21,6 +21,7 @@ from .sweep.results import effects_text as effects_text
 from .sweep.results import sweep_effects as sweep_effects
 from .sweep.run_sweep import run_sweep as run_sweep
 from .sweep.sweep_file import shipped_sweeps as shipped_sweeps
+from .write_mcap import force_columns as force_columns
 from .write_mcap import write_flight_mcap as write_flight_mcap
 from .write_mcap import write_mcap as write_mcap
 from .write_results import RESULTS as RESULTS

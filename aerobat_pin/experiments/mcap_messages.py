@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import OutputError, check_file, write_files
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.records import FREE_NQ, FREE_NV
+from aerobat_pin.records import FREE_NQ
 
 PACKAGE = "foxglove_msgs/msg"
 POSED = "geometry_msgs/Pose pose"
@@ -79,40 +79,6 @@ TRUE_COLOUR = {"r": 0.0, "g": 0.0, "b": 0.0, "a": 1.0}
 ESTIMATE_COLOUR = {"r": 0.835, "g": 0.369, "b": 0.0, "a": 1.0}
 
 
-def register_scene(store: Any) -> None:
-    """Make the types of a scene known to a type store of rosbags."""
-    from rosbags.typesys import get_types_from_msg
-
-    for kind, fields in DEFINITIONS.items():
-        store.register(get_types_from_msg("\n".join(fields), f"{PACKAGE}/{kind}"))
-
-
-def scene_arrow(name: str, stamp: Mapping[str, int], start: Array, along: Array, colour: Mapping[str, float]) -> Any:
-    """Return the fields of an entity with one arrow.
-
-    Args:
-        name: the entity's id.
-        stamp: `sec` and `nanosec`.
-        start: (3,) where the arrow begins, world axes [m].
-        along: (3,) the arrow, world axes [m].
-        colour: shares of `r`, `g`, `b` and `a`.
-    """
-    length = float(np.linalg.norm(along))
-    turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), along) if length else pin.Quaternion.Identity()
-    arrow = {
-        "pose": {
-            "position": dict(zip("xyz", start.tolist(), strict=True)),
-            "orientation": {axis: float(getattr(turn, axis)) for axis in "xyzw"},
-        },
-        "shaft_length": (1.0 - HEAD_SHARE) * length,
-        "shaft_diameter": SHAFT,
-        "head_length": HEAD_SHARE * length,
-        "head_diameter": HEAD_WIDTH,
-        "color": colour,
-    }
-    return {"timestamp": stamp, "frame_id": "world", "id": name, "lifetime": {"nanosec": SHOWN_FOR}, "arrows": [arrow]}
-
-
 @dataclass(frozen=True)
 class McapStretch:
     """A stretch of samples without a hole, and the forces there.
@@ -124,7 +90,6 @@ class McapStretch:
         v: (m + 1, nv) velocities.
         tau: (m, nv) joint torques; None if they are not known.
         forces: topic -> frame and (m, 3 or 6) force and moment, world axes [N, N m].
-        joints: joint -> index in q and in v.
         largest: the largest force of the record [N], which scales the arrows.
     """
 
@@ -134,8 +99,7 @@ class McapStretch:
     v: Array
     tau: Array | None
     forces: Mapping[str, tuple[str, Array]]
-    joints: Mapping[str, tuple[int, int]] = field(default_factory=dict)
-    largest: float = 0.0
+    largest: float
 
 
 @guarded()
@@ -153,10 +117,11 @@ def write_mcap_stretches(stretches: Iterable[McapStretch], path: Path) -> None:
     """Write one MCAP file, replacing an older one. Raises OutputError as `check_mcap_file` does."""
     check_mcap_file(path, force=True)
     from mcap.writer import CompressionType, Writer
-    from rosbags.typesys import Stores, get_typestore
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    register_scene(store)
+    for kind, fields in DEFINITIONS.items():
+        store.register(get_types_from_msg("\n".join(fields), f"{PACKAGE}/{kind}"))
     with tempfile.TemporaryDirectory() as folder:
         draft = Path(folder, "forces.mcap")
         with draft.open("wb") as file:
@@ -209,11 +174,10 @@ def _message_field(store: Any, node: tuple[Any, Any], value: Any) -> Any:
 
 def _write_stretch(topics: _Topics, part: McapStretch) -> None:
     middle = 0.5 * (part.time[1:] + part.time[:-1])
-    free = part.model.njoints > 1 and part.model.joints[1].shortname() == "JointModelFreeFlyer"
     every = max(1, round(1.0 / ARROWS_PER_SECOND / float(np.median(np.diff(part.time)))))
-    data = part.model.createData()
+    data, joints = part.model.createData(), _joint_rows(part.model)
     for k, moment in enumerate(middle.tolist()):
-        _put_motion(topics, part, k, free)
+        _put_motion(topics, part, joints, k)
         for topic, (_, force) in part.forces.items():
             wrench = {"force": _xyz(force[k, :3]), "torque": _xyz(force[k, 3:6]) if force.shape[1] == 6 else {}}
             topics.put(topic, moment, "geometry_msgs/msg/WrenchStamped", {"header": _header(moment), "wrench": wrench})
@@ -222,35 +186,55 @@ def _write_stretch(topics: _Topics, part: McapStretch) -> None:
             _put_arrows(topics, part, data, k, moment)
 
 
-def _put_motion(topics: _Topics, part: McapStretch, k: int, free: bool) -> None:
+def _joint_rows(model: pin.Model) -> dict[str, tuple[int, int]]:
+    """Return joint -> index in q and in v, for the joints with one coordinate."""
+    named = zip(model.names.tolist()[1:], model.joints.tolist()[1:], strict=True)
+    return {name: (int(joint.idx_q), int(joint.idx_v)) for name, joint in named if joint.nq == joint.nv == 1}
+
+
+def _put_motion(topics: _Topics, part: McapStretch, joints: Mapping[str, tuple[int, int]], k: int) -> None:
     time, q, v = float(part.time[k]), part.q[k], part.v[k]
-    if free:
+    if part.model.njoints > 1 and part.model.joints[1].shortname() == "JointModelFreeFlyer":
         pose = {"position": _xyz(q[:3]), "orientation": dict(zip("xyzw", q[3:FREE_NQ].tolist(), strict=True))}
         topics.put("/pose", time, "geometry_msgs/msg/PoseStamped", {"header": _header(time), "pose": pose})
-    if part.joints:
-        columns, rows = (list(indices) for indices in zip(*part.joints.values(), strict=True))
-        state = {"header": _header(time, ""), "name": list(part.joints), "position": q[columns], "velocity": v[rows]}
+    if joints:
+        columns, rows = (list(indices) for indices in zip(*joints.values(), strict=True))
+        state = {"header": _header(time, ""), "name": list(joints), "position": q[columns], "velocity": v[rows]}
         if part.tau is not None:
             state["effort"] = part.tau[min(k, len(part.tau) - 1)][rows]
         topics.put("/joint_states", time, "sensor_msgs/msg/JointState", state)
 
 
 def _put_arrows(topics: _Topics, part: McapStretch, data: pin.Data, k: int, time: float) -> None:
+    """Put each force as an arrow from its point, for Foxglove and for RViz."""
     markers, entities = [], []
     for number, (topic, (frame, force)) in enumerate(part.forces.items()):
         start = data.oMf[part.model.getFrameId(frame)].translation
         along = LONGEST_MARKER / part.largest * force[k, :3]
+        length = float(np.linalg.norm(along))
+        turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), along) if length else pin.Quaternion.Identity()
         colour = TRUE_COLOUR if topic.startswith("/truth") else ESTIMATE_COLOUR
-        entities.append(scene_arrow(topic, _stamp(time), start, along, colour))
+        orientation = {axis: float(getattr(turn, axis)) for axis in "xyzw"}
+        arrow = {
+            "pose": {"position": _xyz(start), "orientation": orientation},
+            "shaft_length": (1.0 - HEAD_SHARE) * length,
+            "shaft_diameter": SHAFT,
+            "head_length": HEAD_SHARE * length,
+            "head_diameter": HEAD_WIDTH,
+            "color": colour,
+        }
+        header, lasting = _header(time), {"nanosec": SHOWN_FOR}
+        about = {"timestamp": header["stamp"], "frame_id": header["frame_id"], "id": topic}
+        entities.append({**about, "lifetime": lasting, "arrows": [arrow]})
         markers.append(
             {
-                "header": _header(time),
+                "header": header,
                 "ns": topic,
                 "id": number,
                 "pose": {"orientation": {"w": 1.0}},
-                "scale": {"x": 0.01, "y": 0.02, "z": 0.02},
+                "scale": {"x": SHAFT, "y": HEAD_WIDTH, "z": HEAD_WIDTH},
                 "color": colour,
-                "lifetime": {"nanosec": SHOWN_FOR},
+                "lifetime": lasting,
                 "points": [_xyz(start), _xyz(start + along)],
             }
         )
@@ -258,22 +242,10 @@ def _put_arrows(topics: _Topics, part: McapStretch, data: pin.Data, k: int, time
     topics.put("/arrows", time, "visualization_msgs/msg/MarkerArray", {"markers": markers})
 
 
-def _stamp(time: float) -> dict[str, int]:
-    return dict(zip(("sec", "nanosec"), divmod(round(time * 1e9), 10**9), strict=True))
-
-
 def _header(time: float, frame: str = "world") -> dict[str, Any]:
-    return {"stamp": _stamp(time), "frame_id": frame}
+    sec, nanosec = divmod(round(time * 1e9), 10**9)
+    return {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": frame}
 
 
 def _xyz(values: Array) -> dict[str, float]:
     return dict(zip("xyz", values.tolist(), strict=True))
-
-
-def joint_rows(model: pin.Model) -> dict[str, tuple[int, int]]:
-    """Return joint -> index in q and in v, for the joints with one coordinate."""
-    return {
-        name: (int(joint.idx_q), int(joint.idx_v))
-        for joint, name in zip(model.joints.tolist()[1:], model.names.tolist()[1:], strict=True)
-        if joint.nq == joint.nv == 1 and joint.nv < FREE_NV
-    }

@@ -12,7 +12,7 @@ import xarray as xr
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Result, blocks_of
-from aerobat_pin.experiments.mcap_messages import McapStretch, joint_rows, write_mcap_stretches
+from aerobat_pin.experiments.mcap_messages import McapStretch, write_mcap_stretches
 from aerobat_pin.flight import log_with_motion
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate
@@ -23,7 +23,7 @@ def write_mcap(result: Result, path: Path) -> None:
     """Write forces, joints, pose and arrows of an estimated recording. Raises OutputError if it cannot be written."""
     largest = 0.0
     for estimate in result.stored.values():
-        for columns in _force_columns(estimate.head).values():
+        for columns in force_columns(estimate.head).values():
             for block in estimate.blocks():
                 largest = max(largest, _largest_force(block.components[:, columns]))
     write_mcap_stretches(_mcap_stretches(result, largest), path)
@@ -40,28 +40,23 @@ def _mcap_stretches(result: Result, largest: float) -> Iterator[McapStretch]:
             for name, estimate in result.stored.items():
                 low = estimate.index(block.time[0])
                 window = estimate.between(low, low + last - first)
-                for frame, columns in _force_columns(window).items():
+                for frame, columns in force_columns(window).items():
                     forces[f"/force/{name}/{frame}"] = (frame, window.components[:, columns])
             low = next(iter(result.stored.values())).index(block.time[0])
             for reference in result.references:
                 forces[f"/truth/{reference.frame}"] = (reference.frame, reference.values[low : low + last - first])
             tau = result.forces.torque(block) if result.forces and "joints.effort" in record.channels else None
-            model = record.robot.model
-            yield McapStretch(model, block.time, block.q, block.v, tau, forces, joint_rows(model), largest)
+            yield McapStretch(record.robot.model, block.time, block.q, block.v, tau, forces, largest)
 
 
-def _force_columns(estimate: Estimate) -> dict[str, list[int]]:
-    """Return frame -> columns of its force, or of its force and moment."""
-    labels = estimate.identifiability.components
-    columns = {
-        frame: [
-            labels.index(f"{frame}.{axis}")
-            for axis in ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-            if f"{frame}.{axis}" in labels
-        ]
-        for frame in estimate.frames
-    }
-    return {frame: values for frame, values in columns.items() if len(values) in (3, 6)}
+def force_columns(estimate: Estimate) -> dict[str, list[int]]:
+    """Return frame -> columns of its force, or of its force and moment, where these are in world axes."""
+    columns: dict[str, list[int]] = {}
+    for k, label in enumerate(estimate.identifiability.components):
+        frame, _, axis = label.rpartition(".")
+        if frame in estimate.frames and axis in ("Fx", "Fy", "Fz", "Mx", "My", "Mz"):
+            columns.setdefault(frame, []).append(k)
+    return columns
 
 
 def _largest_force(forces: Array) -> float:
@@ -96,4 +91,4 @@ def write_flight_mcap(model: pin.Model, log: FlightLog, estimates: xr.Dataset, p
         for point in map(str, log.truth["point"].values):
             forces[f"/truth/{point}"] = (point, log.truth["force_W"].sel(point=point).values)
     largest = max((_largest_force(force) for _, force in forces.values()), default=0.0)
-    write_mcap_stretches([McapStretch(model, log.time, q, v, None, forces, joint_rows(model), largest)], path)
+    write_mcap_stretches([McapStretch(model, log.time, q, v, None, forces, largest)], path)

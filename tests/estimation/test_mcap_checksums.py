@@ -13,7 +13,7 @@ from support.walking_log import bag, bag_map, urdf, walk
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import estimate
-from aerobat_pin.experiments.mcap_messages import McapStretch, joint_rows, write_mcap_stretches
+from aerobat_pin.experiments.mcap_messages import McapStretch, write_mcap_stretches
 from aerobat_pin.records import mcap_is_sealed, open_record, parse_map
 
 
@@ -56,9 +56,7 @@ def test_our_own_file_is_whole(tmp_path: Path) -> None:
     model = pin.buildSampleModelHumanoidRandom()
     time, force = np.linspace(0.0, 1.0, 101), np.tile([1.0, 2.0, 3.0], (100, 1))
     q, v = np.tile(pin.neutral(model), (101, 1)), np.zeros((101, model.nv))
-    write_mcap_stretches(
-        [McapStretch(model, time, q, v, None, {"/truth/here": ("universe", force)}, joint_rows(model), 4.0)], path
-    )
+    write_mcap_stretches([McapStretch(model, time, q, v, None, {"/truth/here": ("universe", force)}, 4.0)], path)
     assert mcap_is_sealed(path)
     content = path.read_bytes()
     start, _, summary = struct.unpack("<QQI", content[-28:-8])  # of the footer: before the closing magic

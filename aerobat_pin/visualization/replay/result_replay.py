@@ -11,7 +11,7 @@ import pinocchio as pin
 from aerobat_pin.aerobat import belief_about, read_log
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Result
-from aerobat_pin.experiments import Experiment, estimate_dataset, run_recorded
+from aerobat_pin.experiments import Experiment, estimate_dataset, force_columns, run_recorded
 from aerobat_pin.records import urdf_of
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.any_robot import load_any_robot
@@ -44,11 +44,8 @@ def replay_result(outcome: Experiment | Result) -> Replay:
     at = np.minimum(rows, last - first - 1)
     for name, stored in outcome.stored.items():
         estimate = stored.between(low, low + last - first)
-        labels, forces = estimate.identifiability.components, {}
-        for frame in estimate.frames:
-            columns = [labels.index(f"{frame}.{axis}") for axis in ("Fx", "Fy", "Fz") if f"{frame}.{axis}" in labels]
-            if len(columns) == 3:
-                forces[frame] = estimate.components[at][:, columns]
+        found = force_columns(estimate).items()
+        forces = {frame: estimate.components[at][:, columns[:3]] for frame, columns in found}
         if forces:
             replay.add_forces(f"estimated force ({name})", style.ESTIMATES[0], forces, choice=name)
     for reference in outcome.references:
@@ -89,33 +86,24 @@ def sticks(model: pin.Model) -> pin.GeometryModel:
     """Return shapes for a robot without any: a stick from each joint to the next ones and to its frames, and a box."""
     visual, data = pin.GeometryModel(), model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
-    places = [data.oMi[k].translation.copy() for k in range(1, model.njoints)]
-    places += [data.oMf[k].translation.copy() for k in range(len(model.frames))]
-    length = max(float(np.max(np.ptp(np.array(places), axis=0))), 0.05)
-    ends: dict[int, list[np.ndarray]] = {k: [] for k in range(1, model.njoints)}
-    for k in range(2, model.njoints):
-        if model.parents[k] > 0:
-            ends[model.parents[k]].append(model.jointPlacements[k].translation)
-    for frame in model.frames.tolist():
-        if frame.parentJoint > 0 and not any(
-            True for _ in ends[frame.parentJoint] if np.allclose(_, frame.placement.translation)
-        ):
-            ends[frame.parentJoint].append(frame.placement.translation)
-    for joint, others in ends.items():
-        colour = np.array([*style.rgb(style.BLUE if joint > 1 else style.GREEN), 1.0])
+    places = [place.translation for place in (*data.oMi, *data.oMf)]
+    length = max(float(np.max(np.ptp(places, axis=0))), 0.05)
+    for joint in range(1, model.njoints):
+        ends = [model.jointPlacements[k].translation for k in range(2, model.njoints) if model.parents[k] == joint]
+        for frame in model.frames.tolist():
+            end = frame.placement.translation
+            if frame.parentJoint == joint and not any(np.allclose(other, end) for other in ends):
+                ends.append(end)
+        shapes = {}
         if joint == 1:
-            box = coal.Box(0.3 * length, 0.2 * length, 0.08 * length)
-            _add(visual, "box", joint, box, pin.SE3.Identity(), colour)
-        for k, end in enumerate(others):
+            shapes["box"] = coal.Box(0.3 * length, 0.2 * length, 0.08 * length), pin.SE3.Identity()
+        for k, end in enumerate(ends):
             size = float(np.linalg.norm(end))
             if size > 1e-3 * length:
                 turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / size).matrix()
-                stick = coal.Cylinder(0.5 * STICK * length, size)
-                _add(visual, f"stick_{joint}_{k}", joint, stick, pin.SE3(turn, 0.5 * end), colour)
+                shapes[f"stick_{joint}_{k}"] = coal.Cylinder(0.5 * STICK * length, size), pin.SE3(turn, 0.5 * end)
+        for name, (shape, place) in shapes.items():
+            part = pin.GeometryObject(name, joint, place, shape)
+            part.meshColor = np.array([*style.rgb(style.BLUE if joint > 1 else style.GREEN), 1.0])
+            visual.addGeometryObject(part)
     return visual
-
-
-def _add(visual: pin.GeometryModel, name: str, joint: int, shape: object, place: pin.SE3, colour: np.ndarray) -> None:
-    part = pin.GeometryObject(name, joint, place, shape)
-    part.meshColor = colour
-    visual.addGeometryObject(part)
