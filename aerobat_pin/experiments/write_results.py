@@ -29,7 +29,7 @@ from aerobat_pin.scenario import RecordedForce, Scenario, described, scenario_of
 FORCE_DIMS = ("observer", "interval", "point", "axis")
 FIGURES = (
     *("position", "states", "stick_diagram", "estimation", "linkage", "aerodynamics", "power", "control"),
-    *("sensor", "motion", "unexplained"),
+    *("sensor", "motion", "contacts", "unexplained"),
 )
 RESULTS = (  # all that a run or an estimate writes, as glob patterns
     "scenario.toml",
