@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -16,7 +16,7 @@ from aerobat_pin.errors import SimulationError
 from aerobat_pin.estimation import Calibration, Finding, Result, quantity
 from aerobat_pin.experiments.flight_summary import FlightSummary, flight_note, flight_summary, recorded_note
 from aerobat_pin.flight import Simulator, log_with_motion, simulate
-from aerobat_pin.numerics import Array, ShownInNotebooks, guarded
+from aerobat_pin.numerics import ShownInNotebooks, guarded
 from aerobat_pin.observers import Estimate
 from aerobat_pin.robot import Aerobat, believed_robot, flown_robot
 from aerobat_pin.scenario import Scenario, changed_keys, changes_text
@@ -164,7 +164,14 @@ def _estimated(
 ) -> Experiment:
     """Run the observers of a scenario or belief on a log, and score their estimates."""
     names = belief.observers.names
-    result = estimate_flight(log, believed, belief, progress and _observer_stages(progress, names), calibration)
+
+    def show(share: float) -> None:
+        """Show the share of all observers that is done, each as a stage of its own."""
+        at = min(int(share * len(names) + 1e-9), len(names) - 1)
+        if progress is not None:
+            progress(f"estimating with {names[at]}", share * len(names) - at)
+
+    result = estimate_flight(log, believed, belief, progress and show, calibration)
     scores = replace(
         result,
         name=belief.name,
@@ -173,28 +180,13 @@ def _estimated(
         events=tuple(true_events(log)),
         more={"log": belief.name, "torque": belief.observers.torque, "note": note},
     )
-    drawn = log_with_motion(log, *_motion(result))
+    if result.smoothed is not None:  # motion and crank angle were found with the forces
+        block, crank = result.smoothed.block, result.smoothed.block.extra["crank"][0]
+    else:
+        assert result.record is not None
+        block, crank = result.record.block(*result.record.parts[0]), None
+    drawn = log_with_motion(log, block.q, block.v, crank)
     return Experiment(belief, believed, log, scores, note, drawn, calibration)
-
-
-def _motion(result: Result) -> tuple[Array, Array, Array | None]:
-    """Return configurations and velocities of a flight, and its crank angle where that was found with them."""
-    if result.smoothed is not None:
-        block = result.smoothed.block
-        return block.q, block.v, block.extra["crank"][0]
-    assert result.record is not None
-    block = result.record.block(*result.record.parts[0])
-    return block.q, block.v, None
-
-
-def _observer_stages(progress: Progress, names: Sequence[str]) -> Callable[[float], None]:
-    """Return a function that takes the share of all observers that is done, and shows each as a stage of its own."""
-
-    def show(share: float) -> None:
-        at = min(int(share * len(names) + 1e-9), len(names) - 1)
-        progress(f"estimating with {names[at]}", share * len(names) - at)
-
-    return show
 
 
 @guarded()

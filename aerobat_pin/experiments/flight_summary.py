@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,10 +13,6 @@ from aerobat_pin.robot import Aerobat, euler_angles, world_velocity
 from aerobat_pin.scenario import Scenario
 
 Range = tuple[float, float]
-
-
-def _in(unit: str) -> dict[str, str]:
-    return {"unit": unit}
 
 
 @dataclass(frozen=True)
@@ -39,27 +35,23 @@ class FlightSummary:
             [rad].
     """
 
-    duration: float = field(metadata=_in("s"))
-    position_end: tuple[float, float, float] = field(metadata=_in("m"))
-    z_range: Range = field(metadata=_in("m"))
-    roll_range: Range = field(metadata=_in("rad"))
-    pitch_range: Range = field(metadata=_in("rad"))
-    yaw_range: Range = field(metadata=_in("rad"))
-    thrusters_lift_over_weight: float | None = field(default=None, metadata=_in("1"))
-    aerodynamic_lift_over_weight: float | None = field(default=None, metadata=_in("1"))
-    motor_power_mean: float | None = field(default=None, metadata=_in("W"))
-    incidence_range: Range | None = field(default=None, metadata=_in("rad"))
-    diverged_at: float | None = field(default=None, metadata=_in("s"))
-    rms: dict[str, float] | None = field(default=None, metadata=_in("m, rad"))
+    duration: float = field(metadata={"unit": "s"})
+    position_end: tuple[float, float, float] = field(metadata={"unit": "m"})
+    z_range: Range = field(metadata={"unit": "m"})
+    roll_range: Range = field(metadata={"unit": "rad"})
+    pitch_range: Range = field(metadata={"unit": "rad"})
+    yaw_range: Range = field(metadata={"unit": "rad"})
+    thrusters_lift_over_weight: float | None = field(default=None, metadata={"unit": "1"})
+    aerodynamic_lift_over_weight: float | None = field(default=None, metadata={"unit": "1"})
+    motor_power_mean: float | None = field(default=None, metadata={"unit": "W"})
+    incidence_range: Range | None = field(default=None, metadata={"unit": "rad"})
+    diverged_at: float | None = field(default=None, metadata={"unit": "s"})
+    rms: dict[str, float] | None = field(default=None, metadata={"unit": "m, rad"})
 
     def to_json(self) -> dict[str, Any]:
         """Return all numbers that are not None, as written to `metrics.json`."""
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        return {
-            name: list(value) if isinstance(value, tuple) else value
-            for name, value in values.items()
-            if value is not None
-        }
+        values = {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+        return {name: value for name, value in values.items() if value is not None}
 
 
 @guarded(mass="positive")
@@ -75,10 +67,11 @@ def flight_summary(log: FlightLog, mass: float) -> FlightSummary:
     roll, pitch, yaw = (_range(angle) for angle in euler_angles(q).T)
     weight = mass * float(measured.attrs["gravity"])
 
-    def lift_over_weight(force: Array) -> float | None:
-        return float(np.mean(world_velocity(q[:-1], force)[:, 2]) / weight) if weight > 0.0 else None
+    def lift_over_weight(force: Any) -> float | None:
+        if force is None or weight <= 0.0:
+            return None
+        return float(np.mean(world_velocity(q[:-1], force.values)[:, 2]) / weight)
 
-    thrusters = measured.get(f"{KNOWN}thrusters")
     x, y, z = q[-1, :3].tolist()
     return FlightSummary(
         duration=float(log.time[-1]),
@@ -87,9 +80,9 @@ def flight_summary(log: FlightLog, mass: float) -> FlightSummary:
         roll_range=roll,
         pitch_range=pitch,
         yaw_range=yaw,
-        thrusters_lift_over_weight=None if thrusters is None else lift_over_weight(thrusters.values),
-        aerodynamic_lift_over_weight=(
-            None if truth is None else lift_over_weight(truth["aerodynamic"].values + truth["added_mass"].values)
+        thrusters_lift_over_weight=lift_over_weight(measured.get(f"{KNOWN}thrusters")),
+        aerodynamic_lift_over_weight=lift_over_weight(
+            None if truth is None else truth["aerodynamic"] + truth["added_mass"]
         ),
         motor_power_mean=None if truth is None else float(np.mean(truth["motor_power"].values)),
         incidence_range=None if truth is None else _range(truth["incidence"].values),
@@ -131,9 +124,8 @@ def flight_note(scenario: Scenario, robot: Aerobat, log: FlightLog) -> str:
 def recorded_note(log: FlightLog, robot: Aerobat) -> str:
     """Return a line with the duration of a recorded flight and the robot that is assumed to have flown."""
     duration = log.time[-1] - log.time[0]
-    return f"recorded flight of {duration:.3g} s, {len(log.time)} samples; believed robot {robot.model.name}" + (
-        _divergence_note(log)
-    )
+    note = f"recorded flight of {duration:.3g} s, {len(log.time)} samples; believed robot {robot.model.name}"
+    return note + _divergence_note(log)
 
 
 def _divergence_note(log: FlightLog) -> str:

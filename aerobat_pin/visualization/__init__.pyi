@@ -6,7 +6,7 @@ from .figures.linkage import linkage_animation as linkage_animation
 from .figures.linkage import range_table as range_table
 from .figures.record import draw_unexplained as draw_unexplained
 from .figures.sweep import draw_sweep as draw_sweep
-from .live.live_server import serve_live as serve_live
+from .live_server import serve_live as serve_live
 from .replay.any_robot import replay_table as replay_table
 from .replay.flight_replay import SLOW_MOTION as SLOW_MOTION
 from .replay.flight_replay import replay_flight as replay_flight

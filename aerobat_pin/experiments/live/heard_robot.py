@@ -34,7 +34,7 @@ class LiveStream(LiveSource):
         if not points:
             raise MapError("live: robot.points = []: a point at which a force is sought was expected")
         super().__init__(title, stream.robot.model, points, stream.observers[0], section.gain)
-        self.stream, self.urdf = stream, urdf_of(chosen.robot, folder)
+        self.stream, self.map, self.folder, self.urdf = stream, chosen, folder, urdf_of(chosen.robot, folder)
         stream.tune(self.observer, self.gain)
 
     def changed(self, *, tuned: bool) -> None:
@@ -51,6 +51,12 @@ class LiveStream(LiveSource):
             rows.append(LiveRow(sample.end, true, force))
         return rows
 
+    def estimated(self, log: Path, show: Progress) -> Result:
+        """Return what `aerobat estimate` finds in a recording by the chosen observer."""
+        section = self.map.observer.model_copy(update={"names": (self.observer,), "gain": self.gain})
+        record = open_record(log, self.map.model_copy(update={"observer": section}), self.folder)
+        return estimate(record, progress=lambda share: show("estimating", share), trust=True)
+
 
 class LiveRecording(LiveStream):
     """A recording, sample by sample.
@@ -66,15 +72,13 @@ class LiveRecording(LiveStream):
 
     @guarded()
     def __init__(self, log: Path, chosen: Map, folder: Path) -> None:
-        self._log, self._folder = log, folder
         record = open_record(log, chosen, folder)
-        self._map = chosen = record.map
-        super().__init__(log.name, stream_of(record), chosen, folder)
-        columns = read_columns(log, chosen.log, self.stream.columns)
+        super().__init__(log.name, stream_of(record), record.map, folder)
+        columns = read_columns(log, record.map.log, self.stream.columns)
         self._samples = heapq.merge(
             *(_samples(columns, n, clock) for n, clock in enumerate(columns.clocks)), key=lambda sample: sample[:2]
         )
-        self._next = next(self._samples, None)
+        self._log, self._next = log, next(self._samples, None)
         if self._next is None:
             raise LogError(f"log {log}: no sample of what the map names")
         self.time = self._next[0]
@@ -93,9 +97,7 @@ class LiveRecording(LiveStream):
 
     def result(self, show: Progress) -> Result:
         """Return what `aerobat estimate` finds in the whole recording."""
-        section = self._map.observer.model_copy(update={"names": (self.observer,), "gain": self.gain})
-        record = open_record(self._log, self._map.model_copy(update={"observer": section}), self._folder)
-        return estimate(record, progress=lambda share: show("estimating", share), trust=True)
+        return self.estimated(self._log, show)
 
 
 class LiveTopics(LiveStream):

@@ -8,24 +8,24 @@ torque of the joints is what the stream is told, so the force f at the points is
 
 from __future__ import annotations
 
-import csv
 import tempfile
 from collections import deque
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+import pandas as pd
 import pinocchio as pin
 from scipy.linalg import cho_factor, cho_solve
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import OnlineEstimator, Result, estimate
+from aerobat_pin.estimation import OnlineEstimator, Result
 from aerobat_pin.experiments.experiment import Progress
 from aerobat_pin.experiments.live.heard_robot import LiveStream
 from aerobat_pin.experiments.live.source import KEPT, PUSH_SHARE, LiveRow
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import robot_length
-from aerobat_pin.records import RobotTable, open_record, parse_map, robot_of_map
+from aerobat_pin.records import RobotTable, parse_map, robot_of_map
 
 LIVE_STEP = 2e-3  # [s]
 GIVES = 0.2  # [rad]: by how much the largest force at the robot's reach turns a joint
@@ -60,18 +60,18 @@ class LiveRobot(LiveStream):
         robot = robot_of_map(RobotTable(**table, points=points), Path())
         self._columns = [f"{what}.{joint}" for what in ("q", "v", "tau") for joint in robot.joints]
         position, velocity, effort = ({"columns": part} for part in np.split(np.array(self._columns), 3))
-        truth = {"columns": [f"{points[0]}.{axis}" for axis in ("Fx", "Fy", "Fz")], "point": points[0]}
-        self._map = parse_map(
+        self._sensed = [f"{points[0]}.{axis}" for axis in ("Fx", "Fy", "Fz")]
+        chosen = parse_map(
             {
                 "log": {"time": {"column": "time"}},
                 "robot": {**table, "points": points},
                 "joints": {"names": robot.joints, "position": position, "velocity": velocity, "effort": effort},
-                "check": {"wrench": truth},
+                "check": {"wrench": {"columns": self._sensed, "point": points[0]}},
                 "observer": {"names": ["force_level"], "gain": LIVE_GAIN},
             },
             "of a live robot",
         )
-        super().__init__(robot.title, OnlineEstimator(self._map, Path()), self._map, Path())
+        super().__init__(robot.title, OnlineEstimator(chosen, Path()), chosen, Path())
         self.limit = PUSH_SHARE * robot.weight
         self._data = robot.model.createData()
         self._frames = [self.model.getFrameId(point) for point in points]
@@ -110,16 +110,11 @@ class LiveRobot(LiveStream):
         """Return the last seconds as `aerobat estimate` finds them, the force at the first point as its check."""
         if len(self._rows) < 50:
             raise LogError("nothing has happened yet that could be saved")
-        section = self._map.observer.model_copy(update={"names": (self.observer,), "gain": self.gain})
-        chosen = self._map.model_copy(update={"observer": section})
+        table = pd.DataFrame(list(self._rows), columns=["time", *self._columns, *self._sensed])
         with tempfile.TemporaryDirectory() as folder:
-            table = Path(folder, f"{self.title}.csv")
-            with table.open("w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file)
-                writer.writerow(["time", *self._columns, *(f"{self.points[0]}.{axis}" for axis in ("Fx", "Fy", "Fz"))])
-                writer.writerows([[f"{value:.9g}" for value in row] for row in self._rows])
-            record = open_record(table, chosen, Path())
-            return estimate(record, progress=lambda share: show("estimating", share), trust=True)
+            log = Path(folder, f"{self.title}.csv")
+            table.to_csv(log, index=False, float_format="%.9g")
+            return self.estimated(log, show)
 
 
 def _last_frames(model: pin.Model) -> tuple[str, ...]:

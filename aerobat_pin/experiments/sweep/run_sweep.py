@@ -92,7 +92,11 @@ def on_cluster(runs: Mapping[int, Scenario], address: str) -> Outcomes:
             "tcp://10.0.0.1:8786"
         ) from error
     with client:
-        _check_versions(client.run(versions, on_error="return"), address)
+        for worker, installed in client.run(versions, on_error="return").items():
+            if installed != versions():
+                raise WorkersLostError(
+                    f"cluster {address}: worker {worker} has {installed}; the versions here were expected: {versions()}"
+                )
         futures = {client.submit(outcome_of, scenario, pure=False): number for number, scenario in runs.items()}
         lost = {}
         for future in as_completed(list(futures)):
@@ -106,14 +110,6 @@ def on_cluster(runs: Mapping[int, Scenario], address: str) -> Outcomes:
             raise WorkersLostError(
                 f"cluster {address}: {len(lost)} runs were lost; the first, run {number}: {reason}; what is finished "
                 "is kept: the same command goes on"
-            )
-
-
-def _check_versions(workers: Mapping[str, object], address: str) -> None:
-    for worker, installed in workers.items():
-        if installed != versions():
-            raise WorkersLostError(
-                f"cluster {address}: worker {worker} has {installed}; the versions here were expected: {versions()}"
             )
 
 
