@@ -5,15 +5,14 @@ from __future__ import annotations
 import csv
 import json
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from support.commands import call
 
-from aerobat_pin.cli import app as cli
 from aerobat_pin.errors import OutputError, WorkersLostError
 from aerobat_pin.experiments import effects_text, load_sweep, run_sweep, shipped_sweeps, sweep_effects
 from aerobat_pin.experiments.experiment import run
@@ -63,14 +62,6 @@ def written(folder: Path, text: str) -> Path:
     path = folder / "short.toml"
     path.write_text(text)
     return path
-
-
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    """Run the command line in this process and return its exit code."""
-    monkeypatch.setattr(sys, "argv", ["aerobat", "sweep", *arguments])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    return int(stop.value.code or 0)
 
 
 def test_the_example_of_the_page_is_a_whole_sweep_file(tmp_path: Path) -> None:
@@ -205,7 +196,7 @@ def test_a_wrong_sweep_costs_one_message_exit_code_2_and_leaves_nothing(
 ) -> None:
     """Key, value and rule, before anything flies."""
     path = written(tmp_path, SHORT + text)
-    assert call(monkeypatch, str(path), "--out", str(tmp_path / "out")) == 2
+    assert call(monkeypatch, "sweep", str(path), "--out", str(tmp_path / "out")) == 2
     printed = capsys.readouterr()
     assert message in printed.err
     assert "Traceback" not in printed.err
@@ -221,23 +212,23 @@ def test_a_folder_keeps_to_its_sweep(
     out.mkdir()
     (out / "results.csv").write_text("mine")
     for force in ([], ["--force"]):
-        assert call(monkeypatch, path, "--out", str(out), "--jobs", "1", *force) == 2
+        assert call(monkeypatch, "sweep", path, "--out", str(out), "--jobs", "1", *force) == 2
         assert "holds no sweep; an empty or missing one was expected" in capsys.readouterr().err
     (out / "results.csv").unlink()
-    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1") == 0
+    assert call(monkeypatch, "sweep", path, "--out", str(out), "--jobs", "1") == 0
     printed = capsys.readouterr().out
     assert "seed = 1 " in printed
     assert f"results in {out}/: results.nc, results.csv, sweep.png" in printed
     assert (out / "sweep.png").read_bytes().startswith(b"\x89PNG")
     (out / "notes.txt").write_text("mine")
     kept = (out / "finished.jsonl").read_bytes()
-    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1") == 0
+    assert call(monkeypatch, "sweep", path, "--out", str(out), "--jobs", "1") == 0
     assert "going on: 2 of 2 runs are finished" in capsys.readouterr().out
     written(tmp_path, SHORT.replace("seeds = 2", "seeds = 3"))
-    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1") == 2
+    assert call(monkeypatch, "sweep", path, "--out", str(out), "--jobs", "1") == 2
     assert "holds another sweep: seeds differ" in capsys.readouterr().err
     assert (out / "finished.jsonl").read_bytes() == kept
-    assert call(monkeypatch, path, "--out", str(out), "--jobs", "1", "--force") == 0
+    assert call(monkeypatch, "sweep", path, "--out", str(out), "--jobs", "1", "--force") == 0
     assert len((out / "finished.jsonl").read_text().splitlines()) == 3
     assert (out / "notes.txt").read_text() == "mine"
 
@@ -288,7 +279,7 @@ def test_where_all_runs_fail_the_exit_code_says_so(
 ) -> None:
     """The tables are there, with the reasons."""
     path = written(tmp_path, SHORT + BROKEN.replace(", 6.71e-3", ""))
-    assert call(monkeypatch, str(path), "--out", str(tmp_path / "out"), "--jobs", "1") == 2
+    assert call(monkeypatch, "sweep", str(path), "--out", str(tmp_path / "out"), "--jobs", "1") == 2
     printed = capsys.readouterr()
     assert "2 of 2 runs are finished, 2 of them failed" in printed.out
     assert "cannot close at J4" in printed.err

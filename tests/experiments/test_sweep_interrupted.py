@@ -1,7 +1,7 @@
-"""Sweeps that are undisturbed, killed in the middle, or refused: what is finished stays, the end is the same.
+"""Sweeps that are killed in the middle, or refused: what is finished stays, the end is that of an undisturbed one.
 
-By one process or many. What a sweep refuses before its first flight: its size, its names, and a folder that holds what
-no sweep wrote.
+By one process, many, or a cluster. What a sweep refuses before its first flight: its size, its names, and a folder that
+holds what no sweep wrote.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import psutil
 import pytest
@@ -185,16 +183,6 @@ def test_a_killed_worker_costs_nothing_but_time(file: Path, uninterrupted: Path,
     same_tables(tmp_path, uninterrupted)
 
 
-def test_whoever_flies_an_undisturbed_sweep_the_tables_are_the_same(
-    file: Path, uninterrupted: Path, cluster: LocalCluster, tmp_path: Path
-) -> None:
-    """This process, two processes, a cluster."""
-    run_sweep(load_sweep(file), tmp_path / "processes", jobs=2)
-    same_tables(tmp_path / "processes", uninterrupted)
-    run_sweep(load_sweep(file), tmp_path / "cluster", cluster=cluster.scheduler_address)
-    same_tables(tmp_path / "cluster", uninterrupted)
-
-
 def test_a_cluster_survives_the_death_of_a_worker(
     file: Path, uninterrupted: Path, cluster: LocalCluster, tmp_path: Path
 ) -> None:
@@ -207,14 +195,6 @@ def test_a_cluster_survives_the_death_of_a_worker(
 
     run_sweep(load_sweep(file), tmp_path, cluster=cluster.scheduler_address, progress=progress)
     same_tables(tmp_path, uninterrupted)
-
-
-def test_an_error_in_a_thread_is_reported_unless_the_thread_is_joblibs() -> None:
-    """Joblib's manager can stumble over tasks that an interruption took away; nobody else's error is swallowed."""
-    reported: list[Any] = []
-    for name in ("ExecutorManagerThread", "reader"):
-        executors._unless_of_joblib(reported.append, SimpleNamespace(thread=threading.Thread(name=name)))
-    assert [error.thread.name for error in reported] == ["reader"]
 
 
 SHORT = 'name = "short"\nbase = "paper"\nseeds = 2\n[set]\n"simulation.duration" = 0.01\n"air.warm_up_cycles" = 1\n'

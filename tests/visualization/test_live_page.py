@@ -23,7 +23,7 @@ from support.walking_log import table, table_map, urdf, walk
 from aerobat_pin.errors import ExtraError
 from aerobat_pin.experiments import LiveFlight, LiveRecording, LiveRobot, LiveSource
 from aerobat_pin.visualization import serve_live
-from aerobat_pin.visualization.live.live_server import live_parts
+from aerobat_pin.visualization.live_server import live_parts
 
 SETTLED = 0.05  # share of a force by which its estimate may be off
 
