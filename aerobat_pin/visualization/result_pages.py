@@ -20,11 +20,10 @@ from aerobat_pin.records import TrueEvent
 from aerobat_pin.scenario import Scenario, described, scenario_toml, shipped_description
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.estimation import draw_estimation
-from aerobat_pin.visualization.figures.flight import draw_aerodynamics, draw_control, draw_power
+from aerobat_pin.visualization.figures.flight import draw_flight
 from aerobat_pin.visualization.figures.linkage import draw_linkage, linkage_animation
-from aerobat_pin.visualization.figures.paper import draw_position, draw_states, draw_stick_diagram
 from aerobat_pin.visualization.figures.record import draw_contacts, draw_motion, draw_unexplained, unexplained_limit
-from aerobat_pin.visualization.replay.result_replay import replay_result
+from aerobat_pin.visualization.replay.flight_replay import replay_result
 from aerobat_pin.visualization.template import fill_template
 
 SLOWER = 10.0  # the animated linkage turns slower than the real one by this factor
@@ -61,21 +60,14 @@ def draw_all(outcome: Experiment | Result) -> dict[str, Figure]:
             if any(len(stance.onset) for stances in outcome.stances.values() for stance in stances):
                 figures["contacts"] = draw_contacts(outcome)
             return {**figures, **_unexplained(outcome)}
-        robot, log = outcome.robot, outcome.drawn
         figures = {
-            "position": draw_position(log),
-            "states": draw_states(log),
-            "stick_diagram": draw_stick_diagram(robot, log),
+            **draw_flight(outcome.robot, outcome.scenario, outcome.drawn),
             "estimation": draw_estimation(outcome.scores, _gusts(outcome.scenario)),
             **_unexplained(outcome.scores),
         }
-        if log.truth is not None:
-            figures |= {"aerodynamics": draw_aerodynamics(robot, log), "power": draw_power(log)}
-        if log.truth is not None and "thrust" in log.truth:
-            figures["control"] = draw_control(robot, outcome.scenario, log)
         for figure in figures.values():
             style.title_of(figure, f"{figure.get_suptitle()}\n{outcome.note}\n{outcome.scores.changes}")
-        return {**figures, "linkage": draw_linkage(robot.linkage)}
+        return {**figures, "linkage": draw_linkage(outcome.robot.linkage)}
 
 
 def _unexplained(result: Result) -> dict[str, Figure]:

@@ -17,7 +17,7 @@ from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.figures.estimation import draw_estimation
-from aerobat_pin.visualization.figures.paper import draw_states
+from aerobat_pin.visualization.figures.flight import draw_states
 from aerobat_pin.visualization.result_pages import draw_all, report_html, write_figures_and_pages
 
 
