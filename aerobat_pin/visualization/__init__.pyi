@@ -10,14 +10,14 @@ from .live_server import serve_live as serve_live
 from .replay.any_robot import replay_table as replay_table
 from .replay.flight_replay import SLOW_MOTION as SLOW_MOTION
 from .replay.flight_replay import replay_flight as replay_flight
+from .replay.flight_replay import replay_log as replay_log
+from .replay.flight_replay import replay_result as replay_result
 from .replay.flight_replay import replay_run as replay_run
 from .replay.moving_page import Replay as Replay
 from .replay.moving_page import record as record
 from .replay.open_robot import RobotView as RobotView
 from .replay.open_robot import in_frame as in_frame
 from .replay.open_robot import open_robot as open_robot
-from .replay.result_replay import replay_log as replay_log
-from .replay.result_replay import replay_result as replay_result
 from .replay.serve import serve as serve
 from .replay.snapshots import snapshots as snapshots
 from .result_pages import draw_all as draw_all

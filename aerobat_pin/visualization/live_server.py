@@ -26,7 +26,7 @@ from aerobat_pin.experiments import LIVE_OBSERVERS, LiveFlight, LiveRow, LiveSou
 from aerobat_pin.numerics import Array
 from aerobat_pin.robot import place_bars, visual_model_with_bars
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.result_replay import visible_parts
+from aerobat_pin.visualization.replay.any_robot import visible_parts
 from aerobat_pin.visualization.replay.scene import box_corners, round_number_above
 from aerobat_pin.visualization.replay.serve import LOCALHOST
 from aerobat_pin.visualization.template import fill_template

@@ -16,12 +16,14 @@ import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import coal
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import LARGEST_TABLE, LogError, foreign_file, foreign_xml
 from aerobat_pin.numerics import Array, Packages, checked_robot, read_robot
 from aerobat_pin.records import FREE_NQ, LogTable, header_of, read_columns
+from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.moving_page import Replay, record
 
 LARGEST_MESH = 100_000_000  # bytes
@@ -29,6 +31,7 @@ MESHES = (".dae", ".obj", ".stl")  # what the page can draw; none of them but Co
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"BM")  # how the content of a texture begins
 FORCE_COLUMN = re.compile(r"(?P<frame>.+)\.F(?P<axis>[xyz])")
 PLAYED_UNITS = ("", "m", "rad", "-", "1", "N")
+STICK = 0.04  # radius of a stick, in lengths of the robot
 LARGEST_MOTION = 1e6  # of any number: no motion goes further, and a page holds single precision
 
 
@@ -148,3 +151,42 @@ def _read_table(table: Path) -> tuple[list[str], Array]:
         where = f"log {table}, row {row + 1}: {['time', *names][column]} {what}"
         raise LogError(f"{where}: numbers up to {LARGEST_MOTION:g} were expected")
     return names, numbers
+
+
+def visible_parts(path: Path | None, model: pin.Model, name: str) -> tuple[pin.Model, pin.GeometryModel]:
+    """Return the model with its own shapes if its URDF file names any that can be read, else with sticks."""
+    if path is not None:
+        try:
+            model_of_file, visual = load_any_robot(path, int(model.nq), Path(name))
+            if visual.ngeoms > 0:
+                return model_of_file, visual
+        except LogError:
+            pass
+    return model, sticks(model)
+
+
+def sticks(model: pin.Model) -> pin.GeometryModel:
+    """Return shapes for a robot without any: a stick from each joint to the next ones and to its frames, and a box."""
+    visual, data = pin.GeometryModel(), model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    places = [place.translation for place in (*data.oMi, *data.oMf)]
+    length = max(float(np.max(np.ptp(places, axis=0))), 0.05)
+    for joint in range(1, model.njoints):
+        ends = [model.jointPlacements[k].translation for k in range(2, model.njoints) if model.parents[k] == joint]
+        for frame in model.frames.tolist():
+            end = frame.placement.translation
+            if frame.parentJoint == joint and not any(np.allclose(other, end) for other in ends):
+                ends.append(end)
+        shapes = {}
+        if joint == 1:
+            shapes["box"] = coal.Box(0.3 * length, 0.2 * length, 0.08 * length), pin.SE3.Identity()
+        for k, end in enumerate(ends):
+            size = float(np.linalg.norm(end))
+            if size > 1e-3 * length:
+                turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / size).matrix()
+                shapes[f"stick_{joint}_{k}"] = coal.Cylinder(0.5 * STICK * length, size), pin.SE3(turn, 0.5 * end)
+        for name, (shape, place) in shapes.items():
+            part = pin.GeometryObject(name, joint, place, shape)
+            part.meshColor = np.array([*style.rgb(style.BLUE if joint > 1 else style.GREEN), 1.0])
+            visual.addGeometryObject(part)
+    return visual

@@ -1,4 +1,4 @@
-"""Replay a flight: the robot with its moving linkage, true and estimated forces as arrows, its path, and its wake."""
+"""Replay a flight of Aerobat, with its linkage, path and wake, or any robot of a record; forces are arrows."""
 
 from __future__ import annotations
 
@@ -8,19 +8,23 @@ import numpy as np
 import pinocchio as pin
 import xarray as xr
 
-from aerobat_pin.aerobat import SUM, FlightLog, flight_motion, true_events, true_force
+from aerobat_pin.aerobat import SUM, FlightLog, belief_about, flight_motion, read_log, true_events, true_force
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import point_label
-from aerobat_pin.experiments import flight_note, read_run
+from aerobat_pin.estimation import Result, point_label
+from aerobat_pin.experiments import Experiment, estimate_dataset, flight_note, force_columns, read_run, run_recorded
 from aerobat_pin.flight import Wake, log_with_motion, wake_of
 from aerobat_pin.numerics import Array
+from aerobat_pin.records import urdf_of
 from aerobat_pin.robot import Aerobat, flown_robot, place_bars, visual_model_with_bars
 from aerobat_pin.scenario import AirSection, changed_keys, changes_text
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.flight import thrust_forces
+from aerobat_pin.visualization.replay.any_robot import visible_parts
 from aerobat_pin.visualization.replay.moving_page import Replay
 from aerobat_pin.visualization.replay.scene import Sheet
 
+LONGEST_REPLAY = 60.0  # [s] of the longest part
+REPLAY_RATE = 240.0  # [Hz] of the samples that a replay is made from
 SLOW_MOTION = 0.1  # speed of a flight's replay relative to real time, in which a flap is too fast to be watched
 WAKE_LASTS = 0.5  # [s]: time for which each part of the wake is shown
 GROUND_BELOW = 0.35  # [m]: distance of the ground below the lowest point of the path
@@ -116,3 +120,50 @@ def replay_run(folder: Path) -> Replay:
     replay = replay_flight(robot, log, scenario.air, estimates, flight_note(scenario, robot, log))
     replay.subtitle = changes_text(scenario.name, changed_keys(scenario))
     return replay
+
+
+def replay_result(outcome: Experiment | Result) -> Replay:
+    """Return the replay of a flight, or of the longest used part of a record, at most its first minute."""
+    if isinstance(outcome, Experiment):
+        estimates = estimate_dataset(outcome.estimates)
+        flight = replay_flight(outcome.robot, outcome.drawn, outcome.scenario.air, estimates, outcome.note)
+        flight.subtitle = outcome.scores.changes
+        return flight
+    record = outcome.record
+    if record is None:
+        raise LogError(f"replay of {outcome.name}: a record was expected")
+    first, last = max(record.parts, key=lambda part: part[1] - part[0])
+    last = min(last, first + round(LONGEST_REPLAY * record.rate))
+    block, every = record.block(first, last), max(1, round(record.rate / REPLAY_RATE))
+    rows = np.arange(0, len(block.time), every)
+    path = urdf_of(record.map.robot, record.folder)
+    model, visual = visible_parts(path, record.robot.model, outcome.name)
+    replay = Replay(model, visual, block.time[rows] - record.start, block.q[rows], title=outcome.name)
+    low = next(iter(outcome.stored.values())).index(block.time[0])
+    at = np.minimum(rows, last - first - 1)
+    for name, stored in outcome.stored.items():
+        estimate = stored.between(low, low + last - first)
+        found = force_columns(estimate).items()
+        forces = {frame: estimate.components[at][:, columns[:3]] for frame, columns in found}
+        if forces:
+            replay.add_forces(f"estimated force ({name})", style.ESTIMATES[0], forces, choice=name)
+    for reference in outcome.references:
+        if reference.labels[:3] == ("Fx", "Fy", "Fz"):
+            values = reference.values[low : low + last - first][at, :3]
+            replay.add_forces("force sensor", style.TRUTH, {reference.frame: values}, inner=True)
+    return replay
+
+
+def replay_log(file: Path, morphology: str | None = None) -> Replay:
+    """Prepare the replay of a flight log, with the forces that an observer estimates from it.
+
+    Args:
+        file: flight log, `.nc` or `.csv`.
+        morphology: morphology of the robot that is assumed to have flown, a shipped name or a TOML file. When omitted,
+            the robot noted in the log, or the default robot if the log notes none.
+
+    Raises:
+        AerobatError: the log or the morphology cannot be read.
+    """
+    log = read_log(file)
+    return replay_result(run_recorded(log, belief_about(log, file.stem, morphology, [], [])))

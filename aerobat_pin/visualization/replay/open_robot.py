@@ -19,8 +19,9 @@ from aerobat_pin.experiments import Experiment
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import PlainRobot, RobotTable, urdf_of
 from aerobat_pin.robot import CRANK_START, Aerobat, place_bars, visual_model_with_bars
+from aerobat_pin.visualization.replay.any_robot import visible_parts
+from aerobat_pin.visualization.replay.flight_replay import replay_result
 from aerobat_pin.visualization.replay.moving_page import CAMERA, Replay
-from aerobat_pin.visualization.replay.result_replay import replay_result, visible_parts
 from aerobat_pin.visualization.replay.scene import clear_background
 
 CLOSE_UP = 1.2  # distance of the camera for each distance in `CAMERA`, both in sizes of the robot
