@@ -27,37 +27,30 @@ from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import FREE_NQ
 
 PACKAGE = "foxglove_msgs/msg"
-POSED = "geometry_msgs/Pose pose"
-COLOUR_FIELD = "foxglove_msgs/Color color"
+POSED, SIZED, COLOUR = "geometry_msgs/Pose pose", "geometry_msgs/Vector3 size", "foxglove_msgs/Color color"
+POINTS, COLOURS = "geometry_msgs/Point[] points", ("foxglove_msgs/Color[] colors", "uint32[] indices")
+LENGTHS = tuple(f"float64 {part}" for part in ("shaft_length", "shaft_diameter", "head_length", "head_diameter"))
+MODEL = ("bool override_color", "string url", "string media_type", "uint8[] data")
 PRIMITIVES = {  # list in an entity -> type of its entries, and their fields
-    "arrows": (
-        "ArrowPrimitive",
-        (POSED, *(f"float64 {part}" for part in ("shaft_length", "shaft_diameter", "head_length", "head_diameter"))),
-    ),
-    "cubes": ("CubePrimitive", (POSED, "geometry_msgs/Vector3 size")),
-    "spheres": ("SpherePrimitive", (POSED, "geometry_msgs/Vector3 size")),
-    "cylinders": (
-        "CylinderPrimitive",
-        (POSED, "geometry_msgs/Vector3 size", "float64 bottom_scale", "float64 top_scale"),
-    ),
+    "arrows": ("ArrowPrimitive", (POSED, *LENGTHS, COLOUR)),
+    "cubes": ("CubePrimitive", (POSED, SIZED, COLOUR)),
+    "spheres": ("SpherePrimitive", (POSED, SIZED, COLOUR)),
+    "cylinders": ("CylinderPrimitive", (POSED, SIZED, "float64 bottom_scale", "float64 top_scale", COLOUR)),
     "lines": (
         "LinePrimitive",
-        ("uint8 type", POSED, "float64 thickness", "bool scale_invariant", "geometry_msgs/Point[] points"),
+        ("uint8 type", POSED, "float64 thickness", "bool scale_invariant", POINTS, COLOUR, *COLOURS),
     ),
-    "triangles": ("TriangleListPrimitive", (POSED, "geometry_msgs/Point[] points")),
-    "texts": ("TextPrimitive", (POSED, "bool billboard", "float64 font_size", "bool scale_invariant")),
-    "models": ("ModelPrimitive", (POSED, "geometry_msgs/Vector3 scale")),
-}
-AFTER_COLOUR = {
-    "LinePrimitive": ("foxglove_msgs/Color[] colors", "uint32[] indices"),
-    "TriangleListPrimitive": ("foxglove_msgs/Color[] colors", "uint32[] indices"),
-    "TextPrimitive": ("string text",),
-    "ModelPrimitive": ("bool override_color", "string url", "string media_type", "uint8[] data"),
+    "triangles": ("TriangleListPrimitive", (POSED, POINTS, COLOUR, *COLOURS)),
+    "texts": (
+        "TextPrimitive",
+        (POSED, "bool billboard", "float64 font_size", "bool scale_invariant", COLOUR, "string text"),
+    ),
+    "models": ("ModelPrimitive", (POSED, "geometry_msgs/Vector3 scale", COLOUR, *MODEL)),
 }
 DEFINITIONS = {
     "Color": tuple(f"float64 {part}" for part in "rgba"),
     "KeyValuePair": ("string key", "string value"),
-    **{kind: (*fields, COLOUR_FIELD, *AFTER_COLOUR.get(kind, ())) for kind, fields in PRIMITIVES.values()},
+    **dict(PRIMITIVES.values()),
     "SceneEntityDeletion": ("builtin_interfaces/Time timestamp", "uint8 type", "string id"),
     "SceneEntity": (
         "builtin_interfaces/Time timestamp",

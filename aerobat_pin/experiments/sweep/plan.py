@@ -88,12 +88,9 @@ class Sweep:
         return [self._scenario(index) for index in self.indices]
 
     def _scenario(self, index: tuple[int, ...]) -> Scenario:
-        values = _plain(self.base)
-        for dimension, i in zip(self.dimensions, index, strict=True):
-            for key, value in dimension.settings[i].items():
-                assign(values, key, value)
+        chosen = [dimension.settings[i] for dimension, i in zip(self.dimensions, index, strict=True)]
         labels = ", ".join(f"{name} = {value}" for name, value in self.labels(index).items())
-        return parse_scenario(values, f"of sweep {self.file.name} at {labels}")
+        return _with_keys(self.base, chosen, f"of sweep {self.file.name} at {labels}")
 
 
 @guarded()
@@ -110,10 +107,7 @@ def load_sweep(source: str | Path) -> Sweep:
     file = read_sweep(str(source))
     beside = Path(source).parent / file.base
     base = load_scenario(beside if os.path.isfile(source) and os.path.isfile(beside) else file.base)
-    values = _plain(base)
-    for key, value in file.set.items():
-        assign(values, key, value)
-    base = parse_scenario(values, f"of sweep {file.name}")
+    base = _with_keys(base, [file.set], f"of sweep {file.name}")
     _check_names_and_size(file, base)
     dimensions = [_range_dimension(key, chosen) for key, chosen in file.ranges.items()]
     dimensions += [_factor_dimension(name, factors) for name, factors in file.factors.items()]
@@ -180,6 +174,9 @@ def _draw_dimension(draws: Draws) -> Dimension:
     return Dimension(DRAW, tuple(range(draws.count)), rows)
 
 
-def _plain(scenario: Scenario) -> dict[str, Any]:
-    """Return a scenario as nested dictionaries and lists, in which dotted keys can be set."""
-    return scenario.model_dump(mode="json", exclude_none=True)
+def _with_keys(scenario: Scenario, settings: list[dict[str, Any]], source: str) -> Scenario:
+    """Return a scenario with dotted keys set. Raises ScenarioError, which names the source."""
+    values = scenario.model_dump(mode="json", exclude_none=True)
+    for key, value in (item for chosen in settings for item in chosen.items()):
+        assign(values, key, value)
+    return parse_scenario(values, source)
