@@ -22,6 +22,7 @@ import psutil
 import pytest
 from matplotlib.image import imread
 from support.bad_inputs import AllAnswers
+from support.bad_robots import ARM, SHAPE
 from support.browser import at, needs_browser, node, opened, ready
 from support.commands import call, interrupted, last_words, of_session, served
 
@@ -33,10 +34,6 @@ from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.visualization.replay.any_robot import replay_table
 from aerobat_pin.visualization.replay.serve import serve
 from aerobat_pin.visualization.replay.snapshots import snapshots
-
-ARM = """<robot name="arm"><link name="base"/><link name="bar"><visual><origin xyz="0 0 0.5"/><geometry>
-<box size="0.1 0.1 1"/></geometry></visual></link><joint name="hinge" type="revolute"><parent link="base"/>
-<child link="bar"/><axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="1" velocity="1"/></joint></robot>"""
 
 
 def sent_again(connection: socket.socket) -> int:
@@ -230,7 +227,7 @@ def table(folder: Path, header: str, rows: Any) -> Path:
 @needs_browser
 def test_any_table_moves_any_robot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, browser: Any) -> None:
     """A hinge that turns by a quarter in two seconds, pushed at its bar; fixed, and on a free base."""
-    (tmp_path / "arm.urdf").write_text(ARM)
+    (tmp_path / "arm.urdf").write_text(ARM.replace("<visual>", '<visual><origin xyz="0 0 0.5"/>'))
     clock, angle = np.linspace(5.0, 7.0, 41), np.linspace(0.0, 0.5 * np.pi, 41)
     still = np.zeros_like(angle)
     header = "time [s], hinge [rad], bar.Fx [N], bar.Fy [N], bar.Fz [N]"
@@ -267,7 +264,7 @@ def test_meshes_are_found_however_far_above_and_where_ros_says(monkeypatch: pyte
     deep = tmp_path / "a" / "b" / "c" / "d" / "e" / "f"
     deep.mkdir(parents=True)
     mesh = '<mesh filename="package://bird/body.stl"/>'
-    (deep / "arm.urdf").write_text(ARM.replace('<box size="0.1 0.1 1"/>', mesh))
+    (deep / "arm.urdf").write_text(ARM.replace(SHAPE, mesh))
     motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
     with pytest.raises(LogError, match=r"bird/body\.stl: a file .* package\.xml, .* or in one of ROS_PACKAGE_PATH"):
         replay_table(motion, deep / "arm.urdf")
