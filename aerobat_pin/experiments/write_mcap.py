@@ -49,6 +49,7 @@ def _mcap_stretches(result: Result, largest: float) -> Iterator[McapStretch]:
             yield McapStretch(record.robot.model, block.time, block.q, block.v, tau, forces, largest)
 
 
+@guarded()
 def force_columns(estimate: Estimate) -> dict[str, list[int]]:
     """Return frame -> columns of its force, or of its force and moment, where these are in world axes."""
     columns: dict[str, list[int]] = {}

@@ -184,6 +184,7 @@ def calls() -> dict[str, Call]:
         "sweep_effects": {"grid": grid},
         "effects_text": {"effects": api.sweep_effects(grid)},
         "estimate_dataset": {"estimates": done.estimates},
+        "force_columns": {"estimate": estimate},
     }
     methods: list[tuple[Callable[..., Any], dict[str, Any]]] = [
         (log.save, {"path": folder / "again.nc"}),
