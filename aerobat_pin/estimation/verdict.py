@@ -7,7 +7,7 @@ robot nobody knows which one is.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from aerobat_pin.estimation.trust import ComponentSize, burst_noise
 from aerobat_pin.numerics import Array
 
 LASTING = 1.5  # or its rms: noise alone has one error
+SHORT = 3.5  # times the size over errors without lag that 99 % of a record stay below: a blow, however sure its size is
+USUALLY = 0.99
 CROSSTALK = 0.02  # share of the largest force that its estimate leaves elsewhere
 SAID_AT_MOST = 2  # pushes, or components, that a sentence names
 MOSTLY = 0.8  # share of a force that is along an axis before the axis is named
@@ -34,6 +36,7 @@ DOUBTFUL_CHECKS = (  # a warning of theirs may make up a force
     "late efforts",
     "position against velocity",
     "gyro against attitude",
+    "joint speeds",
     "joint velocities against positions",
     "effort sign",
     "swapped joints",
@@ -63,6 +66,7 @@ class _Push:
         rms: of the size.
         lasting: root mean square of the size over its error at each time.
         error: typical error.
+        short: whether it is a blow, of which the filter shows that it was, not how large.
         ends: from and to of a contact, after the start [s]; None where contacts are not sought, or if it lasts.
     """
 
@@ -76,6 +80,7 @@ class _Push:
     rms: float = 0.0
     lasting: float = 0.0
     error: float = 0.0
+    short: bool = False
     ends: tuple[float, float | None] | None = None
 
     def stands_out(self, least: float) -> bool:
@@ -92,7 +97,7 @@ class _Push:
         if self.ends is not None:
             begin, end = self.ends
             when = f"from {begin:.2f} s to {'the end' if end is None else f'{end:.2f} s'}"
-        return f"{self.place} (up to {size}{self.way}, {when})"
+        return f"{self.place} ({'short, ' * self.short}up to {size}{self.way}, {when})"
 
 
 def verdict_of(
@@ -154,45 +159,66 @@ def _listed(things: Iterable[object], count: int = 0) -> str:
     return " and ".join(filter(None, [", ".join(texts[:-1]), texts[-1]]))
 
 
+@dataclass
+class _Largest:
+    """Where a force is largest of those that errors cannot make up, or else over its error."""
+
+    rank: tuple[bool, float] = (False, -1.0)
+    sure: float = 0.0
+    time: float = 0.0
+    force: Array = field(default_factory=lambda: np.zeros(0))
+    deviation: Array = field(default_factory=lambda: np.zeros(0))
+
+    def take(self, time: Array, force: Array, errors: Array, deviations: Array) -> Array:
+        """Take forces (m, n) with their errors and stated deviations; return their sizes over the errors (m,)."""
+        size = np.linalg.norm(force, axis=1)
+        error = np.maximum(_along_itself(force, errors) * force.shape[1] ** 0.5, TINY)
+        beyond = size > SURE_OF_CONTACT * error
+        weight = np.where(beyond, size, 0.0) if beyond.any() else size / error
+        at = int(np.argmax(weight))
+        if (rank := (bool(beyond[at]), float(weight[at]))) > self.rank:
+            self.rank, self.time, self.sure = rank, float(time[at]), float(size[at] / error[at])
+            self.force, self.deviation = force[at], deviations[at]
+        return np.asarray(size / error)
+
+
 class _Group:
     """The components at one place that have one unit: where they are largest, and sums over all intervals."""
 
     def __init__(self, place: str, unit: str, columns: list[int], axes: list[str], start: float) -> None:
         self.place, self.unit, self.columns, self.axes = place, unit, columns, axes
-        self.rank, self.time = (False, -1.0), start  # whether errors cannot make it up, and how large it is
-        self.force, self.deviation = np.zeros(len(columns)), np.ones(len(columns))
-        self.squares = self.shares = self.error = 0.0
+        none = np.zeros(len(columns))
+        self.largest, self.blow = (_Largest(time=start, force=none, deviation=none + 1.0) for _ in range(2))
+        self.squares = self.shares = self.usual = 0.0
 
     def take(self, time: Array, components: Array, deviations: Array, errors: Array) -> None:
         """Take the components (m, c) of a block, 0 where they are not seen, their deviations, and these without lag."""
         force, deviation, without = (table[:, self.columns] for table in (components, deviations, errors))
-        size = np.linalg.norm(force, axis=1)
-        error = np.maximum(_along_itself(force, without) * len(self.columns) ** 0.5, TINY)
-        self.squares += float(np.sum(size**2))
-        self.shares += float(np.sum((size / np.maximum(np.linalg.norm(without, axis=1), TINY)) ** 2))
-        beyond = size > SURE_OF_CONTACT * error
-        weight = np.where(beyond, size, 0.0) if beyond.any() else size / error
-        at = int(np.argmax(weight))
-        if (rank := (bool(beyond[at]), float(weight[at]))) > self.rank:
-            self.rank, self.time, self.force, self.deviation = rank, float(time[at]), force[at], deviation[at]
-            self.error = float(error[at])
+        square = np.sum(force**2, axis=1)
+        self.squares += float(np.sum(square))
+        self.shares += float(np.sum(square / np.maximum(np.sum(deviation**2, axis=1), TINY**2)))
+        self.largest.take(time, force, deviation, deviation)
+        over = self.blow.take(time, force, without, deviation)
+        self.usual = max(self.usual, float(np.quantile(over, USUALLY)))
 
     def push(self, start: float, count: int, sizes: Sequence[ComponentSize], noise: Array) -> _Push:
         """Return what pushed here, of `count` intervals."""
-        peak, along = float(np.linalg.norm(self.force)), float(_along_itself(self.force, self.deviation))
+        short = not self.largest.rank[0] and self.blow.rank[0] and self.blow.sure > SHORT * self.usual
+        found = self.blow if short else self.largest
         stated = [sizes[k].deviation for k in self.columns]
         typical = [noise[k] if size is None else size for k, size in zip(self.columns, stated, strict=True)]
         return _Push(
             place=point_label(self.place),
             unit=self.unit,
-            peak=peak,
-            at=self.time - start,
-            way=_way(self.force, self.axes),
-            deviation=None if stated == [None] * len(stated) else along,
-            sure=peak / (SURE_OF_CONTACT * max(self.error, TINY)),
+            peak=float(np.linalg.norm(found.force)),
+            at=found.time - start,
+            way=_way(found.force, self.axes),
+            deviation=None if stated == [None] * len(stated) else float(_along_itself(found.force, found.deviation)),
+            sure=found.sure / SURE_OF_CONTACT,
             rms=(self.squares / count) ** 0.5,
             lasting=(self.shares / count) ** 0.5,
             error=float(np.linalg.norm(typical)),
+            short=short,
         )
 
 

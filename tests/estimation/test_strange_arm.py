@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -301,6 +302,43 @@ def test_friction_that_nobody_told_a_stream_is_in_its_deviations(names: list[str
     assert shown.mean() > 0.1
     assert np.mean((error < 2.0 * sure)[shown]) > 0.9
     assert stream.health.k < DOUBTFUL
+
+
+@pytest.mark.parametrize(("rate", "times"), [(100, 0), (1000, 3)])
+def test_joints_that_are_too_fast_tell_a_wrong_rate(rate: float, times: float, folder: Path) -> None:
+    """A log without times is read at 1 kHz in place of 100 Hz: kilonewtons followed, and nobody named the rate."""
+    chosen = arm_map(["tool0"]) | {"log": {"time": {"rate": rate}}}
+    chosen["joints"]["velocity"] = {"from": "position"}
+    found = list(record_findings(open_record(folder / "push.csv", parse_map(chosen, "of the test"), folder)))
+    told = [one for one in found if one.check == "joint speeds"]
+    assert len(told) == (rate == 1000)
+    assert all(one.value > times and "the unit of its time" in one.text for one in told)
+
+
+def a_blow(time: np.ndarray) -> np.ndarray:
+    """Return forces (n, 3) of 100 N for 20 ms."""
+    force = nothing(time)
+    force[(time > 16.0) & (time < 16.02), 2] = -100.0
+    return force
+
+
+@pytest.mark.parametrize("force", [nothing, a_blow])
+@pytest.mark.parametrize("seed", [82, 83])
+def test_bursts_are_no_push_unless_one_is_a_blow(seed: int, force: Callable[..., np.ndarray], tmp_path: Path) -> None:
+    """400 bursts of 10 ms, as of gears: "a push of 34.7 +-34 N" was made of them, which its own deviation denied."""
+    write_log(tmp_path / "log.csv", seed, force, rate=500.0, rubs=0.05)
+    log, rng = pd.read_csv(tmp_path / "log.csv"), np.random.default_rng(seed)
+    for at in rng.integers(2500, 12500, 400):
+        for k in range(6):
+            log.loc[at : at + 4, f"tau{k}"] += (5.0 if k < 3 else 0.8) * rng.standard_normal(5)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    chosen = arm_map(["tool0"]) | {"observer": {"gain": 100.0}}
+    del chosen["check"]
+    verdict = estimate(open_record(tmp_path / "log.csv", parse_map(chosen, "of the test"), tmp_path)).verdict
+    if force is nothing:
+        assert "no push that stands out" in verdict
+    else:
+        assert re.search(r"a push at tool0 \(short, up to \d\d\.?\d* \+-\d\d\.?\d* N downward, at 16\.0\d s\)", verdict)
 
 
 @pytest.mark.parametrize(("seed", "still"), [(61, 1), (62, 2), (63, 4)])

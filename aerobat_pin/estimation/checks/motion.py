@@ -33,6 +33,7 @@ LARGEST_TURN = 0.02  # [rad] in a window; a gyro's bias of 2 mrad/s makes a hund
 LARGEST_STEP = 0.01  # [m] in a window
 LARGEST_ACCELERATION = 50.0  # [m/s2], rms over windows: five times gravity
 RARE = 0.05  # share of the samples on either side that may be a sensor's faults
+FAST = 3.0  # times the speed that its file allows: no joint ever turns so fast
 SLIGHT = 0.25  # of the range: so far beyond its file's limits a real joint may be
 A_TURN, TEN_RANGES = 2.0 * np.pi, 10.0  # [rad], ranges beyond them: no joint that has limits ever is there
 UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, is none
@@ -87,6 +88,7 @@ def motion_findings(record: Record) -> Iterator[Finding]:
     angles, rates = measured("joints.position"), measured("joints.velocity")
     if angles is not None:
         yield from limit_findings(record, angles)
+        yield from speed_findings(record, time, angles if rates is None else rates, differs=rates is None)
     if angles is not None and rates is not None:
         yield from agreement_findings(_joint_pair(record, time, angles, rates, latest))
     if record.robot.free and not record.map.base.held:
@@ -256,3 +258,22 @@ def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:
     )
     text = f"{where}{'; beyond theirs, too: ' if others else ''}{others}; {cause}"
     yield Finding("joint limits", "refused" if certain else "warning", text, worst, "ranges")
+
+
+def speed_findings(record: Record, time: Array, motion: Array, *, differs: bool) -> Iterator[Finding]:
+    """Yield joints that turn far faster than their robot's file allows, by rates (m, n), or angles that differ."""
+    model, found = record.robot.model, []
+    rates = np.diff(motion, axis=0) / np.diff(time)[:, None] if differs else motion
+    fastest = np.quantile(np.abs(rates), 1.0 - RARE, axis=0)
+    for joint, fast in zip(record.joints, fastest.tolist(), strict=True):
+        limit = float(model.velocityLimit[record.robot.v_index(joint)])
+        if 0.0 < limit < UNLIMITED and fast > FAST * limit:
+            found.append((fast / limit, joint, fast, limit))
+    if found:
+        times, joint, fast, limit = max(found)
+        unit = "m/s" if record.robot.slides(joint) else "rad/s"
+        text = (
+            f"{joint} moves with {fast:.3g} {unit}, {times:.3g} times what its robot's file allows ({limit:.3g}): is "
+            "the rate of the log, or the unit of its time, right?"
+        )
+        yield Finding("joint speeds", "warning", text, times, "1")
