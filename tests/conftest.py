@@ -1,7 +1,5 @@
 """Flights that several test files look at, flown once; and the seed of the random order in which tests run."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import shutil
@@ -95,6 +93,13 @@ def paper_plant() -> Plant:
     """Build the paper's plant."""
     scenario = load_scenario("paper")
     return Plant(load_aerobat(scenario.robot.morphology, scenario.robot.changes), scenario)
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return an empty folder, which is the current one."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.fixture

@@ -7,8 +7,6 @@ Kernels with a slip run as plain Python, which is faster than to compile them al
 survives or cannot be made.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

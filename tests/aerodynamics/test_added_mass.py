@@ -1,39 +1,32 @@
 """Added mass as a part of inertia: its energy, its momentum, and the observer that must not notice it."""
 
-from __future__ import annotations
-
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from support import twins
-from support.kernel_cases import instant
+from support.kernel_cases import instant, plant_of
 
 from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.aerodynamics.planform import added_mass_factor
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.robot.aerobat import flown_robot
 from aerobat_pin.robot.wing import LINKS
 from aerobat_pin.scenario.scenario import load_scenario
 
 LOCAL = pin.ReferenceFrame.LOCAL
 STILL = np.zeros((2, 3))
 SEEDS = range(4)
-
-
-def plant_of(*settings: str) -> Plant:
-    """Build the paper's plant with settings."""
-    scenario = load_scenario("paper", ["air.warm_up_cycles=0", *settings])
-    return Plant(flown_robot(scenario), scenario)
+COLD = "air.warm_up_cycles=0"
 
 
 @pytest.fixture(scope="module")
 def plant() -> Plant:
     """Return the paper's plant."""
-    return plant_of()
+    return plant_of("paper", COLD)
 
 
 def link_energy(plant: Plant, q: np.ndarray, v: np.ndarray) -> float:
@@ -58,9 +51,9 @@ def test_thin_aerofoil_theory_gives_the_mass_of_the_strips(plant: Plant) -> None
     total = float((added_mass_factor(plant.robot.wing.chord, line.span, line.y) * cylinders) @ line.width)
     assert sum(G[0, 0] for G in plant.air.added_mass) == pytest.approx(total, rel=1e-12)
     assert 1e3 * total == pytest.approx(6.600, abs=1e-3)
-    part = plant_of("air.added_mass=0.85")
+    part = plant_of("paper", COLD, "air.added_mass=0.85")
     np.testing.assert_allclose(part.air.added_mass, 0.85 * plant.air.added_mass, rtol=1e-12, atol=1e-18)
-    assert not plant_of("air.added_mass=0.0").air.added_mass.any()
+    assert not plant_of("paper", COLD, "air.added_mass=0.0").air.added_mass.any()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -88,13 +81,7 @@ def test_rate_of_inertia_with_added_mass_is_coriolis_plus_its_transpose(plant: P
 
     rate = (4.0 * difference(1e-4) - difference(2e-4)) / 3.0
     C = pin.computeCoriolisMatrix(model, data, q, v).copy()
-    pin.computeJointJacobiansTimeVariation(model, data, q, v)
-    for link, choose, m in moving_air(plant):
-        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
-        n, n_rate = (
-            choose @ matrix(model, data, joint, LOCAL)
-            for matrix in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
-        )
+    for m, n, n_rate in normals(plant, q, v):
         C += m * np.outer(n, n_rate)
     np.testing.assert_allclose(rate, C + C.T, rtol=0.0, atol=1e-8 * np.abs(rate).max())
 
@@ -114,6 +101,18 @@ def moving_air(plant: Plant) -> list[tuple[int, np.ndarray, float]]:
     return found
 
 
+def normals(plant: Plant, q: np.ndarray, v: np.ndarray) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
+    """Yield the mass m of each of `moving_air`, the row n with which its velocity is n v, and the row's rate."""
+    model, data = plant.model, plant.model.createData()
+    pin.computeJointJacobiansTimeVariation(model, data, q, v)
+    for link, choose, m in moving_air(plant):
+        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
+        n, n_rate = (
+            choose @ of(model, data, joint, LOCAL) for of in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
+        )
+        yield m, n, n_rate
+
+
 @pytest.mark.parametrize("settings", [(), ("air.wind=[1.5, -0.6, 0.4]",), ("air.gust.amplitude=[2.0, 1.0, -1.0]",)])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_force_is_minus_mass_times_the_rate_of_each_strips_normal_velocity(
@@ -124,7 +123,7 @@ def test_the_force_is_minus_mass_times_the_rate_of_each_strips_normal_velocity(
     Along q(t) with v(t) = v + a t the force of a piece is -m d/dt(normal . (velocity - wind)), its couple -m b^2/8
     times the rate of its turning, both central differences.
     """
-    plant, time = plant_of(*settings), 0.6
+    plant, time = plant_of("paper", COLD, *settings), 0.6
     q, v, joints, air, held = instant(plant, seed)
     acceleration, _, forces = plant.rates(q, v, joints, air, held, time)
     a = plant.robot.velocity(acceleration, *joints[2])
@@ -151,32 +150,10 @@ def test_the_force_is_minus_mass_times_the_rate_of_each_strips_normal_velocity(
         np.testing.assert_allclose(found[rows], expected[rows], rtol=0.0, atol=1e-6 * np.abs(expected[rows]).max())
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_a_rigid_body_of_the_same_inertia_differs_by_forces_that_do_no_work(plant: Plant, seed: int) -> None:
-    """Kirchhoff's equations for the energy v M_a v / 2 have omega x (G v) and v x (G v) besides.
-
-    Munk's moment among them is the moment of circulatory lift about mid-chord, which the strips have: to add it would
-    count it twice. Here: Lagrange's equations by an inertia that Pinocchio can hold, from many point masses.
-    """
-    q, v, *_ = instant(plant, seed)
-    model, data = plant.model, plant.model.createData()
-    pin.computeJointJacobiansTimeVariation(model, data, q, v)
-    pin.forwardKinematics(model, data, q, v)
-    power, size = 0.0, 0.0
-    for link, G in zip(LINKS, plant.air.added_mass, strict=True):
-        twist = pin.getFrameVelocity(model, data, model.getFrameId(link), LOCAL).vector
-        impulse = np.zeros(6)
-        impulse[2:5] = G @ twist[2:5]
-        gyroscopic = pin.Motion(twist).cross(pin.Force(impulse)).vector
-        power += float(gyroscopic @ twist)
-        size += float(np.abs(gyroscopic) @ np.abs(twist))
-    assert abs(power) < 1e-12 * size
-
-
 def test_what_the_added_mass_takes_is_its_kinetic_energy() -> None:
     """Over a flap the work of its force is the fall of v M_a v / 2: power means from the stages, energy at the ends."""
     log = simulate(load_scenario("paper", ["simulation.dt=0.0005", "simulation.duration=0.2"]))
-    plant = plant_of()
+    plant = plant_of("paper", COLD)
     q, v = (log.measured[name].values for name in ("q", "v"))
     energy = np.array([link_energy(plant, *both) for both in zip(q, v, strict=True)])
     force = log.truth["added_mass"].values
@@ -191,24 +168,15 @@ def test_the_logged_channel_is_the_change_of_momentum_and_asks_for_no_accelerati
     Its middle comes from the run at half the step. Independent
     of the accelerations that the plant knows; this is how a recorded flight would find the channel.
     """
-    dt, plant = 1e-3, plant_of()
+    dt, plant = 1e-3, plant_of("paper", COLD)
     logs = [
         simulate(load_scenario("paper", [f"simulation.dt={step}", "simulation.duration=0.2"])) for step in (dt, dt / 2)
     ]
     q, v = (logs[1].measured[name].values for name in ("q", "v"))
     p, turning = np.empty_like(v), np.empty_like(v)
-    data = plant.model.createData()
     for k, (at, speed) in enumerate(zip(q, v, strict=True)):
         p[k] = twins.added_mass(plant, at, speed, STILL)[0] @ speed
-        pin.computeJointJacobiansTimeVariation(plant.model, data, at, speed)
-        turning[k] = 0.0
-        for link, choose, m in moving_air(plant):
-            joint = plant.model.frames[plant.model.getFrameId(LINKS[link])].parentJoint
-            n, n_rate = (
-                choose @ matrix(plant.model, data, joint, LOCAL)
-                for matrix in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
-            )
-            turning[k] += m * n_rate * (n @ speed)
+        turning[k] = sum(m * n_rate * (n @ speed) for m, n, n_rate in normals(plant, at, speed))
     simpson = (turning[:-2:2] + 4.0 * turning[1::2] + turning[2::2]) / 6.0
     expected = -(p[2::2] - p[:-2:2]) / dt + simpson
     found = logs[0].truth["added_mass"].values

@@ -1,7 +1,5 @@
 """A lifting line on a motion: against Theodorsen, Garrick and a vortex lattice; mirrored; its power; at rest."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

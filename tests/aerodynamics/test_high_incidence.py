@@ -1,7 +1,5 @@
 """The section laws beyond stall, held to measured plates and wings: which is nearest where (docs/section_law.md)."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.high_incidence import (

@@ -5,8 +5,6 @@ leading edge is larger. Most of that is the lattice's time step: half of it adds
 pitch. The rest is its aerodynamic centre, 0.205 c in steady flow: a lifting line knows no chordwise part of downwash.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.lattice_cases import errors, flown

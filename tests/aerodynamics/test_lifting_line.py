@@ -4,8 +4,6 @@ That it agrees with the classics is in test_lifting_line_ladder.py. Added mass o
 discs, tables of plates, reciprocity.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -4,8 +4,6 @@ Two dimensions are the limit of a span far larger than the chord (1e9 m here), w
 small: the normal velocity of a section at incidence a and speed U is U a. Flapping is in test_flapping_wing.py.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

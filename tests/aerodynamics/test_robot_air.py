@@ -4,8 +4,6 @@ Twists are those of each link at and in its own frame, linear part first, as Pin
 wind and gusts, what the air does depends on velocities against it, and on nothing else.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -3,8 +3,6 @@
 Strips that lie across joints are shared between their links, so the robot's loads converge in their number.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

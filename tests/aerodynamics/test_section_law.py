@@ -5,8 +5,6 @@ the 1/4, 1/2 and 3/4 chord; reduced frequencies from 0.05 to 2; 1 mrad. The line
 that against the C(k) of Theodorsen the fit's own error of up to 2.3 % comes in.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.gliding import BARE, evaluate, gliding, settled

@@ -1,7 +1,5 @@
 """Gust, waves and turbulence against their closed forms."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

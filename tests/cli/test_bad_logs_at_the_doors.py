@@ -1,7 +1,5 @@
 """Bad logs and estimates at the doors that read them: one message, exit code 2, and nothing written."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable
@@ -32,9 +30,9 @@ def good(short: Experiment, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> str:
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     """Run a command that must fail with exit code 2, and return its message: one line on standard error."""
-    assert call(monkeypatch, *words) == 2
+    assert call(*words) == 2
     printed = capsys.readouterr()
     assert printed.err.startswith("error: ")
     assert printed.err.count("\n") == 1
@@ -43,17 +41,16 @@ def refused(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 
 @pytest.mark.parametrize("door", ["estimate", "play"])
 def test_a_bad_log_is_refused_at_every_door(
-    door: str, short: Experiment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    door: str, short: Experiment, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Eight kinds, by number of the message alone: the readers have their own tests."""
-    monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(3)
     for kind in [kind for kind in KINDS if kind.number == 2][:: 4 if door == "estimate" else 6]:
-        path, *_ = write_kind(kind, rng, short.log, tmp_path)
+        path, *_ = write_kind(kind, rng, short.log, here)
         words = [door, path.name, *(["--out", "page.html"] if door == "play" else [])]
-        refused(monkeypatch, capsys, *words)
+        refused(capsys, *words)
         path.unlink()
-        assert list(tmp_path.iterdir()) == [], kind.name
+        assert list(here.iterdir()) == [], kind.name
 
 
 def _cut(path: Path) -> None:
@@ -97,25 +94,20 @@ def _linked(path: Path) -> None:
     ],
 )
 def test_a_run_with_spoilt_estimates_is_not_played(
-    spoil: Callable[[Path], None],
-    message: str,
-    good: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    spoil: Callable[[Path], None], message: str, good: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Cut, foreign, linked, of another flight, of another robot, with wrong labels, with a gap."""
     folder = tmp_path / "run"
     shutil.copytree(good, folder)
     spoil(folder / "estimate.nc")
     page = tmp_path / "page.html"
-    told = refused(monkeypatch, capsys, "play", str(folder), "--out", str(page))
+    told = refused(capsys, "play", str(folder), "--out", str(page))
     assert "estimate.nc" in told
     assert re.search(message, told), told
     assert not page.exists()
 
 
-def test_axes_in_another_order_are_played_alike(good: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_axes_in_another_order_are_played_alike(good: Path, tmp_path: Path) -> None:
     """Labels decide in estimates too: components and dimensions in reverse."""
     from aerobat_pin.aerobat.flight_log import FlightLog
     from aerobat_pin.experiments.write_results import read_estimates
@@ -127,10 +119,7 @@ def test_axes_in_another_order_are_played_alike(good: Path, tmp_path: Path, monk
     xr.testing.assert_equal(read_estimates(path, log), straight)
 
 
-def test_names_that_no_file_can_have_are_refused(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_names_that_no_file_can_have_are_refused(capsys: pytest.CaptureFixture[str], here: Path) -> None:
     """A name of 300 letters is an error of the system's, not an answer."""
-    monkeypatch.chdir(tmp_path)
     for words in (["estimate", "x" * 300], ["estimate", "x" * 300 + ".csv"], ["play", "x" * 300 + ".nc"]):
-        assert "there is no such file" in refused(monkeypatch, capsys, *words)
+        assert "there is no such file" in refused(capsys, *words)

@@ -1,7 +1,5 @@
 """`aerobat calibrate` and `--calibration`: from a free run to a run that uses it, and what mistakes cost."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -15,54 +13,51 @@ QUICK = ["--set", "simulation.dt=2e-3", "--set", "air.strips=4", "--set", "air.w
 BELIEF = ["--set", "believed.air.density=1.47"]
 
 
-def fly(monkeypatch: pytest.MonkeyPatch, out: str, *words: str) -> int:
+def fly(out: str, *words: str) -> int:
     """Fly `paper` quickly and coarsely, with too dense an air believed."""
-    return call(monkeypatch, "run", "paper", "--out", out, "--no-report", *QUICK, *BELIEF, *words)
+    return call("run", "paper", "--out", out, "--no-report", *QUICK, *BELIEF, *words)
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_a_free_run_calibrates_another_run_and_its_log(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_free_run_calibrates_another_run_and_its_log(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`metrics.json` names the calibration and what changed since, the folder has a copy, and `check` asks it alone."""
-    monkeypatch.chdir(tmp_path)
     free = ["--set", "unknown_force=[]", "--set", "simulation.duration=1"]
-    assert fly(monkeypatch, "free", *free) == 0
-    assert call(monkeypatch, "calibrate", "free", "--out", "c.nc", "--identify", "density") == 0
+    assert fly("free", *free) == 0
+    assert call("calibrate", "free", "--out", "c.nc", "--identify", "density") == 0
     printed = capsys.readouterr().out
     assert "density" in printed
     assert "of the known force aerodynamic; 12 harmonics of the crank" in printed
-    assert read_calibration(tmp_path / "c.nc").changes["density"] == pytest.approx(-1.0 / 6.0, abs=0.02)
-    assert fly(monkeypatch, "used", "--set", "simulation.duration=0.5", "--calibration", "c.nc") == 0
-    metrics = json.loads((tmp_path / "used" / "metrics.json").read_text())
+    assert read_calibration(here / "c.nc").changes["density"] == pytest.approx(-1.0 / 6.0, abs=0.02)
+    assert fly("used", "--set", "simulation.duration=0.5", "--calibration", "c.nc") == 0
+    metrics = json.loads((here / "used" / "metrics.json").read_text())
     assert metrics["calibration"].startswith("calibration: learnt from")
     assert metrics["model"]["verdict"] == "unchanged"
     assert set(metrics["observers"]["force_level"]["events"][0]) == {"point", "onset", "alarm", "end", "size"}
     assert metrics["observers"]["force_level"]["redundancy"]["verdict"] == "consistent"
-    assert (tmp_path / "used" / "calibration.nc").is_file()
+    assert (here / "used" / "calibration.nc").is_file()
     assert "model: unchanged since the calibration" in capsys.readouterr().out
     short = ["--set", "simulation.duration=0.1"]
-    assert call(monkeypatch, "check", "used", "--calibration", "c.nc", "--out", "same.png") == 0
+    assert call("check", "used", "--calibration", "c.nc", "--out", "same.png") == 0
     assert "model: unchanged since the calibration" in capsys.readouterr().out
     thin = ["--set", "air.density=1.1025", "--set", "simulation.duration=0.5"]
-    assert fly(monkeypatch, "thin", "--calibration", "c.nc", "--correct", *thin) == 0
-    model = json.loads((tmp_path / "thin" / "metrics.json").read_text())["model"]
+    assert fly("thin", "--calibration", "c.nc", "--correct", *thin) == 0
+    model = json.loads((here / "thin" / "metrics.json").read_text())["model"]
     assert (model["verdict"], model["cause"]["name"], model["corrected"]) == ("changed", "air_density", True)
     assert model["cause"]["estimate"][0] == pytest.approx(-10.0, abs=3.0)
-    assert call(monkeypatch, "check", "thin", "--calibration", "c.nc", "--out", "other.png") == 3
+    assert call("check", "thin", "--calibration", "c.nc", "--out", "other.png") == 3
     assert "density of the air: change -" in capsys.readouterr().out
-    assert (tmp_path / "other.png").stat().st_size > 1000
-    log = FlightLog.load(tmp_path / "free" / "flight.nc")
-    write_csv(log, tmp_path / "free.csv")
+    assert (here / "other.png").stat().st_size > 1000
+    log = FlightLog.load(here / "free" / "flight.nc")
+    write_csv(log, here / "free.csv")
     robot = ["--morphology", "aerobat_guard", "--set", "robot.changes.wing.offset_x=-0.06", "--set", "air.strips=4"]
-    assert call(monkeypatch, "calibrate", "free.csv", "--out", "hall.nc", "--identify", "none", *robot) == 0
-    assert call(monkeypatch, "estimate", "free.csv", "--calibration", "hall.nc", "--out", "hall", *robot) == 0
-    assert json.loads((tmp_path / "hall" / "metrics.json").read_text())["model"]["verdict"] == "unchanged"
+    assert call("calibrate", "free.csv", "--out", "hall.nc", "--identify", "none", *robot) == 0
+    assert call("estimate", "free.csv", "--calibration", "hall.nc", "--out", "hall", *robot) == 0
+    assert json.loads((here / "hall" / "metrics.json").read_text())["model"]["verdict"] == "unchanged"
     for _ in range(2):  # of a table, and again: the figure is drawn anew
-        assert call(monkeypatch, "check", "free.csv", "--calibration", "hall.nc", *robot) == 0
-    assert (tmp_path / "runs" / "free-check.png").is_file()
-    assert fly(monkeypatch, "plain", *short) == 0
-    assert json.loads((tmp_path / "plain" / "metrics.json").read_text())["calibration"] is None
+        assert call("check", "free.csv", "--calibration", "hall.nc", *robot) == 0
+    assert (here / "runs" / "free-check.png").is_file()
+    assert fly("plain", *short) == 0
+    assert json.loads((here / "plain" / "metrics.json").read_text())["calibration"] is None
     capsys.readouterr()
     for words, message in (
         (["calibrate", "used", "--out", "new.nc"], "an unknown force of"),
@@ -77,7 +72,7 @@ def test_a_free_run_calibrates_another_run_and_its_log(
         ),
         (["run", "paper", "--out", "new", *short, "--calibration", "nowhere.nc"], "calibration nowhere.nc: cannot be"),
     ):
-        assert call(monkeypatch, *words) == 2, words
+        assert call(*words) == 2, words
         assert message in capsys.readouterr().err
-    assert not (tmp_path / "new").exists()
-    assert not (tmp_path / "new.nc").exists()
+    assert not (here / "new").exists()
+    assert not (here / "new.nc").exists()

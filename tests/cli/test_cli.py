@@ -1,7 +1,5 @@
 """The command line: what it writes, and that a mistake costs one message, exit code 2 and nothing else."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -21,12 +19,10 @@ from aerobat_pin.scenario.scenario import load_scenario
 SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1"]
 
 
-def test_a_run_writes_what_it_promises(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_writes_what_it_promises(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Log, estimates, metrics and scenario; what was changed is said, and the last line says what to open."""
     out = tmp_path / "result"
-    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--seed", "5", *SHORT) == 0
+    assert call("run", "paper", "--out", str(out), "--no-report", "--seed", "5", *SHORT) == 0
     assert sorted(path.name for path in out.iterdir()) == ["estimate.nc", "flight.nc", "metrics.json", "scenario.toml"]
     printed = capsys.readouterr().out
     assert "attitude held, 79 % thruster-borne" in printed
@@ -53,11 +49,11 @@ def test_a_run_writes_what_it_promises(
     assert bool(np.isfinite(estimate["force_W"]).all())
 
 
-def test_the_written_scenario_gives_the_same_numbers_again(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_written_scenario_gives_the_same_numbers_again(tmp_path: Path) -> None:
     """Running `scenario.toml` reproduces `metrics.json` to the last bit."""
     first, second = tmp_path / "first", tmp_path / "second"
-    assert call(monkeypatch, "run", "paper", "--out", str(first), "--no-report", *SHORT) == 0
-    assert call(monkeypatch, "run", str(first / "scenario.toml"), "--out", str(second), "--no-report") == 0
+    assert call("run", "paper", "--out", str(first), "--no-report", *SHORT) == 0
+    assert call("run", str(first / "scenario.toml"), "--out", str(second), "--no-report") == 0
     assert (first / "metrics.json").read_bytes() == (second / "metrics.json").read_bytes()
 
 
@@ -74,7 +70,7 @@ def test_the_same_seed_gives_the_same_metrics_in_any_process(tmp_path: Path) -> 
 
 
 def test_an_estimate_that_drowns_in_noise_is_told_what_helps(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One line, only where sensors err and an R2 is below 0."""
     for name, settings, hints in (
@@ -83,77 +79,74 @@ def test_an_estimate_that_drowns_in_noise_is_told_what_helps(
     ):
         words = [word for one in settings for word in ("--set", one)]
         out = str(tmp_path / name)
-        assert call(monkeypatch, "run", "paper", "--out", out, "--no-report", *SHORT, *words) == 0
+        assert call("run", "paper", "--out", out, "--no-report", *SHORT, *words) == 0
         printed = capsys.readouterr().out
         assert printed.count("a smaller observers.gain follows the sensors' noise less") == hints
         clean = [float(line.split()[4]) for line in printed.splitlines() if line.startswith("momentum  ")]
         assert (min(clean) < 0.0) == bool(hints)
 
 
-def test_only_the_observers_asked_for_are_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_only_the_observers_asked_for_are_run(tmp_path: Path) -> None:
     """`--observer` may be repeated and replaces the scenario's choice."""
     out = tmp_path / "one"
-    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--observer", "momentum", *SHORT) == 0
+    assert call("run", "paper", "--out", str(out), "--no-report", "--observer", "momentum", *SHORT) == 0
     assert list(json.loads((out / "metrics.json").read_text())["observers"]) == ["momentum"]
 
 
 def test_an_earlier_run_is_replaced_only_by_force_and_other_files_stay(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Without --force the folder is refused untouched; with it only our own files change."""
     out = tmp_path / "run"
     out.mkdir()
     (out / "notes.txt").write_text("mine")
     (out / "report.html").write_text("old")
-    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", *SHORT) == 2
+    assert call("run", "paper", "--out", str(out), "--no-report", *SHORT) == 2
     assert "not empty; --force" in capsys.readouterr().err
     assert sorted(path.name for path in out.iterdir()) == ["notes.txt", "report.html"]
-    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--force", *SHORT) == 2
+    assert call("run", "paper", "--out", str(out), "--no-report", "--force", *SHORT) == 2
     assert "holds no earlier result (estimate.nc) that --force could replace" in capsys.readouterr().err
     assert (out / "report.html").read_text() == "old", "a file of that name alone is no result"
     (out / "estimate.nc").write_text("old")
-    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", "--force", *SHORT) == 0
+    assert call("run", "paper", "--out", str(out), "--no-report", "--force", *SHORT) == 0
     assert (out / "notes.txt").read_text() == "mine"
     assert not (out / "report.html").exists(), "an old report would not belong to the new numbers"
     assert (out / "metrics.json").exists()
 
 
 def test_a_way_that_leads_through_a_missing_folder_is_followed_before_it_is_judged(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`missing/../mine` is `mine`: not empty, so refused, and nothing is made on the way."""
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "metrics.json").write_text("mine")
-    assert call(monkeypatch, "run", "paper", "--out", str(tmp_path / "missing" / ".." / "mine"), *SHORT) == 2
+    assert call("run", "paper", "--out", str(tmp_path / "missing" / ".." / "mine"), *SHORT) == 2
     assert "not empty" in capsys.readouterr().err
     assert (tmp_path / "mine" / "metrics.json").read_text() == "mine"
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
-def test_what_a_killed_run_left_is_swept_away(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_what_a_killed_run_left_is_swept_away(tmp_path: Path) -> None:
     """A work folder of a run that was killed does not make the folder count as full."""
     (tmp_path / ".aerobat-dead").mkdir()
-    assert call(monkeypatch, "run", "paper", "--out", str(tmp_path), "--no-report", *SHORT) == 0
+    assert call("run", "paper", "--out", str(tmp_path), "--no-report", *SHORT) == 0
     assert not (tmp_path / ".aerobat-dead").exists()
 
 
-def test_a_robot_of_ones_own_is_found_beside_its_scenario_and_travels_with_the_results(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_robot_of_ones_own_is_found_beside_its_scenario_and_travels_with_the_results(here: Path) -> None:
     """A relative morphology means: relative to the scenario file; the results hold a copy and run again anywhere."""
-    mine = tmp_path / "mine"
+    mine = here / "mine"
     mine.mkdir()
     (mine / "bird.toml").write_text('extends = "aerobat_guard"\nname = "bird"\n[body]\nmass = 0.09\n')
     scenario = '[robot]\nmorphology = "bird.toml"\n[simulation]\nduration = 0.01\n[air]\nwarm_up_cycles = 0\n'
     (mine / "flight.toml").write_text(f'name = "flight"\n{scenario}')
-    monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, "run", "mine/flight.toml", "--no-report") == 0
-    first = tmp_path / "runs" / "flight"
+    assert call("run", "mine/flight.toml", "--no-report") == 0
+    first = here / "runs" / "flight"
     (mine / "bird.toml").unlink()
-    moved = tmp_path / "moved"
+    moved = here / "moved"
     first.rename(moved)
-    assert call(monkeypatch, "run", "moved/scenario.toml", "--out", "again", "--no-report") == 0
-    assert (moved / "metrics.json").read_bytes() == (tmp_path / "again" / "metrics.json").read_bytes()
+    assert call("run", "moved/scenario.toml", "--out", "again", "--no-report") == 0
+    assert (moved / "metrics.json").read_bytes() == (here / "again" / "metrics.json").read_bytes()
 
 
 def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -161,7 +154,7 @@ def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest
     from aerobat_pin.experiments import write_results
 
     out = tmp_path / "run"
-    assert call(monkeypatch, "run", "paper", "--out", str(out), "--no-report", *SHORT) == 0
+    assert call("run", "paper", "--out", str(out), "--no-report", *SHORT) == 0
     before = {path.name: path.read_bytes() for path in out.iterdir()}
 
     def fail(*_: object, **__: object) -> None:
@@ -185,27 +178,25 @@ def test_ctrl_c_leaves_a_line_and_nothing_else(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_trim_writes_a_scenario_that_flies(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_trim_writes_a_scenario_that_flies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Standard output alone is the scenario; with --out it is a file, and the summary is printed."""
     (tmp_path / "found.toml").write_text("of an earlier trim")
     guess = ["trim", "paper_open_loop", "--set", "crank.frequency=6.8"]
-    assert call(monkeypatch, *guess, "--force", "--out", str(tmp_path / "found.toml")) == 0
+    assert call(*guess, "--force", "--out", str(tmp_path / "found.toml")) == 0
     assert "6.501 Hz, wing offset -83.75 mm" in capsys.readouterr().out
-    assert call(monkeypatch, *guess) == 0
+    assert call(*guess) == 0
     printed = capsys.readouterr()
     assert printed.out == (tmp_path / "found.toml").read_text()
     assert printed.err.startswith("from a first guess of 6.8 Hz: 6.501 Hz, ")
     assert "doubles in" in printed.err
     out = str(tmp_path / "run")
     short = ["--set", "simulation.duration=0.02"]
-    assert call(monkeypatch, "run", str(tmp_path / "found.toml"), "--out", out, "--no-report", *short) == 0
-    assert call(monkeypatch, "trim", "paper", "--set", "crank.frequency=0") == 2
+    assert call("run", str(tmp_path / "found.toml"), "--out", out, "--no-report", *short) == 0
+    assert call("trim", "paper", "--set", "crank.frequency=0") == 2
     before = sorted(path.name for path in tmp_path.iterdir())
     for target, message in (("found.toml", "exists; --force"), ("run", "is a folder")):
         capsys.readouterr()
-        assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / target)) == 2
+        assert call("trim", "paper_open_loop", "--out", str(tmp_path / target)) == 2
         assert message in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == before
 
@@ -221,5 +212,5 @@ def test_a_trim_that_cannot_be_written_is_refused_before_it_is_sought(
 
     monkeypatch.setattr(flight, "trim", lambda *_: pytest.fail("it was sought"))
     monkeypatch.setattr(output.os, "access", lambda path, mode: Path(path) != tmp_path)
-    assert call(monkeypatch, "trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 2
+    assert call("trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 2
     assert f"the folder {tmp_path} takes no files" in capsys.readouterr().err

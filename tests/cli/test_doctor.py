@@ -1,7 +1,5 @@
 """The doctor, in installations that are sick in a known way."""
 
-from __future__ import annotations
-
 import sys
 from importlib.util import find_spec
 from pathlib import Path

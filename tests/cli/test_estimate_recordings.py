@@ -1,7 +1,5 @@
 """`aerobat estimate --map`, `--suggest`, `convert` and `describe map`, as a user types them."""
 
-from __future__ import annotations
-
 import json
 import re
 import sys
@@ -22,22 +20,21 @@ from aerobat_pin.records import open_record, parse_map
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(here: Path) -> Path:
     """Return the current folder, with the quadruped, its walk and its map."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "quadruped.urdf").write_text(urdf())
-    table(walk()).to_csv(tmp_path / "walk.csv", index=False)
-    (tmp_path / "map.toml").write_text(tomli_w.dumps(table_map(Path("quadruped.urdf"))))
-    return tmp_path
+    (here / "quadruped.urdf").write_text(urdf())
+    table(walk()).to_csv(here / "walk.csv", index=False)
+    (here / "map.toml").write_text(tomli_w.dumps(table_map(Path("quadruped.urdf"))))
+    return here
 
 
 def test_a_map_gives_every_file(
-    request: pytest.FixtureRequest, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    request: pytest.FixtureRequest, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Forces, metrics scored against the sensor, report, replay, figures, and an MCAP file that can be read back."""
     highlevel = pytest.importorskip("rosbags.highlevel")
     words = ["estimate", "walk.csv", "--map", "map.toml", "--out", "out", "--out-mcap", "forces.mcap"]
-    assert call(monkeypatch, *words, "--points", "FL_FOOT,FR_FOOT,RL_FOOT,RR_FOOT") == 0
+    assert call(*words, "--points", "FL_FOOT,FR_FOOT,RL_FOOT,RR_FOOT") == 0
     said = capsys.readouterr().out
     assert re.search(r"force_level FL_FOOT Fz +(1\.0000|0\.9999)", said)
     metrics = json.loads((folder / "out" / "metrics.json").read_text())
@@ -62,14 +59,14 @@ def test_a_map_gives_every_file(
     assert counts["/arrows"] == counts["/scene"] == len(updates) > 50
     check_arrows(*updates[30])
     np.testing.assert_allclose(forces[20:], walk().force[20:-1, 0, 2], atol=0.2)
-    assert call(monkeypatch, *words) == 2  # the folder is not empty
+    assert call(*words) == 2  # the folder is not empty
     request.getfixturevalue("unrendered")  # the same figures once more
     words = ["estimate", "walk.csv", "--map", "map.toml", "--out", "again.mcap"]
     (folder / "runs" / "walk-estimate").mkdir(parents=True)
     (folder / "runs" / "walk-estimate" / "report.html").write_text("of an earlier run")
     (folder / "runs" / "walk-estimate" / "estimate.nc").write_text("of an earlier run")
-    assert call(monkeypatch, *words) == 2
-    assert call(monkeypatch, *words, "--force") == 0
+    assert call(*words) == 2
+    assert call(*words, "--force") == 0
     assert (folder / "again.mcap").is_file()
     assert "force_level" in (folder / "runs" / "walk-estimate" / "report.html").read_text()
 
@@ -86,7 +83,7 @@ def test_a_self_check_opens_the_record_once(
         return open_record(log, *rest)
 
     monkeypatch.setattr(records, "open_record", counted)
-    assert call(monkeypatch, "estimate", "walk.csv", "--map", "map.toml", "--self-check") == 0
+    assert call("estimate", "walk.csv", "--map", "map.toml", "--self-check") == 0
     said = capsys.readouterr().out
     assert said.index("self-check: 12 of 12 known forces") < said.index("force_level FL_FOOT Fz")
     assert opened == [Path("walk.csv")]
@@ -110,16 +107,14 @@ def check_arrows(time: int, update: Any) -> None:
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_a_suggested_map_is_a_map(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_suggested_map_is_a_map(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Of a table and of a bag; with its questions answered, it estimates, in whatever folder it is."""
     pytest.importorskip("rosbags")
     import tomllib
 
     bag(walk(), folder / "walk_bag")
     for log in ("walk.csv", "walk_bag"):
-        assert call(monkeypatch, "estimate", log, "--suggest", "--urdf", "quadruped.urdf") == 0
+        assert call("estimate", log, "--suggest", "--urdf", "quadruped.urdf") == 0
         text = capsys.readouterr().out
         assert "#" in text
         suggested = parse_map(tomllib.loads(text), log)
@@ -130,7 +125,7 @@ def test_a_suggested_map_is_a_map(
             values["check"]["wrench"]["point"] = "FL_FOOT"
         (folder / "maps").mkdir(exist_ok=True)
         (folder / "maps" / "suggested.toml").write_text(tomli_w.dumps(values))
-        assert call(monkeypatch, "estimate", log, "--map", "maps/suggested.toml", "--out", f"out_{log}") == 0
+        assert call("estimate", log, "--map", "maps/suggested.toml", "--out", f"out_{log}") == 0
         found = json.loads((folder / f"out_{log}" / "metrics.json").read_text())["observers"]["force_level"]
         assert found["FL_FOOT"]["Fz"]["r2"] > 0.99
         capsys.readouterr()
@@ -138,10 +133,10 @@ def test_a_suggested_map_is_a_map(
 
 @pytest.mark.parametrize("log", ["walk.csv", "walk_bag"])
 def test_a_robot_without_a_map_is_told_how_to_get_one(
-    log: str, folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    log: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """In one sentence, whatever the log is; it was told to name columns in a map that it did not have."""
-    assert call(monkeypatch, "estimate", log, "--urdf", "quadruped.urdf", "--points", "FL_FOOT") == 2
+    assert call("estimate", log, "--urdf", "quadruped.urdf", "--points", "FL_FOOT") == 2
     said = capsys.readouterr().err
     assert f"`aerobat estimate {log} --suggest --urdf quadruped.urdf` prints one to begin with" in said
     assert said.count("error: ") == 1
@@ -156,21 +151,21 @@ def test_a_missing_extra_is_told_before_anything_is_read(
 ) -> None:
     """It was told when all had been estimated and drawn."""
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
-    assert call(monkeypatch, *words) == 2
+    assert call(*words) == 2
     assert "x.mcap: writing MCAP needs the extra ros: pip install" in capsys.readouterr().err
 
 
-def test_a_simulated_flight_becomes_mcap(paper_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_simulated_flight_becomes_mcap(paper_folder: Path, tmp_path: Path) -> None:
     """With true forces beside the estimates."""
     highlevel = pytest.importorskip("rosbags.highlevel")
-    assert call(monkeypatch, "convert", str(paper_folder), "--out", str(tmp_path / "paper.mcap")) == 0
+    assert call("convert", str(paper_folder), "--out", str(tmp_path / "paper.mcap")) == 0
     with highlevel.AnyReader([tmp_path / "paper.mcap"]) as reader:
         assert {"/pose", "/joint_states", "/arrows", "/truth/left_force_point"} <= set(reader.topics)
 
 
-def test_the_map_is_described(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_map_is_described(capsys: pytest.CaptureFixture[str]) -> None:
     """Every table with its keys."""
-    assert call(monkeypatch, "describe", "map") == 0
+    assert call("describe", "map") == 0
     said = capsys.readouterr().out
     assert "[joints.friction]" in said
     assert "xyzw" in said

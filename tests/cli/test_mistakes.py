@@ -1,7 +1,5 @@
 """What a user gets wrong costs one message and exit code 2, and leaves nothing behind; commands about several runs."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os
@@ -112,15 +110,13 @@ def test_a_mistake_costs_one_message_exit_code_2_and_leaves_nothing(
 SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1"]
 
 
-def test_several_seeds_are_runs_of_their_own_and_one_table(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_several_seeds_are_runs_of_their_own_and_one_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each folder is that of `--seed N`; the table holds its scores, and mean and least R2 are printed."""
     out = tmp_path / "seeds"
-    assert call(monkeypatch, "run", "paper", "--seeds", "2,5-6", "--out", str(out), "--no-report", *SHORT) == 0
+    assert call("run", "paper", "--seeds", "2,5-6", "--out", str(out), "--no-report", *SHORT) == 0
     printed = capsys.readouterr().out
     alone = tmp_path / "alone"
-    assert call(monkeypatch, "run", "paper", "--seed", "5", "--out", str(alone), "--no-report", *SHORT) == 0
+    assert call("run", "paper", "--seed", "5", "--out", str(alone), "--no-report", *SHORT) == 0
     assert (out / "seed_5" / "metrics.json").read_bytes() == (alone / "metrics.json").read_bytes()
     with (out / "seeds.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -134,23 +130,20 @@ def test_several_seeds_are_runs_of_their_own_and_one_table(
     assert printed.endswith(f"open {out / 'seeds.csv'}\n")
 
 
-def test_two_runs_stand_side_by_side(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_runs_stand_side_by_side(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What differs, both scores of every axis as `metrics.json` has them, the forces, and figures that both have."""
-    monkeypatch.chdir(tmp_path)
     for name, words in (("one", []), ("two", ["--set", "believed.air.density=1.47"])):
-        assert call(monkeypatch, "run", "paper", "--out", name, "--no-report", *SHORT, *words) == 0
-        (tmp_path / name / "figures").mkdir()
-        (tmp_path / name / "figures" / "states.png").write_bytes(b"\x89PNG")
+        assert call("run", "paper", "--out", name, "--no-report", *SHORT, *words) == 0
+        (here / name / "figures").mkdir()
+        (here / name / "figures" / "states.png").write_bytes(b"\x89PNG")
     capsys.readouterr()
-    assert call(monkeypatch, "compare", "one", "two") == 0
+    assert call("compare", "one", "two") == 0
     printed = capsys.readouterr().out
     assert "in two: believed.air.density = 1.47\n" in printed
-    both = [json.loads((tmp_path / name / "metrics.json").read_text())["observers"] for name in ("one", "two")]
+    both = [json.loads((here / name / "metrics.json").read_text())["observers"] for name in ("one", "two")]
     score = [f"{found['force_level']['right']['Fz']['r2']:.5f}" for found in both]
     assert re.search(rf"force_level +right +Fz +{score[0]} +{score[1]} ", printed)
-    folder = tmp_path / "runs" / "compare-one-two"
+    folder = here / "runs" / "compare-one-two"
     names = ["comparison.csv", "comparison.html", "forces.pdf", "forces.png", "replay.html"]
     assert sorted(path.name for path in folder.iterdir()) == names
     assert len((folder / "comparison.csv").read_text().splitlines()) == 13
@@ -158,19 +151,19 @@ def test_two_runs_stand_side_by_side(
     assert "momentum is off the true force by " in page
     assert page.count("data:image/png;base64,") == 3
     assert score[1] in page
-    assert call(monkeypatch, "compare", "one", "runs") == 2
+    assert call("compare", "one", "runs") == 2
     assert "runs is not the folder of a run: it has no scenario.toml" in capsys.readouterr().err
-    (tmp_path / "circle").symlink_to("circle")
-    assert call(monkeypatch, "compare", "circle", "circle") == 2
+    (here / "circle").symlink_to("circle")
+    assert call("compare", "circle", "circle") == 2
     assert "circle is not the folder of a run" in capsys.readouterr().err
-    (tmp_path / "two" / "metrics.json").write_text("[]")
-    assert call(monkeypatch, "compare", "one", "two", "--force") == 2
+    (here / "two" / "metrics.json").write_text("[]")
+    assert call("compare", "one", "two", "--force") == 2
     assert "the scores of a run were expected" in capsys.readouterr().err
 
 
-def test_the_version_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     """The package's own."""
-    assert call(monkeypatch, "--version") == 0
+    assert call("--version") == 0
     assert capsys.readouterr().out == f"aerobat {aerobat_pin.__version__}\n"
 
 
@@ -207,17 +200,16 @@ def test_a_shell_completes_what_can_be_named(typed: str, offered: str) -> None:
     ],
 )
 def test_out_is_called_so_everywhere_and_makes_folders(
-    now: str, before: str | None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    now: str, before: str | None, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`--out` and `-o` take a file in folders that are not there yet; what they were called is told and still works."""
-    monkeypatch.chdir(tmp_path)
     suffix = {"crank": "html", "urdf": "urdf", "linkage": "png", "trim": "toml"}[now.split()[0]]
-    assert call(monkeypatch, *now.split(), f"new/folder/file.{suffix}") == 0
+    assert call(*now.split(), f"new/folder/file.{suffix}") == 0
     assert Path("new", "folder", f"file.{suffix}").stat().st_size > 1000
     assert "note:" not in capsys.readouterr().err
     if before is not None:
         door, option = before.split()
-        assert call(monkeypatch, door, f"{option}=old/file.{suffix}") == 0
+        assert call(door, f"{option}=old/file.{suffix}") == 0
         assert f"note: {option} of `aerobat {door}` is called --out now" in capsys.readouterr().err
         assert Path("old", f"file.{suffix}").exists()
 
@@ -233,9 +225,7 @@ def test_every_command_that_writes_has_the_same_out_and_force() -> None:
             assert options["--force"].help == "Replace earlier results.", name
 
 
-def test_a_port_that_is_taken_is_one_message(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_port_that_is_taken_is_one_message(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`play --port`: which port, and why not."""
     from aerobat_pin.errors import OutputError
     from aerobat_pin.visualization import serve

@@ -3,8 +3,6 @@
 `benchmarks/bench.py` measures the seconds.
 """
 
-from __future__ import annotations
-
 import os
 import pty
 import subprocess
@@ -131,7 +129,6 @@ def test_on_a_terminal_each_stage_is_a_bar(tmp_path: Path) -> None:
                 shown += part
         except OSError:  # Linux: the other end is closed
             pass
-        assert process.stdout is not None
         printed = process.stdout.read().decode()
     os.close(ours)
     for label in ("flying", "estimating with momentum", "estimating with force_level"):

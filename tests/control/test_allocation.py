@@ -1,7 +1,5 @@
 """The thrusters as they are, and the thrusts that come nearest to a wanted wrench."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear

@@ -1,7 +1,5 @@
 """Flights that the controller flies: shorter ones than those of `benchmarks/closed_loop.py`, with looser bounds."""
 
-from __future__ import annotations
-
 import gc
 import tracemalloc
 from functools import cache
@@ -84,7 +82,6 @@ def test_metrics_log_and_note_tell_of_the_loop() -> None:
     assert 0.0 < control["loop_p50_s"] <= control["loop_p99_s"] <= control["loop_worst_s"]
     assert max(axis["ms"] for axis in control["margins"].values()) < 2.0
     assert found.metrics["note"].startswith("closed loop: PD + integral + feedforward; imperfect")
-    assert log.truth is not None
     command = log.measured["thruster_command"].values
     assert command.shape == (1400, 6)
     assert np.all(command >= 0.0)
@@ -119,7 +116,6 @@ def test_a_log_keeps_little_more_than_its_channels() -> None:
     finally:
         gc.enable()
         tracemalloc.stop()
-    assert log.truth is not None
     size = sum(part.nbytes for part in {**log.measured.variables, **log.truth.variables}.values())
     assert (kept[450] - kept[50]) / 400 < 1.3 * size / 450
 
@@ -127,7 +123,6 @@ def test_a_log_keeps_little_more_than_its_channels() -> None:
 def test_a_wrong_belief_about_the_thrusters_is_what_the_observer_is_told() -> None:
     """Real thrusters push 0.9 of the command: known is the modelled wrench, true the smaller one."""
     log = flown("hover", "thrusters.factor=0.9", "believed.thrusters.factor=1.0", "simulation.duration=0.5").log
-    assert log.truth is not None
     modelled, real = log.measured["known_thrusters"].values[:, 2], log.truth["thruster_wrench"].values[:, 2]
     np.testing.assert_allclose(real, 0.9 * modelled, rtol=1e-9)
 

@@ -1,7 +1,5 @@
 """The law: its nominal flight, its signs, its margins, and what it says before a flight that must fail."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The law's kernels against a readable twin; what the nominal flight tells of the flaps; what passes the noise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

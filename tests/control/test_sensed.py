@@ -1,7 +1,5 @@
 """Samples that cannot be used, and what the controller says of its flight."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -53,7 +51,6 @@ def flown(
         tables = [q.copy(), v.copy(), np.array([crank_angle])]
         for name, (table, columns) in COLUMNS.items():
             values = tables[table][columns]
-            assert spoil is not None
             values[:] = shown[name] = np.array(spoil(loop.done, name, values.copy(), shown.get(name, values.copy())))
         return command(time, tables[0], tables[1], float(tables[2][0]))
 

@@ -1,7 +1,5 @@
 """The description is what its morphologies say, and refuses robots that cannot be."""
 
-from __future__ import annotations
-
 import struct
 import subprocess
 import sys

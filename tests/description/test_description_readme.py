@@ -1,7 +1,5 @@
 """The page a stranger reads: its snippets run, its numbers are the files' numbers, its frames are the model's."""
 
-from __future__ import annotations
-
 import ast
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The robot as drawn: bars meet at their pins, wings hang on the shoulders, and nothing passes through the body."""
 
-from __future__ import annotations
-
 import itertools
 import tomllib
 from functools import cache
@@ -166,7 +164,6 @@ def test_the_guard_keeps_clear_of_wings_and_bars() -> None:
     moving = [f"{side}_{part}" for side in SIDES for part in (*MEMBRANES, *LAYERS)]
     assert clearance(one, [(part, other) for part in ("guard", "motors", "propellers") for other in moving]) > 2e-3
     ring = one.morphology.guard
-    assert ring is not None
     for thruster in one.morphology.thrusters:
         x, y, _ = thruster.position
         level = np.hypot((x - ring.centre) / ring.radius[0], y / ring.radius[1])

@@ -1,7 +1,5 @@
 """The MJCF with the closed linkage: what MuJoCo makes of the shipped files, by themselves and beside the package."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

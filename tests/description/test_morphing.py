@@ -1,7 +1,5 @@
 """A robot changes consistently: geometry, masses, linkage and poses move together, or the change is refused."""
 
-from __future__ import annotations
-
 import builtins
 from pathlib import Path
 from typing import Any

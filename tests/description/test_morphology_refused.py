@@ -3,8 +3,6 @@
 Its limits are checked before parsing, strings and comments do not count, messages name lines.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Callable

@@ -5,8 +5,6 @@ PlaCo's wheels want other releases of Pinocchio than this project; the descripti
 run in an environment of theirs: `python -m pytest --noconftest tests/test_other_tools.py`.
 """
 
-from __future__ import annotations
-
 import sys
 from os.path import join
 from pathlib import Path

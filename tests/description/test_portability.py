@@ -1,10 +1,7 @@
 """One robot everywhere: Pinocchio, yourdfpy and MuJoCo read the committed files of every morphology alike."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -180,7 +177,3 @@ def test_no_description_file_names_a_place_on_a_machine() -> None:
     files = [file for file in PACKAGE.rglob("*") if file.suffix in data]
     assert len(files) > 20
     assert [file.name for file in files if place.search(file.read_bytes())] == []
-    for urdf in URDF.values():
-        meshes = re.findall(r'filename="([^"]*)"', Path(urdf).read_text())
-        assert meshes
-        assert all(re.fullmatch(r"package://aerobat_description/meshes/\w+\.stl", mesh) for mesh in meshes)

@@ -3,8 +3,6 @@
 A valid one, installed by CMake, and found by those who look the ROS way.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """What collections of robots ask of a robot that is added to them; docs/upstream.md says where they ask it."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -19,7 +17,6 @@ MOST_BYTES = 300_000  # of a mesh, as reviewers of example-robot-data saw it
 def number(element: ET.Element, path: str, key: str) -> float:
     """Return an attribute of the first element at a path."""
     found = element.find(path)
-    assert found is not None
     return float(found.attrib[key])
 
 

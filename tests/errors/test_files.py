@@ -3,8 +3,6 @@
 Whatever befalls a run, its folder holds the old result or the new one, and a line says what happened.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import re

@@ -4,8 +4,6 @@ A repository or an archive of somebody else brings links. Those at the places wh
 command elsewhere, unless each is refused. (Linux manual, open(2): O_NOFOLLOW; CWE-59, improper link resolution.)
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -97,21 +95,14 @@ PLACES = [  # command, place of a link, where it leads in the folder outside, wh
     ("words", "link", "leads_to", "said"), PLACES, ids=[f"{one[0][0]} {one[1]} to {one[2]}" for one in PLACES]
 )
 def test_a_link_where_something_is_written_is_refused_and_not_followed(
-    words: list[str],
-    link: str,
-    leads_to: str,
-    said: str,
-    outside: Path,
-    here: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    words: list[str], link: str, leads_to: str, said: str, outside: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Plain commands in somebody else's folder: one line, the link stays, and nothing outside changes."""
     (here / link).parent.mkdir(parents=True, exist_ok=True)
     (here / link).symlink_to(outside / leads_to)
     before = content(outside.parent)
     with watched(writes=[here], reads=[here]):
-        assert call(monkeypatch, *words) == 2
+        assert call(*words) == 2
     printed = capsys.readouterr().err
     assert printed.startswith("error: output ")
     assert said in printed
@@ -121,13 +112,13 @@ def test_a_link_where_something_is_written_is_refused_and_not_followed(
 
 @pytest.mark.parametrize("name", ["runs/.aerobat-paper/lock", ".aerobat-crank.html"])
 def test_a_file_of_two_names_is_not_written(
-    name: str, outside: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str, outside: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A hard link is no link to look at, but a file of somewhere else all the same."""
     (here / name).parent.mkdir(parents=True, exist_ok=True)
     os.link(outside / "private", here / name)
     before = content(outside.parent)
-    assert call(monkeypatch, *(RUN if "paper" in name else ["crank"])) == 2
+    assert call(*(RUN if "paper" in name else ["crank"])) == 2
     assert "is also a file of another name; nothing, or a file of your own" in capsys.readouterr().err
     assert content(outside.parent) == before
 
@@ -252,13 +243,11 @@ def test_the_watch_sees_what_is_written_deleted_and_read_elsewhere(outside: Path
 SWEEP = 'name = "s"\nbase = "paper"\nseeds = 1\n[set]\n"simulation.duration" = 0.01\n"air.warm_up_cycles" = 1\n'
 
 
-def test_the_files_of_a_sweep_lead_nowhere(
-    outside: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_files_of_a_sweep_lead_nowhere(outside: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Each as a link and as a file of two names, resumed and started anew: refused, or replaced where it stands."""
     (here / "s.toml").write_text(SWEEP)
     words = ["sweep", "s.toml", "--out", "out", "--jobs", "1"]
-    assert call(monkeypatch, *words) == 0
+    assert call(*words) == 0
     (outside / "finished.jsonl").write_bytes(b"")
     before = content(outside)
     kept = {path.name: path.read_bytes() for path in (here / "out").iterdir()}
@@ -267,7 +256,7 @@ def test_the_files_of_a_sweep_lead_nowhere(
             for force in ([], ["--force"]):
                 (here / "out" / name).unlink()
                 make(outside / "finished.jsonl", here / "out" / name)
-                code = call(monkeypatch, *words, *force)
+                code = call(*words, *force)
                 printed = capsys.readouterr().err
                 assert code in (0, 2), (name, make, force, printed)
                 assert content(outside) == before, (name, make, force)
@@ -278,11 +267,7 @@ def test_the_files_of_a_sweep_lead_nowhere(
 
 
 def test_a_comparison_passes_nothing_on_and_ends(
-    paper_folder: Path,
-    outside: Path,
-    here: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    paper_folder: Path, outside: Path, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A figure that is a link to a private file, lies behind one, is a pipe, too large, or no picture: refused."""
     (outside / "states.png").write_bytes(b"\x89PNG private")
@@ -304,7 +289,7 @@ def test_a_comparison_passes_nothing_on_and_ends(
         figure.unlink()
         make()
         with watched(writes=[here], reads=[here, paper_folder]):
-            assert call(monkeypatch, "compare", "a", str(paper_folder), "--out", "c") == 2
+            assert call("compare", "a", str(paper_folder), "--out", "c") == 2
         printed = capsys.readouterr()
         assert said in printed.err
         assert printed.err.endswith("; a PNG file of the run was expected\n")

@@ -1,7 +1,5 @@
 """The door for files of strangers: each thing that it looks at, on both sides of its limit."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

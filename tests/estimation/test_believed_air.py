@@ -1,7 +1,5 @@
 """Sigma_K and Sigma_Aero along a recorded motion: what nobody measured comes back, as well as the record allows."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -54,7 +52,6 @@ def test_the_air_of_a_flight_comes_back_from_its_motion(settings: list[str]) -> 
     scenario = load_scenario("paper", [*SHORT, *settings])
     log = simulate(scenario)
     found = known_inputs(log, flown_robot(scenario)).known
-    assert log.truth is not None
     for name in ("aerodynamic", "added_mass"):
         expected = log.truth[name].values
         if name not in found:
@@ -79,7 +76,6 @@ def test_pose_crank_and_airspeed_are_enough_for_the_base_wrench(paper: Experimen
     }
     observer = MomentumObserver(paper.robot.model, gain=2000.0, rows="base")
     estimate = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
-    assert paper.log.truth is not None
     truth = paper.log.truth["unknown"].values
     scores = [r_squared(estimate.residual[:, i], truth[:, i]) for i in (0, 2)]
     moments = [1.0 - np.var(estimate.residual[:, i] - truth[:, i]) / np.var(truth[:, i]) for i in range(3, 6)]
@@ -91,7 +87,6 @@ def test_pose_crank_and_airspeed_are_enough_for_the_base_wrench(paper: Experimen
 def test_a_slow_camera_still_gives_the_air(paper: Experiment, every: int) -> None:
     """Poses at 500 and 200 Hz: intervals are flown in finer steps, the crank in between by its cubic."""
     inputs = known_inputs(stripped(paper.log, every), paper.robot, "none")
-    assert paper.log.truth is not None
     expected = paper.log.truth["aerodynamic"].values.reshape(-1, every, 10).mean(axis=1)
     error = inputs.known["aerodynamic"] - expected
     assert np.sqrt(np.mean(error[:, 2] ** 2)) < 0.03 * np.std(expected[:, 2])

@@ -1,7 +1,5 @@
 """Friction and errors of rows that are found beside unknown forces: by records of which the answer is known."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Literal

@@ -1,15 +1,13 @@
 """What a robot's file says and its model does not have is named: joints that mimic others, springs, equalities."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from support.recorded import recorded
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.records import open_record, parse_map
 
 LINK = '<inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>'
 GRIPPER = f"""<robot name="gripper"><link name="hand"/><link name="left">{LINK}</link><link name="right">{LINK}</link>
@@ -29,7 +27,7 @@ def opened(folder: Path, robot: dict[str, str], point: str, joint: str, **joints
     channels = {"position": {"columns": ["q"]}, "velocity": {"columns": ["v"]}, "effort": {"columns": ["i"]}}
     table = {"names": [joint], **channels, **joints}
     values = {"robot": {**robot, "root": "fixed", "points": [point]}, "log": {"time": {"column": "t"}}, "joints": table}
-    return open_record(folder / "log.csv", parse_map(values, "of the test"), folder)
+    return recorded(folder / "log.csv", values)
 
 
 def test_a_joint_that_mimics_a_moving_one_is_not_held(tmp_path: Path) -> None:

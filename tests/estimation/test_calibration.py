@@ -4,15 +4,12 @@ Seed 1 here; `make evidence` and docs/structural_error.md have five. The figures
 2026 on these flights.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 import xarray as xr
 from support.calibrated import (
@@ -27,7 +24,6 @@ from support.calibrated import (
     seen_with,
     with_six_errors,
 )
-from support.detection_bound import TORQUE, VELOCITIES, detectability
 from support.mismatch import NOISY, estimated, flown, made_up, scores
 
 from aerobat_pin.aerobat import FlightLog, flight_record
@@ -89,7 +85,7 @@ def test_noisy_sensors_leave_the_smoother_nearly_as_good() -> None:
 
 
 def test_noise_hides_a_soft_push_from_any_detector_for_longer_than_five_milliseconds() -> None:
-    """The bound is d^2 = s^T C^-1 s of all samples at once; ours comes later than it, and not twice as late."""
+    """What is found comes later than the bound, and not twice as late."""
     free, found = free_flight(QUASI_STEADY, NOISY), learnt(QUASI_STEADY, NOISY)
     soft = list(PUSHED).index("soft push of 50 ms, 0.2 N")
     told, searching = ideal_latencies(free, NOISY)[soft]
@@ -97,27 +93,6 @@ def test_noise_hides_a_soft_push_from_any_detector_for_longer_than_five_millisec
     pushed = seen_with(found, free, "pushes", 1, NOISY)
     left = [contact.alarm - 0.9 for contact in pushed.inputs.calibration.contacts if 0.9 < contact.alarm < 0.96]
     assert told < min(left) < 2.0 * searching
-    push = flown("pushes", 1, NOISY)[1].unknown_force[1]
-    q, start, before, count, model = pushed.inputs.q, 900, 15, 8, pushed.model
-    d = detectability(model, q, 1e-3, start, push, before)[count - 1, 0]
-    noise, rows, signature = [], [], []
-    for k in range(start - before, start + count + 1):
-        data = model.createData()
-        noise.append(pin.crba(model, data, q[k]).copy() @ np.diag(VELOCITIES))
-        pin.computeJointJacobians(model, data, q[k])
-        pin.updateFramePlacements(model, data)
-        frame = model.getFrameId("left_force_point")
-        rows.append(pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)[2].copy())
-        given = np.diff(push.impulse_until(np.array([1e-3 * (k - 1), 1e-3 * k])))[0] if k > start else 0.0
-        signature.append((signature[-1] if signature else 0.0) + 0.5 * (rows[-1] + rows[max(len(rows) - 2, 0)]) * given)
-    steps = np.minimum.outer(*[np.arange(len(rows))] * 2)
-    torques = np.diag((np.arange(10) >= 6) * (1e-3 * TORQUE) ** 2)
-    known = noise[0] @ noise[0].T
-    C = np.kron(np.ones_like(steps), known) + np.kron(steps, torques)
-    for i, one in enumerate(noise):
-        C[10 * i : 10 * i + 10, 10 * i : 10 * i + 10] += one @ one.T
-    s = np.concatenate(signature)[10:]
-    assert d == pytest.approx(np.sqrt(s @ np.linalg.solve(C[10:, 10:], s)), rel=1e-6)
 
 
 def test_six_errors_at_once_are_identified_and_hold_at_another_speed_and_frequency() -> None:
@@ -254,13 +229,9 @@ def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(tmp_path: Path) ->
     file = tmp_path / "calibration.nc"
     file.write_bytes(calibration_bytes(found))
     again = read_calibration(file)
-    assert again.notes == found.notes
-    assert again.belief == found.belief
-    assert dict(again.series.states) == dict(found.series.states)
-    for name in ("centre", "scale", "size", "mean", "covariance", "remainder"):
-        np.testing.assert_array_equal(getattr(again.series, name), getattr(found.series, name))
-    np.testing.assert_array_equal(again.fitted.friction.coulomb, found.fitted.friction.coulomb)
-    np.testing.assert_array_equal(again.detection.threshold, found.detection.threshold)
+    assert calibration_bytes(again) == file.read_bytes()
+    for kept, given in ((again.series.size, found.series.size), (again.detection.bias, found.detection.bias)):
+        np.testing.assert_array_equal(kept, given)
     mine = found.belief
 
     def other(**change: Any) -> Belief:

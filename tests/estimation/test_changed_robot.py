@@ -3,8 +3,6 @@
 One pushed flight of each kind, with exact sensors, and the calibration of a flight day: slow, fast and lively.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -91,7 +89,6 @@ def test_a_slipped_encoder_is_noticed_named_and_corrected() -> None:
     """By 2 degrees, as `plant.crank_zero_deg` says; corrected, the forces are better and no push is lost."""
     found, better = (seen("encoder 2 deg", one) for one in (learnt(*DAY), corrected(learnt(*DAY))))
     assert found.verdict == "changed"
-    assert found.cause is not None
     assert found.cause["name"] == "crank_zero"
     assert found.cause["estimate"] == pytest.approx((-2.0,), abs=0.5)
     assert np.max(found.error["force_level"]) > 20e-3
@@ -103,7 +100,6 @@ def test_a_slipped_encoder_is_noticed_named_and_corrected() -> None:
 def test_a_payload_is_weighed_and_its_place_found() -> None:
     """9.2 g, 30 mm forward and 20 mm above, of a point mass, which has a moment of inertia: within three deviations."""
     better = seen("payload 10 %", corrected(learnt(*DAY)))
-    assert better.cause is not None
     assert better.cause["name"] == "payload"
     apart = np.array(better.cause["estimate"]) - [9.2, 276.0, 0.0, 184.0]
     assert np.all(np.abs(apart) < 3.0 * np.array(better.cause["deviation"]))
@@ -116,7 +112,6 @@ def test_an_elbow_that_bends_is_noticed_and_named() -> None:
     """5 rad/(N m) behind a lag of 10 ms are found within 3 %, in air that is wrong; three quarters of the error go."""
     found, better = (seen("elbow 5 rad/(N m)", one) for one in (learnt(*DAY), corrected(learnt(*DAY))))
     assert found.verdict == "changed"
-    assert found.cause is not None
     assert found.cause["name"] == "compliance"
     assert found.cause["estimate"] == pytest.approx((5.0, 0.05), rel=0.03)
     assert np.max(better.error["force_level"]) < 0.25 * np.max(found.error["force_level"])
@@ -128,7 +123,6 @@ def test_an_elbow_is_found_as_it_is_where_the_believed_air_is_right() -> None:
     free = learnt((*air, "crank.start_deg=70"))
     found = estimated((*air, *ELBOW), free, ["force_level"])
     better = estimated((*air, *ELBOW), corrected(free), ["force_level"])
-    assert found.cause is not None
     assert found.cause["name"] == "compliance"
     assert found.cause["estimate"] == pytest.approx((5.0, 0.05), rel=0.05)
     assert np.max(better.error["force_level"]) < 0.1 * np.max(found.error["force_level"])

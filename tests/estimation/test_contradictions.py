@@ -1,7 +1,5 @@
 """A log that contradicts itself is told so, by name and with the measured figure; a good log is not."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
@@ -137,15 +135,14 @@ def test_a_rounded_slow_signal_is_not_held(paper: Experiment) -> None:
 
 @pytest.mark.usefixtures("unrendered")
 def test_warnings_stand_in_terminal_report_and_metrics(
-    recorded: FlightLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    recorded: FlightLog, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`aerobat estimate` on a table whose gyro is in deg/s: three places, one text."""
     wrong = changed(recorded, "v", slice(3, 6), recorded.measured["v"].values[:, 3:6] * 180.0 / np.pi)
-    write_csv(wrong, tmp_path / "hall.csv")
-    monkeypatch.chdir(tmp_path)
+    write_csv(wrong, here / "hall.csv")
     words = ("estimate", "hall.csv", "--observer", "momentum", "--morphology", "aerobat_guard", "--out", "found")
-    assert call(monkeypatch, *words) == 0
-    text, *more = json.loads((tmp_path / "found" / "metrics.json").read_text())["warnings"]
+    assert call(*words) == 0
+    text, *more = json.loads((here / "found" / "metrics.json").read_text())["warnings"]
     assert text.startswith("gyro against attitude: in 0.1 s they differ by ")
     assert any(
         line.startswith("momentum: belief off by about ") for line in more
@@ -154,8 +151,8 @@ def test_warnings_stand_in_terminal_report_and_metrics(
     scenario = load_scenario("real_log_demo", ['observers.names=["momentum"]'])
     experiment = run_recorded(wrong, scenario)
     assert "gyro against attitude" in report_html(experiment, {})
-    write_results(experiment, tmp_path)
-    assert json.loads((tmp_path / "metrics.json").read_text())["warnings"] == experiment.scores.warnings
+    write_results(experiment, here)
+    assert json.loads((here / "metrics.json").read_text())["warnings"] == experiment.scores.warnings
 
 
 def test_a_good_run_has_no_warning(paper: Experiment) -> None:

@@ -1,7 +1,5 @@
 """`aerobat estimate`: a recorded flight in, forces out; a known force tells sign, frame and unit."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path
@@ -68,7 +66,6 @@ def test_a_table_from_a_hall_gives_forces_and_says_what_it_cannot(recorded: Path
     assert rows[0][:3] == ["start [s]", "end [s]", "momentum.left_force_point.Fx [N]"]
     at = rows[0].index("force_level.left_force_point.Fz [N]")
     left, right = (np.array([float(row[k]) for row in rows[1:]]) for k in (at, at + 3))
-    assert paper.log.truth is not None
     truth = paper.log.truth["force_noise_free_W"].values[:400].sum(axis=1)[:, 2]
     settled = slice(20, None)  # the first derivative of a pose is one-sided
     assert np.corrcoef((left + right)[settled], truth[settled])[0, 1] > 0.99

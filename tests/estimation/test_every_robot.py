@@ -1,7 +1,5 @@
 """Every feature that keeps an estimate honest, on five sources: shown there, or not applicable for a stated reason."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import pytest

@@ -1,12 +1,11 @@
 """A record to calibrate by is taken as free: what pushed in it all the same is found, or said to be untellable."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 import tomli_w
+from support.recorded import recorded
 from support.six_joints import six_map, swing
 from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_log
 from support.swinging_arm import arm, recording
@@ -35,8 +34,7 @@ def test_a_pull_is_not_learnt_as_friction(force, tmp_path: Path) -> None:
     """A hose of 20 N at the tool: offsets of the joints explain it worse; without it the record is taken."""
     write_log(tmp_path / "free.csv", 211, nothing, pace=1.6)
     write_log(tmp_path / "hose.csv", 211, force, pace=1.6)
-    chosen = parse_map(arm_map(["tool0"], friction=True), "of the test")
-    free, hose = (open_record(tmp_path / f"{name}.csv", chosen, tmp_path) for name in ("free", "hose"))
+    free, hose = (recorded(tmp_path / f"{name}.csv", arm_map(["tool0"], friction=True)) for name in ("free", "hose"))
     assert not any("pushed" in line for line in calibrate([free]).warnings)
     with pytest.raises(CalibrationError, match=r"something pushed at tool0.* (19|2[012])(\.\d)? N .*--trust"):
         calibrate([hose])
@@ -49,7 +47,7 @@ def test_what_turns_rotors_is_no_push(seed: int, tmp_path: Path) -> None:
     swing(tmp_path / "free.csv", seed, rotors=0.3)
     chosen = six_map(log={"time": {"column": "t"}}, observer={"gain": 20.0})
     del chosen["joints"]["friction"]
-    free = open_record(tmp_path / "free.csv", parse_map(chosen, "of the test"), tmp_path)
+    free = recorded(tmp_path / "free.csv", chosen)
     assert not any("pushed" in line for line in calibrate([free]).warnings)
 
 
@@ -68,9 +66,9 @@ def test_friction_that_a_calibration_did_not_see_is_found_as_without_one(tmp_pat
     write_log(tmp_path / "wrist.csv", 221, nothing, pace=1.6, still=3)
     moved = write_log(tmp_path / "push.csv", 222, pushed, pace=1.6)
     chosen = parse_map(arm_map(["tool0"], friction=True), "of the test")
-    learnt = calibrate([open_record(tmp_path / "wrist.csv", chosen, tmp_path)])
+    learnt = calibrate([recorded(tmp_path / "wrist.csv", chosen)])
     assert learnt.fitted.joints == tuple(JOINTS[3:])
-    result = estimate(open_record(tmp_path / "push.csv", chosen, tmp_path), calibration=learnt)
+    result = estimate(recorded(tmp_path / "push.csv", chosen), calibration=learnt)
     found, truth = result.estimates["force_level"], 0.5 * (moved[1:] + moved[:-1])
     inside = np.abs(found.components - truth) < 2.0 * found.standard_deviation
     assert inside[found.shown].mean() > 0.95

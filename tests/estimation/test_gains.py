@@ -1,7 +1,5 @@
 """Factors of efforts and what an arm carries: found with deviations that hold, or refused with the reason."""
 
-from __future__ import annotations
-
 import copy
 from pathlib import Path
 from typing import Any
@@ -11,12 +9,13 @@ import pandas as pd
 import pytest
 from support.drone import MAP as DRONE
 from support.drone import MASS, POWERS, flight
+from support.recorded import recorded
 from support.six_joints import six_map, swing
 
-from aerobat_pin import calibrate, estimate, open_record
+from aerobat_pin import calibrate, estimate
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation import Calibration, OnlineEstimator, calibration_bytes, check_record, read_calibration
-from aerobat_pin.records import Record, parse_map
+from aerobat_pin.records import Record
 
 FACTORS = np.array([0.85, 1.1, 0.95, 1.15, 0.9, 1.1])
 LIGHT, HEAVY = (2.0, (0.03, 0.16, 0.05)), (3.0, (-0.05, 0.1, 0.02))  # [kg], [m]: what it carries
@@ -42,7 +41,7 @@ def opened(folder: Path, name: str, scale: bool = True, **tables: Any) -> Record
     """Return a swing with the map of the arm and further tables."""
     values = six_map(**tables)
     values["joints"]["friction"]["scale"] = scale
-    return open_record(folder / f"{name}.csv", parse_map(values, "of the test"), folder)
+    return recorded(folder / f"{name}.csv", values)
 
 
 def kept(folder: Path, found: Calibration) -> Calibration:
@@ -154,11 +153,11 @@ def test_a_drone_shows_what_it_carries_by_its_thrust(tmp_path: Path) -> None:
     values["known"]["thrust"]["coefficients"] = list(POWERS)
     values["robot"]["body"]["mass"] = MASS - 0.007
     values |= {"payload": {"frame": "body"}, "use": {"free": [0, 15]}}
-    sought = estimate(open_record(tmp_path / "drone.csv", parse_map(values, "of the test"), tmp_path))
+    sought = estimate(recorded(tmp_path / "drone.csv", values))
     told = sought.forces.fits[0].values
     assert abs(told["mass"] - 0.007) < told["deviation of mass"] < 0.1 * MASS
     values["payload"] |= {"mass": 0.007, "com": [0, 0, 0]}
-    known = open_record(tmp_path / "drone.csv", parse_map(values, "of the test"), tmp_path)
+    known = recorded(tmp_path / "drone.csv", values)
     assert known.robot.mass == pytest.approx(MASS)
     assert known.robot.fingerprint() == sought.forces.record.robot.fingerprint()
     assert all(check.ok for check in check_record(known))

@@ -1,7 +1,5 @@
 """A humanoid that stands and is pushed at a hand, by inverse dynamics: its soles hold it by forces and moments."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +7,12 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from support.recorded import recorded
+from support.robot_parts import channels
 
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import load_robot, open_record, parse_map
+from aerobat_pin.records import load_robot
 
 HAND, SOLES = "gripper_right_base_link", ("left_sole_link", "right_sole_link")
 PUSH = np.array([10.0, -25.0, 15.0])  # [N], world axes, 3 % of the weight
@@ -63,23 +63,16 @@ def estimated(log: pd.DataFrame, folder: Path, robot: dict[str, Any]) -> Result:
             "velocity": {"columns": ["vx", "vy", "vz"], "axes": "body"},
             "rate": {"columns": ["wx", "wy", "wz"]},
         },
-        "joints": {
-            "names": joints,
-            **{
-                key: {"columns": [f"{letter}_{joint}" for joint in joints]}
-                for key, letter in (("position", "q"), ("velocity", "v"), ("effort", "e"))
-            },
-        },
+        "joints": {"names": joints, **channels(joints, position="q_{}", velocity="v_{}", effort="e_{}")},
         "observer": {"names": ["force_level"], "gain": 100},
     }
     log.to_csv(folder / "log.csv", index=False)
-    return estimate(open_record(folder / "log.csv", parse_map(values, "-"), folder))
+    return estimate(recorded(folder / "log.csv", values))
 
 
 def hand_of(found: Result) -> tuple[Array, Array, Array]:
     """Return estimate, deviation and true force (m, 3) [N] at the hand, settled."""
     whole = found.estimates["force_level"]
-    assert whole.standard_deviation is not None
     middle = 0.5 * (whole.time[1:] + whole.time[:-1])
     true = PUSH * ((middle > FROM + 0.1) & (middle < TO))[:, None]
     good = (middle > 0.2) & ~((middle > FROM - 0.1) & (middle < FROM + 0.1)) & (np.abs(middle - TO) > 0.1)

@@ -1,7 +1,5 @@
 """Records as loggers leave them: holes in a column, cut rows, clocks that jump, equal stamps, channels nobody reads."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any
@@ -11,6 +9,7 @@ import pandas as pd
 import pytest
 import tomli_w
 from support.foreign_channels import with_foreign_channels
+from support.recorded import recorded
 from support.swinging_arm import JOINTS, arm, arm_map, recording
 from support.walking_log import bag, bag_map, urdf, walk
 
@@ -42,7 +41,7 @@ def opened(table: pd.DataFrame | str, folder: Path, **joints: Any) -> Record:
     (folder / "log.csv").write_text(text)
     values = arm_map()
     values["joints"] = {key: value for key, value in values["joints"].items() if key != "friction"} | joints
-    return open_record(folder / "log.csv", parse_map(values, "-"), folder)
+    return recorded(folder / "log.csv", values)
 
 
 def said(record: Record) -> list[str]:
@@ -123,7 +122,7 @@ def test_a_slow_channel_is_not_split(swing: pd.DataFrame, tmp_path: Path) -> Non
 
     def read(name: str, table: pd.DataFrame) -> Record:
         table.to_csv(tmp_path / name, index=False)
-        return open_record(tmp_path / name, parse_map(values, "-"), tmp_path)
+        return recorded(tmp_path / name, values)
 
     slow = read("slow.csv", swing.assign(**force))
     assert counts(slow) == [901]
@@ -158,8 +157,7 @@ def test_lists_in_quotes_can_be_cut_too(tmp_path: Path) -> None:
     joints = {part: {"columns": [f"{name}.{k}" for k in range(3)]} for part, name in parts}
     (tmp_path / "arm.urdf").write_text(arm())
     (tmp_path / "log.csv").write_text("t,q,v,i\n" + "".join(rows)[:-5])
-    chosen = parse_map({"robot": ROBOT, "joints": {"names": JOINTS, **joints}}, "-")
-    assert counts(open_record(tmp_path / "log.csv", chosen, tmp_path)) == [49]
+    assert counts(recorded(tmp_path / "log.csv", {"robot": ROBOT, "joints": {"names": JOINTS, **joints}})) == [49]
 
 
 def test_a_table_without_a_header_is_asked_about(swing: pd.DataFrame, tmp_path: Path) -> None:
@@ -176,9 +174,8 @@ def test_a_table_without_a_header_is_asked_about(swing: pd.DataFrame, tmp_path: 
     (tmp_path / "log.csv").write_text(swing.set_axis(range(13), axis=1).to_csv(index=False))
     parts = (("position", 1), ("velocity", 2), ("effort", 3))
     joints = {part: {"columns": [str(first + 3 * k) for k in range(3)]} for part, first in parts}
-    log = {"time": {"column": "0"}}
-    chosen = parse_map({"robot": ROBOT, "log": log, "joints": {"names": JOINTS, **joints}}, "-")
-    assert counts(open_record(tmp_path / "log.csv", chosen, tmp_path)) == [1000]
+    values = {"robot": ROBOT, "log": {"time": {"column": "0"}}, "joints": {"names": JOINTS, **joints}}
+    assert counts(recorded(tmp_path / "log.csv", values)) == [1000]
 
 
 @pytest.mark.parametrize(
@@ -314,8 +311,7 @@ def test_messages_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path)
     pytest.importorskip("rosbags")
     (tmp_path / "arm.urdf").write_text(arm())
     joint_states(tmp_path / "apart", swing[:100], {}, apart=True)
-    chosen = parse_map({"robot": ROBOT, "joints": {"topic": "/joint_states"}}, "-")
-    record = open_record(tmp_path / "apart", chosen, tmp_path)
+    record = recorded(tmp_path / "apart", {"robot": ROBOT, "joints": {"topic": "/joint_states"}})
     assert counts(record) == [100]
     np.testing.assert_array_equal(
         record.channels["joints.effort"].values[:], swing[[f"{joint}_i" for joint in record.joints]][:100]
@@ -331,7 +327,7 @@ def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -
 
     def read(**joints: Any) -> Record:
         chosen = parse_map({"robot": ROBOT, "joints": {"topic": "/joint_states", **joints}}, "-")
-        return open_record(tmp_path / "bag", chosen, tmp_path)
+        return recorded(tmp_path / "bag", chosen)
 
     line = r'names = \{"Turn 1" = "turn", "Lift 2" = "lift"\}'
     with pytest.raises(MapError, match=rf"turn, lift have no channel; /joint_states has Turn 1, Lift 2: .* {line}"):
@@ -363,7 +359,7 @@ def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -
     assert "# topic /broken is sensor_msgs/msg/Imu: left out" in text  # one message of it is damaged
     chosen = parse_map({**arm_map(), "joints": {"names": {"Turn 1": "turn"}, "position": {"columns": ["q"]}}}, "-")
     with pytest.raises(MapError, match=r"joints\.names is a table, which renames joints of joints\.topic"):
-        open_record(tmp_path / "bag", chosen, tmp_path)
+        recorded(tmp_path / "bag", chosen)
 
 
 def test_channels_that_nobody_reads_are_left_out_by_name(tmp_path: Path) -> None:
@@ -373,8 +369,8 @@ def test_channels_that_nobody_reads_are_left_out_by_name(tmp_path: Path) -> None
     bag(walk(0.3, 200.0), tmp_path / "walk")
     with_foreign_channels(tmp_path / "walk" / "walk.mcap", tmp_path / "mixed.mcap")
     values: Any = bag_map(Path("quadruped.urdf"))
-    record = open_record(tmp_path / "mixed.mcap", parse_map(values, "-"), tmp_path)
-    plain = open_record(tmp_path / "walk", parse_map(values, "-"), tmp_path)
+    record = recorded(tmp_path / "mixed.mcap", values)
+    plain = recorded(tmp_path / "walk", values)
     assert record.parts == plain.parts
     notes = {f"topic {topic} is {how}: left out" for topic, how in (("/status", "json"), ("/blob", "protobuf"))}
     assert {*notes, "topic /bare is json: left out"} <= set(record.notes)
@@ -383,7 +379,7 @@ def test_channels_that_nobody_reads_are_left_out_by_name(tmp_path: Path) -> None
     assert "# topic /blob is protobuf: left out" in text
     values["joints"]["topic"] = "/status"
     with pytest.raises(LogError, match=r"topic /status is json: a described ROS message was expected"):
-        open_record(tmp_path / "mixed.mcap", parse_map(values, "-"), tmp_path)
+        recorded(tmp_path / "mixed.mcap", values)
 
 
 MJCF = """<mujoco model="leg"><worldbody><body name="trunk">{free}<geom size=".1" mass="1"/><body name="shank">
@@ -403,7 +399,7 @@ def test_an_mjcf_file_can_have_a_free_base(free: str, tmp_path: Path) -> None:
     }
     base = {"position": {"columns": names[:3]}, "quaternion": {"columns": names[3:7]}}
     chosen = {"robot": {"mjcf": "leg.xml", "points": ["shank"]}, "base": base, "joints": {"names": ["knee"], **joints}}
-    record = open_record(tmp_path / "log.csv", parse_map(chosen, "-"), tmp_path)
+    record = recorded(tmp_path / "log.csv", chosen)
     assert (record.robot.free, record.robot.joints) == (True, ("knee",))
     assert record.robot.mass == pytest.approx(2.0)
 
@@ -439,7 +435,7 @@ def test_a_robot_without_a_mass_is_refused_by_name(swing: pd.DataFrame, tmp_path
     opened(swing, tmp_path)
     (tmp_path / "arm.urdf").write_text(re.sub("<inertial>.*?</inertial>", "", arm()))
     with pytest.raises(LogError, match="nothing that moves has a mass"):
-        open_record(tmp_path / "log.csv", parse_map(arm_map(), "-"), tmp_path)
+        recorded(tmp_path / "log.csv", arm_map())
 
 
 def test_a_point_that_no_joint_moves_is_not_said_to_be_unsure(swing: pd.DataFrame, tmp_path: Path) -> None:
@@ -447,7 +443,7 @@ def test_a_point_that_no_joint_moves_is_not_said_to_be_unsure(swing: pd.DataFram
     opened(swing, tmp_path)
     values = arm_map() | {"robot": ROBOT | {"points": ["turn_link"]}}
     del values["joints"]["friction"]
-    words = str(estimate(open_record(tmp_path / "log.csv", parse_map(values, "-"), tmp_path), trust=True))
+    words = str(estimate(recorded(tmp_path / "log.csv", values), trust=True))
     assert "it cannot see turn_link.Fx" in words
     assert "would state it" not in words
 
@@ -461,7 +457,7 @@ def test_forces_that_no_robot_stands_are_doubted(swing: pd.DataFrame, tmp_path: 
     del values["joints"]["friction"]
     for table, doubted in ((swing, False), (degrees, True)):
         opened(table, tmp_path)
-        result = estimate(open_record(tmp_path / "log.csv", parse_map(values, "-"), tmp_path), trust=True)
+        result = estimate(recorded(tmp_path / "log.csv", values), trust=True)
         assert any(finding.check == "size of forces" for finding in result.findings) is doubted
 
 

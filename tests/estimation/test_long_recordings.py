@@ -1,7 +1,5 @@
 """Long recordings: read, estimated and written piece by piece, in memory that does not grow with their length."""
 
-from __future__ import annotations
-
 import tracemalloc
 from pathlib import Path
 
@@ -9,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from support.recorded import recorded
 
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.experiments import write
-from aerobat_pin.records import open_record, parse_map
 from aerobat_pin.records.spool import Series, Spool, series_of
 
 MASS = 1.5
@@ -70,7 +68,7 @@ def swinging(rows: int, folder: Path) -> Path:
 
 
 def estimated(log: Path) -> Result:
-    return estimate(open_record(log, parse_map(MAP, "of the test"), log.parent))
+    return estimate(recorded(log, MAP))
 
 
 def peak(log: Path) -> int:

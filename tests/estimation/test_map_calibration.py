@@ -1,7 +1,5 @@
 """What one recording shows by a map (friction, thrust, the mass) makes the force of another one right."""
 
-from __future__ import annotations
-
 import copy
 import json
 import re
@@ -16,6 +14,7 @@ import tomli_w
 from support.commands import call
 from support.drone import MAP as DRONE
 from support.drone import flight
+from support.recorded import recorded
 from support.swinging_arm import (
     CONSTANT,
     COULOMB,
@@ -45,10 +44,8 @@ from aerobat_pin.observers import SHOWN
 from aerobat_pin.records import (
     Block,
     Condition,
-    Map,
     PlainRobot,
     Record,
-    open_record,
     parse_map,
     read_netcdf,
     robot_of_map,
@@ -78,8 +75,7 @@ class GearedArm(PlainRobot):
 
 def calibrated(folder: Path, name: str, values: dict[str, Any], *parameters: str) -> Calibration:
     """Return what a recording of a folder shows by a map."""
-    chosen: Map = parse_map(values, "of the test")
-    return calibrate([open_record(folder / f"{name}.csv", chosen, folder)], parameters=parameters)
+    return calibrate([recorded(folder / f"{name}.csv", values)], parameters=parameters)
 
 
 @pytest.mark.parametrize("slip", ["reversed", "exchanged"])
@@ -103,14 +99,13 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
     folder, force = arms
     monkeypatch.chdir(folder)
     learn = ["calibrate", "free.csv", "--map", "map.toml", "--identify", "mass", "--out", "arm.nc"]
-    assert call(monkeypatch, *learn) == 0
+    assert call(*learn) == 0
     said = capsys.readouterr().out
     assert re.search(r"fit: mass: times 1\.06\d*, deviation 0\.0", said)
     assert re.search(r"error bar, rms where nothing was fitted: tool\.Fx \d\S* N \(without \d", said)
     learnt = read_calibration(Path("arm.nc"))
     assert learnt.fitted.mass == pytest.approx(HEAVIER, abs=0.01)
     friction = learnt.fitted.friction
-    assert friction is not None
     for found, true in (
         (friction.coulomb, COULOMB),
         (friction.viscous, VISCOUS),
@@ -119,13 +114,13 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
     ):
         np.testing.assert_allclose(found, true, atol=0.05)
     words = ["estimate", "pushed.csv", "--map", "map.toml", "--calibration", "arm.nc", "--out", "out"]
-    assert call(monkeypatch, *words) == 0
+    assert call(*words) == 0
     assert "calibration: learnt from free.csv; error bar" in capsys.readouterr().out
     stored = read_netcdf(folder / "out" / "estimate.nc", "estimate")[""]
     with_it, seen = (stored[key].values[0, :, 0] for key in ("force_W", "seen"))
     values = arm_map()
     del values["joints"]["friction"]
-    plain = estimate(open_record(Path("pushed.csv"), parse_map(values, "of the test"), folder))
+    plain = estimate(recorded(Path("pushed.csv"), values))
     truth = np.column_stack(
         [np.interp(plain.estimates["force_level"].time[:-1] - 0.009, np.arange(len(force)) / RATE, x) for x in force.T]
     )
@@ -144,7 +139,6 @@ def test_the_rate_at_which_coulomb_friction_sets_in_is_found(arms: tuple[Path, n
     folder, _ = arms
     recording(folder, "late", pushed=False, seed=3, rate=0.2)
     found = calibrated(folder, "late", arm_map(), "mass").fitted
-    assert found.friction is not None
     assert found.friction.rate == 0.2
     assert found.fits[1].values["rate"] == 0.2
     np.testing.assert_allclose(found.friction.coulomb, COULOMB, atol=0.05)
@@ -162,8 +156,6 @@ def test_the_file_keeps_all_that_was_learnt(arms: tuple[Path, np.ndarray]) -> No
     again = read_calibration(folder / "again.nc")
     assert (again.belief, again.notes, again.records) == (found.belief, found.notes, found.records)
     assert [str(fit) for fit in again.fitted.fits] == [str(fit) for fit in found.fitted.fits]
-    assert again.fitted.friction is not None
-    assert found.fitted.friction is not None
     np.testing.assert_array_equal(again.fitted.friction.coulomb, found.fitted.friction.coulomb)
     assert calibration_bytes(again) == content
     for damaged in (content[: len(content) // 2], content.replace(b'"rate"', b'"rote"')):
@@ -175,7 +167,7 @@ def test_the_file_keeps_all_that_was_learnt(arms: tuple[Path, np.ndarray]) -> No
 def test_a_self_check_takes_a_calibration(arms: tuple[Path, np.ndarray]) -> None:
     """In place of a fit of which the map does not say where; without either it is refused."""
     folder, _ = arms
-    record = open_record(folder / "pushed.csv", parse_map(arm_map(), "of the test"), folder)
+    record = recorded(folder / "pushed.csv", arm_map())
     with pytest.raises(MapError, match="--calibration FILE"):
         check_record(record)
     assert [one.axis for one in check_record(record, calibrated(folder, "free", arm_map())) if one.ok]
@@ -205,8 +197,7 @@ def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(arms: tuple[Path, np
 
     def noise(name: str, end: float) -> Mapping[str, float]:
         values["joints"]["friction"]["fit"] = [0, end]
-        chosen = parse_map(values, "of the test")
-        return estimate(open_record(folder / f"{name}.csv", chosen, folder)).forces.values.row_noise
+        return estimate(recorded(folder / f"{name}.csv", values)).forces.values.row_noise
 
     assert noise("knocked_late", 5) == noise("free", 5)
     assert all(noise("free", 5)[joint] > found.row_noise[joint] for joint in JOINTS)  # the mass is wrong
@@ -217,13 +208,12 @@ def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> Non
     """The second flight needs no accelerometer, and its force is that of the fit to itself within 1 mN."""
     flight().to_csv(tmp_path / "first.csv", index=False)
     flight(seed=2, wind=0.03).to_csv(tmp_path / "second.csv", index=False)
-    chosen = parse_map(DRONE, "of the test")
-    learnt = calibrate([open_record(tmp_path / "first.csv", chosen, tmp_path)])
+    learnt = calibrate([recorded(tmp_path / "first.csv", DRONE)])
     (tmp_path / "drone.nc").write_bytes(calibration_bytes(learnt))
     blind = copy.deepcopy(DRONE)
     del blind["check"]
     found = estimate(
-        open_record(tmp_path / "second.csv", parse_map(blind, "of the test"), tmp_path),
+        recorded(tmp_path / "second.csv", blind),
         calibration=read_calibration(tmp_path / "drone.nc"),
     )
     assert found.estimates["force_level"].force[100:, 0, 0].mean() == pytest.approx(0.03, abs=2e-3)
@@ -231,7 +221,7 @@ def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> Non
     other = copy.deepcopy(DRONE)
     other["known"]["thrust"]["law"] = "polynomial 2"
     with pytest.raises(CalibrationError, match=r"was learnt with known\.thrust = polynomial 1 2 of commands"):
-        estimate(open_record(tmp_path / "second.csv", parse_map(other, "of the test"), tmp_path), calibration=learnt)
+        estimate(recorded(tmp_path / "second.csv", other), calibration=learnt)
 
 
 def test_online_estimates_take_the_friction_of_a_calibration(arms: tuple[Path, np.ndarray]) -> None:
@@ -239,7 +229,7 @@ def test_online_estimates_take_the_friction_of_a_calibration(arms: tuple[Path, n
     folder, _ = arms
     chosen = parse_map(arm_map(), "of the test")
     learnt = calibrated(folder, "free", arm_map(), "mass")
-    whole = estimate(open_record(folder / "pushed.csv", chosen, folder), calibration=learnt).estimates["force_level"]
+    whole = estimate(recorded(folder / "pushed.csv", chosen), calibration=learnt).estimates["force_level"]
     with pytest.raises(MapError, match="friction can come from a calibration"):
         OnlineEstimator(chosen, folder)
     online = OnlineEstimator(chosen, folder, calibration=learnt)
@@ -261,7 +251,7 @@ def test_a_knock_is_found_by_what_a_free_swing_shows(
     learnt = calibrated(folder, "free", arm_map(), "mass")
     (folder / "knock.nc").write_bytes(calibration_bytes(learnt))
     words = ["--map", "map.toml", "--calibration", "knock.nc", "--out"]
-    assert call(monkeypatch, "estimate", "knocked.csv", *words, "knocked") == 0
+    assert call("estimate", "knocked.csv", *words, "knocked") == 0
     assert "force_level: contact at tool from 1.498 s to 1.700 s" in capsys.readouterr().out
     metrics = json.loads((folder / "knocked" / "metrics.json").read_text())
     assert metrics["model"]["verdict"] == "unchanged"
@@ -269,7 +259,7 @@ def test_a_knock_is_found_by_what_a_free_swing_shows(
     assert event["point"] == "tool"
     assert [event[key] for key in ("onset", "alarm", "end")] == pytest.approx([1.5, 1.5, 1.7], abs=2.1e-3)
     assert event["size"] == pytest.approx(8.0, abs=0.1)
-    assert call(monkeypatch, "estimate", "still_free.csv", *words, "still") == 0
+    assert call("estimate", "still_free.csv", *words, "still") == 0
     metrics = json.loads((folder / "still" / "metrics.json").read_text())
     assert metrics["observers"]["force_level"]["events"] == []
 
@@ -284,7 +274,7 @@ def test_a_robot_with_a_phase_gets_a_series_over_it(tmp_path: Path) -> None:
     geared = GearedArm(plain.model, plain.free, plain.joints, plain.title)
 
     def opened(name: str, robot: PlainRobot) -> Record:
-        return open_record(tmp_path / f"{name}.csv", chosen, tmp_path, robot)
+        return recorded(tmp_path / f"{name}.csv", chosen, robot)
 
     found = {robot: calibrate([opened("free", robot)], parameters=["mass"]) for robot in (plain, geared)}
     assert found[plain].series is None
@@ -313,7 +303,7 @@ def test_samples_of_the_boot_do_not_move_what_is_fitted(arms: tuple[Path, np.nda
     found = []
     for name, kept in (("clean", rows[4:]), ("boot", pd.concat([boot, rows[4:]]))):
         kept.to_csv(tmp_path / f"{name}.csv", index=False)
-        record = open_record(tmp_path / f"{name}.csv", parse_map(arm_map(), "of the test"), tmp_path)
+        record = recorded(tmp_path / f"{name}.csv", arm_map())
         found.append(calibrate([record]).fitted.friction)
     np.testing.assert_allclose(found[1].coulomb, found[0].coulomb, rtol=1e-3)  # type: ignore[union-attr]
 
@@ -322,9 +312,8 @@ def test_a_record_that_wants_a_negative_mass_is_refused(tmp_path: Path) -> None:
     """A walk: the ground pushes."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
     table(walk()).to_csv(tmp_path / "walk.csv", index=False)
-    chosen = parse_map(table_map(tmp_path / "quadruped.urdf"), "of the test")
     with pytest.raises(MapError, match=r"the record wants -0\.\d\d times the mass: something pushes on the robot"):
-        calibrate([open_record(tmp_path / "walk.csv", chosen, tmp_path)], parameters=["mass"])
+        calibrate([recorded(tmp_path / "walk.csv", table_map(tmp_path / "quadruped.urdf"))], parameters=["mass"])
 
 
 @pytest.mark.parametrize(("points", "why"), [(["tool"], "no row is to spare"), ([], "no force is sought")])
@@ -333,7 +322,7 @@ def test_a_model_that_nothing_can_check_says_why(points: list[str], why: str, ar
     folder, _ = arms
     values = arm_map()
     values["robot"]["points"] = points
-    record = open_record(folder / "pushed.csv", parse_map(values, "of the test"), folder)
+    record = recorded(folder / "pushed.csv", values)
     told = estimate(record, calibration=calibrated(folder, "free", arm_map())).metrics()["model"]
     assert (told["verdict"], told["ratio"]) == ("unverified", None)
     assert why in told["why"]
@@ -358,9 +347,9 @@ def test_what_cannot_be_learnt_or_used_is_refused(
         chosen = parse_map(values, "of the test")
         try:
             if use:
-                estimate(open_record(Path("pushed.csv"), chosen, folder), calibration=learnt)
+                estimate(recorded(Path("pushed.csv"), chosen), calibration=learnt)
             else:
-                calibrate([open_record(Path("free.csv"), chosen, folder)], parameters=identify)
+                calibrate([recorded(Path("free.csv"), chosen)], parameters=identify)
         except AerobatError as error:
             return str(error)
         return ""
@@ -373,11 +362,11 @@ def test_what_cannot_be_learnt_or_used_is_refused(
     assert "cannot be told apart" in said({"joints.friction": {"scale": True}}, ("mass",))
     assert "parameters has 'drag': of mass some were expected; joints.friction and" in said({}, ("drag",))
     with pytest.raises(MapError, match=r"joints\.friction\.fit: from and to .* or --calibration FILE"):
-        estimate(open_record(Path("pushed.csv"), parse_map(arm_map(), "of the test"), folder))
+        estimate(recorded(Path("pushed.csv"), arm_map()))
     for words, reason in (
         (["calibrate", "free.csv", "pushed.csv", "--map", "map.toml", "--out", "x.nc"], "2 recordings"),
         (["calibrate", "free.csv", "--map", "map.toml", "--morphology", "aerobat", "--out", "x.nc"], "--morphology is"),
         (["estimate", "pushed.csv", "--map", "map.toml", "--calibration", "arm.urdf"], "cannot be read as NetCDF-4"),
     ):
-        assert call(monkeypatch, *words) == 2
+        assert call(*words) == 2
         assert reason in capsys.readouterr().err

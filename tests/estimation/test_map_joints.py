@@ -1,7 +1,5 @@
 """Joints as logs have them: seen by encoders at motors, beyond their limits, without a motor, alone, or by name."""
 
-from __future__ import annotations
-
 import copy
 import re
 import tomllib
@@ -15,6 +13,8 @@ import pinocchio as pin
 import pytest
 import tomli_w
 from support.commands import call
+from support.recorded import recorded
+from support.robot_parts import channels, joint, link
 from support.swinging_arm import JOINTS, arm, arm_map, recording
 from support.without_coriolis import LEG
 
@@ -23,7 +23,7 @@ from aerobat_pin.errors import AerobatError, CalibrationError, LogError
 from aerobat_pin.estimation import OnlineEstimator, calibrate, check_record, estimate, record_findings
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.observers import JointFriction
-from aerobat_pin.records import Record, open_record, parse_map, robot_of_map, suggested_map
+from aerobat_pin.records import parse_map, robot_of_map, suggested_map
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
 from aerobat_pin.records.robot_files import FIXED, FREE
@@ -48,11 +48,6 @@ def changed(**joints: Any) -> dict[str, Any]:
     return values
 
 
-def opened(folder: Path, name: str, values: dict[str, Any]) -> Record:
-    """Return a record of a folder's arm."""
-    return open_record(folder / f"{name}.csv", parse_map(values, "of the test"), folder)
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the arm, a table written at its joints and the same one written at its motors."""
@@ -70,14 +65,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_log_written_at_the_motors_gives_the_forces_of_the_joints(folder: Path) -> None:
     """Gears, zeros and two coupled joints, to 1e-9 of the force; as a stream, too."""
+    written = {"joints": changed(), "motors": changed(**AT_MOTORS)}
     at_joints, at_motors = (
-        estimate(opened(folder, *one)).estimates["force_level"].components
-        for one in (("joints", changed()), ("motors", changed(**AT_MOTORS)))
+        estimate(recorded(folder / f"{name}.csv", values)).estimates["force_level"].components
+        for name, values in written.items()
     )
     assert np.abs(at_joints).max() > 5.0
     np.testing.assert_allclose(at_motors, at_joints, rtol=0.0, atol=1e-9 * np.abs(at_joints).max())
     heard = []
-    for name, values in (("joints", changed()), ("motors", changed(**AT_MOTORS))):
+    for name, values in written.items():
         online, found = OnlineEstimator(parse_map(values, "of the test"), folder), []
         for row in pd.read_csv(folder / f"{name}.csv").head(50).to_dict("records"):
             found += online.push(row["t"], row)
@@ -106,7 +102,7 @@ def test_a_slide_behind_a_spindle_moves_by_its_encoders_angle(tmp_path: Path) ->
     for part, unit in (("position", "deg"), ("velocity", "deg/s")):
         values["joints"][part]["unit"] = unit
     values["joints"]["factor"] = {"slide": factor}
-    found = estimate(opened(tmp_path, "log", values)).estimates["force_level"].components[200:, 2]
+    found = estimate(recorded(tmp_path / "log.csv", values)).estimates["force_level"].components[200:, 2]
     np.testing.assert_allclose(found, 3.0, atol=0.05)
 
 
@@ -119,7 +115,7 @@ def test_a_component_is_hidden_by_the_pose_only_where_no_joint_feels_it(
 ) -> None:
     """A hinge hides two directions, Fy and another: of one it was said that rows err. On a slide it hides Fy alone."""
     robot_table(tmp_path, *kinds, motors=len(kinds)).to_csv(tmp_path / "log.csv", index=False)
-    found = estimate(opened(tmp_path, "log", robot_map(len(kinds)))).findings
+    found = estimate(recorded(tmp_path / "log.csv", robot_map(len(kinds)))).findings
     told = {one.text[:6]: one.text for one in found if one.check == "what the pose shows"}
     assert told["tip.Fy"].endswith("a force along (0.00, 1.00, 0.00) at tip hardly turns a joint")
     assert of_x in told["tip.Fx"]
@@ -141,7 +137,7 @@ def test_a_unit_that_no_joint_can_have_is_refused(kind: str, part: str, unit: st
     values = robot_map()
     values["joints"][part]["unit"] = unit
     with pytest.raises(AerobatError, match=rf"joints\.{part}\.unit = '{unit}', {said}"):
-        opened(tmp_path, "log", values)
+        recorded(tmp_path / "log.csv", values)
 
 
 def test_a_unit_is_that_of_the_joints_that_can_have_it(tmp_path: Path) -> None:
@@ -151,7 +147,7 @@ def test_a_unit_is_that_of_the_joints_that_can_have_it(tmp_path: Path) -> None:
         table.assign(**{column: factor * table[column]}).to_csv(tmp_path / "log.csv", index=False)
         values = robot_map(2)
         values["joints"]["position"]["unit"] = unit
-        record = opened(tmp_path, "log", values)
+        record = recorded(tmp_path / "log.csv", values)
         np.testing.assert_allclose(record.block(0, 500).q, table[["q", "q1"]].to_numpy()[:501], atol=1e-6)
 
 
@@ -179,7 +175,7 @@ def test_a_suggestion_knows_what_slides_and_asks_for_efforts(
     assert tuple(joints[part].get("unit") for part in ("position", "velocity", "effort")) == expected
     values = tomllib.loads(text)
     values["robot"]["points"] = ["tip"]
-    assert opened(tmp_path, "log", values).channels.keys() >= {"joints.position", "joints.effort"}
+    assert recorded(tmp_path / "log.csv", values).channels.keys() >= {"joints.position", "joints.effort"}
     last = names[list(names)[-1]]
     table.drop(columns=last).to_csv(tmp_path / "log.csv", index=False)
     lines = suggested_map(tmp_path / "log.csv", tmp_path / "few.urdf").splitlines()
@@ -214,14 +210,14 @@ def test_a_map_that_cannot_be_meant_is_refused(name: str, folder: Path) -> None:
     """Each with the key and what was expected."""
     change, expected = WRONG[name]
     with pytest.raises(AerobatError, match=expected):
-        opened(folder, "joints", changed(**change))
+        recorded(folder / "joints.csv", changed(**change))
 
 
 def test_a_calibration_belongs_to_its_encoders(folder: Path) -> None:
     """What was learnt at the joints is refused for a map of the motors."""
-    learnt = calibrate([opened(folder, "joints", changed(friction={"law": "coulomb+viscous"}))])
+    learnt = calibrate([recorded(folder / "joints.csv", changed(friction={"law": "coulomb+viscous"}))])
     with pytest.raises(CalibrationError, match=r"the encoder of turn = 1 turn, but -0\.02 turn is believed"):
-        estimate(opened(folder, "motors", changed(**AT_MOTORS)), calibration=learnt)
+        estimate(recorded(folder / "motors.csv", changed(**AT_MOTORS)), calibration=learnt)
 
 
 def limits(folder: Path, urdf: str, change: float = 1.0, shift: float = 0.0, unit: str = "rad") -> list[str]:
@@ -239,7 +235,7 @@ def limits(folder: Path, urdf: str, change: float = 1.0, shift: float = 0.0, uni
     values = changed(position=position, velocity=velocity) | {
         "robot": {"urdf": "limited.urdf", "root": "fixed", "points": ["tool"]}
     }
-    found = record_findings(opened(folder, "limits", values))
+    found = record_findings(recorded(folder / "limits.csv", values))
     return [f"{one.verdict} {one}" for one in found if one.check == "joint limits"]
 
 
@@ -250,7 +246,7 @@ def test_joints_far_beyond_their_limits_are_refused_by_name(folder: Path) -> Non
     assert re.search(r'refused joint limits: \w+ is at .* rad, its limits are -2 to 2 rad; .*unit = "deg"', degrees)
     assert all(joint in degrees for joint in JOINTS)
     with pytest.raises(LogError, match=r"limits\.csv: joint limits: .*--trust estimates nevertheless"):
-        estimate(opened(folder, "limits", changed() | {"robot": {**changed()["robot"], "urdf": "limited.urdf"}}))
+        estimate(recorded(folder / "limits.csv", changed() | {"robot": {**changed()["robot"], "urdf": "limited.urdf"}}))
     [far] = limits(folder, close, shift=40.0)
     assert re.search(r"refused joint limits: lift is at 4\d.* to 4\d.* rad", far)
     [zero] = limits(folder, close, shift=3.0)
@@ -271,9 +267,9 @@ def test_what_is_in_force_is_not_proposed_and_a_sign_that_would_do_is(folder: Pa
 def test_slight_overshoots_and_joints_without_limits_do_not_alarm(folder: Path) -> None:
     """Limits a little inside of the motion, none stated, joints that turn on and on."""
     stated = 'lower="-99" upper="99"'
-    for joint in JOINTS:
-        lowest = pd.read_csv(folder / "joints.csv")[f"{joint}_q"].min()
-        before, here, rest = arm().partition(f'<joint name="{joint}"')
+    for name in JOINTS:
+        lowest = pd.read_csv(folder / "joints.csv")[f"{name}_q"].min()
+        before, here, rest = arm().partition(f'<joint name="{name}"')
         inside = before + here + rest.replace(stated, f'lower="{lowest + 0.1}" upper="2"', 1)
         assert limits(folder, inside) == []
     for urdf in (arm().replace(stated, ""), arm().replace('type="revolute"', 'type="continuous"')):
@@ -292,19 +288,14 @@ AXES = {"revolute": "0 1 0", "prismatic": "0 0 1", "continuous": "0 1 0"}
 
 def robot_urdf(*kinds: str) -> str:
     """Return links in a row, from below: `slide` or `hinge` and a number; the tip is 0.5 m ahead of the last."""
-    parts, below = ['<link name="ground"/>'], "ground"
+    parts, below = [link("ground")], "ground"
     for k, kind in enumerate(kinds):
         name = f"{'slide' if kind == 'prismatic' else 'hinge'}{k or ''}"
-        body = '<origin xyz="0.2 0 0"/><mass value="1"/>'
-        body += '<inertia ixx="0.02" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/>'
-        parts.append(f'<link name="{name}_link"><inertial>{body}</inertial></link>')
-        parts.append(
-            f'<joint name="{name}" type="{kind}"><parent link="{below}"/><child link="{name}_link"/>'
-            f'<axis xyz="{AXES[kind]}"/><limit lower="-3" upper="3" effort="9" velocity="9"/></joint>'
-        )
+        parts.append(link(f"{name}_link", 1.0, "0.2 0 0", (0.02, 0.02, 0.02)))
+        parts.append(joint(name, kind, below, f"{name}_link", axis=AXES[kind], limit=3))
         below = f"{name}_link"
-    tip = f'<joint name="end" type="fixed"><parent link="{below}"/><child link="tip"/><origin xyz="0.5 0 0"/></joint>'
-    return f'<robot name="few">{"".join(parts)}<link name="tip"/>{tip}</robot>'
+    parts += [link("tip"), joint("end", "fixed", below, "tip", "0.5 0 0")]
+    return f'<robot name="few">{"".join(parts)}</robot>'
 
 
 def robot_table(folder: Path, *kinds: str, motors: int = 1) -> pd.DataFrame:
@@ -334,8 +325,7 @@ def robot_table(folder: Path, *kinds: str, motors: int = 1) -> pd.DataFrame:
 
 def robot_map(count: int = 1, **joints: Any) -> dict[str, Any]:
     """Return the map of one joint or of several."""
-    parts = {"position": "q", "velocity": "v", "effort": "tau"}
-    columns = {part: {"columns": [f"{name}{k or ''}" for k in range(count)]} for part, name in parts.items()}
+    columns = channels([k or "" for k in range(count)], position="q{}", velocity="v{}", effort="tau{}")
     return {
         "robot": {"urdf": "few.urdf", "root": "fixed", "points": ["tip"]},
         "joints": {**columns, **joints},
@@ -347,7 +337,7 @@ def test_a_passive_joint_needs_no_effort_and_its_row_is_believed(tmp_path: Path)
     """A pole on a slide without a motor: both components in their plane are found."""
     table = robot_table(tmp_path, "prismatic", "revolute")
     table.to_csv(tmp_path / "log.csv", index=False)
-    record = opened(tmp_path, "log", robot_map(2, effort={"columns": ["tau1"]}, passive=["slide"]))
+    record = recorded(tmp_path / "log.csv", robot_map(2, effort={"columns": ["tau1"]}, passive=["slide"]))
     result = estimate(record)
     assert any("without a motor, efforts known to be 0: slide" in note for note in result.notes)
     assert not any("not believed" in note for note in result.notes)
@@ -360,30 +350,29 @@ def test_a_passive_joint_needs_no_effort_and_its_row_is_believed(tmp_path: Path)
 @pytest.mark.usefixtures("unrendered")
 @pytest.mark.parametrize("kinds", FEW.values(), ids=FEW)
 def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
-    kinds: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    kinds: tuple[str, ...], here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Estimate by all observers with checks, friction, a known force and pages; self-check; calibrate; stream."""
-    monkeypatch.chdir(tmp_path)
-    table, few = robot_table(tmp_path, *kinds, motors=len(kinds)), robot_map(len(kinds))
+    table, few = robot_table(here, *kinds, motors=len(kinds)), robot_map(len(kinds))
     table.to_csv("log.csv", index=False)
     values = robot_map(len(kinds), friction={"fit": [0.0, 1.0], "to": "check.wrench"})
     values["observer"] = {"names": ["momentum", "force_level", "kalman", "smoother", "second_order", "super_twisting"]}
     Path("map.toml").write_text(tomli_w.dumps(values))
-    assert call(monkeypatch, "estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0, capsys.readouterr()
-    assert (tmp_path / "out" / "replay.html").stat().st_size > 1000
+    assert call("estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0, capsys.readouterr()
+    assert (here / "out" / "replay.html").stat().st_size > 1000
     known = copy.deepcopy(few)
     known["known"] = {"cell": {**known.pop("check")["wrench"], "frame": "tip", "axes": "world"}}
-    record = opened(tmp_path, "log", known)
+    record = recorded(here / "log.csv", known)
     assert np.abs(estimate(record).estimates["force_level"].components[100:]).max() < 0.05
     check_record(record)
     calibrate([record], parameters=["mass"])
     del few["check"]
     none = np.zeros(len(kinds))  # of friction, which the stream would else count among the errors of its rows
     told = FittedValues(joints=record.robot.joints, friction=JointFriction(none, none, none, none), scale=none + 1.0)
-    online, found = OnlineEstimator(parse_map(few, "of the test"), tmp_path, values=told), []
+    online, found = OnlineEstimator(parse_map(few, "of the test"), here, values=told), []
     for row in table.to_dict("records"):
         found += online.push(row["t"], row)
-    whole = estimate(opened(tmp_path, "log", few)).estimates["force_level"].components[-1]
+    whole = estimate(recorded(here / "log.csv", few)).estimates["force_level"].components[-1]
     np.testing.assert_allclose(list(found[-1].components.values()), whole, atol=0.01)  # other expected sizes
 
 

@@ -1,12 +1,11 @@
 """Values of a map that no recording can mean: each is refused by its key, or by name once the record is known."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 import pytest
 from support.bad_maps import keys
+from support.recorded import recorded
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import LogError, MapError
@@ -86,9 +85,8 @@ def test_a_value_that_cannot_be_is_refused_by_its_key(key: str, value: Any, said
 )
 def test_a_value_outside_the_record_is_refused(key: str, value: Any, said: str, recording: Path) -> None:
     """Its length and rate are known once it is read."""
-    chosen = parse_map(_changed(key, value), "map.toml")
     with pytest.raises((MapError, LogError, ValueError), match=said):
-        estimate(open_record(recording / "log.csv", chosen, recording))
+        estimate(recorded(recording / "log.csv", _changed(key, value)))
 
 
 def test_one_wrong_stamp_costs_nothing(recording: Path, tmp_path: Path) -> None:
@@ -99,7 +97,6 @@ def test_one_wrong_stamp_costs_nothing(recording: Path, tmp_path: Path) -> None:
         (tmp_path / "log.csv").write_text("\n".join(moved) + "\n")
         record = open_record(tmp_path / "log.csv", Map(**table_map(recording / "robot.urdf")))  # type: ignore[arg-type]
         assert sum(last - first for first, last in record.parts) >= 40
-        assert record.log is not None
         assert record.log.clocks["table"].off or any("no sample from" in note for note in record.notes)
 
 

@@ -1,7 +1,5 @@
 """Checksums of MCAP files: those that this package writes have them, and a bag without any is noted."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from pathlib import Path

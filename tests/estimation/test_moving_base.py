@@ -1,16 +1,14 @@
 """An arm on a base that something else moves, as a ship does: by an IMU at the base its forces are right."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pinocchio as pin
+from support.recorded import recorded
 from support.six_joints import SIX, six_joints, six_map
 
-from aerobat_pin import estimate, open_record
-from aerobat_pin.records import parse_map
+from aerobat_pin import estimate
 
 AXES = "xyz"
 
@@ -48,11 +46,10 @@ def test_an_arm_on_a_ship_needs_its_imu(tmp_path: Path) -> None:
     free = fixed | {"robot": fixed["robot"] | {"root": "free_flyer", "rows": {"ignore": ["base"]}}, "base": base}
     errors = []
     for chosen in (fixed, free):
-        result = estimate(open_record(tmp_path / "ship.csv", parse_map(chosen, "of the test"), tmp_path))
+        result = estimate(recorded(tmp_path / "ship.csv", chosen))
         found = result.estimates["force_level"]
         errors.append(np.sqrt(np.mean(found.components[100:] ** 2)))
     assert errors[0] > 1.0
     assert errors[1] < 0.3 * errors[0]
-    assert found.standard_deviation is not None
     assert np.mean(np.abs(found.components[100:]) < 2.0 * found.standard_deviation[100:]) > 0.95
     assert not any(finding.check == "mean force" for finding in result.findings)

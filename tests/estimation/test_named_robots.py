@@ -1,7 +1,5 @@
 """Robots by their names: a push at the last link is found as exactly as the estimate says."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +20,6 @@ def test_a_push_is_found_as_exactly_as_is_said(name: str, tmp_path: Path) -> Non
     middle = 0.5 * (found.time[1:] + found.time[:-1])
     good = (middle > 0.15) & (np.abs(middle[:, None] - EDGES).min(axis=1) > 6.0 / GAIN)
     error, shown = (found.components - log.true(middle))[good], found.shown[good]
-    assert found.standard_deviation is not None
     assert shown.any()
     assert np.mean((np.abs(error) < 2.0 * found.standard_deviation[good])[shown]) > 0.9
     assert np.sqrt(np.mean(error[shown] ** 2)) < 0.05 * log.weight
@@ -36,7 +33,6 @@ def test_what_a_fast_filter_lets_through_is_part_of_the_deviation(name: str, tmp
     found = estimate(log.record(tmp_path)).estimates["force_level"]
     middle = 0.5 * (found.time[1:] + found.time[:-1])
     good = found.shown & (middle > 0.15)[:, None]
-    assert found.standard_deviation is not None
     assert np.mean((np.abs(found.components - log.true(middle)) < 2.0 * found.standard_deviation)[good]) > 0.95
 
 

@@ -5,8 +5,6 @@ and six harmonics learnt on 4 s of free flight 1/3/1 mN; R2 of a push 0.99 along
 docs/structural_error.md learns four.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A robot with a force of its own, as a user would write it: the drone of the example, and what it gets for that."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from dataclasses import replace
@@ -23,8 +21,6 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "13_a_force_of_your
 def example() -> ModuleType:
     """The example as a module."""
     found = importlib.util.spec_from_file_location("a_force_of_your_own", EXAMPLE)
-    assert found is not None
-    assert found.loader is not None
     module = sys.modules[found.name] = importlib.util.module_from_spec(found)
     found.loader.exec_module(module)
     return module

@@ -1,7 +1,5 @@
 """The recursions of the joint smoother against one dense least-squares problem over all states of a record."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerobat_pin.aerobat.raw.recursion import Filtered, SampleRows, Smoothed, filter_record, smooth_record

@@ -1,7 +1,5 @@
 """Rows of the joint smoother against difference quotients of what they linearise."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

@@ -1,7 +1,5 @@
 """From raw samples to forces: the joint smoother, its deviations, the causal filter, clocks, and what is refused."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from functools import cache
@@ -64,7 +62,6 @@ def smoothed(torque: str, *settings: str) -> tuple[JointSmoother, RawRecord, Joi
 
 def truth(log: FlightLog) -> np.ndarray:
     """Return the true forces without noise (m, 2, 3)."""
-    assert log.truth is not None
     points = [str(point) for point in log.truth["point"].values]
     return log.truth["force_noise_free_W"].values[:, [points.index(frame) for frame in FRAMES]]
 
@@ -82,7 +79,6 @@ def test_forces_motion_and_biases_are_found_with_an_accelerometer() -> None:
     _, _, found = smoothed("measured")
     assert found.settled
     assert np.all(worst_r2(found.force, truth(log)) > [0.95, 0.99, 0.99])
-    assert log.truth is not None
     error = found.nominal.twist - log.truth["v"].values[:, :6]
     assert np.sqrt(np.mean(error[:, :3] ** 2)) < 2e-3
     np.testing.assert_allclose(found.bias[:3], [0.002, -0.002, 0.002], atol=2e-3)  # yaw: 130 poses of 3 mrad
@@ -206,7 +202,6 @@ def test_the_causal_filter_lets_a_force_jump() -> None:
     samples = JointFilter(smoother, found.tuning, record.channels, "measured").run(record)
     at = int(np.searchsorted(record.time, 1.0025))
     last = samples[at + 1]
-    assert last is not None
     np.testing.assert_allclose(last.force, truth(log)[at], atol=0.02)
     assert np.abs(truth(log)[at] - truth(log)[at - 5]).max() > 0.1
 
@@ -230,8 +225,6 @@ def test_poses_may_come_late_to_the_causal_filter() -> None:
             samples |= waiting[-11]
         late = stream.update(float(record.time[k]), samples, record.known[max(k - 1, 0)])
     last = at_once[-1]
-    assert late is not None
-    assert last is not None
     np.testing.assert_allclose(late.placement[:3], last.placement[:3], atol=1e-3)
     np.testing.assert_allclose(late.twist[:3], last.twist[:3], atol=5e-3)
     np.testing.assert_allclose(late.force, last.force, atol=0.01)

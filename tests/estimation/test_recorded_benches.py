@@ -1,7 +1,5 @@
 """Whole recordings through the one door: a quadrotor's drag and wind, a hopper with friction, a force plate."""
 
-from __future__ import annotations
-
 import copy
 import re
 from pathlib import Path
@@ -11,10 +9,11 @@ import pandas as pd
 import pinocchio as pin
 import pytest
 from support.drone import DRAG, MAP, drag_slopes, flight, plain_force
+from support.recorded import recorded
+from support.robot_parts import efforts, joint, link
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import calibrate, estimate
-from aerobat_pin.records import open_record, parse_map
 
 NAMES = {"motors": ["m1", "m2", "m3", "m4"], "supply": ["vbat"], "up": ["imu_acc_z"]}
 
@@ -23,7 +22,7 @@ def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
     """Within 0.5 mN per m/s of it; and within 1 of the truth. The command's lead is found."""
     table = flight()
     table.to_csv(tmp_path / "flight.csv", index=False)
-    found = estimate(open_record(tmp_path / "flight.csv", parse_map(MAP, "of the test"), tmp_path))
+    found = estimate(recorded(tmp_path / "flight.csv", MAP))
     level = found.estimates["force_level"]
     middle = 0.5 * (level.time[1:] + level.time[:-1]) - 1 / 20.0  # 1/K late
     velocity = np.stack([np.interp(middle, table.t, table[f"v{axis}"]) for axis in "xyz"], axis=1)
@@ -36,14 +35,14 @@ def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
     assert fit.outside < 0.02 * fit.before + 4e-3
     late = copy.deepcopy(MAP)
     late["known"]["thrust"]["delay"] = 0.0
-    said = estimate(open_record(tmp_path / "flight.csv", parse_map(late, "of the test"), tmp_path)).warnings
+    said = estimate(recorded(tmp_path / "flight.csv", late)).warnings
     assert any(re.search(r"known\.thrust leads the acceleration by (3[6-9]|4\d) ms", text) for text in said), said
 
 
 def test_the_mean_force_of_wind(tmp_path: Path) -> None:
     """Within 2 mN of 30 mN (a tenth of the weight)."""
     flight(wind=0.03).to_csv(tmp_path / "wind.csv", index=False)
-    found = estimate(open_record(tmp_path / "wind.csv", parse_map(MAP, "of the test"), tmp_path))
+    found = estimate(recorded(tmp_path / "wind.csv", MAP))
     assert found.estimates["force_level"].force[100:, 0, 0].mean() == pytest.approx(0.03, abs=2e-3)
 
 
@@ -55,41 +54,24 @@ def test_a_misread_attitude_makes_two_weights_of_force(tmp_path: Path) -> None:
     values["base"]["rate"] = {"from": "pose"}
     values["known"]["thrust"] |= {"coefficients": [0.0067, 0.00132]}
     del values["known"]["thrust"]["fit"]
-    estimate(open_record(tmp_path / "flight.csv", parse_map(values, "of the test"), tmp_path))
+    estimate(recorded(tmp_path / "flight.csv", values))
     values["base"]["quaternion"]["columns"] = ["qw", "qx", "qy", "qz"]
     with pytest.raises(LogError, match=r"mean force over weight is .*, 2\.0\d+ .*about 2 if the attitude is misread"):
-        estimate(open_record(tmp_path / "flight.csv", parse_map(values, "of the test"), tmp_path))
-
-
-LIMIT = '<limit lower="-9" upper="9" effort="99" velocity="99"/>'
-
-
-def link(name: str, mass: float, centre: str, moments: tuple[float, float, float]) -> str:
-    """Return a link of a URDF, its moments of inertia about its centre of mass."""
-    x, y, z = moments
-    inertia = f'<inertia ixx="{x}" ixy="0" ixz="0" iyy="{y}" iyz="0" izz="{z}"/>'
-    return f'<link name="{name}"><inertial><origin xyz="{centre}"/><mass value="{mass}"/>{inertia}</inertial></link>'
-
-
-def joint(name: str, kind: str, parent: str, child: str, below: float) -> str:
-    """Return a joint of a URDF, some way below its parent; hinges turn about y, slides go along z."""
-    axis = "0 0 1" if kind == "prismatic" else "0 1 0"
-    ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="0 0 {-below}"/>'
-    return f'<joint name="{name}" type="{kind}">{ends}<axis xyz="{axis}"/>{LIMIT}</joint>'
+        estimate(recorded(tmp_path / "flight.csv", values))
 
 
 def leg(rail: str) -> str:
     """Return a leg of two joints below a base, which slides on a rail (`prismatic`) or is screwed to it (`fixed`)."""
     parts = [
-        '<link name="root"/>',
-        link("base_link", 0.5, "0 0 0", (1e-3, 1e-3, 1e-3)),
+        link("root"),
+        link("base_link", 0.5, moments=(1e-3, 1e-3, 1e-3)),
         link("upper", 0.15, "0 0 -0.08", (4e-4, 4e-4, 3e-5)),
         link("lower", 0.04, "0 0 -0.09", (1e-4, 1e-4, 1e-5)),
-        '<link name="contact"/>',
-        joint("rail", rail, "root", "base_link", 0.0),
-        joint("hip", "revolute", "base_link", "upper", 0.0),
-        joint("knee", "revolute", "upper", "lower", 0.16),
-        joint("foot", "fixed", "lower", "contact", 0.16),
+        link("contact"),
+        joint("rail", rail, "root", "base_link", axis="0 0 1", limit=9),
+        joint("hip", "revolute", "base_link", "upper", limit=9),
+        joint("knee", "revolute", "upper", "lower", "0 0 -0.16", limit=9),
+        joint("foot", "fixed", "lower", "contact", "0 0 -0.16"),
     ]
     return f'<robot name="leg">{"".join(parts)}</robot>'
 
@@ -101,18 +83,14 @@ def hopper(folder: Path, moves: float = 0.0) -> None:
     """
     (folder / "leg.urdf").write_text(leg("prismatic"))
     model = pin.buildModelFromXML(leg("prismatic"))
-    data, time = model.createData(), np.arange(8000) * 1e-3
+    time = np.arange(8000) * 1e-3
     hip, knee = 0.6 + 0.25 * np.sin(2.6 * time), -1.2 + 0.4 * np.sin(2.6 * time + 0.4)
     height = moves * np.sin(9.0 * time)
     q = np.column_stack([height, hip, knee])
     v = np.gradient(q, 1e-3, axis=0)
     a = np.gradient(v, 1e-3, axis=0)
     force = np.column_stack([2.0 * np.sin(1.9 * time), 0 * time, 12.0 + 8.0 * np.sin(3.1 * time)])
-    tau = np.empty((len(time), 2))
-    contact = model.getFrameId("contact")
-    for k in range(len(time)):
-        J = pin.computeFrameJacobian(model, data, q[k], contact, pin.LOCAL_WORLD_ALIGNED)[:3]
-        tau[k] = (pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ force[k])[1:]
+    tau = efforts(model, "contact", q, v, a, force)[:, 1:]
     friction = np.array([0.05, 0.12]) * np.tanh(v[:, 1:] / 0.02) + 0.02 * v[:, 1:]
     shown = (tau + friction) / 0.9 + 0.002 * np.random.default_rng(0).standard_normal(tau.shape)
     columns = {
@@ -142,20 +120,17 @@ def test_friction_and_torque_scale_of_a_hopper(tmp_path: Path) -> None:
         },
         "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 30}},
     }
-    plain = estimate(open_record(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path))
+    plain = estimate(recorded(tmp_path / "hopper.csv", values))
     values["joints"]["friction"] = {"fit": [0, 4], "to": "check.wrench", "scale": True}
-    fitted = estimate(open_record(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path))
+    fitted = estimate(recorded(tmp_path / "hopper.csv", values))
     before, after = (one.observers["force_level"].points["contact"] for one in (plain, fitted))
-    assert before["Fz"].r2 is not None
-    assert after["Fz"].r2_outside_fit is not None
     assert before["Fz"].r2 < 0.97
     assert after["Fz"].r2_outside_fit > 0.995
     assert any("contact.Fy: seen 0% of the time" in finding.text for finding in fitted.findings)
     knee = fitted.forces.fits[1].values
     assert knee["effort times"] == pytest.approx(0.9, abs=0.02)
     assert knee["coulomb"] == pytest.approx(0.12, abs=0.02)
-    learnt = calibrate([open_record(tmp_path / "hopper.csv", parse_map(values, "of the test"), tmp_path)])
-    assert learnt.fitted.friction is not None
+    learnt = calibrate([recorded(tmp_path / "hopper.csv", values)])
     assert not np.any(learnt.fitted.friction.offset)  # which is also the sensor's tare
     assert learnt.fitted.fits[1].values == {**knee, "offset": 0.0}
     assert learnt.detection is None  # it was pushed all the time
@@ -179,14 +154,12 @@ def test_a_rail_that_moves_though_the_map_holds_it(tmp_path: Path) -> None:
         },
         "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 30}},
     }
-    moving = estimate(open_record(tmp_path / "degrees.csv", parse_map(values, "of the test"), tmp_path))
+    moving = estimate(recorded(tmp_path / "degrees.csv", values))
     joints = values["joints"]
     joints |= {"names": ["hip", "knee"], "held": {"rail": 0.0}}
     joints["position"]["columns"] = ["q_hip", "q_knee"]
-    held = estimate(open_record(tmp_path / "degrees.csv", parse_map(values, "of the test"), tmp_path))
+    held = estimate(recorded(tmp_path / "degrees.csv", values))
     right, wrong = (one.observers["force_level"].points["contact"]["Fx"].rmse_outside_fit for one in (moving, held))
-    assert right is not None
-    assert wrong is not None
     assert right < 0.15
     assert wrong > 2.0 * right
     assert any(re.search(r"contact at 0\.\d+ m/s.*move in its place \(rail\)", str(one)) for one in held.findings)
@@ -198,18 +171,14 @@ def bench(folder: Path) -> np.ndarray:
     text = leg("fixed")
     (folder / "arm.urdf").write_text(text)
     model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
-    data, time = model.createData(), np.arange(3000) * 1e-3
+    time = np.arange(3000) * 1e-3
     joints = np.column_stack([0.5 * np.sin(9.0 * time), -0.8 + 0.4 * np.sin(11.0 * time)])
     rates = np.gradient(joints, 1e-3, axis=0)
     bends = np.gradient(rates, 1e-3, axis=0)
     tip = np.column_stack([0.6 * np.sin(5.0 * time), 0.3 * np.cos(4.0 * time), 0.5 + 0.4 * np.sin(7.0 * time)])
-    plate = np.empty((len(time), 6))
-    frame = model.getFrameId("contact")
-    for k in range(len(time)):
-        q = np.concatenate([[0, 0, 0, 0, 0, 0, 1], joints[k]])
-        v, a = np.concatenate([np.zeros(6), rates[k]]), np.concatenate([np.zeros(6), bends[k]])
-        J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
-        plate[k] = (pin.rnea(model, data, q, v, a) - J.T @ tip[k])[:6]
+    q = np.column_stack([np.tile([0, 0, 0, 0, 0, 0, 1], (len(time), 1)), joints])
+    v, a = (np.pad(values, ((0, 0), (6, 0))) for values in (rates, bends))
+    plate = efforts(model, "contact", q, v, a, tip)[:, :6]
     columns = {"t": time, "hip": joints[:, 0], "knee": joints[:, 1]}
     names = ("fx", "fy", "fz", "mx", "my", "mz")
     columns |= {name: -plate[:, k] for k, name in enumerate(names)}  # a load cell shows the force on itself
@@ -229,7 +198,7 @@ def test_a_load_cell_as_known_input_and_as_truth(tmp_path: Path) -> None:
         "check": {"wrench": {"columns": ["tip_fx", "tip_fy", "tip_fz"], "point": "contact"}},
         "observer": {"gain": 500},
     }
-    found = estimate(open_record(tmp_path / "bench.csv", parse_map(values, "of the test"), tmp_path))
+    found = estimate(recorded(tmp_path / "bench.csv", values))
     error = found.estimates["force_level"].force[50:, 0] - tip[50:-1]
     assert np.sqrt(np.mean(error**2)) < 0.02
     assert "rows of hip, knee are not believed" in " ".join(found.notes)
@@ -237,6 +206,6 @@ def test_a_load_cell_as_known_input_and_as_truth(tmp_path: Path) -> None:
     truth["robot"] = {"urdf": "arm.urdf", "wrenches": ["base_link"]}
     truth["known"] = {"push": {"columns": ["tip_fx", "tip_fy", "tip_fz"], "frame": "contact", "axes": "world"}}
     truth["check"] = {"wrench": {"columns": ["fx", "fy", "fz", "mx", "my", "mz"], "sign": -1, "point": "base_link"}}
-    other = estimate(open_record(tmp_path / "bench.csv", parse_map(truth, "of the test"), tmp_path))
+    other = estimate(recorded(tmp_path / "bench.csv", truth))
     for score in other.observers["force_level"].points["base_link"].values():
         assert score.r2 is None or score.r2 > 0.985  # what nobody measured is believed to a tenth

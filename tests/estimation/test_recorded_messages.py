@@ -1,7 +1,5 @@
 """The stream of docs/recordings.md runs with recorded messages; currents become torques by one constant."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -9,20 +7,19 @@ import numpy as np
 import pytest
 import tomli_w
 from support.pages import ROOT
+from support.recorded import recorded
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import estimate
-from aerobat_pin.records import open_record, parse_map
 from aerobat_pin.records.messages import stamp
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(here: Path) -> Path:
     """Return the current folder, with the quadruped's URDF."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "quadruped.urdf").write_text(urdf())
-    return tmp_path
+    (here / "quadruped.urdf").write_text(urdf())
+    return here
 
 
 def test_the_stream_of_the_docs_finds_the_forces(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -51,12 +48,12 @@ def test_currents_of_all_joints_have_one_constant(folder: Path) -> None:
     columns = values["joints"]["effort"]["columns"]
     frame.assign(**{name: frame[name] / 3.0 for name in columns}).to_csv("walk.csv", index=False)
     values["joints"]["effort"] |= {"unit": "A", "torque_per_unit": {"*": 3.0}}
-    found = estimate(open_record(Path("walk.csv"), parse_map(values, "of the test"), folder))
+    found = estimate(recorded(Path("walk.csv"), values))
     assert found.warnings == []
     frame.assign(**{name: 1e3 * frame[name] / 3.0 for name in columns}).to_csv("walk.csv", index=False)
     values["joints"]["effort"] |= {"unit": "mA", "torque_per_unit": {"*": 0.003}}
-    again = estimate(open_record(Path("walk.csv"), parse_map(values, "of the test"), folder))
+    again = estimate(recorded(Path("walk.csv"), values))
     np.testing.assert_allclose(again.estimates["force_level"].force, found.estimates["force_level"].force, atol=1e-9)
     values["joints"]["effort"]["torque_per_unit"] = {"knee": 3.0}
     with pytest.raises(MapError, match=r"torque_per_unit: no joint 'knee'"):
-        estimate(open_record(Path("walk.csv"), parse_map(values, "of the test"), folder))
+        estimate(recorded(Path("walk.csv"), values))

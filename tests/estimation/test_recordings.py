@@ -1,7 +1,5 @@
 """Recordings of any robot: the right map gives the right forces, and every wrong one is refused or named."""
 
-from __future__ import annotations
-
 import copy
 import re
 from collections.abc import Callable
@@ -12,12 +10,13 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
+from support.recorded import recorded
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError, LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, OnlineSample, Result, estimate
 from aerobat_pin.estimation.checks.compare import compare
-from aerobat_pin.records import describe_map, open_record, parse_map
+from aerobat_pin.records import describe_map, parse_map
 from aerobat_pin.records.messages import stamp
 from aerobat_pin.records.resample import line_means, turn_rates
 
@@ -26,7 +25,7 @@ Edit = Callable[[dict[str, Any]], None]
 
 def estimated(log: Path, values: dict[str, Any]) -> Result:
     """Return the estimate of a log whose robot lies beside it."""
-    return estimate(open_record(log, parse_map(values, "of the test"), log.parent))
+    return estimate(recorded(log, values))
 
 
 @pytest.fixture
@@ -52,7 +51,6 @@ def test_a_table_gives_the_feet_their_forces(folder: Path) -> None:
     assert np.max(foot_errors(found, 0.0)) < 0.035
     assert found.warnings == []
     score = found.observers["force_level"].points["FL_FOOT"]["Fz"]
-    assert score.r2 is not None
     assert score.r2 > 0.9999
     assert score.factor == pytest.approx(1.0, abs=1e-3)
 
@@ -292,7 +290,6 @@ def test_a_comparison_finds_factor_and_lag() -> None:
     series = np.stack([np.sin(7.0 * time) + 0.3 * np.cos(31.0 * time)], axis=1)
     late = 2.0 * np.interp(time - 0.0123, time, series[:, 0])[:, None]
     found = compare(series, late, time)
-    assert found is not None
     assert found.factor[0] == pytest.approx(2.0, rel=0.01)
     assert found.lag == pytest.approx(0.0123, abs=1e-4)
 

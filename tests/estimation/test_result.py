@@ -1,18 +1,17 @@
 """One score and one `metrics.json` for every source: a flight with its truth, a recording with a force sensor."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from support.recorded import recorded
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.estimation import Moments, PairedEstimate, StoredEstimate, estimate
 from aerobat_pin.experiments import Experiment, write
-from aerobat_pin.records import open_record, parse_map, series_of
+from aerobat_pin.records import series_of
 
 EVERYWHERE = {
     "contacts",
@@ -42,8 +41,6 @@ def test_a_sensor_that_shows_the_truth_gives_the_scores_of_the_truth(paper: Expe
         rows = np.asarray(truth.noise_free)
         sensor = replace(truth, kind="sensor", values=series_of(stored.start.spool, rows), noise_free=None)
         own, other = (PairedEstimate.of(stored, one, paper.scores.dt) for one in (truth, sensor))
-        assert own is not None
-        assert other is not None
         shown = other.scores()
         for axis, score in own.scores().items():
             assert shown[axis].r2 == pytest.approx(score.r2_noise_free, abs=1e-14)
@@ -51,7 +48,6 @@ def test_a_sensor_that_shows_the_truth_gives_the_scores_of_the_truth(paper: Expe
             assert score.factor is None
             assert shown[axis].factor == pytest.approx(1.0, abs=0.02)
         noisy = PairedEstimate.of(stored, replace(truth, kind="sensor", noise_free=None), paper.scores.dt)
-        assert noisy is not None
         for axis, score in noisy.scores().items():
             assert score.rmse == pytest.approx(own.scores()[axis].rmse, abs=1e-14)
             assert score.r2 == pytest.approx(own.scores()[axis].r2, abs=1e-14)
@@ -79,12 +75,11 @@ def test_metrics_have_the_same_keys_for_every_source(paper: Experiment, tmp_path
     """Of a flight with its truth and of a recording with a sensor; the file is what Python gives."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
     table(walk()).to_csv(tmp_path / "walk.csv", index=False)
-    chosen = parse_map(table_map(Path("quadruped.urdf")), "of the test")
-    recorded = estimate(open_record(tmp_path / "walk.csv", chosen, tmp_path))
+    result = estimate(recorded(tmp_path / "walk.csv", table_map(Path("quadruped.urdf"))))
     (tmp_path / "out").mkdir()
-    write(recorded, tmp_path / "out")
+    write(result, tmp_path / "out")
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
-    assert metrics == json.loads(json.dumps(recorded.metrics()))
+    assert metrics == json.loads(json.dumps(result.metrics()))
     for found, point in ((metrics, "FL_FOOT"), (paper.metrics, "left")):
         assert set(found) >= EVERYWHERE
         assert found["version"] == 2
@@ -95,7 +90,7 @@ def test_metrics_have_the_same_keys_for_every_source(paper: Experiment, tmp_path
     assert set(paper.metrics) - EVERYWHERE == {"flight", "torque", "note"}
     assert paper.metrics["observers"]["momentum"]["left"]["Fx"].keys() == TRUTH
     sensed = metrics["observers"]["force_level"]["FL_FOOT"]["Fz"]
-    assert sensed == asdict(recorded.observers["force_level"].points["FL_FOOT"]["Fz"])
+    assert sensed == asdict(result.observers["force_level"].points["FL_FOOT"]["Fz"])
     assert metrics["used_s"] == pytest.approx(3.0)
 
 

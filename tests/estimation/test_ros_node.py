@@ -1,7 +1,5 @@
 """`aerobat node` with real ROS 2: forces, contacts and health of a walk, over the network of this machine."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

@@ -1,7 +1,5 @@
 """The scores: R2, lag and what counts as no signal."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -44,17 +42,8 @@ def test_the_lag_of_a_first_order_filter_is_its_time_constant(gain: float) -> No
     assert lag(estimate, truth, dt) == pytest.approx(a / (1.0 - a) * dt, rel=0.05)
 
 
-def test_pitch_is_reported_nose_up_and_roll_right_wing_down() -> None:
-    """With x forward, y left, z up a turn about -y lifts the nose, a turn about +x drops the right wing."""
-    half = np.radians(5.0)
-    up = np.array([[0, 0, 0, 0, -np.sin(half), 0, np.cos(half), 0, 0, 0, 0]])
-    np.testing.assert_allclose(np.degrees(euler_angles(up)), [[0.0, 10.0, 0.0]], atol=1e-12)
-    right = np.array([[0, 0, 0, np.sin(half), 0, 0, np.cos(half), 0, 0, 0, 0]])
-    np.testing.assert_allclose(np.degrees(euler_angles(right)), [[10.0, 0.0, 0.0]], atol=1e-12)
-
-
 def test_attitude_and_velocity_are_pinocchios_own() -> None:
-    """Random attitudes through `pin.rpy` and `pin.Quaternion`."""
+    """Random attitudes through `pin.rpy` and `pin.Quaternion`; pitch is positive nose up, so about -y."""
     random = np.random.default_rng(4)
     q, v = random.standard_normal((50, 11)), random.standard_normal((50, 10))
     q[:, 3:7] /= np.linalg.norm(q[:, 3:7], axis=1, keepdims=True)
@@ -79,7 +68,6 @@ def test_the_lag_compares_the_estimate_with_the_truth_rolled_sample_by_sample() 
 def test_a_true_force_is_found_by_the_name_of_its_point() -> None:
     """Not by its place among the points; a point on which nothing acts has the force zero."""
     log = simulate(load_scenario("paper", ["simulation.duration=0.005", "air.strips=4", "air.warm_up_cycles=0"]))
-    assert log.truth is not None
     values = log.truth["force_W"].copy()
     values.loc[{"point": "left_force_point"}], values.loc[{"point": "right_force_point"}] = 1.0, 2.0
     marked = FlightLog(log.measured, log.truth.assign(force_W=values))

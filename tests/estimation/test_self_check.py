@@ -1,7 +1,5 @@
 """`--self-check`: how hard it pushes."""
 
-from __future__ import annotations
-
 import pytest
 
 from aerobat_pin.aerobat.estimate import belief_about

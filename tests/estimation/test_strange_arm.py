@@ -1,7 +1,5 @@
 """A robot that nobody has seen: what is shown is right within its deviation, and the rest is said to be unknown."""
 
-from __future__ import annotations
-
 import json
 import re
 import tomllib
@@ -15,6 +13,7 @@ import pytest
 import tomli_w
 import xarray as xr
 from support.commands import call
+from support.recorded import recorded
 from support.strange_arm import COULOMB, JOINTS, RATE, URDF, arm_map, nothing, pushed, write_log
 
 from aerobat_pin.estimation import OnlineEstimator, Result, calibrate, check_record, estimate
@@ -23,7 +22,7 @@ from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.deviations import lag_of_filter
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
 from aerobat_pin.observers import DOUBTFUL, OBSERVERS, SHOWN
-from aerobat_pin.records import open_record, parse_map, suggested_map
+from aerobat_pin.records import parse_map, suggested_map
 from aerobat_pin.visualization.figures.record import unexplained_limit
 
 pytestmark = pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
@@ -34,7 +33,7 @@ CASES = [*((seed, 1.0, None) for seed in (31, 32, 33)), *((seed, 1.6, LOAD) for 
 
 def opened(path: Path, points: list[str], *, friction: bool = False):
     """Return a record of the arm."""
-    return open_record(path, parse_map(arm_map(points, friction=friction), "of the test"), path.parent)
+    return recorded(path, arm_map(points, friction=friction))
 
 
 @pytest.mark.parametrize("seed", [51, 52, 53])
@@ -45,7 +44,7 @@ def test_late_efforts_are_named_with_the_delay_that_mends_the_estimate(seed: int
     for delay in (0.0, 0.06):
         chosen = arm_map(["tool0"])
         chosen["joints"]["effort"]["delay"] = delay
-        result = estimate(open_record(tmp_path / "late.csv", parse_map(chosen, "of the test"), tmp_path))
+        result = estimate(recorded(tmp_path / "late.csv", chosen))
         [found] = result.estimates.values()
         middle, stamps = 0.5 * (found.time[1:] + found.time[:-1]), np.arange(len(force)) / RATE
         truth = np.column_stack([np.interp(middle, stamps, axis) for axis in force.T])
@@ -74,7 +73,7 @@ def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(
     def found(name: str, lever: float) -> tuple[np.ndarray, Result]:
         force = write_log(tmp_path / name, seed, pushed, (lever, 0.0, 0.0), pace=pace, load=load)
         chosen = arm_map(["tool0"]) | ({} if load is None else {"payload": load})
-        record = open_record(tmp_path / name, parse_map(chosen, "of the test"), tmp_path)
+        record = recorded(tmp_path / name, chosen)
         return 0.5 * (force[1:] + force[:-1]), estimate(record, calibration=calibration)
 
     calibration = None
@@ -103,10 +102,8 @@ def test_rotors_that_the_file_lacks_are_found_beside_the_forces(
     """3 kg m2 behind the first joints' gears, or none; at 1 kHz, too, where stretches are long enough to settle."""
     force = write_log(tmp_path / "log.csv", 41, pushed, pace=2.5, rotors=rotors, rate=rate)
     chosen = arm_map(["tool0"]) | {"observer": {"gain": gain}}
-    result = estimate(open_record(tmp_path / "log.csv", parse_map(chosen, "of the test"), tmp_path))
-    assert result.forces is not None
+    result = estimate(recorded(tmp_path / "log.csv", chosen))
     friction = result.forces.values.friction
-    assert friction is not None
     np.testing.assert_allclose(friction.inertia[:3], rotors, rtol=0.2)
     found = result.estimates["force_level"]
     inside = np.abs(found.components - 0.5 * (force[1:] + force[:-1])) < 2.0 * found.standard_deviation
@@ -160,7 +157,7 @@ def test_what_the_pose_does_not_show_is_said_in_every_output(
 ) -> None:
     """Without a calibration: nothing absurd, cells left empty, times and reason in words, shares in the metrics."""
     monkeypatch.chdir(folder)
-    assert call(monkeypatch, "estimate", "push.csv", "--map", "map.toml", "--out", "out") == 0
+    assert call("estimate", "push.csv", "--map", "map.toml", "--out", "out") == 0
     said = capsys.readouterr().out
     assert "tool0.Fz: seen" in said
     assert "not seen 0 to " in said
@@ -194,7 +191,7 @@ def test_each_observer_says_of_the_belief_what_it_knows(folder: Path) -> None:
     """Six unknowns leave no row to spare, and that is said; a filter takes k from the record as a whole."""
     values = arm_map([])
     values["robot"] = values["robot"] | {"wrenches": ["tool0"], "points": []}
-    wrench = estimate(open_record(folder / "push.csv", parse_map(values, "of the test"), folder))
+    wrench = estimate(recorded(folder / "push.csv", values))
     assert "no row is to spare" in wrench.observers["force_level"].judgement[0]
     found = estimate(opened(folder / "push.csv", ["tool0"]), ["force_level", "kalman"]).observers
     assert "squared errors" in found["force_level"].judgement[0]
@@ -256,7 +253,7 @@ def test_rest_says_nothing_of_the_errors_in_motion(folder: Path) -> None:
 
     def noise(seconds: float) -> dict[str, float]:
         chosen = arm_map(["tool0"]) | {"use": {"free": [0.0, seconds]}}
-        record = open_record(folder / "free.csv", parse_map(chosen, "of the test"), folder)
+        record = recorded(folder / "free.csv", chosen)
         return noise_where_known(fitted_forces(record))
 
     assert noise(3.0) == {}
@@ -368,7 +365,7 @@ def test_a_self_check_says_whether_pose_or_map_hides_a_force(folder: Path) -> No
     hidden = [str(one) for one in check_record(opened(folder / "push.csv", ["tool0"])) if not one.ok]
     assert any(re.search(r"right at \d+% of the times: else the pose hides it", line) for line in hidden)
     chosen["robot"]["rows"] = {"ignore": JOINTS[1:5]}
-    deaf = check_record(open_record(folder / "push.csv", parse_map(chosen, "of the test"), folder))
+    deaf = check_record(recorded(folder / "push.csv", chosen))
     assert any(str(one).endswith("at no time: the map believes no row that shows it") for one in deaf)
 
 
@@ -386,7 +383,7 @@ def test_columns_that_are_called_otherwise_are_mapped_in_their_order(folder: Pat
     assert values["joints"]["names"] == JOINTS
     assert [values["joints"][part]["unit"] for part in ("position", "velocity", "effort")] == ["deg", "rad/s", "N m"]
     assert values["observer"]["gain"] == 20.0
-    found = estimate(open_record(folder / "own.csv", parse_map(values, "of the test"), folder))
+    found = estimate(recorded(folder / "own.csv", values))
     assert found.observers["force_level"].k < 3.0
 
 
@@ -421,7 +418,7 @@ def test_names_that_say_another_unit_than_they_are_taken_for_are_warned_of(
     own = dict(zip(chosen["joints"][part]["columns"], names, strict=True))
     pd.read_csv(folder / "free.csv").rename(columns=own).to_csv(tmp_path / "log.csv", index=False)
     chosen["joints"][part] = {"columns": names, **unit}
-    found = record_findings(open_record(tmp_path / "log.csv", parse_map(chosen, "of the test"), tmp_path))
+    found = record_findings(recorded(tmp_path / "log.csv", chosen))
     told = [one.text for one in found if one.check == f"unit of joints.{part}" and one.warns]
     assert len(told) == (said is not None)
     assert all(re.search(said or "", text) for text in told)

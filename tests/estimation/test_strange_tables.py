@@ -1,7 +1,5 @@
 """Tables as other programs write them: numbered columns, decimals of both kinds, a silent force sensor, bad stamps."""
 
-from __future__ import annotations
-
 import signal
 import tomllib
 from collections.abc import Iterator
@@ -11,11 +9,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from support.recorded import recorded
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Result, estimate
-from aerobat_pin.records import open_record, parse_map, suggested_map
+from aerobat_pin.records import suggested_map
 from aerobat_pin.records.csv_columns import read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
 
@@ -131,8 +130,7 @@ def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> Non
     frame = table(walk(1.4))
     frame.loc[frame.t < 0.8, ["fl_fx", "fl_fy", "fl_fz"]] = 0.0
     frame.to_csv(tmp_path / "walk.csv", index=False)
-    chosen = parse_map(table_map(Path("quadruped.urdf")), "of the test")
-    found = estimate(open_record(tmp_path / "walk.csv", chosen, tmp_path))
+    found = estimate(recorded(tmp_path / "walk.csv", table_map(Path("quadruped.urdf"))))
     assert not any(one.check == "held channel" for one in found.findings)
 
 
@@ -159,7 +157,7 @@ def wrongly_stamped(folder: Path, rows: slice, seconds: float) -> Result:
     frame.loc[rows, "t"] += seconds
     frame.to_csv(folder / "walk.csv", index=False)
     with within(60):
-        return estimate(open_record(folder / "walk.csv", parse_map(table_map(Path("quadruped.urdf")), "-"), folder))
+        return estimate(recorded(folder / "walk.csv", table_map(Path("quadruped.urdf"))))
 
 
 @pytest.mark.parametrize(

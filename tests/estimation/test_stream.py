@@ -1,7 +1,5 @@
 """A stream is the road of records, a sample at a time: equal to the batch, and nothing that arrives ends it."""
 
-from __future__ import annotations
-
 import copy
 import tracemalloc
 from dataclasses import replace
@@ -13,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from support.recorded import recorded
 from support.stream_faults import Fault, faulty
 from support.walking_log import FEET, Walk, table, table_map, urdf, walk
 
@@ -20,7 +19,7 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import OnlineEstimator, OnlineSample, estimate, stream_of
 from aerobat_pin.estimation.stream_rings import LENGTH
 from aerobat_pin.observers import DOUBTFUL
-from aerobat_pin.records import LARGEST_VALUE, Map, open_record, parse_map
+from aerobat_pin.records import LARGEST_VALUE, Map, parse_map
 
 CLOCKS = {  # channel -> rate [Hz] and first stamp [s]
     "base.position": (120.0, 0.0031),
@@ -85,7 +84,7 @@ def batch(folder: Path, chosen: Map, stamped: Stamped) -> tuple[dict[str, Any], 
     rows = [{**values, "t": time} for time, values in stamped]
     names = ["t", *(name for part in columns_of(chosen).values() for name in part)]
     pd.DataFrame(rows)[names].to_csv(folder / "log.csv", index=False, float_format="%.17g")
-    record = open_record(folder / "log.csv", chosen, folder)
+    record = recorded(folder / "log.csv", chosen)
     return dict(estimate(record, trust=True).estimates), stream_of(record)
 
 
@@ -358,4 +357,3 @@ def test_what_a_stream_cannot_do_is_refused_with_its_reason(folder: Path) -> Non
         OnlineEstimator(mapped(folder, observer={"names": ["smoother"]}), folder)
     with pytest.raises(MapError, match=r"wait = 2\.0: at least 0 s and less than 1 s"):
         OnlineEstimator(mapped(folder), folder, wait=2.0)
-    assert len(FEET) == 4

@@ -1,7 +1,5 @@
 """Aerobat's tables by shipped maps: the same forces as from arrays; what any table gains; which log is whose."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from support.recorded import recorded
 
 from aerobat_pin.aerobat import (
     AerobatRobot,
@@ -24,7 +23,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import KnownForces, inputs_of, observers_of
 from aerobat_pin.flight import simulate
 from aerobat_pin.observers import Estimate
-from aerobat_pin.records import Channel, Record, open_record, parse_map
+from aerobat_pin.records import Channel, Record
 from aerobat_pin.robot import JOINTS, believed_robot
 from aerobat_pin.scenario import RawSection, load_scenario
 
@@ -143,7 +142,6 @@ def test_raw_samples_by_the_map_give_the_forces_of_their_log(tmp_path: Path) -> 
     time = record.times(*record.parts[0])
     np.testing.assert_allclose(time, log.time, atol=1e-9)
     found = robot.motion_from(time, record.channels, observers_of(record)[0], None)
-    assert found is not None
     expected = estimate_flight(read, believed_robot(belief), belief).estimates
     forces = expected["smoother"].components
     np.testing.assert_allclose(
@@ -158,7 +156,7 @@ def opened(text: str, folder: Path, **tables: object) -> Record:
     """Return the record of a table of one body."""
     (folder / "log.csv").write_text(text)
     base = {"position": {"columns": ["x", "y", "z"]}, "quaternion": {"columns": ["qx", "qy", "qz", "qw"]}}
-    return open_record(folder / "log.csv", parse_map({"robot": BODY, "base": base, **tables}, "-"), folder)
+    return recorded(folder / "log.csv", {"robot": BODY, "base": base, **tables})
 
 
 def rows(step: float = 0.01, more: str = "", count: int = 20) -> str:

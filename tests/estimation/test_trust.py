@@ -1,7 +1,5 @@
 """What metrics, terminal and report say about how far an estimate can be trusted."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a record says first, in one sentence, whatever it is a record of."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import replace
@@ -9,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.recorded import recorded
 from support.swinging_arm import arm, arm_map, recording
 from support.walking_log import table, table_map, urdf, walk
 
@@ -17,7 +16,6 @@ from aerobat_pin.estimation.observer_scores import score_table
 from aerobat_pin.estimation.verdict import quantity
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.observers import Estimate, force_size
-from aerobat_pin.records import open_record, parse_map
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.result_pages import report_html
 
@@ -85,7 +83,6 @@ def test_noise_is_no_push_and_a_push_in_noise_is_one(paper: Experiment, stated: 
 def test_what_an_observer_states_before_it_knows_anything_counts_nowhere(paper: Experiment) -> None:
     """Neither in the deviation, which is a median, nor as a push."""
     made = noisy(paper)
-    assert made.standard_deviation is not None
     made.standard_deviation[:50] = 10.0
     made.components[:50] = 500.0
     stored = StoredEstimate.of(made)
@@ -100,7 +97,6 @@ def test_what_an_observer_states_before_it_knows_anything_counts_nowhere(paper: 
 def test_a_push_is_judged_by_the_deviation_at_its_time(paper: Experiment) -> None:
     """What is large where little is known is no push; a smaller one where much is known is."""
     made = noisy(paper)
-    assert made.standard_deviation is not None
     made.standard_deviation[600:650, 3:] = 1.0  # fifty samples, of which the median knows nothing
     made.components[600:650, 5] += 1.0
     assert "no push" in judged(paper, made).verdict
@@ -135,7 +131,6 @@ def test_contacts_are_the_pushes_where_they_are_sought(paper: Experiment) -> Non
 def test_what_cannot_be_seen_is_said(paper: Experiment) -> None:
     """Of a pose that hides a force, the component and for how long; of a wrong belief, what is not to be trusted."""
     made = noisy(paper)
-    assert made.standard_deviation is not None
     made.components[:, 0] += 1.0
     made.standard_deviation[:, 4] = 1.0
     made.standard_deviation[::4, 3] = 1.0
@@ -154,7 +149,7 @@ def test_what_a_check_doubts_and_what_nothing_tests_is_said(paper: Experiment, t
     recording(tmp_path, "pushed", pushed=True, seed=2, seconds=2.0)
     values = arm_map()
     del values["joints"]["friction"]
-    found = estimate(open_record(tmp_path / "pushed.csv", parse_map(values, "-"), tmp_path), trust=True)
+    found = estimate(recorded(tmp_path / "pushed.csv", values), trust=True)
     assert "no row is to spare: a wrong sign, order, mass, mounting or friction would look like" in found.verdict
 
 
@@ -162,8 +157,7 @@ def test_a_recording_is_judged_by_its_sensor(tmp_path: Path) -> None:
     """The four feet of a quadruped, of which the sentence names the two that are pushed most."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
     table(walk()).to_csv(tmp_path / "walk.csv", index=False)
-    chosen = parse_map(table_map(Path("quadruped.urdf")), "of the test")
-    found = estimate(open_record(tmp_path / "walk.csv", chosen, tmp_path))
+    found = estimate(recorded(tmp_path / "walk.csv", table_map(Path("quadruped.urdf"))))
     assert " and 2 more; it is off the force sensor at FL_FOOT by " in found.verdict
     assert json.loads(json.dumps(found.metrics()))["verdict"] == found.verdict
 

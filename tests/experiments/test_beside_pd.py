@@ -1,7 +1,5 @@
 """What a closed loop says of its course, beside PD alone."""
 
-from __future__ import annotations
-
 from aerobat_pin.experiments import Experiment, beside_pd, run
 from aerobat_pin.scenario import load_scenario
 from aerobat_pin.visualization.result_pages import report_html
@@ -14,7 +12,6 @@ def test_a_closed_loop_says_how_far_off_it_was_and_pd_alone() -> None:
     """In metres and degrees, with saturation and margins; PD flies the same blow with the same noise."""
     made = beside_pd(run(load_scenario("impact_closed_loop", SHORT)))
     alone = run(load_scenario("impact_closed_loop", [*SHORT, *PD]))
-    assert alone.flight is not None
     assert made.metrics["control"]["pd_rms"] == alone.flight.rms
     own, pd, effort = made.scores.notes
     assert own.startswith("off its course by ")

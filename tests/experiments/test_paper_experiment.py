@@ -1,7 +1,5 @@
 """The paper's experiment: the flight it shows, forces found better than it reports; names and units of results."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -83,7 +81,6 @@ def test_the_unknown_force_along_the_wing_normal_has_a_small_fore_aft_part(paper
 
 def test_the_noise_of_the_two_wings_is_not_the_same(paper: Experiment) -> None:
     """Independent draws: 2000 samples of each correlate by less than four standard errors."""
-    assert paper.log.truth is not None
     noise = (paper.log.truth["force_W"] - paper.log.truth["force_noise_free_W"]).values
     left, right = np.sign(noise[:, 0, 2]), np.sign(noise[:, 1, 2])  # normals of both wings point up alike
     assert abs(float(np.mean(left * right))) < 4.0 / np.sqrt(2000.0)

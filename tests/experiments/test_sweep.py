@@ -1,7 +1,5 @@
 """Sweep files and their tables: what is varied becomes a label, what fails a reason, what is wrong a message."""
 
-from __future__ import annotations
-
 import csv
 import json
 import re
@@ -192,43 +190,41 @@ def test_draws_are_the_same_for_every_seed_and_another_key_does_not_change_them(
     ],
 )
 def test_a_wrong_sweep_costs_one_message_exit_code_2_and_leaves_nothing(
-    text: str, message: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Key, value and rule, before anything flies."""
     path = written(tmp_path, SHORT + text)
-    assert call(monkeypatch, "sweep", str(path), "--out", str(tmp_path / "out")) == 2
+    assert call("sweep", str(path), "--out", str(tmp_path / "out")) == 2
     printed = capsys.readouterr()
     assert message in printed.err
     assert "Traceback" not in printed.err
     assert [one.name for one in tmp_path.iterdir()] == ["short.toml"]
 
 
-def test_a_folder_keeps_to_its_sweep(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_keeps_to_its_sweep(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Another sweep is refused, a folder of something else with --force too; --force leaves foreign files alone."""
     out = tmp_path / "out"
     path = str(written(tmp_path, SHORT))
     out.mkdir()
     (out / "results.csv").write_text("mine")
     for force in ([], ["--force"]):
-        assert call(monkeypatch, "sweep", path, "--out", str(out), "--jobs", "1", *force) == 2
+        assert call("sweep", path, "--out", str(out), "--jobs", "1", *force) == 2
         assert "holds no sweep; an empty or missing one was expected" in capsys.readouterr().err
     (out / "results.csv").unlink()
-    assert call(monkeypatch, "sweep", path, "--out", str(out), "--jobs", "1") == 0
+    assert call("sweep", path, "--out", str(out), "--jobs", "1") == 0
     printed = capsys.readouterr().out
     assert "seed = 1 " in printed
     assert f"results in {out}/: results.nc, results.csv, sweep.png" in printed
     assert (out / "sweep.png").read_bytes().startswith(b"\x89PNG")
     (out / "notes.txt").write_text("mine")
     kept = (out / "finished.jsonl").read_bytes()
-    assert call(monkeypatch, "sweep", path, "--out", str(out), "--jobs", "1") == 0
+    assert call("sweep", path, "--out", str(out), "--jobs", "1") == 0
     assert "going on: 2 of 2 runs are finished" in capsys.readouterr().out
     written(tmp_path, SHORT.replace("seeds = 2", "seeds = 3"))
-    assert call(monkeypatch, "sweep", path, "--out", str(out), "--jobs", "1") == 2
+    assert call("sweep", path, "--out", str(out), "--jobs", "1") == 2
     assert "holds another sweep: seeds differ" in capsys.readouterr().err
     assert (out / "finished.jsonl").read_bytes() == kept
-    assert call(monkeypatch, "sweep", path, "--out", str(out), "--jobs", "1", "--force") == 0
+    assert call("sweep", path, "--out", str(out), "--jobs", "1", "--force") == 0
     assert len((out / "finished.jsonl").read_text().splitlines()) == 3
     assert (out / "notes.txt").read_text() == "mine"
 
@@ -274,12 +270,10 @@ def test_a_fault_of_ours_in_one_run_does_not_stop_the_rest(monkeypatch: pytest.M
     assert list(grid["failed"].values) == ["ZeroDivisionError: ours", ""]
 
 
-def test_where_all_runs_fail_the_exit_code_says_so(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_where_all_runs_fail_the_exit_code_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The tables are there, with the reasons."""
     path = written(tmp_path, SHORT + BROKEN.replace(", 6.71e-3", ""))
-    assert call(monkeypatch, "sweep", str(path), "--out", str(tmp_path / "out"), "--jobs", "1") == 2
+    assert call("sweep", str(path), "--out", str(tmp_path / "out"), "--jobs", "1") == 2
     printed = capsys.readouterr()
     assert "2 of 2 runs are finished, 2 of them failed" in printed.out
     assert "cannot close at J4" in printed.err

@@ -4,8 +4,6 @@ By one process, many, or a cluster. What a sweep refuses before its first flight
 holds what no sweep wrote.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -167,7 +165,6 @@ def test_what_a_thread_of_joblib_raises_at_an_interruption_is_not_shown(monkeypa
 
     with pytest.raises(KeyboardInterrupt), executors._started(outcomes, []) as ends:
         list(ends)
-    assert not shown
     raise_in("another")
     assert len(shown) == 1
 

@@ -1,7 +1,5 @@
 """Log files from strangers: labels decide what a column is, and every mistake costs one message that names it."""
 
-from __future__ import annotations
-
 import os
 import sys
 from dataclasses import replace
@@ -123,7 +121,6 @@ def test_damaged_bytes_are_noticed(log: FlightLog, tmp_path: Path) -> None:
             continue
         xr.testing.assert_equal(found.measured, log.measured)
         assert found.truth is not None
-        assert log.truth is not None
         xr.testing.assert_equal(found.truth, log.truth)
     assert refused > 35
 

@@ -1,7 +1,5 @@
 """A plant that is not what is believed: elastic joints, a slipped encoder, a payload, other air."""
 
-from __future__ import annotations
-
 import copy
 import re
 from dataclasses import replace
@@ -12,6 +10,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.kernel_cases import plant_of
 
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import ScenarioError
@@ -28,12 +27,6 @@ BOTH = (*ELBOW, "plant.shoulder.stiffness=0.5", "plant.shoulder.damping=1e-3")
 VACUUM = ("plant.air_density=1e-12", "air.warm_up_cycles=0")
 SLIPPED = ("plant.crank_zero_deg=2.0",)
 PAYLOAD = ("plant.payload.mass=0.009", "plant.payload.position=[0.03,0.005,0.02]")
-
-
-def plant_of(name: str, *settings: str) -> Plant:
-    """Build the plant of a scenario."""
-    scenario = load_scenario(name, settings)
-    return Plant(flown_robot(scenario), scenario)
 
 
 def still(plant: Plant, duration: float, bent: list[float], dt: float = 1e-3) -> Trajectory:
@@ -133,7 +126,6 @@ def test_energy_goes_through_springs_and_no_other_way() -> None:
     """In air, held, pushed, the crank on its motor: what drive, air, hold and pushes give is stored or damped."""
     log, scenario = flown(*BOTH, "crank.drive=motor", "crank.motor.start_frequency=4.75")
     truth, robot, dt = log.truth, flown_robot(scenario), scenario.simulation.dt
-    assert truth is not None
     data = robot.model.createData()
     stored = [
         pin.computeKineticEnergy(robot.model, data, q, v) + pin.computePotentialEnergy(robot.model, data, q)
@@ -157,7 +149,6 @@ def test_stiff_joints_tend_to_rigid_ones() -> None:
     sizes, paths = [], []
     for k in (4.0, 16.0):
         log, _ = flown(f"plant.elbow.stiffness={k}", f"plant.elbow.damping={0.05 * np.sqrt(k) * 1e-2}")
-        assert log.truth is not None
         sizes.append(np.abs(log.truth["deflection"].values[20:]).max())
         paths.append(np.abs(log.measured["q"].values[:, :3] - rigid.measured["q"].values[:, :3]).max())
     assert 3.0 < sizes[0] / sizes[1] < 6.0
@@ -169,7 +160,6 @@ def test_a_robot_without_sensors_at_its_joints_shows_what_its_encoder_makes_of_t
     for settings, zero in ((ELBOW, 0.0), (SLIPPED, np.radians(2.0))):
         log, scenario = flown(*settings)
         robot, truth = believed_robot(scenario), log.truth
-        assert truth is not None
         np.testing.assert_allclose(log.measured["crank_angle"] - truth["crank_angle"], zero, rtol=0.0, atol=1e-12)
         shown = robot.linkage.solve(log.measured["crank_angle"].values)
         joints = log.measured["q"].values[:, list(robot.idx_q)]
@@ -179,7 +169,6 @@ def test_a_robot_without_sensors_at_its_joints_shows_what_its_encoder_makes_of_t
         np.testing.assert_array_equal(truth["q"].values[:, :7], log.measured["q"].values[:, :7])
     seen, scenario = flown(*ELBOW, "sensors.joint_angle.noise=0", "sensors.joint_rate.noise=0")
     hidden, _ = flown(*ELBOW)
-    assert hidden.truth is not None
     for name in ("q", "v"):
         np.testing.assert_array_equal(seen.measured[name], hidden.truth[name])
 
@@ -187,7 +176,6 @@ def test_a_robot_without_sensors_at_its_joints_shows_what_its_encoder_makes_of_t
 def test_a_slipped_encoder_changes_nothing_that_moves() -> None:
     """The flight is bit for bit that of a good encoder."""
     good, slipped = flown()[0], flown(*SLIPPED)[0]
-    assert slipped.truth is not None
     for name in ("q", "v", "crank_angle"):
         np.testing.assert_array_equal(slipped.truth[name], good.measured[name])
     np.testing.assert_array_equal(slipped.measured["motor_torque"], good.measured["motor_torque"])
@@ -197,8 +185,6 @@ def test_raw_samples_come_from_a_slipped_encoder_too() -> None:
     """The encoder's counts are two degrees further, the truth is not."""
     settings = ["simulation.duration=0.1", "air.warm_up_cycles=0"]
     good, slipped = (simulate(load_scenario("raw_sensors", [*settings, *more])) for more in ((), SLIPPED))
-    assert good.truth is not None
-    assert slipped.truth is not None
     away = slipped.measured["encoder"].values - good.measured["encoder"].values
     assert np.degrees(away) == pytest.approx(2.0, abs=0.1)
     for name in ("q", "v", "crank_angle", "motor_torque"):

@@ -3,8 +3,6 @@
 Flights whose crank speeds up, ripples or does what a function says: motion, log, warm-up, torques and power.
 """
 
-from __future__ import annotations
-
 import pickle
 from collections.abc import Callable
 from typing import Any

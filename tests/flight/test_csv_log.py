@@ -1,7 +1,5 @@
 """A recorded flight as a table: read as it was written, or refused with file, line, column and what was expected."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

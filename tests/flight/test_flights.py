@@ -1,7 +1,5 @@
 """All flights of the paper: drift, open loop, tumble; trim; and what must be known of the joint torques."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -192,34 +190,21 @@ def test_a_flight_that_is_pushed_to_one_side_is_not_trimmed() -> None:
         find_trim(load_scenario("tumble"))
 
 
-WIDE = ["hold.torque_limit=[9, 9, 9]", "hold.thrust_limit=9", "hold.lift_limit=9"]
-SPUN = [
-    "air.model=quasi_steady",  # without states, which would ask for more steps in an interval
-    "air.density=1e-9",
-    "flight.angular_velocity=[100, 0, 0]",
-    "unknown_force=[]",
-    "observers.frames=[]",
-]
+def test_a_robot_that_turns_through_half_a_turn_against_its_hold_converges_with_order_four() -> None:
+    """Spun up to 100 rad/s of roll in practically no air, limits of the hold out of reach.
 
-
-def order(*settings: str) -> float:
-    """Return the order with which the end of a short `paper` flight converges: three steps, each half the last."""
+    The attitude error passes 180 deg; each of three steps is half the last.
+    """
+    settings = [
+        *("hold.torque_limit=[9, 9, 9]", "hold.thrust_limit=9", "hold.lift_limit=9", "simulation.duration=0.3"),
+        "air.model=quasi_steady",  # without states, which would ask for more steps in an interval
+        *("air.density=1e-9", "flight.angular_velocity=[100, 0, 0]", "unknown_force=[]", "observers.frames=[]"),
+    ]
     first, second, third = (
-        simulate(load_scenario("paper", [*settings, f"simulation.dt={dt}"])).measured["q"].values[-1]
+        simulate(load_scenario("paper", [*settings, f"simulation.dt={dt}"])).measured["q"].values
         for dt in (1e-3, 5e-4, 2.5e-4)
     )
-    return float(np.log2(np.linalg.norm(first - second) / np.linalg.norm(second - third)))
-
-
-def test_a_held_flight_converges_with_order_four_where_the_hold_keeps_off_its_limits() -> None:
-    """0.4 s of `paper`; with its own limits, thrust and lift reach them, and such kinks make the order irregular."""
-    assert order("simulation.duration=0.4", *WIDE) == pytest.approx(4.0, abs=0.3)
-
-
-def test_a_robot_that_turns_through_half_a_turn_against_its_hold_converges_with_order_four() -> None:
-    """Spun up to 100 rad/s of roll in practically no air: the attitude error passes 180 deg."""
-    settings = ["simulation.duration=0.3", *SPUN, *WIDE]
-    q = simulate(load_scenario("paper", settings)).measured["q"].values
-    from_start = 2.0 * np.arccos(np.clip(np.abs(q[:, 3:7] @ q[0, 3:7]), 0.0, 1.0))
+    from_start = 2.0 * np.arccos(np.clip(np.abs(first[:, 3:7] @ first[0, 3:7]), 0.0, 1.0))
     assert np.max(from_start) > 3.0
-    assert order(*settings) == pytest.approx(4.0, abs=0.4)
+    coarse, fine = np.linalg.norm(first[-1] - second[-1]), np.linalg.norm(second[-1] - third[-1])
+    assert np.log2(coarse / fine) == pytest.approx(4.0, abs=0.4)

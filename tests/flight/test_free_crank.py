@@ -1,7 +1,5 @@
 """A crank that a motor turns: coupled to body, air, gravity and unknown force; its energy, limits and convergence."""
 
-from __future__ import annotations
-
 import pickle
 from functools import cache
 from typing import Any
@@ -45,7 +43,6 @@ def flown(*settings: str) -> FlightLog:
 
 def rate(log: FlightLog) -> Any:
     """Return the crank's rate at the samples [rad/s]."""
-    assert log.truth is not None
     return log.truth["crank_rate"].values
 
 
@@ -119,7 +116,6 @@ def test_the_linkage_stays_closed_and_the_log_tells_the_crank() -> None:
     """Joints are the linkage's at the crank's angle and rate; the torque that passes to the linkage is the joints'."""
     log, robot = flown(), flown_robot(scenario())
     angle, truth = log.measured["crank_angle"].values, log.truth
-    assert truth is not None
     closed = robot.linkage.solve(angle, rate(log))
     q, v = (log.measured[name].values for name in ("q", "v"))
     angles, rates = q[:, list(robot.idx_q)], v[:, list(robot.idx_v)]
@@ -174,7 +170,6 @@ def test_the_books_of_energy_close() -> None:
     chosen = scenario("crank.motor.friction=1e-4")
     log, robot = flown("crank.motor.friction=1e-4"), flown_robot(chosen)
     data, truth, dt = robot.model.createData(), log.truth, chosen.simulation.dt
-    assert truth is not None
     states = list(zip(log.measured["q"].values, log.measured["v"].values, strict=True))
     energy = np.array([pin.computeKineticEnergy(robot.model, data, q, v) for q, v in states])
     energy += np.array([pin.computePotentialEnergy(robot.model, data, q) for q, _ in states])
@@ -216,7 +211,6 @@ def test_the_torque_keeps_its_limit_and_the_rate_does_not_overshoot_after_it() -
     constants = {"start_frequency": 0.0, "rotor_inertia": 1e-3, "gain": 0.1, "integral_gain": 1.0}
     settings = [f"crank.motor.{name}={value}" for name, value in constants.items()]
     log = flown(*settings, "simulation.duration=1.5", blow(0.0))
-    assert log.truth is not None
     torque, turned = log.truth["drive_torque"].values, rate(log) / (2.0 * np.pi)
     assert np.max(np.abs(torque)) <= 0.15
     assert np.sum(torque > 0.1499) > 100
@@ -249,5 +243,4 @@ def test_a_motor_of_ones_own_replaces_the_scenarios_drive() -> None:
     assert rate(log)[0] == 25.0
     assert log.measured["crank_angle"].values[0] == -1.0
     replaced = simulate(scenario("simulation.duration=0.02"), drive=SpinUp(-1.0, 30.0, 0.5))
-    assert replaced.truth is not None
     assert "crank_rate" not in replaced.truth

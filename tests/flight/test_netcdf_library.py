@@ -1,7 +1,5 @@
 """The files that this package writes, as the NetCDF C library (and so MATLAB, nco and ncdump) sees them."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

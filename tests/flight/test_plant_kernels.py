@@ -1,7 +1,5 @@
 """The kernels of the plant equal their numpy twins, instant by instant and over a flight."""
 
-from __future__ import annotations
-
 import gc
 import itertools
 from typing import Any

@@ -1,7 +1,5 @@
 """The unknown force is the paper's signal, on its own clock, along the direction asked for."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Another simulator in the plant's place: MuJoCo with the closed linkage, and one that is none of ours."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path
@@ -100,7 +98,6 @@ def test_any_object_with_two_methods_is_a_simulator() -> None:
     log = simulate(scenario, simulator=glider)
     np.testing.assert_allclose(log.measured["q"].values[:, 0], 3.0 * log.time, atol=1e-12)
     assert not log.measured["motor_torque"].values.any()
-    assert log.truth is not None
     assert glider.force[2] == pytest.approx(
         sum(log.truth[name].values[-1, 2] for name in ("aerodynamic", "added_mass", "unknown"))
         + log.measured["known_thrusters"].values[-1, 2],
@@ -115,15 +112,14 @@ def test_any_object_with_two_methods_is_a_simulator() -> None:
         simulate(scenario, simulator=wrong)
 
 
-def test_the_command_line_flies_in_mujoco(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_command_line_flies_in_mujoco(monkeypatch: pytest.MonkeyPatch, here: Path) -> None:
     """`--plant mujoco` writes a run like any other; without the extra, one line says what to install."""
     pytest.importorskip("mujoco")
-    monkeypatch.chdir(tmp_path)
     words = ["run", "paper", "--plant", "mujoco", "--no-report", "--set", "simulation.duration=0.02"]
-    assert call(monkeypatch, *words) == 0
-    assert (tmp_path / "runs" / "paper" / "flight.nc").exists()
+    assert call(*words) == 0
+    assert (here / "runs" / "paper" / "flight.nc").exists()
     again = ["run", "runs/paper/scenario.toml", "--no-report", "--out", "again"]
-    assert call(monkeypatch, *again) == 0
+    assert call(*again) == 0
     first, second = (json.loads(Path(folder, "metrics.json").read_text()) for folder in ("runs/paper", "again"))
     assert first["observers"] == second["observers"]
     assert first["changed"]["plant.simulator"] == "mujoco"

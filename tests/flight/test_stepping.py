@@ -4,11 +4,10 @@ Sensors in the loop show what the log of the same flight shows. With many strips
 many integration steps in an interval as its air needs.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.kernel_cases import plant_of
 
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import CrankError, ShapeError, SimulationError
@@ -18,12 +17,6 @@ from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import load_scenario
 
 STEPS, DT = 60, 1e-3
-
-
-def plant_of(name: str, *settings: str) -> Plant:
-    """Build a scenario's plant."""
-    scenario = load_scenario(name, settings)
-    return Plant(flown_robot(scenario), scenario)
 
 
 def held_of(plant: Plant, count: int = STEPS) -> np.ndarray:
@@ -39,7 +32,6 @@ def test_single_steps_make_the_same_flight_to_the_bit(settings: tuple[str, ...])
     whole = plant.fly(STEPS, DT, held)
     for _ in range(2):
         samples = [plant.start(held, DT), *(plant.step() for _ in range(STEPS))]
-        assert plant.flight is not None
         made = plant.flight.trajectory()
         for name in ("q", "v", "air", "crank_angle", "crank_rate", "loads"):
             np.testing.assert_array_equal(getattr(made, name), getattr(whole, name), strict=True)
@@ -56,7 +48,6 @@ def test_a_wrench_on_the_body_is_a_known_force_and_replaces_the_hold() -> None:
     wrench = np.array([0.01, -0.02, 0.9, 1e-3, 2e-3, -3e-3])
     plant.step(wrench)
     plant.step()
-    assert plant.flight is not None
     flown = plant.flight.trajectory()
     np.testing.assert_allclose(flown.forces.thrusters[:, :6], [wrench, wrench], rtol=0.0, atol=1e-15)
     assert not np.any(flown.forces.thrusters[:, 6:])
@@ -100,7 +91,6 @@ def test_a_motor_on_the_crank_follows_a_commanded_rate() -> None:
     plant.start(held_of(plant, 700), DT)
     for k in range(700):
         plant.step(crank_rate=2.0 * np.pi * 3.0 if k == 0 else None)
-    assert plant.flight is not None
     rate = plant.flight.trajectory().crank_rate
     assert rate[0] == pytest.approx(2.0 * np.pi * 4.0)
     assert np.mean(rate[-333:]) == pytest.approx(2.0 * np.pi * 3.0, rel=0.03)
@@ -187,8 +177,7 @@ def test_number_of_steps_follows_the_fastest_mode_of_the_air() -> None:
     """Eigenvalues of A times the airspeed of the fastest strip: one step of 1 ms with 16 strips, several with 64."""
     counts = []
     for strips in (16, 64):
-        scenario = load_scenario("paper_open_loop", [f"air.strips={strips}"])
-        plant = Plant(flown_robot(scenario), scenario)
+        plant = plant_of("paper_open_loop", f"air.strips={strips}")
         counts.append(plant.substeps(1e-3))
         modes = np.linalg.eigvals(plant.air.line.state_space(1.0).A)
         assert plant.air.line.fastest_mode == pytest.approx(np.abs(modes).max(), rel=1e-9)
@@ -201,8 +190,6 @@ def test_a_divided_step_is_two_steps_of_half_the_length() -> None:
     whole, halves = free(32, 1e-3, 0.1), free(32, 5e-4, 0.1)
     for name in ("q", "v"):
         np.testing.assert_allclose(whole.measured[name].values, halves.measured[name].values[::2], atol=1e-9)
-    assert whole.truth is not None
-    assert halves.truth is not None
     for name in ("aerodynamic", "added_mass"):
         pairs = halves.truth[name].values.reshape(-1, 2, whole.truth[name].shape[1])
         np.testing.assert_allclose(whole.truth[name].values, pairs.mean(axis=1), atol=1e-9)

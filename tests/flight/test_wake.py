@@ -1,7 +1,5 @@
 """The shed wake: Kelvin's sum, trailing vortices, and where the air carries it."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -5,8 +5,6 @@ nothing of how the loops are closed and is checked against the closed form. Sigm
 x' = f_k + g_k u_k, agrees with the closed form, and drifts when it is integrated.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -37,28 +35,11 @@ def pair(points: np.ndarray) -> np.ndarray:
 
 
 @settings(max_examples=60, derandomize=True)
-@given(CRANK_ANGLES)
-def test_every_angle_and_pin_is_differentiated_by_the_crank_angle(t1: float) -> None:
-    """First and second derivatives of seven angles, both joints and ten pins against differences, step 1e-3 rad."""
-    here, near = LINKAGE.solve(t1), LINKAGE.solve(t1 + STEP)
-    assert tuple(here.angles) == ANGLES
-    assert tuple(here.pins) == PINS
-    for (name, bar), around in zip(angles_of(here).items(), angles_of(near).values(), strict=True):
-        close = 2e-9 if name in ANGLES else 1e-9
-        assert SLOPE @ np.unwrap(around.at) == pytest.approx(bar.d, rel=0.0, abs=close)
-        assert SLOPE @ around.d == pytest.approx(bar.d2, rel=0.0, abs=close)
-        assert name in ANGLES or (bar.d, bar.d2) == (getattr(here, f"d{name}"), getattr(here, f"d2{name}"))
-    for name in PINS:
-        pin, near_by = here.points[name], near.points[name]
-        assert pair(SLOPE @ near_by.at) == pytest.approx(pair(pin.d), rel=0.0, abs=2e-10)
-        assert pair(SLOPE @ near_by.d) == pytest.approx(pair(pin.d2), rel=0.0, abs=2e-10)
-
-
-@settings(max_examples=40, derandomize=True)
 @given(CRANK_ANGLES, st.floats(-100.0, 100.0), st.floats(-1e3, 1e3))
 def test_every_angle_and_pin_has_its_rate_and_acceleration(t1: float, rate: float, acceleration: float) -> None:
-    """Against differences in time along t1 + rate t + acceleration t^2 / 2."""
+    """Seven angles, both joints and ten pins, by differences in time along t1 + rate t + acceleration t^2 / 2."""
     here = LINKAGE.solve(t1, rate, acceleration)
+    assert (tuple(here.angles), tuple(here.pins)) == (ANGLES, PINS)
     scale = max(1.0, abs(rate), np.sqrt(abs(acceleration)))
     time, slope = STEP / scale, SLOPE * scale
     along = LINKAGE.solve(t1 + rate * time + acceleration * time**2 / 2.0, rate + acceleration * time, acceleration)
@@ -66,7 +47,9 @@ def test_every_angle_and_pin_has_its_rate_and_acceleration(t1: float, rate: floa
         moving = here.rate(bar), here.acceleration(bar)
         assert abs(slope @ np.unwrap(near.at) - moving[0]) < 1e-8 * scale
         assert abs(slope @ along.rate(near) - moving[1]) < 1e-8 * scale**2
-        assert name in ANGLES or moving == (getattr(here, f"{name}_dot"), getattr(here, f"{name}_ddot"))
+        if name not in ANGLES:
+            assert moving == (getattr(here, f"{name}_dot"), getattr(here, f"{name}_ddot"))
+            assert (bar.d, bar.d2) == (getattr(here, f"d{name}"), getattr(here, f"d2{name}"))
     for name in PINS:
         pin, near = here.points[name], along.points[name]
         assert pair(slope @ near.at) == pytest.approx(pair(here.rate(pin)), rel=0.0, abs=1e-9 * scale)

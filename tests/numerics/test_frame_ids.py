@@ -1,7 +1,5 @@
 """Frames by name, also where a URDF gives one name to a joint and to its link."""
 
-from __future__ import annotations
-
 import pinocchio as pin
 import pytest
 

@@ -1,7 +1,5 @@
 """The kernels and Pinocchio's memory, copies, the compiler and its cache."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

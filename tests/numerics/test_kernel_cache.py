@@ -1,7 +1,5 @@
 """Compiled kernels on disk: damaged ones are compiled again with one line, and so are another user's."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import pickle

@@ -1,7 +1,5 @@
 """States of kernels: a table names each field once, and what a state looks at lives as long as it does."""
 
-from __future__ import annotations
-
 import gc
 import itertools
 import os

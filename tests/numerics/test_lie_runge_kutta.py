@@ -5,8 +5,6 @@ order" means at least 3.9. The scheme that averages body velocities and moves al
 Runge-Kutta, is only of order two.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -105,7 +103,6 @@ def fly_plant(dt: float) -> FlightLog:
 
 def end_of(log: FlightLog) -> tuple[np.ndarray, ...]:
     """Return placement, twist, lag states and circulation at the end of a flight."""
-    assert log.truth is not None
     air = log.truth["air_state"].values[-1]
     lags = 2 * len(air) // 3
     return log.measured["q"].values[-1, :7], log.measured["v"].values[-1, :6], air[:lags], air[lags:]
@@ -149,7 +146,6 @@ def test_a_flight_with_held_noise_does_not_depend_on_the_step() -> None:
     coarse, fine = (log.measured["q"].values[:, :3] for log in logs)
     np.testing.assert_allclose(coarse, fine[::2], atol=1e-6, rtol=0)
     for log in logs:
-        assert log.truth is not None
         noise = log.truth["force_W"] - log.truth["force_noise_free_W"]
         assert float(noise.std()) > 1e-3  # it was on
 

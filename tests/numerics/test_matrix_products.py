@@ -1,7 +1,5 @@
 """Products of small matrices in the processor's vectors, against numpy's."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from support.kernel_cases import assert_equal

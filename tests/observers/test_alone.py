@@ -1,7 +1,5 @@
 """The observers run with Pinocchio, numpy and numba alone, without anything else that this package installs."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """What acts where: wrenches, directions, axes, ties, matrix gains; and what of it cannot be known, in words."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Blows that no size of a force expects: a box in free flight that is hit, of which all is known."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -38,7 +36,6 @@ def test_errors_of_rows_do_not_keep_a_share_of_a_blow(kind: type[KalmanObserver]
     )
     observer = kind(model, [Application("box", "wrench")], 100.0, expected=expected)
     found = observer.run(time, q, v, np.zeros((COUNT, 6)))
-    assert found.standard_deviation is not None
     truth = np.zeros((COUNT, 6))
     truth[HIT] = BLOW
     within = np.abs(found.components - truth) < 2.0 * found.standard_deviation

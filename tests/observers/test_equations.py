@@ -1,7 +1,5 @@
 """The readable equations: they are the lines that the documentation shows, and they need no compiler."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """Events in an estimate: false alarms at the rate asked for, known latency, the paper's step; bias of a free run."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
@@ -75,7 +73,6 @@ def test_a_level_knows_its_latency_and_marks_a_steps_onset_and_end() -> None:
         [event] = [one for one in events if one.peak > 2.5]
         late.append(event.alarm - 2.0)
         assert -detector.delay <= event.onset - 2.0 <= detector.delay
-        assert event.end is not None
         assert 0.0 <= event.end - 4.0 <= detector.delay + 5e-3
         assert event.peak == pytest.approx(4.0, abs=0.7)  # and the largest of the noise
     assert np.mean(late) == pytest.approx(detector.latency(3.0), abs=1.5e-3)

@@ -1,7 +1,5 @@
 """What is expected of forces and rows: the posterior equals its twin, its limits are known, and it knows its errors."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

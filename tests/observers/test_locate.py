@@ -1,7 +1,5 @@
 """Where one unknown point force acts: from a wrench, from the whole body's, and from a log; and when nobody can say."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

@@ -1,7 +1,5 @@
 """Predicted noise and lag against the observers themselves, and the gain for what is wanted."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest

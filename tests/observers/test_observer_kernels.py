@@ -1,7 +1,5 @@
 """The kernels of the observers equal their numpy twins on any model, in stream and batch."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -43,15 +41,6 @@ def test_observers_equal_their_twins_in_stream_and_batch(
         sample = observer.update(time[k + 1], q[k + 1], v[k + 1], tau[k], now)
         assert_equal(sample.residual / np.max(np.abs(residual)), residual[k] / np.max(np.abs(residual)), near)
         assert_equal(sample.force / np.max(np.abs(points)), points[k] / np.max(np.abs(points)), near)
-
-
-def test_without_points_the_residual_equals_the_twin() -> None:
-    """The momentum observer alone, on the arm."""
-    model, _ = MODELS["arm"]
-    time, q, v, tau, known = record(model)
-    estimate = OBSERVERS["momentum"](model, (), 500.0).run(time, q, v, tau, known)
-    residual, _ = twins.ObserverTwin("momentum", model, (), 500.0).run(time, q, v, tau, known)
-    assert_equal(estimate.residual, residual)
 
 
 @pytest.mark.parametrize("name", MODELS)

@@ -4,8 +4,6 @@ An arm and a humanoid come with Pinocchio; the robots of `FRAMES` and `MORE` wit
 What their residual must be comes from `support.without_coriolis`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

@@ -3,8 +3,6 @@
 Friction of joints as a known input: its fit, what a record does not show, and what leaving it out costs a foot.
 """
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np
@@ -223,7 +221,6 @@ def test_what_the_motion_does_not_show_is_zero_and_said() -> None:
     assert friction.coulomb[1] == friction.viscous[2] == 0.0
     assert friction.offset[2] == pytest.approx(TRUE.coulomb[2] + 3.0 * TRUE.viscous[2] + TRUE.offset[2])
     noisy = fit_friction(q, v, a, TRUE.torque(v, a) + np.random.default_rng(1).normal(0.0, 0.1, v.shape))
-    assert noisy.deviation is not None
     error = np.abs(
         [noisy.coulomb[0], noisy.viscous[0], noisy.inertia[0], noisy.offset[0]] - np.array([0.3, 0.05, 0.01, 0.05])
     )

@@ -5,8 +5,6 @@ that file, `room/file.py:Class.method` what a class has; `room/*.py` are files o
 `room/<name>.py` is one still to be written.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

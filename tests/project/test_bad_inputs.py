@@ -4,8 +4,6 @@
 all of them: every public function names the one that is wrong, in an error of the package.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -49,9 +47,8 @@ def test_every_class_is_tried_often_enough() -> None:
 
 
 @pytest.fixture(autouse=True)
-def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def elsewhere(here: Path) -> None:
     """Write where a wrong path may lead."""
-    monkeypatch.chdir(tmp_path)
 
 
 def test_every_public_function_has_its_wrong_calls() -> None:

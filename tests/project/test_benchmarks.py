@@ -1,7 +1,5 @@
 """The benchmarks start, and comparisons of two checkouts mark what got worse or moved; they measure nothing here."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

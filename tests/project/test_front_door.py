@@ -1,7 +1,5 @@
 """The front door: what `aerobat_pin` itself gives, without the cost of what it is not asked for."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import subprocess
@@ -69,10 +67,9 @@ def test_a_run_gives_scenario_robot_log_estimates_and_metrics() -> None:
 
 
 def test_the_first_script_of_the_readme_does_what_it_says(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, here: Path
 ) -> None:
     """Nine lines print the table and the score that stands beside it, and plot the force of the shape that is named."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
     names: dict[str, Any] = {}
     script = re.findall(r"```python\n(.*?)```", README, re.DOTALL)[0]
@@ -84,7 +81,7 @@ def test_the_first_script_of_the_readme_does_what_it_says(
     assert names["left"]["Fy"].r2 == pytest.approx(score, abs=1e-4)
     assert names["force"].shape == (2000, 2, 3)
     assert np.isfinite(names["force"]).all()
-    assert imread(tmp_path / "left_wing.png")[..., :3].std() > 0.01
+    assert imread(here / "left_wing.png")[..., :3].std() > 0.01
 
 
 def test_the_second_script_of_the_readme_observes_sample_by_sample() -> None:

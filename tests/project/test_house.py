@@ -1,7 +1,5 @@
 """The project itself: examples run, nothing points at somebody's machine, the documents hold what they promise."""
 
-from __future__ import annotations
-
 import ast
 import functools
 import importlib.util
@@ -15,22 +13,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-ROOMS = (  # from the ground up; code imports from its own layer or below
-    {"aerobat_description"},
-    {"errors"},
-    {"numerics"},
-    {"linkage", "scenario"},
-    {"robot"},
-    {"aerodynamics", "observers"},
-    {"records"},
-    {"estimation"},
-    {"aerobat"},
-    {"flight"},
-    {"control"},
-    {"experiments"},
-    {"visualization"},
-    {"cli"},
-)
 TEXT = {".py", ".toml", ".md", ".cff", ".urdf", ".srdf", ".cfg", ".yml", ""}
 
 
@@ -139,16 +121,3 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
         for module in free:
             del left[module]
     assert not left, f"among these there is a circle: {sorted(left)}"
-
-
-def test_no_room_imports_from_a_higher_one() -> None:
-    """The layers of the import contract, with the imports that are for types alone."""
-    floor = {room: number for number, rooms in enumerate(ROOMS) for room in rooms}
-
-    def room(module: str) -> str:
-        parts = module.split(".")
-        return parts[1] if parts[0] == "aerobat_pin" and len(parts) > 1 else parts[0]
-
-    arrows = {(room(a), room(b)) for a, found in imports().items() for b in found if room(a) in floor}
-    assert {a for a, _ in arrows} == floor.keys()
-    assert [f"{a} -> {b}" for a, b in arrows if a != b and floor[b] >= floor[a]] == []

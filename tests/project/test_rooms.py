@@ -1,7 +1,5 @@
 """The rooms of `aerobat_pin`: a screenful of them, each with one purpose and one door, and every name one thing."""
 
-from __future__ import annotations
-
 import ast
 import functools
 import importlib
@@ -107,7 +105,7 @@ def test_rooms_are_entered_through_their_doors() -> None:
 
 
 def test_every_room_has_its_layer_in_the_import_contract() -> None:
-    """At most fifteen layers; that no import points upward, lint-imports and tests/project/test_house.py check."""
+    """At most fifteen layers; that no import points upward, not for types either, lint-imports checks."""
     layers = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]["layers"]
     assert len(layers) <= 15
     assert {f"aerobat_pin.{room.name}" for room in ROOMS} <= {name for layer in layers for name in layer.split(" | ")}

@@ -1,7 +1,5 @@
 """The site: it builds without a warning or the network, its links lead somewhere, and every public name is in it."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import re

@@ -1,7 +1,5 @@
 """The first steps of somebody new: tutorials, the notebook, the README's commands as they are typed, an old Python."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil
@@ -34,9 +32,8 @@ CHECKS = {
 
 @pytest.mark.usefixtures("unrendered")
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
-def test_a_tutorial_does_what_it_says(page: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_tutorial_does_what_it_says(page: Path, monkeypatch: pytest.MonkeyPatch, here: Path) -> None:
     """Commands end with code 0, Python runs through, and files appear; `console` shows what needs several machines."""
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
     names: dict[str, Any] = {"np": np}
     for language, text in BLOCK.findall(page.read_text("utf-8")):
@@ -44,10 +41,10 @@ def test_a_tutorial_does_what_it_says(page: Path, monkeypatch: pytest.MonkeyPatc
             for line in text.replace("\\\n", " ").splitlines():
                 program, *words = shlex.split(line, comments=True)
                 assert program == "aerobat", line
-                assert call(monkeypatch, *words) == 0, line
+                assert call(*words) == 0, line
         elif language in ("toml", "xml"):
             name = text.split("\n")[0].strip("# <!->")
-            (tmp_path / name).write_text(text, encoding="utf-8")
+            (here / name).write_text(text, encoding="utf-8")
         elif language == "python":
             exec(compile(text, page.name, "exec"), names)
         else:
@@ -55,14 +52,13 @@ def test_a_tutorial_does_what_it_says(page: Path, monkeypatch: pytest.MonkeyPatc
     assert eval(CHECKS[page.stem], names) if page.stem in CHECKS else True
 
 
-def test_the_python_of_the_page_on_studies_reads_a_sweep(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_python_of_the_page_on_studies_reads_a_sweep(here: Path) -> None:
     """Of a sweep with the name that it says, two short flights large."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "small.toml").write_text(
+    (here / "small.toml").write_text(
         'name = "morphology"\nbase = "paper"\n[set]\n"simulation.duration" = 0.02\n"air.warm_up_cycles" = 1\n'
         '[ranges]\n"crank.frequency" = [4.75, 5.0]\n'
     )
-    assert call(monkeypatch, "sweep", "small.toml", "--jobs", "1") == 0
+    assert call("sweep", "small.toml", "--jobs", "1") == 0
     [script] = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "studies.md").read_text("utf-8"), re.DOTALL)
     *before, last = script.strip().splitlines()
     names: dict[str, Any] = {}
@@ -132,12 +128,11 @@ def commands() -> Iterator[list[str]]:
 
 @pytest.mark.usefixtures("unrendered")
 def test_every_command_of_the_readme_works_as_it_is_typed(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    monkeypatch: pytest.MonkeyPatch, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """In a new folder, one after the other after the demo. A sweep is laid out only: its flights take minutes."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    assert call(monkeypatch, "run", "paper", "--force", *SHORTER["run"]) == 0
+    monkeypatch.syspath_prepend(here)
+    assert call("run", "paper", "--force", *SHORTER["run"]) == 0
     typed = []
     for program, *words in commands():
         if program == "cp":
@@ -154,7 +149,7 @@ def test_every_command_of_the_readme_works_as_it_is_typed(
             rest = [word for word in rest if word != "trimmed.toml" and word != "--out"]
         else:
             shorter = ["--no-report"] if "runs/free" in rest and name == "run" else SHORTER.get(name, [])  # whole flaps
-            code = call(monkeypatch, name, *rest, *shorter)
+            code = call(name, *rest, *shorter)
             assert code == 0, f"aerobat {' '.join(words)}: {capsys.readouterr().err}"
         typed.append(name)
     assert set(typed) >= {"run", "list", "play", "estimate", "compare", "describe", "linkage", "sweep", "doctor"}

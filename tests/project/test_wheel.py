@@ -1,7 +1,5 @@
 """The wheel, built offline from a copy of the project and run from elsewhere; what the package says about itself."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """The closed linkage in Pinocchio: accelerations, ten turns, and one file for Pinocchio and MuJoCo."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pinocchio as pin

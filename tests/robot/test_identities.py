@@ -5,8 +5,6 @@ observer); external forces in three reference frames; the prescribed-joint dynam
 momentum. Quadrature decides how accurate an observer is: trapezoid and mean inputs, against what is often written.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -87,7 +85,6 @@ def momentum_balance(log_dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     log = simulate(scenario)
     robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
     inputs, data = known_inputs(log, robot), robot.model.createData()
-    assert log.truth is not None
     forces = inputs.tau + inputs.known["thrusters"]
     forces = forces + sum(log.truth[name].values for name in ("aerodynamic", "added_mass", "unknown"))
     p, drift = np.empty_like(inputs.v), np.empty_like(inputs.v)
@@ -247,7 +244,6 @@ INTERVALS = slice(0, 1000)
 @pytest.fixture(scope="module")
 def balance(paper: Experiment) -> dict[str, np.ndarray]:
     """Return the pieces of p' = u + u_f + C^T v - g along the paper's flight, and the true mean u_f."""
-    assert paper.log.truth is not None
     inputs, model = known_inputs(paper.log, paper.robot), paper.robot.model
     data = model.createData()
     p, drift = np.empty_like(inputs.v), np.empty_like(inputs.v)

@@ -8,8 +8,6 @@ so differences of it give the momentum without error, and the complex step diffe
 A crank that a motor turns makes seven coordinates of them: p_B, phi and t1, of which the linkage makes the four angles.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Every test carries both forms and judges them by something that neither of them 
 a motion flown by the simulation, or virtual work.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -48,7 +46,6 @@ def flight() -> Flight:
     """Fly 0.05 s of `paper`."""
     scenario = load_scenario("paper", ["simulation.duration=0.05", "air.warm_up_cycles=1"])
     log = simulate(scenario)
-    assert log.truth is not None
     robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
     inputs = known_inputs(log, robot)
     model, data, terms = robot.model, robot.model.createData(), []

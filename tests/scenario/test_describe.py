@@ -3,8 +3,6 @@
 Observers take settings of their own from a scenario, under the names and defaults of their arguments.
 """
 
-from __future__ import annotations
-
 import inspect
 import re
 from typing import get_args
@@ -74,11 +72,9 @@ def test_every_key_has_a_meaning_and_every_number_a_unit(name: str) -> None:
             assert unit, f"{name}.{key}: no unit"
 
 
-def test_the_text_names_every_key_of_every_section_under_its_table(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_text_names_every_key_of_every_section_under_its_table(capsys: pytest.CaptureFixture[str]) -> None:
     """Printed by the command line, no line longer than the terminal."""
-    assert call(monkeypatch, "describe", "scenario") == 0
+    assert call("describe", "scenario") == 0
     text = capsys.readouterr().out
     assert text == describe_scenario()
     assert max(map(len, text.splitlines())) <= COLUMNS

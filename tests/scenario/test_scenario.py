@@ -4,8 +4,6 @@ What one changes of the shipped scenario whose name it carries, every result say
 before it begins; too large a one is refused.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
@@ -279,7 +277,6 @@ def test_the_log_has_the_size_that_was_estimated(strips: int) -> None:
     """To 3 %: measured and true channels together."""
     scenario = load_scenario("paper", ["simulation.duration=0.05", "simulation.dt=1e-4", f"air.strips={strips}"])
     log = simulate(scenario)
-    assert log.truth is not None
     assert log.measured.nbytes + log.truth.nbytes == pytest.approx(scenario.size.log_bytes, rel=0.03)
 
 

@@ -1,7 +1,5 @@
 """Every signal of an unknown force acts with its exact mean over each interval, whatever the interval."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A robot arm on the ground and the forces that push on it: a model that is no bird."""
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
 

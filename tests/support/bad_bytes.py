@@ -1,7 +1,5 @@
 """Good files of every reader with bytes changed, taken out, doubled or cut off."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Bad folders, drawn at random: of a run that is played, and of a sweep that is resumed."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -7,8 +7,6 @@ The classes are those of `CLASSES`. Most inputs go through the command line with
 refused; a few go through processes of their own.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os
@@ -26,7 +24,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Self
 
 import numpy as np
 import tomli_w
@@ -122,7 +120,7 @@ class Doors:
         self.folder, self.patience, self.longest = folder, patience, 0.0  # the last: of all command lines [s]
         self.tried = Counter[str]()  # door -> number of inputs
 
-    def __enter__(self) -> Doors:
+    def __enter__(self) -> Self:
         self._stack = contextlib.ExitStack()
         return self
 

@@ -4,8 +4,6 @@ Every key of `Map`, down to the tables in its tables, gets values of every kind.
 be refused at the door; any other must be refused later, change nothing, or be told by a finding.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Bad recordings, maps and calibrations, drawn at random: each kind writes its files and returns a command line."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Bad robots, drawn at random: URDF files, motions and meshes that are none, and robots that name files of others."""
 
-from __future__ import annotations
-
 import os
 import struct
 from collections.abc import Callable

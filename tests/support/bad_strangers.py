@@ -4,8 +4,6 @@ Each kind writes its files and returns a command line. What is tried on robots f
 have, and from the keys that `numerics/foreign_robots.py` knows.
 """
 
-from __future__ import annotations
-
 import os
 import sqlite3
 import struct

@@ -3,8 +3,6 @@
 Every command must be refused with one message (exit code 2), and leave the folder as it was.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

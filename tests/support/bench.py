@@ -1,11 +1,10 @@
 """Good results, over which broken runs are started, and what is wrong with the folder afterwards."""
 
-from __future__ import annotations
-
 import shutil
 import time
 from functools import cached_property
 from pathlib import Path
+from typing import Self
 
 from support.forks import Forks
 
@@ -27,7 +26,7 @@ class Bench:
         """Keep the folder."""
         self.folder, self.count = folder, 0
 
-    def __enter__(self) -> Bench:
+    def __enter__(self) -> Self:
         self.forks = Forks().__enter__()
         return self
 

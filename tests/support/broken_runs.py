@@ -8,8 +8,6 @@ A case starts `aerobat run --force` over a good result. Whatever happens, the fo
 new one, all of it, and the user's own files; and the program must say in one line how it ended.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -5,8 +5,6 @@ Tests therefore wait for what they look at (`resized`, `wait_for_function`), or 
 time.
 """
 
-from __future__ import annotations
-
 import io
 import shutil
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Free flights of `paper`, calibrations learnt from them, and other flights as calibrated observers see them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache

@@ -4,8 +4,6 @@ The belief is quasi-steady air, a structural error, and the same in all of them:
 `plant`, or a gust that nobody believes in.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache

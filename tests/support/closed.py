@@ -1,7 +1,5 @@
 """Flights of the robot with its closed linkage, in MuJoCo and Pinocchio, and of the package's robot beside them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The command line as tests call it: in this process, which saves the second of a start, or in one of its own."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import os
@@ -24,32 +22,30 @@ STAGES = ("starting", "reading the motion", "opening the page", "taking pictures
 TEMPORARY = [Path(tempfile.gettempdir())]  # where tests have their folders, and so what commands may read
 
 
-def call(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
+def call(*words: str) -> int:
     """Run `aerobat` with these words in this process and return its exit code; it writes only where they say."""
-    monkeypatch.setattr(sys, "argv", ["aerobat", *words])
-    with pytest.raises(SystemExit) as stop, watched_command(words, reads=TEMPORARY):
-        cli.main()
+    before, sys.argv = sys.argv, ["aerobat", *words]
+    try:
+        with pytest.raises(SystemExit) as stop, watched_command(words, reads=TEMPORARY):
+            cli.main()
+    finally:
+        sys.argv = before
     return int(stop.value.code or 0)
 
 
 def aerobat(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     """Run `aerobat` with these words in a folder, in this process but with the warnings that a program shows."""
-    out, errors, before = io.StringIO(), io.StringIO(), sys.argv
-    sys.argv = ["aerobat", *words]
-    try:
-        with (
-            contextlib.chdir(cwd),
-            contextlib.redirect_stdout(out),
-            contextlib.redirect_stderr(errors),
-            warnings.catch_warnings(),
-        ):
-            warnings.resetwarnings()
-            warnings.simplefilter("ignore", DeprecationWarning)
-            with pytest.raises(SystemExit) as stop, watched_command(words, reads=TEMPORARY):
-                cli.main()
-    finally:
-        sys.argv = before
-    return subprocess.CompletedProcess(words, int(stop.value.code or 0), out.getvalue(), errors.getvalue())
+    out, errors = io.StringIO(), io.StringIO()
+    with (
+        contextlib.chdir(cwd),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(errors),
+        warnings.catch_warnings(),
+    ):
+        warnings.resetwarnings()
+        warnings.simplefilter("ignore", DeprecationWarning)
+        code = call(*words)
+    return subprocess.CompletedProcess(words, code, out.getvalue(), errors.getvalue())
 
 
 def interrupted(*words: str, cwd: Path, at: str) -> subprocess.CompletedProcess[str]:
@@ -71,7 +67,6 @@ def served(*words: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
     command = [sys.executable, "-m", "aerobat_pin", *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True) as server:
         try:
-            assert server.stdout is not None
             yield server, server.stdout.readline().split()[2]
         finally:
             server.kill()

@@ -3,28 +3,14 @@
 `CONTRADICTIONS` lists them by the name of the warning that they must cause.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 import xarray as xr
 
 Rng = np.random.Generator
-CONTRADICTIONS: dict[str, Callable[[Rng, xr.Dataset], xr.Dataset]] = {}
 
 
-def named(name: str) -> Callable[[Callable[[Rng, xr.Dataset], xr.Dataset]], Callable[[Rng, xr.Dataset], xr.Dataset]]:
-    """Register a function (rng, measured channels) -> measured channels."""
-
-    def register(change: Callable[[Rng, xr.Dataset], xr.Dataset]) -> Callable[[Rng, xr.Dataset], xr.Dataset]:
-        CONTRADICTIONS[name] = change
-        return change
-
-    return register
-
-
-@named("joints off the linkage")
 def off_the_linkage(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     """One joint angle with an offset of 2 to 10 deg, or both joints of a wing swapped."""
     q = data["q"].values
@@ -35,21 +21,18 @@ def off_the_linkage(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     return data
 
 
-@named("gyro against attitude")
 def gyro_in_degrees(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     """A gyro in deg/s."""
     data["v"].values[:, 3:6] *= 180.0 / np.pi
     return data
 
 
-@named("position against velocity")
 def height_in_millimetres(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     """The height z in mm."""
     data["q"].values[:, 2] *= 1000.0
     return data
 
 
-@named("held channel")
 def held(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     """A channel of 60 to 500 Hz that repeats its last sample at the log's rate."""
     rate = 1.0 / float(np.median(np.diff(data["time"].values)))
@@ -61,14 +44,12 @@ def held(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     return data
 
 
-@named("quaternion order")
 def w_first(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     """Quaternions written as w, x, y, z."""
     data["q"].values[:, 3:7] = data["q"].values[:, [6, 3, 4, 5]]
     return data
 
 
-@named("late channel")
 def late(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     """Gyro, velocity, pose or joints that are 4 to 15 ms late."""
     step = float(np.median(np.diff(data["time"].values)))
@@ -77,3 +58,13 @@ def late(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     values = data[name].values
     values[:, columns] = values[index, columns]
     return data
+
+
+CONTRADICTIONS: dict[str, Callable[[Rng, xr.Dataset], xr.Dataset]] = {
+    "joints off the linkage": off_the_linkage,
+    "gyro against attitude": gyro_in_degrees,
+    "position against velocity": height_in_millimetres,
+    "held channel": held,
+    "quaternion order": w_first,
+    "late channel": late,
+}

@@ -1,7 +1,5 @@
 """A readable twin of the controller's law: the same equations by Pinocchio's rotations, with nothing kept in place."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

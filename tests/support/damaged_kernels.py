@@ -1,7 +1,5 @@
 """Compiled kernels on disk, damaged in the ways that full disks, killed runs and foreign files damage them."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 from collections.abc import Callable
@@ -39,8 +37,6 @@ def small_kernel(folder: Path) -> Any:
         folder.mkdir(parents=True, exist_ok=True)
         path.write_text(SOURCE)
     spec = importlib.util.spec_from_file_location("small", path)
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     KERNELS.append(jit.kernel(module.scaled))

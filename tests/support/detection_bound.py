@@ -1,33 +1,31 @@
 """How early can any detector find a push? The bound that the noise of the sensors sets, whatever the statistic.
 
 Known are the model, the air, the shape of the push and all samples before its onset; unknown is only whether it acts.
-The best test is then the matched filter on the innovations of a Kalman filter of the momentum (Van Trees, Detection,
-Estimation and Modulation Theory, part I, ch. 4), whose answer is normal with deviation 1 and mean
+The best test is then the matched filter (Van Trees, Detection, Estimation and Modulation Theory, part I, ch. 4), whose
+answer is normal with deviation 1 and mean
 
-    d(t) = sqrt(sum of m^T S^-1 m over the samples until t)
+    d(t) = sqrt(s^T C^-1 s), all samples until t in one vector
 
-m is what the push adds to the innovations, S their covariance. A level z that noise exceeds once in many looks is
+s is what the push adds to the momentum, C the covariance of what is measured of it: that of the first sample, the walk
+of the torques' errors since then, and the noise of each sample. A level z that noise exceeds once in many looks is
 exceeded by the push with probability Phi(d - z). A detector that must also find out where and along which axis
 something pushes has six unknowns, and less: d is then the size of the force over its deviation.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pinocchio as pin
+from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from aerobat_pin.robot import FORCE_POINTS
 from aerobat_pin.scenario import UnknownForce
 
 VELOCITIES = np.array([0.005] * 3 + [0.003] * 3 + [0.02] * 4)  # of `support.mismatch.NOISY`: m/s, rad/s, rad/s
 TORQUE = 5e-4  # [N m]
-BEFORE = 200  # samples
+BEFORE = 200  # samples from which the momentum before the push is known
 LEVEL = 3.09  # exceeded once in a thousand looks: twenty seconds of them, each of 20 ms, at one point and axis
 
 
-def detectability(
-    model: pin.Model, q: np.ndarray, dt: float, start: int, push: UnknownForce, before: int = BEFORE
-) -> np.ndarray:
+def detectability(model: pin.Model, q: np.ndarray, dt: float, start: int, push: UnknownForce) -> np.ndarray:
     """Return d (30 ms / dt, 2) after each sample from a push's onset on: told point and axis, and having to find them.
 
     Args:
@@ -36,36 +34,29 @@ def detectability(
         dt: time between samples [s].
         start: index of the sample at the onset.
         push: the force, at the left point, along z of the world.
-        before: samples from which the momentum before the push is known.
     """
     data, nv = model.createData(), int(model.nv)
-    frames = [model.getFrameId(name) for name in FORCE_POINTS]
-
-    def instant(k: int) -> tuple[np.ndarray, np.ndarray]:
-        blurred = pin.crba(model, data, q[k]).copy() * VELOCITIES
-        pin.computeJointJacobians(model, data, q[k])
+    frames, first, last = [model.getFrameId(name) for name in FORCE_POINTS], start - BEFORE, start + round(0.03 / dt)
+    noise, rows = [], []
+    for one in q[first : last + 1]:
+        blurred = pin.crba(model, data, one).copy() * VELOCITIES
+        noise.append(blurred @ blurred.T)
+        pin.computeJointJacobians(model, data, one)
         pin.updateFramePlacements(model, data)
-        rows = [pin.getFrameJacobian(model, data, one, pin.LOCAL_WORLD_ALIGNED)[:3].copy() for one in frames]
-        return blurred @ blurred.T, np.vstack(rows)
-
-    def impulse(k: int) -> float:
-        return float(push.impulse_until(np.array([dt * k]))[0])
-
-    P, J = instant(start - before)
-    drift = np.diag((np.arange(nv) >= 6) * (dt * TORQUE) ** 2)
-    left, information, found = np.zeros((nv, len(J))), np.zeros((len(J), len(J))), []
-    for k in range(start - before + 1, min(start + round(0.03 / dt), len(q) - 1) + 1):
-        (R, now), last = instant(k), J
-        J = now
-        P = P + drift
-        S, gain = P + R, P @ np.linalg.inv(P + R)
-        if k > start:
-            left += 0.5 * (last + J).T * (impulse(k) - impulse(k - 1))
-            information += left.T @ np.linalg.solve(S, left)
-            spread = np.linalg.inv(information + 1e-12 * np.trace(information) * np.eye(len(J)))
-            found.append((np.sqrt(information[2, 2]), 1.0 / np.sqrt(spread[2, 2])))
-        left, P = left - gain @ left, P - gain @ P
-    return np.array(found)
+        parts = [pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)[:3].copy() for frame in frames]
+        rows.append(np.vstack(parts))
+    count, J = len(rows) - 1, np.array(rows)
+    given = np.diff(push.impulse_until(dt * np.arange(first, first + count + 1))) * (np.arange(count) >= BEFORE)
+    added = np.cumsum(0.5 * given[:, None, None] * (J[1:] + J[:-1]), axis=0)
+    since, drift = np.arange(1.0, count + 1.0), np.diag((np.arange(nv) >= 6) * (dt * TORQUE) ** 2)
+    C = np.kron(np.ones((count, count)), noise[0]) + np.kron(np.minimum.outer(since, since), drift)
+    C += block_diag(*noise[1:])
+    white = solve_triangular(cholesky(C, lower=True), added.swapaxes(1, 2).reshape(count * nv, -1), lower=True)
+    white = white.reshape(count, nv, -1)
+    information = np.cumsum(white.swapaxes(1, 2) @ white, axis=0)[BEFORE:]
+    least = 1e-12 * np.trace(information, axis1=1, axis2=2)[:, None, None] * np.eye(J.shape[1])
+    spread = np.linalg.inv(information + least)
+    return np.sqrt(np.stack([information[:, 2, 2], 1.0 / spread[:, 2, 2]], axis=1))
 
 
 def earliest(d: np.ndarray, dt: float) -> tuple[float, float]:

@@ -1,7 +1,5 @@
 """A small quadrotor with known drag as a table, and the plain way to its drag: what a map must reproduce."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 from scipy.signal import savgol_filter

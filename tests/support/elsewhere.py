@@ -1,7 +1,5 @@
 """Flights of the other plant as observers with the plain belief about the guarded robot see them."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np
@@ -12,8 +10,7 @@ from aerobat_pin.robot import believed_robot
 from support.calibrated import FreeFlight
 from support.flights import flight_inputs
 from support.mismatch import Seen
-from support.other_plant import Push, crank_at, fly_elsewhere
-from support.other_robot import ELBOW, SHOULDER, series_at
+from support.other_plant import ELBOW, SHOULDER, Push, crank_at, fly_elsewhere, series_at
 
 FREQUENCY = 4.75  # [Hz]
 

@@ -1,7 +1,5 @@
 """Tables of docs/structural_error.md: when contacts are found, what walks cost, and flights of another simulator."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

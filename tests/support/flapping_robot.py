@@ -1,7 +1,5 @@
 """The robot that flaps along a prescribed motion: what its strips lift, and what they leave behind."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import NamedTuple
 

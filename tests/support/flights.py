@@ -1,7 +1,5 @@
 """What an observer is given of a whole flight, and what its channels show of themselves."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from aerobat_pin.aerobat import AerobatRobot, FlightLog, flight_record

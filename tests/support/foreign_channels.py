@@ -1,7 +1,5 @@
 """Channels in an MCAP file that are no ROS messages, as other programs write them beside those that are."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

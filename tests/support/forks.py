@@ -10,8 +10,6 @@ As a program, this module is that process: it reads what to start, one JSON text
 numbers and exit codes.
 """
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os
@@ -22,7 +20,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 TESTS = Path(__file__).resolve().parents[1]
@@ -31,7 +29,7 @@ TESTS = Path(__file__).resolve().parents[1]
 class Running:
     """A program that runs."""
 
-    def __init__(self, forks: Forks, pid: int, said: Path) -> None:
+    def __init__(self, forks: "Forks", pid: int, said: Path) -> None:
         """Keep its number, and the folder of what it says."""
         self.pid, self._forks, self._said = pid, forks, said
 
@@ -50,7 +48,7 @@ class Running:
 class Forks:
     """The process from which programs are forked. Use it in a `with` statement."""
 
-    def __enter__(self) -> Forks:
+    def __enter__(self) -> Self:
         self.ended: set[int] = set()
         self._said = tempfile.TemporaryDirectory()
         paths = os.pathsep.join([str(TESTS), str(TESTS.parent)])
@@ -64,7 +62,6 @@ class Forks:
         return self
 
     def __exit__(self, *error: object) -> None:
-        assert self._process.stdin is not None
         self._process.stdin.close()
         self._process.wait()
         self._said.cleanup()
@@ -101,8 +98,6 @@ class Forks:
 
     def ask(self, wanted: Any) -> int:
         """Send a line to the process, and return its answer."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
         self._process.stdin.write(json.dumps(wanted) + "\n")
         self._process.stdin.flush()
         answer = int(self._process.stdout.readline())

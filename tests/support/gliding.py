@@ -1,7 +1,5 @@
 """Air on a bare wing that glides."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

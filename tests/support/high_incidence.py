@@ -1,7 +1,5 @@
 """The section laws beyond stall: their forces on the plates and wings that others have measured."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple

@@ -4,8 +4,6 @@ What these observers learn from the record is computed here from lists of all sa
 differences, misfit from what no force explains, and patterns of forces that leave no trace from singular values.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

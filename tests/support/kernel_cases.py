@@ -1,7 +1,5 @@
 """Robots, plants, records and comparisons that the tests of the kernels share."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 from collections.abc import Callable
@@ -19,7 +17,7 @@ import aerobat_pin
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.plant_state import DIRECTION_AXES
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
-from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat, load_aerobat
+from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat, flown_robot, load_aerobat
 from aerobat_pin.robot.wing import Wing
 from aerobat_pin.scenario.scenario import load_scenario, parse_scenario
 
@@ -103,6 +101,12 @@ def built(morphology: str, case: str) -> Plant:
         **({"hold": HOLD.model_dump()} if held else {}),
     }
     return Plant(robot_with_a_turned_frame(morphology, tail), parse_scenario(values, "twin"))
+
+
+def plant_of(name: str, *settings: str) -> Plant:
+    """Build the plant of a scenario with settings."""
+    scenario = load_scenario(name, settings)
+    return Plant(flown_robot(scenario), scenario)
 
 
 def instant(plant: Plant, seed: int) -> tuple[np.ndarray, ...]:

@@ -1,7 +1,5 @@
 """The vortex lattice's cases, flown with the lifting line and with the section law of the robot's strips."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Print the lower bound of every requirement of the project and its tests as a constraint for pip: `NAME==VERSION`."""
 
-from __future__ import annotations
-
 import re
 import tomllib
 from pathlib import Path

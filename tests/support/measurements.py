@@ -4,8 +4,6 @@ Forces are divided by rho/2 V^2 S, incidences are in degrees. The numbers were r
 are named as the second source; how well, is said with each.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

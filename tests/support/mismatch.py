@@ -1,7 +1,5 @@
 """Flights of `paper` seen by observers whose belief is wrong in one named way, and what that costs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache

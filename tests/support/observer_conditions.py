@@ -1,7 +1,5 @@
 """Observers on `observer_benchmark` under noise and wrong beliefs, one tuning for all: what the scores are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple

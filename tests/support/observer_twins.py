@@ -1,7 +1,5 @@
 """Numpy references of the observers' kernels, by other means where there are any: least squares, expm, root finding."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -15,32 +15,190 @@ Only the robot's data are the same: masses and joints (URDF), planform, and the 
 as the Fourier series that an encoder would have recorded. The result is a flight log.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
 from aerobat_pin.aerobat import FlightLog
-from support.other_robot import (
-    COUNT,
-    DT,
-    GRAVITY,
-    LEFT,
-    NONE,
-    ON_BODIES,
-    OUTER_STRIPS,
-    RIPPLE,
-    SOFTER,
-    STIFFNESS,
-    STRIPS,
-    SUBTREES,
-    TWIST_LAG,
-    Geometry,
-    State,
-    cross,
+
+GRAVITY, DENSITY, DT = 9.81, 1.225, 1e-3
+OFFSET = -0.060  # [m] x of the wing, as in the scenario `paper`
+# Angle over the crank: mean, cosines 1 to 8, then sines 1 to 8 [rad].
+SHOULDER = (
+    (-0.40329, -0.68963, -0.010818, 0.001807, 0.003429, 0.005442, 0.001047, 0.000998, 0.000121),
+    (-0.63402, -0.061841, -0.049728, -0.005395, -0.003391, -4.4e-05, 0.000494, 0.000177),
 )
+ELBOW = (
+    (-0.653002, 1.320401, 0.100766, 0.029078, 0.00382, -0.011186, -9.9e-05, -0.000654, -0.000749),
+    (-0.166266, -0.020473, 0.109013, 0.009581, 0.002818, 0.002107, -0.000747, 0.000115),
+)
+RIPPLE = 0.04 / 2.0  # [rad] of the crank: 4 % of its rate, twice a turn
+ADDED = 0.8
+STIFFNESS, SOFTER = 1.3, 0.9  # [N per rad] of the outer wing's twist by its lift; the left wing's share of it
+TWIST_LAG, SPAN = 0.008, 0.132  # [s], [m] of the outer wing
+
+NONE = np.zeros(3)
+LEVI = np.zeros((3, 3, 3))  # (LEVI . d) w = w x d
+for _i, _j, _k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    LEVI[_i, _j, _k], LEVI[_i, _k, _j] = 1.0, -1.0
+NEXT, LAST = [1, 2, 0], [2, 0, 1]
+
+BODY = (0.0813, np.zeros(3), np.diag([1.905e-3, 6.872e-4, 2.261e-3]))
+
+
+def _symmetric(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> np.ndarray:
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+INNER = (
+    1.70505e-3,
+    np.array([-0.020706, 0.02476, 0.001642]),
+    _symmetric(3.2715e-7, 3.6326e-6, 3.9489e-6, 6.792e-8, -2.633e-8, 3.07e-9),
+)
+OUTER = (
+    3.71107e-3,
+    np.array([0.003797, 0.052524, -0.004401]),
+    _symmetric(4.1145e-6, 8.64045e-6, 1.27045e-5, -2.84805e-6, 1.053e-8, 3.99e-8),
+)
+SHOULDER_AT, ELBOW_AT = np.array([OFFSET, 0.0206732, 0.0075244]), np.array([0.0, 0.0484471, 0.0057956])
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return a x b of vectors in the last axis, a few times faster than numpy's own."""
+    return a[..., NEXT] * b[..., LAST] - a[..., LAST] * b[..., NEXT]
+
+
+def series_at(table: tuple[tuple[float, ...], tuple[float, ...]], angle: float) -> tuple[float, float]:
+    """Return a joint's angle and its derivative with respect to the crank's angle."""
+    k = np.arange(1, 9)
+    cosine, sine = np.cos(k * angle), np.sin(k * angle)
+    a, b = np.array(table[0][1:]), np.array(table[1])
+    return table[0][0] + a @ cosine + b @ sine, k @ (b * cosine - a * sine)
+
+
+def _about_x(angle: float) -> np.ndarray:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def _strips() -> dict[str, np.ndarray]:
+    """Return the strips of both wings: body 1 to 4 (left inner, left outer, right inner, right outer), place, size."""
+    rows = []
+    for side, first in ((1.0, 1), (-1.0, 3)):
+        length = np.hypot(*ELBOW_AT[1:])
+        for s in (np.arange(4) + 0.5) / 4.0:
+            lead, trail = np.interp(s, [0, 1], [0.0635, 0.0765]), np.interp(s, [0, 1], [-0.0956, -0.111])
+            at = ELBOW_AT * s
+            rows.append([first, 0.5 * (lead + trail), side * at[1], at[2], lead - trail, length / 4.0, 0.0])
+        for s in SPAN * (np.arange(7) + 0.5) / 7.0:
+            lead = np.interp(s, [0.0, 0.0085, 0.084, 0.132], [0.0765, 0.0807, 0.118, 0.101])
+            trail = np.interp(s, [0.0, 0.0085, 0.084, 0.132], [-0.111, -0.115, 0.01705, 0.101])
+            chord = max(lead - trail, 0.02)
+            rows.append([first + 1, 0.5 * (lead + trail), side * s, 0.0, chord, SPAN / 7.0, s / SPAN])
+    body, x, y, z, chord, width, share = np.array(rows).T
+    mass = ADDED * np.pi / 4.0 * DENSITY * chord**2 * width
+    place = np.column_stack([x, y, z])
+    return {"body": body.astype(int), "place": place, "chord": chord, "width": width, "share": share, "mass": mass}
+
+
+STRIPS = _strips()
+COUNT = len(STRIPS["chord"])
+LEFT = STRIPS["body"] <= 2
+OUTER_STRIPS = STRIPS["share"] > 0.0
+SUBTREES = ((1, 2), (2,), (3, 4), (4,))  # bodies that each joint moves
+ON_BODIES = (np.arange(5)[:, None] == STRIPS["body"]).astype(float)  # sums strips over their bodies
+AXES = np.array([[1.0, 0, 0], [1.0, 0, 0], [-1.0, 0, 0], [-1.0, 0, 0]])
+
+
+@dataclass
+class State:
+    """Place and attitude of the body, momenta about the world's origin, lift coefficients, twists of both wings."""
+
+    x: np.ndarray
+    R: np.ndarray
+    P: np.ndarray
+    H: np.ndarray
+    lift: np.ndarray
+    twist: np.ndarray
+
+
+class Geometry:
+    """Everything that follows from place, attitude, crank and twist, in world axes."""
+
+    def __init__(self, state: State, crank: float, rate: float, air: float) -> None:
+        """Place bodies, joints and strips; `air` is the share of the air's density, 0 for a vacuum."""
+        self.density, self.carried = air * DENSITY, air * STRIPS["mass"]
+        (s, ds), (e, de) = (series_at(table, crank) for table in (SHOULDER, ELBOW))
+        self.angles, self.rates = np.array([s, e, s, e]), rate * np.array([ds, de, ds, de])
+        R, origin, spin, moving = [state.R], [state.x], [np.zeros(3)], [np.zeros(3)]
+        self.axis, self.pin = [], []
+        mass, com, inertia = [BODY[0]], [BODY[1]], [BODY[2]]
+        for side, (first, second) in ((1.0, (0, 1)), (-1.0, (2, 3))):
+            mirror = np.array([1.0, side, 1.0])
+            flip = np.diag(mirror)
+            Ri, p = state.R @ _about_x(side * s), state.x + state.R @ (SHOULDER_AT * mirror)
+            axis = state.R @ AXES[first]
+            wi = axis * self.rates[first]
+            Ro, q = Ri @ _about_x(side * e), p + Ri @ (ELBOW_AT * mirror)
+            wo, vo = wi + axis * self.rates[second], cross(wi, q - p)
+            R, origin = [*R, Ri, Ro], [*origin, p, q]
+            spin, moving = [*spin, wi, wo], [*moving, np.zeros(3), vo]
+            self.axis += [axis, axis]
+            self.pin += [p, q]
+            for m, c, inner in (INNER, OUTER):
+                mass, com, inertia = [*mass, m], [*com, c * mirror], [*inertia, flip @ inner @ flip]
+        self.R, self.origin, self.spin, moving_at = np.array(R), np.array(origin), np.array(spin), np.array(moving)
+        self.mass, arm = np.array(mass), np.einsum("bij,bj->bi", self.R, np.array(com))
+        self.com = self.origin + arm
+        self.moving = moving_at + cross(self.spin, arm)  # velocity of the centres of mass by the joints alone
+        self.inertia = np.einsum("bij,bjk,blk->bil", self.R, np.array(inertia), self.R)
+        b = STRIPS["body"]
+        place = np.einsum("sij,sj->si", self.R[b], STRIPS["place"])
+        self.place = self.origin[b] + place
+        self.place_moving = moving_at[b] + cross(self.spin[b], place)
+        turn = STRIPS["share"] * np.where(LEFT, state.twist[0], state.twist[1])  # nose up
+        self.forward = np.einsum("sij,sj->si", self.R[b], _nose(turn, 0))
+        self.normal = np.einsum("sij,sj->si", self.R[b], _nose(turn, 1))
+
+    def momenta(self, v: np.ndarray, w: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return linear momentum and that about the world's origin of each body (5, 3), with the air it carries."""
+        velocity = v + cross(w, self.com - x) + self.moving
+        P = self.mass[:, None] * velocity
+        H = cross(self.com, P) + np.einsum("bij,bj->bi", self.inertia, w + self.spin)
+        across = self.carried * np.sum(self.normal * self.air_velocity(v, w, x), axis=1)
+        air = across[:, None] * self.normal
+        return P + ON_BODIES @ air, H + ON_BODIES @ cross(self.place, air)
+
+    def air_velocity(self, v: np.ndarray, w: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return the velocity of the strips' mid-chord points (N, 3)."""
+        return v + cross(w, self.place - x) + self.place_moving
+
+    def twist_of_body(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+        """Return velocity and angular velocity of the body that give the state's momenta."""
+        still = np.concatenate([np.sum(part, axis=0) for part in self.momenta(NONE, NONE, state.x)])
+        d, m, n = self.com - state.x, self.mass, self.normal
+        skew = np.einsum("ijk,bk->bij", LEVI, m[:, None] * d)  # m d x, with the sign of -(d x w) = w x d
+        first, second = (
+            np.concatenate([n, cross(self.place, n)], axis=1),
+            np.concatenate([n, cross(self.place - state.x, n)], axis=1),
+        )
+        A = np.einsum("si,s,sj->ij", first, self.carried, second)
+        A[:3, :3] += np.sum(m) * np.eye(3)
+        A[:3, 3:] += np.sum(skew, axis=0)
+        at = -np.einsum("ijk,bk->bij", LEVI, self.com)
+        A[3:, :3] += np.einsum("bij,b->ij", at, m)
+        A[3:, 3:] += np.einsum("bij,bjk->ik", at, skew) + np.sum(self.inertia, axis=0)
+        found = np.linalg.solve(A, np.concatenate([state.P, state.H]) - still)
+        return found[:3], found[3:]
+
+
+def _nose(turn: np.ndarray, which: int) -> np.ndarray:
+    """Return the chord's forward direction (0) or normal (1) of strips that are turned nose up by an angle (N,)."""
+    zero = np.zeros_like(turn)
+    rows = ([np.cos(turn), zero, np.sin(turn)], [-np.sin(turn), zero, np.cos(turn)])
+    return np.column_stack(rows[which])
 
 
 def steady(incidence: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

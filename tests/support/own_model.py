@@ -1,7 +1,5 @@
 """Draw truths from the joint smoother's own linear model, to see whether its deviations are those of its errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

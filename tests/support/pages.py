@@ -1,7 +1,5 @@
 """Pages of the documentation, and what scripts find for them, between `<!-- name -->` and `<!-- /name -->`."""
 
-from __future__ import annotations
-
 import argparse
 import datetime
 import os

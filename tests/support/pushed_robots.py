@@ -4,8 +4,6 @@ A fixed robot stands; a free one was dropped and falls. Motion and efforts follo
 of the model, by small steps; the efforts are wrong by a factor each and contain friction that nobody tells.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +13,9 @@ import pandas as pd
 import pinocchio as pin
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import PlainRobot, Record, load_robot, open_record, parse_map
+from aerobat_pin.records import PlainRobot, Record, load_robot
+from support.recorded import recorded
+from support.robot_parts import channels
 
 RATE, STEPS = 400.0, 4  # samples a second, and steps between two
 DURATION, GAIN = 2.4, 100.0  # [s], [1/s]
@@ -47,7 +47,7 @@ class Pushed:
     def record(self, folder: Path) -> Record:
         """Write the log into a folder and open it."""
         self.table.to_csv(folder / "log.csv", index=False)
-        return open_record(folder / "log.csv", parse_map(self.chosen, "-"), folder)
+        return recorded(folder / "log.csv", self.chosen)
 
     def true(self, time: Array) -> Array:
         """Return the force (m, 3) [N] at times (m,), world axes."""
@@ -138,8 +138,7 @@ def map_of(name: str, robot: PlainRobot, point: str) -> dict[str, Any]:
     values: dict[str, Any] = {"robot": {"name": name, "points": [point]}, "log": {"time": {"column": "t"}}}
     values["observer"] = {"gain": GAIN}
     if robot.joints:
-        channels = (("position", "q"), ("velocity", "v"), ("effort", "e"))
-        columns = {key: {"columns": [f"{letter}_{joint}" for joint in robot.joints]} for key, letter in channels}
+        columns = channels(robot.joints, position="q_{}", velocity="v_{}", effort="e_{}")
         values["joints"] = {"names": list(robot.joints), **columns}
     if robot.free:
         columns = {"position": "x y z", "quaternion": "qx qy qz qw", "velocity": "vx vy vz", "rate": "wx wy wz"}

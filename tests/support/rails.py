@@ -5,8 +5,6 @@ keeps the motion, so that over each interval the trapezoid of the equations of m
 velocity and torque add white noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The committed files of the description through three independent readers, and the morphologies as plain values."""
 
-from __future__ import annotations
-
 import tomllib
 from functools import cache
 from pathlib import Path

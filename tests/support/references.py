@@ -3,8 +3,6 @@
 Small angles, lift slope 2 pi. s is the distance flown in semichords, k = w b/U the reduced frequency.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

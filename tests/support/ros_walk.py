@@ -7,8 +7,6 @@ the pose comes with every second one. Where AHEAD samples have been published wh
 while other programs use all processors, publishing waits.
 """
 
-from __future__ import annotations
-
 import gc
 import json
 import sys

@@ -3,8 +3,6 @@
 The robot's aerodynamics is called from Python with the memory that kernels read; only tests have a use for that.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where a frozen wake is, and the impulse of a shed wake, which is the lift of the wing that sheds it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerobat_pin.aerodynamics import LiftingLine, Stroke, Wind, fly

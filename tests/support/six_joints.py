@@ -1,7 +1,5 @@
 """An arm of six joints whose efforts are recorded: with factors, friction, noise, wrong links and a payload."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pinocchio as pin
+
+from support.robot_parts import channels, joint, link
 
 RATE, SECONDS = 100.0, 60.0  # [Hz], [s]
 SIX = ("pan", "lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
@@ -22,18 +22,14 @@ NOISE = np.array([1.0, 1.0, 0.6, 0.25, 0.25, 0.25])  # [N m] of the efforts
 
 def six_joints() -> str:
     """Return the URDF of an arm of 18 kg, the last link a gripper on its axis, with the frame `tool` at its end."""
-    parts, below = ['<link name="ground"/>'], "ground"
+    parts, below = [link("ground")], "ground"
     for name, mass, centre, place, axis in zip(SIX, MASSES, CENTRES, PLACES, AXES, strict=True):
         i, at, origin = mass * 0.005, " ".join(map(str, centre)), " ".join(map(str, place))
-        inertia = f'<inertia ixx="{i}" ixy="0" ixz="0" iyy="{i}" iyz="0" izz="{0.5 * i}"/>'
-        body = f'<inertial><origin xyz="{at}"/><mass value="{mass}"/>{inertia}</inertial>'
-        limit = '<limit lower="-9" upper="9" effort="999" velocity="99"/>'
-        parts.append(f'<link name="{name}_link">{body}</link><joint name="{name}" type="revolute">')
-        parts.append(f'<parent link="{below}"/><child link="{name}_link"/><origin xyz="{origin}"/>')
-        parts.append(f'<axis xyz="{axis}"/>{limit}</joint>')
+        parts.append(link(f"{name}_link", mass, at, (i, i, 0.5 * i)))
+        parts.append(joint(name, "revolute", below, f"{name}_link", origin, axis, 9))
         below = f"{name}_link"
-    end = f'<joint name="end" type="fixed"><parent link="{below}"/><child link="tool"/><origin xyz="0 0.08 0"/></joint>'
-    return f'<robot name="six">{"".join(parts)}<link name="tool"/>{end}</robot>'
+    parts += [link("tool"), joint("end", "fixed", below, "tool", "0 0.08 0")]
+    return f'<robot name="six">{"".join(parts)}</robot>'
 
 
 def swing(
@@ -57,9 +53,9 @@ def swing(
     """
     (file.parent / "six.urdf").write_text(six_joints())
     model, rng = pin.buildModelFromXML(six_joints()), np.random.default_rng(seed)
-    for k, link in enumerate(model.inertias.tolist()[1:], start=1):
+    for k, body in enumerate(model.inertias.tolist()[1:], start=1):
         mass, *shift = wrong * np.random.default_rng(k).standard_normal(4) / [1.0, 3.0, 3.0, 3.0]
-        model.inertias[k] = pin.Inertia((1.0 + mass) * link.mass, link.lever + shift, link.inertia)
+        model.inertias[k] = pin.Inertia((1.0 + mass) * body.mass, body.lever + shift, body.inertia)
     if payload is not None:
         tool = model.frames[model.getFrameId("tool")]
         point = pin.Inertia(payload[0], np.array(payload[1]), np.zeros((3, 3)))
@@ -74,17 +70,13 @@ def swing(
     torque = np.stack([pin.rnea(model, data, *one) for one in zip(q, v, a, strict=True)])
     torque += rotors * a + COULOMB * np.tanh(v / 0.02) + VISCOUS * v + NOISE * rng.standard_normal(q.shape)
     columns = {"t": time}
-    for k, joint in enumerate(SIX):
-        columns |= {f"{joint}_q": q[:, k], f"{joint}_v": v[:, k], f"{joint}_i": torque[:, k] / factors[k]}
+    for k, name in enumerate(SIX):
+        columns |= {f"{name}_q": q[:, k], f"{name}_v": v[:, k], f"{name}_i": torque[:, k] / factors[k]}
     pd.DataFrame(columns).to_csv(file, index=False)
 
 
 def six_map(**tables: Any) -> dict[str, Any]:
     """Return the map of such a table as nested values, with further tables; friction and factors are fitted."""
-    channels = {
-        key: {"columns": [f"{joint}_{letter}" for joint in SIX]}
-        for key, letter in (("position", "q"), ("velocity", "v"), ("effort", "i"))
-    }
-    joints = {"names": list(SIX), "friction": {"scale": True}, **channels}
+    joints = channels(SIX, position="{}_q", velocity="{}_v", effort="{}_i")
     robot = {"urdf": "six.urdf", "root": "fixed", "points": ["tool"]}
-    return {"robot": robot, "joints": joints, **tables}
+    return {"robot": robot, "joints": {"names": list(SIX), "friction": {"scale": True}, **joints}, **tables}

@@ -10,8 +10,6 @@
 `sweep.toml` is a sweep of four short flights.
 """
 
-from __future__ import annotations
-
 import copy
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Steps of the package's integrator for equations written as a Python function, and the mean it makes of stages."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, TypeVar
 

@@ -1,7 +1,5 @@
 """A UR5 that begins and ends at rest, straight up, and moves through singular poses; its friction fits no law."""
 
-from __future__ import annotations
-
 import sysconfig
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pinocchio as pin
+
+from support.robot_parts import channels, efforts
 
 RATE, SECONDS = 100.0, 30.0  # [Hz], [s]
 SHARE = Path("cmeel.prefix", "share", "example-robot-data", "robots", "ur_description", "urdf", "ur5_robot.urdf")
@@ -59,7 +59,7 @@ def write_log(
         frame = model.frames[model.getFrameId(load["frame"])]
         body = pin.Inertia(load["mass"], np.array(load["com"]), np.zeros((3, 3)))
         model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
-    data, rng = model.createData(), np.random.default_rng(seed)
+    rng = np.random.default_rng(seed)
     time = np.arange(round(SECONDS * rate)) / rate
     up, down = (np.clip(x, 0.0, 1.0) for x in ((time - 3.0) / 3.0, (SECONDS - 2.0 - time) / 3.0))
     fade = (up**3 * (10.0 - 15.0 * up + 6.0 * up**2)) * (down**3 * (10.0 - 15.0 * down + 6.0 * down**2))
@@ -71,11 +71,8 @@ def write_log(
     q = UPRIGHT + fade[:, None] * angle
     v = np.gradient(q, time, axis=0)
     a = np.gradient(v, time, axis=0)
-    push, torque = force(time), np.empty_like(q)
-    wrench = np.concatenate([push, np.cross(lever, push)], axis=1)
-    for k in range(len(time)):
-        J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId("tool0"), pin.LOCAL_WORLD_ALIGNED)
-        torque[k] = pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ wrench[k]
+    push = force(time)
+    torque = efforts(model, "tool0", q, v, a, np.concatenate([push, np.cross(lever, push)], axis=1))
     loaded = 1.0 + 0.15 * np.abs(torque) / np.abs(torque).max(axis=0)
     friction = COULOMB * loaded * (1.0 + 0.25 * np.exp(-((v / 0.05) ** 2))) * np.tanh(v / 0.01)
     friction += VISCOUS * np.abs(v) ** 0.8 * np.sign(v)
@@ -92,18 +89,13 @@ def write_log(
 
 def arm_map(points: list[str], *, friction: bool = False) -> dict[str, Any]:
     """Return the map of a log."""
-    joints: dict[str, Any] = {
-        "names": JOINTS,
-        "position": {"columns": [f"q{k}" for k in range(6)], "unit": "rad"},
-        "velocity": {"columns": [f"v{k}" for k in range(6)], "unit": "rad/s"},
-        "effort": {"columns": [f"tau{k}" for k in range(6)], "unit": "N m"},
-    }
+    joints = {"names": JOINTS, **channels(range(6), position="q{}", velocity="v{}", effort="tau{}")}
+    for part, unit in (("position", "rad"), ("velocity", "rad/s"), ("effort", "N m")):
+        joints[part]["unit"] = unit
+    robot = {"urdf": str(URDF), "root": "fixed", "points": points}
+    values = {"robot": robot, "log": {"time": {"column": "t"}}, "joints": joints, "observer": {"gain": 20.0}}
     if friction:
         joints["friction"] = {"law": "coulomb+viscous"}
-    return {
-        "robot": {"urdf": str(URDF), "root": "fixed", "points": points},
-        "log": {"time": {"column": "t"}},
-        "joints": joints,
-        "observer": {"gain": 20.0},
-        **({"check": {"wrench": {"columns": ["fx", "fy", "fz"]}}} if points and not friction else {}),
-    }
+    elif points:
+        values["check"] = {"wrench": {"columns": ["fx", "fy", "fz"]}}
+    return values

@@ -1,7 +1,5 @@
 """Faults of a stream of samples, planted at random."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from enum import Enum, auto
 

@@ -1,13 +1,13 @@
 """An arm of three joints that swings, with friction, rotors and a mass its URDF does not know, as a table."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pinocchio as pin
+
+from support.robot_parts import channels, efforts, joint, link
 
 RATE, CONSTANT, HEAVIER = 500.0, 1.6, 1.06  # [Hz], [N m/A] of every joint, true mass over the believed one
 COULOMB, VISCOUS, OFFSET = (np.array(values) for values in ([0.4, 0.6, 0.3], [0.2, 0.3, 0.1], [0.1, -0.2, 0.05]))
@@ -17,24 +17,15 @@ JOINTS = ["turn", "lift", "bend"]
 
 def arm() -> str:
     """Return an arm of 4.5 kg: a vertical axis and two hinges."""
-    parts, below = ['<link name="ground"/>'], "ground"
-    for name, mass, axis, height in zip(
-        JOINTS, (2.0, 1.5, 1.0), ("0 0 1", "0 1 0", "0 1 0"), (0.1, 0.2, 0.4), strict=True
-    ):
+    parts, below = [link("ground")], "ground"
+    axes, heights = ("0 0 1", "0 1 0", "0 1 0"), (0.1, 0.2, 0.4)
+    for name, mass, axis, height in zip(JOINTS, (2.0, 1.5, 1.0), axes, heights, strict=True):
         i = mass * 0.4**2 / 12
-        inertia = f'<inertia ixx="{i}" ixy="0" ixz="0" iyy="{i}" iyz="0" izz="{0.1 * i}"/>'
-        body = f'<inertial><origin xyz="0 0.01 0.2"/><mass value="{mass}"/>{inertia}</inertial>'
-        parts.append(f'<link name="{name}_link">{body}</link>')
-        parts.append(
-            f'<joint name="{name}" type="revolute"><parent link="{below}"/><child link="{name}_link"/>'
-            f'<origin xyz="0 0 {height}"/><axis xyz="{axis}"/>'
-            '<limit lower="-99" upper="99" effort="999" velocity="99"/></joint>'
-        )
+        parts.append(link(f"{name}_link", mass, "0 0.01 0.2", (i, i, 0.1 * i)))
+        parts.append(joint(name, "revolute", below, f"{name}_link", f"0 0 {height}", axis))
         below = f"{name}_link"
-    end = (
-        f'<joint name="end" type="fixed"><parent link="{below}"/><child link="tool"/><origin xyz="0.05 0 0.4"/></joint>'
-    )
-    return f'<robot name="arm">{"".join(parts)}<link name="tool"/>{end}</robot>'
+    parts += [link("tool"), joint("end", "fixed", below, "tool", "0.05 0 0.4")]
+    return f'<robot name="arm">{"".join(parts)}</robot>'
 
 
 def recording(
@@ -58,7 +49,7 @@ def recording(
     model = pin.buildModelFromXML(arm())
     for k, inertia in enumerate(model.inertias.tolist()):
         model.inertias[k] = pin.Inertia(HEAVIER * inertia.mass, inertia.lever, HEAVIER * inertia.inertia)
-    data, time, rng = model.createData(), np.arange(round(seconds * RATE)) / RATE, np.random.default_rng(seed)
+    time, rng = np.arange(round(seconds * RATE)) / RATE, np.random.default_rng(seed)
     speed, phase = rng.uniform(0.8, 2.6, (2, 3)), rng.uniform(0, 6, (2, 3))
     size = np.array([[0.6, 0.5, 0.7], [0.2, 0.2, 0.3]])[:, None]
     angle = speed[:, None] * time[:, None] + phase[:, None]
@@ -68,16 +59,13 @@ def recording(
     force = np.stack([4 * np.sin(time), 3 * np.cos(1.4 * time), 8 + 5 * np.sin(0.7 * time)], axis=1) * pushed
     force[(time >= knock[0]) & (time < knock[1]), 2] += 8.0
     q[:, 0], v[:, 0] = q[:, 0] + turning * time, v[:, 0] + turning
-    tau = np.empty_like(q)
-    for k in range(len(time)):
-        J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId("tool"), pin.LOCAL_WORLD_ALIGNED)[:3]
-        tau[k] = pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ force[k]
+    tau = efforts(model, "tool", q, v, a, force)
     tau += COULOMB * np.tanh(v / rate) + VISCOUS * v + ROTOR * a + OFFSET
     tau[:, 0] += ripple * (np.cos(q[:, 0] + 0.7) + 0.5 * np.sin(2.0 * q[:, 0]))
     columns = {"t": time}
-    for k, joint in enumerate(JOINTS):
-        columns |= {f"{joint}_q": q[:, k], f"{joint}_v": v[:, k]}
-        columns[f"{joint}_i"] = tau[:, k] / CONSTANT + 0.01 * rng.standard_normal(len(time))
+    for k, axis in enumerate(JOINTS):
+        columns |= {f"{axis}_q": q[:, k], f"{axis}_v": v[:, k]}
+        columns[f"{axis}_i"] = tau[:, k] / CONSTANT + 0.01 * rng.standard_normal(len(time))
     columns |= {f"f{axis}": force[:, k] for k, axis in enumerate("xyz")}
     pd.DataFrame(columns).to_csv(folder / f"{name}.csv", index=False)
     return force
@@ -85,18 +73,8 @@ def recording(
 
 def arm_map() -> dict[str, Any]:
     """Return the map of the arm, as nested values; it asks for friction, and does not say where to fit it."""
-    return {
-        "robot": {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]},
-        "joints": {
-            "names": JOINTS,
-            "position": {"columns": [f"{joint}_q" for joint in JOINTS]},
-            "velocity": {"columns": [f"{joint}_v" for joint in JOINTS]},
-            "effort": {
-                "columns": [f"{joint}_i" for joint in JOINTS],
-                "unit": "A",
-                "torque_per_unit": {"*": CONSTANT},
-            },
-            "friction": {"law": "coulomb+viscous+inertia"},
-        },
-        "observer": {"gain": 100},
-    }
+    joints = {"names": JOINTS, **channels(JOINTS, position="{}_q", velocity="{}_v", effort="{}_i")}
+    joints["effort"] |= {"unit": "A", "torque_per_unit": {"*": CONSTANT}}
+    joints["friction"] = {"law": "coulomb+viscous+inertia"}
+    robot = {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]}
+    return {"robot": robot, "joints": joints, "observer": {"gain": 100}}

@@ -1,7 +1,5 @@
 """Which of other people's tools are installed here, and work beside the Pinocchio that is."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from functools import cache

@@ -4,8 +4,6 @@ Base and joints move along sines. The foot forces are smooth, and corrected so t
 joint torques follow from Pinocchio's inverse dynamics. Nothing of the package under test takes part.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,6 +12,8 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 
+from support.robot_parts import channels, joint, link
+
 LEGS = ("FL", "FR", "RL", "RR")
 FEET = tuple(f"{leg}_FOOT" for leg in LEGS)
 TINY = 1.0e-4  # [s] of the differences that give velocity and acceleration
@@ -21,26 +21,15 @@ TINY = 1.0e-4  # [s] of the differences that give velocity and acceleration
 
 def urdf() -> str:
     """Return the robot: a trunk of 6 kg, four legs of three joints and 0.9 kg, feet as fixed links."""
-
-    def link(name: str, mass: float, centre: str, size: float) -> str:
-        i = mass * size**2 / 12.0
-        inertia = f'<inertia ixx="{i}" ixy="0" ixz="0" iyy="{i}" iyz="0" izz="{i}"/>' if mass else ""
-        body = f'<inertial><origin xyz="{centre}"/><mass value="{mass}"/>{inertia}</inertial>' if mass else ""
-        return f'<link name="{name}">{body}</link>'
-
-    def joint(name: str, kind: str, parent: str, child: str, at: str, axis: str) -> str:
-        turn = f'<axis xyz="{axis}"/><limit lower="-3" upper="3" effort="99" velocity="99"/>' if kind != "fixed" else ""
-        ends = f'<parent link="{parent}"/><child link="{child}"/><origin xyz="{at}"/>'
-        return f'<joint name="{name}" type="{kind}">{ends}{turn}</joint>'
-
-    parts = [link("trunk", 6.0, "0.01 0 0.01", 0.3)]
+    cubes = {"hip": (0.3, "0 0 0", 0.06), "thigh": (0.4, "0 0 -0.1", 0.2), "shank": (0.2, "0 0 -0.1", 0.2)}
+    parts = [link("trunk", 6.0, "0.01 0 0.01", 3 * (6.0 * 0.3**2 / 12.0,))]
     for leg, x, y in zip(LEGS, (0.2, 0.2, -0.2, -0.2), (0.1, -0.1, 0.1, -0.1), strict=True):
-        parts += [link(f"{leg}_hip", 0.3, "0 0 0", 0.06), link(f"{leg}_thigh", 0.4, "0 0 -0.1", 0.2)]
-        parts += [link(f"{leg}_shank", 0.2, "0 0 -0.1", 0.2), link(f"{leg}_FOOT", 0.0, "0 0 0", 0.0)]
-        parts += [joint(f"{leg}_HAA", "revolute", "trunk", f"{leg}_hip", f"{x} {y} 0", "1 0 0")]
-        parts += [joint(f"{leg}_HFE", "revolute", f"{leg}_hip", f"{leg}_thigh", f"0 {0.2 * y} 0", "0 1 0")]
-        parts += [joint(f"{leg}_KFE", "revolute", f"{leg}_thigh", f"{leg}_shank", "0 0 -0.2", "0 1 0")]
-        parts += [joint(f"{leg}_foot_joint", "fixed", f"{leg}_shank", f"{leg}_FOOT", "0 0 -0.2", "")]
+        for name, (mass, centre, size) in cubes.items():
+            parts.append(link(f"{leg}_{name}", mass, centre, 3 * (mass * size**2 / 12.0,)))
+        parts += [link(f"{leg}_FOOT"), joint(f"{leg}_HAA", "revolute", "trunk", f"{leg}_hip", f"{x} {y} 0", "1 0 0", 3)]
+        parts += [joint(f"{leg}_HFE", "revolute", f"{leg}_hip", f"{leg}_thigh", f"0 {0.2 * y} 0", limit=3)]
+        parts += [joint(f"{leg}_KFE", "revolute", f"{leg}_thigh", f"{leg}_shank", "0 0 -0.2", limit=3)]
+        parts += [joint(f"{leg}_foot_joint", "fixed", f"{leg}_shank", f"{leg}_FOOT", "0 0 -0.2")]
     return f'<robot name="quadruped">{"".join(parts)}</robot>'
 
 
@@ -124,16 +113,19 @@ def table(walked: Walk) -> pd.DataFrame:
     columns |= {f"gyro_{axis}": walked.v[:, 3 + k] for k, axis in enumerate("xyz")}
     felt = walked.specific_force
     columns |= {f"acc_{axis}": felt[:, k] for k, axis in enumerate("xyz")}
-    for k, joint in enumerate(walked.joints):
-        columns |= {f"{joint}_pos": walked.q[:, 7 + k], f"{joint}_vel": walked.v[:, 6 + k]}
-        columns[f"{joint}_tau"] = walked.tau[:, k]
+    for k, name in enumerate(walked.joints):
+        columns |= {f"{name}_pos": walked.q[:, 7 + k], f"{name}_vel": walked.v[:, 6 + k]}
+        columns[f"{name}_tau"] = walked.tau[:, k]
     columns |= {f"fl_f{axis}": walked.force[:, 0, k] for k, axis in enumerate("xyz")}
     return pd.DataFrame(columns)
 
 
 def table_map(robot: Path) -> dict[str, object]:
     """Return the right map of the table, as nested values."""
-    joints = walk().joints
+    names = list(walk().joints)
+    joints = {"names": names, **channels(names, position="{}_pos", velocity="{}_vel", effort="{}_tau")}
+    for part, unit in (("position", "rad"), ("velocity", "rad/s"), ("effort", "N m")):
+        joints[part]["unit"] = unit
     return {
         "robot": {"urdf": str(robot), "points": list(FEET)},
         "observer": {"gain": 1000.0},
@@ -143,12 +135,7 @@ def table_map(robot: Path) -> dict[str, object]:
             "velocity": {"columns": ["vx", "vy", "vz"], "unit": "m/s"},
             "rate": {"columns": ["gyro_x", "gyro_y", "gyro_z"], "unit": "rad/s"},
         },
-        "joints": {
-            "names": list(joints),
-            "position": {"columns": [f"{joint}_pos" for joint in joints], "unit": "rad"},
-            "velocity": {"columns": [f"{joint}_vel" for joint in joints], "unit": "rad/s"},
-            "effort": {"columns": [f"{joint}_tau" for joint in joints], "unit": "N m"},
-        },
+        "joints": joints,
         "check": {
             "specific_force": {"columns": ["acc_x", "acc_y", "acc_z"], "unit": "m/s2"},
             "wrench": {"columns": ["fl_fx", "fl_fy", "fl_fz"], "point": "FL_FOOT"},

@@ -7,8 +7,6 @@ The hook sees what Python opens, makes, renames and deletes (PEP 578), after all
 opens without Python, as HDF5 and Pinocchio do.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import site

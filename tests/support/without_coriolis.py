@@ -4,8 +4,6 @@ p = M v is what inverse dynamics gives for the acceleration v at rest, less grav
 because M does, so C^T v - g = Mdot v - nle with Mdot v = dp/dh at q + h v, by central differences of sixth order.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 

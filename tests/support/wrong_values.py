@@ -1,7 +1,5 @@
 """Wrong arguments for everything public: a right call of each function, and values that do not belong there."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import tempfile

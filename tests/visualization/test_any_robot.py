@@ -1,7 +1,5 @@
 """Robots from strangers: only files of the robot's own packages enter a page; what is no robot is refused by name."""
 
-from __future__ import annotations
-
 import base64
 import os
 import re
@@ -51,7 +49,6 @@ def test_meshes_of_the_robots_own_folders_are_drawn(folder: Path) -> None:
             (folder / "package.xml").touch()
         page_of(place, os.path.relpath(folder / "meshes" / "bar.stl", place))
     absolute = shipped_text(Morphology.load("aerobat"), meshes="absolute")
-    assert absolute is not None
     (folder / "bird.urdf").write_text(absolute)  # printed by `aerobat urdf --meshes absolute` and saved anywhere
     _, visual_model = load_any_robot(folder / "bird.urdf", 11, folder / "motion.csv")
     assert all(part.meshPath.startswith(PACKAGE_PATH) for part in visual_model.geometryObjects)

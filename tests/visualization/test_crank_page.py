@@ -3,8 +3,6 @@
 `open_robot`: meshcat shows the robot large and whole, and Python turns the crank in it.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Robots and flights show themselves in a notebook, without a network."""
 
-from __future__ import annotations
-
 import html
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The linkage on one page: everything named and readable, the figures beside it right, the command tidy."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 from pathlib import Path
@@ -104,27 +102,24 @@ def test_the_table_holds_the_known_ranges() -> None:
         assert (low, high) == pytest.approx((lowest, highest), abs=0.05)
 
 
-def test_the_command_draws_and_prints(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_draws_and_prints(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Into runs/linkage, into a folder, or into one file of the kind its name ends with."""
-    monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, "linkage") == 0
+    assert call("linkage") == 0
     printed = capsys.readouterr().out
     assert "shoulder theta_s" in printed
     assert "transmission at J10" in printed
     assert "drawn to runs/linkage/aerobat.png, runs/linkage/aerobat.pdf" in printed
-    assert imread(tmp_path / "runs" / "linkage" / "aerobat.png").shape[1] >= 1000
-    (tmp_path / "mine").mkdir()
-    assert call(monkeypatch, "linkage", "aerobat_light", "--out", "mine") == 0
-    assert call(monkeypatch, "linkage", "--out", "mine/one.svg") == 0
-    assert call(monkeypatch, "linkage", "--out", "mine/two.PDF") == 0
+    assert imread(here / "runs" / "linkage" / "aerobat.png").shape[1] >= 1000
+    (here / "mine").mkdir()
+    assert call("linkage", "aerobat_light", "--out", "mine") == 0
+    assert call("linkage", "--out", "mine/one.svg") == 0
+    assert call("linkage", "--out", "mine/two.PDF") == 0
     names = ["aerobat_light.pdf", "aerobat_light.png", "one.svg", "two.PDF"]
-    assert sorted(path.name for path in (tmp_path / "mine").iterdir()) == names
-    assert (tmp_path / "mine" / "two.PDF").read_bytes().startswith(b"%PDF")
-    before = (tmp_path / "mine" / "one.svg").read_bytes()
-    assert call(monkeypatch, "linkage", "--out", "mine/one.svg", "--force") == 0
-    assert (tmp_path / "mine" / "one.svg").read_bytes() == before
+    assert sorted(path.name for path in (here / "mine").iterdir()) == names
+    assert (here / "mine" / "two.PDF").read_bytes().startswith(b"%PDF")
+    before = (here / "mine" / "one.svg").read_bytes()
+    assert call("linkage", "--out", "mine/one.svg", "--force") == 0
+    assert (here / "mine" / "one.svg").read_bytes() == before
 
 
 def test_the_command_line_warns_in_a_line_of_a_nearly_singular_linkage(tmp_path: Path) -> None:

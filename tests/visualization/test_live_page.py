@@ -1,7 +1,5 @@
 """`aerobat live` in a real browser: forces by slider and by drag, saved runs, and who may come in."""
 
-from __future__ import annotations
-
 import http.client
 import signal
 import socket
@@ -154,12 +152,12 @@ def test_what_lives_is_what_the_words_name(monkeypatch: pytest.MonkeyPatch, tmp_
     table(walk(0.1)).to_csv(log, index=False)
     chosen.write_text(tomli_w.dumps(table_map(robot) | {"log": {"time": {"column": "t"}}, "check": {}}))
     out = ("--out", str(tmp_path / "live"))
-    assert call(monkeypatch, "live", "double_pendulum", *out) == 0
-    assert call(monkeypatch, "live", str(robot), "--points", "FL_FOOT, trunk", *out) == 2  # the trunk is held
-    assert call(monkeypatch, "live", str(robot), "--points", "FL_FOOT", *out) == 0
-    assert call(monkeypatch, "live", str(log), "--map", str(chosen), *out) == 0
-    assert call(monkeypatch, "live", "--set", "air.strips=4", *out) == 0
-    assert call(monkeypatch, "live", "paper", *out) == 2
+    assert call("live", "double_pendulum", *out) == 0
+    assert call("live", str(robot), "--points", "FL_FOOT, trunk", *out) == 2  # the trunk is held
+    assert call("live", str(robot), "--points", "FL_FOOT", *out) == 0
+    assert call("live", str(log), "--map", str(chosen), *out) == 0
+    assert call("live", "--set", "air.strips=4", *out) == 0
+    assert call("live", "paper", *out) == 2
     kinds = [type(one) for one in served_sources]
     assert kinds == [LiveRobot, LiveRobot, LiveRecording, LiveFlight]
     assert served_sources[1].points == ("FL_FOOT",)

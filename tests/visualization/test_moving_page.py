@@ -1,7 +1,5 @@
 """Recordings of robots that are not Aerobat: Pinocchio's own samples, fixed and free; and two replays on one page."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What a person looks at after a run: figures, and the report in a real browser."""
 
-from __future__ import annotations
-
 import re
 from html import escape
 from pathlib import Path
@@ -147,7 +145,6 @@ def test_the_same_run_draws_the_same_figures(paper: Experiment, paper_folder: Pa
 
 def test_the_figures_of_the_air_show_its_force_and_power(paper: Experiment) -> None:
     """Lift and thrust against an own rotation to world axes, weight, power; the colours hold every strip."""
-    assert paper.log.truth is not None
     truth, drawn = paper.log.truth, draw_all(paper)
     lift, thrust, strips = drawn["aerodynamics"].axes[:3]
     force = (truth["aerodynamic"] + truth["added_mass"]).values

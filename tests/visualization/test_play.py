@@ -1,7 +1,5 @@
 """`aerobat play`: served, as a page, as pictures; runs, logs and tables; and nothing left behind."""
 
-from __future__ import annotations
-
 import asyncio
 import itertools
 import shutil
@@ -126,48 +124,48 @@ print([row[1] for row in rows if row[9] in sockets])
 
 
 def test_a_run_and_its_log_alone_become_pages(
-    paper_folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    paper_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The run's page is the run's own replay but for random names; a log is estimated on the way."""
     run, log = tmp_path / "run.html", tmp_path / "log.html"
-    assert call(monkeypatch, "play", str(paper_folder), "--out", str(run)) == 0
+    assert call("play", str(paper_folder), "--out", str(run)) == 0
     assert f"written to {run}" in capsys.readouterr().out
     assert len(run.read_text()) == pytest.approx(len((paper_folder / "replay.html").read_text()), rel=1e-3)
-    assert call(monkeypatch, "play", str(paper_folder / "flight.nc"), "--out", str(log)) == 0
+    assert call("play", str(paper_folder / "flight.nc"), "--out", str(log)) == 0
     assert "recorded flight of 2 s" in log.read_text()
     assert "estimated force (momentum)" in log.read_text()
-    assert call(monkeypatch, "play", str(paper_folder), "--out", str(run)) == 2
+    assert call("play", str(paper_folder), "--out", str(run)) == 2
     assert "--force overwrites it" in capsys.readouterr().err
-    assert call(monkeypatch, "play", str(paper_folder), "--out", str(run), "--force") == 0
+    assert call("play", str(paper_folder), "--out", str(run), "--force") == 0
 
 
 def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_it(
-    paper: Experiment, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    paper: Experiment, tmp_path: Path
 ) -> None:
     """A table notes no robot: `--morphology` says it, as for `aerobat estimate`, else it is the default one."""
     short = paper.log.measured.isel(time=slice(201), interval=slice(200))
     write_csv(FlightLog(short), tmp_path / "log.csv")
     for words, name in (([], "aerobat"), (["--morphology", "aerobat_guard"], "aerobat_guard")):
         page = tmp_path / f"{name}.html"
-        assert call(monkeypatch, "play", str(tmp_path / "log.csv"), "--out", str(page), *words) == 0
+        assert call("play", str(tmp_path / "log.csv"), "--out", str(page), *words) == 0
         assert f"believed robot {name}</title>" in page.read_text()
 
 
 @needs_browser
 def test_pictures_are_taken_at_the_rate_asked_for(
-    paper_folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    paper_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Two seconds at ten times their speed are six pictures; old ones do not stay; the time is all of the controls."""
     out = tmp_path / "frames"
     arguments = [str(paper_folder), "--frames", str(out), "--rate"]
-    assert call(monkeypatch, "play", *arguments, "30") == 0
+    assert call("play", *arguments, "30") == 0
     assert "2 pictures, 30 a second" in capsys.readouterr().out
     arguments += ["10"]
-    assert call(monkeypatch, "play", *arguments) == 2
+    assert call("play", *arguments) == 2
     assert "is not empty" in capsys.readouterr().err
     (out / "frame_00099.png").write_text("of an earlier run")
     (out / "notes.txt").write_text("mine")
-    assert call(monkeypatch, "play", *arguments, "--force") == 0
+    assert call("play", *arguments, "--force") == 0
     assert "6 pictures, 30 a second" in capsys.readouterr().out
     names = [f"frame_{k:05d}.png" for k in range(6)]
     assert sorted(path.name for path in out.iterdir()) == [*names, "notes.txt"]
@@ -225,7 +223,7 @@ def table(folder: Path, header: str, rows: Any) -> Path:
 
 
 @needs_browser
-def test_any_table_moves_any_robot(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, browser: Any) -> None:
+def test_any_table_moves_any_robot(tmp_path: Path, browser: Any) -> None:
     """A hinge that turns by a quarter in two seconds, pushed at its bar; fixed, and on a free base."""
     (tmp_path / "arm.urdf").write_text(ARM.replace("<visual>", '<visual><origin xyz="0 0 0.5"/>'))
     clock, angle = np.linspace(5.0, 7.0, 41), np.linspace(0.0, 0.5 * np.pi, 41)
@@ -234,7 +232,7 @@ def test_any_table_moves_any_robot(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     rows = np.column_stack([clock, angle, 10.0 + still, still, still])
     fixed, out = table(tmp_path, header, rows), tmp_path / "arm.html"
     urdf = str(tmp_path / "arm.urdf")
-    assert call(monkeypatch, "play", "--from-csv", str(fixed), "--urdf", urdf, "--out", str(out)) == 0
+    assert call("play", "--from-csv", str(fixed), "--urdf", urdf, "--out", str(out)) == 0
     with opened(browser, out.as_uri()) as page:
         ready(page)
         assert page.evaluate("viewer.animator.mixer.timeScale") == 1.0

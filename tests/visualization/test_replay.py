@@ -1,7 +1,5 @@
 """The replay of a flight in a real browser: it plays, it shows what happened, and what it says is to scale."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -76,7 +74,6 @@ def test_its_speed_is_chosen_by_a_button(page: Any) -> None:
 @needs_browser
 def test_arrows_bars_and_robot_are_where_the_log_says(paper: Experiment, page: Any) -> None:
     """In world axes: the tip of each arrow is its force away from the force point, to the scale of the legend."""
-    assert paper.log.truth is not None
     data = paper.robot.model.createData()
     scale = newtons_per_centimetre(page)
     lengths = []

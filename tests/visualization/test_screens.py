@@ -1,7 +1,5 @@
 """Report and replay on a desk and on a phone, by day and by night: nothing overlaps, buttons fit a finger."""
 
-from __future__ import annotations
-
 import itertools
 from pathlib import Path
 from typing import Any
