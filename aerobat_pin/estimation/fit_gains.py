@@ -125,7 +125,7 @@ def _payload(
     if mass < UNSEEN * deviation[0]:
         raise MapError(
             f"map: payload: the record does not show one at {sought.frame}: {mass:.3g} kg with a deviation of "
-            f"{deviation[0]:.2g} kg"
+            f"{deviation[0]:.2g} kg{': is the robot lighter there than its file says?' if mass < 0.0 else ''}"
         )
     without = x.copy()
     without[-10:] = 0.0

@@ -83,9 +83,10 @@ def _in_words(
         if beyond[at] > 1.0 or (lasting > LASTING and rms > least):
             when = time[beyond >= min(1.0, beyond[at])] - record.start
             unit = "N" if axis.startswith("F") else "N m"
+            weight = "has a weight too much" if unit == "N" and force[:, 2].mean() > 0.0 else "lacks a weight"
             mean = ", ".join(f"{part:.3g}" for part in force.mean(axis=0))
             yield (
-                f"{record.title}: something pushed at {point_label(place)}, or the model lacks a weight, most from "
+                f"{record.title}: something pushed at {point_label(place)}, or the model {weight}, most from "
                 f"{when[0]:.2f} to {when[-1]:.2f} s, with up to {quantity(float(size[at]), unit)} "
                 f"(+-{along[at]:.2g}), in the mean ({mean}) {unit} in world axes: that explains the rows of the "
                 "joints, and offsets do not"
