@@ -20,7 +20,7 @@ from aerobat_pin.estimation.calibration_use import CalibrationUse
 from aerobat_pin.estimation.known_forces import CALIBRATION, KnownForces
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Rows
-from aerobat_pin.records import Block, Condition, Record, imu_arm
+from aerobat_pin.records import Block, Condition, Record
 from aerobat_pin.robot import rotation_matrices
 
 CHANGE_OF_AXES = "change of axes"  # name of the known force
@@ -130,7 +130,7 @@ def with_zeroed_velocity(record: Record, inputs: KnownInputs, first: int) -> Kno
     model, v, force = record.robot.model, inputs.v.copy(), np.zeros_like(inputs.tau)
     data = model.createData()
     R = rotation_matrices(inputs.q[:, 3:7])
-    u = np.einsum("nij,nj->ni", R, v[:, :3] + np.cross(v[:, 3:6], imu_arm(record.map)))
+    u = np.einsum("nij,nj->ni", R, v[:, :3] + np.cross(v[:, 3:6], record.map.base.imu.place))
     begins = [record.zeroed_at(first + k) for k in range(len(v))]
     since = u[np.maximum(np.array(begins) - first, 0)] * (np.array(begins) >= first)[:, None]
     v[:, :3] -= np.einsum("nji,nj->ni", R, since)

@@ -14,7 +14,7 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.checks.samples import rests_at_zero
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.numerics import Array, Integers, fields_of, inner, new_state
-from aerobat_pin.records import HOLE, Map, PlainRobot, Request, axes_of, imu_arm
+from aerobat_pin.records import HOLE, Map, PlainRobot, Request, axes_of, in_world_axes
 
 LENGTH = 2048  # samples that a ring keeps; a power of two
 CLOCK_JUMP = 1.0  # [s]: a stamp further from the newest one is off
@@ -122,7 +122,7 @@ def new_rings(
         rings.factor[c, :count] = request.factor
         rings.turn[c, : len(request.turns)] = request.turns
         mix, shift = request.mix, request.shift
-        if (turn := axes_of(chosen, request)) is not None:
+        if (turn := axes_of(chosen, request.key, request.names)) is not None:
             mix = turn if mix is None else turn @ mix
         if mix is not None:
             rings.mixed[c], rings.mix[c, :count, :count], rings.shift[c, :count] = 1, mix, shift
@@ -139,14 +139,11 @@ def new_rings(
     if len(values.scale):
         rings.friction[5] = values.scale
     rings.setting[:4] = chosen.log.longest_gap, wait, chosen.log.rate or 0.0, 0.0
-    base, keys = chosen.base, {request.key: request for request in requests}
-    if base.velocity is not None and base.velocity.axes == "world" and "base.velocity" in keys:
-        rings.setting[4] = float(not keys["base.velocity"].names[0].startswith(f"{base.topic}.linear"))
-    if base.rate is not None and base.rate.columns and base.rate.axes == "world":
-        rings.setting[5] = 1.0
+    in_world = {request.key for request in requests if in_world_axes(chosen, request.key, request.names)}
+    rings.setting[4:6] = "base.velocity" in in_world, "base.rate" in in_world
     rings.shown[:] = rings.changed[:] = rings.now[:COUNT] = np.nan
     rings.now[BROKEN] = 0.0
-    rings.arm[:], rings.gravity[:], rings.neutral[:] = imu_arm(chosen), model.gravity.linear, robot.neutral()
+    rings.arm[:], rings.gravity[:], rings.neutral[:] = chosen.base.imu.place, model.gravity.linear, robot.neutral()
     for joint, place in chosen.joints.held.items():
         rings.neutral[robot.q_index(joint)] = place
     return memory

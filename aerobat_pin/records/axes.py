@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.channels import Request
 from aerobat_pin.records.map_tables import Map
+from aerobat_pin.records.resample import CONJUGATE, quaternion_product
 
 HALF_TURN = np.diag([1.0, -1.0, -1.0])  # about x: z down to z up, for world and body axes alike
+HALF_TURN_QUATERNION = np.array([1.0, 0.0, 0.0, 0.0])  # the same turn
 
 
 def world_turn(chosen: Map) -> Array:
@@ -20,11 +23,6 @@ def world_turn(chosen: Map) -> Array:
 def body_turn(chosen: Map) -> Array:
     """Return the matrix (3, 3) from the log's body axes to body axes x ahead, y left, z up."""
     return HALF_TURN if chosen.base.axes == "frd" else np.eye(3)
-
-
-def imu_arm(chosen: Map) -> Array:
-    """Return where the accelerometer is (3,) [m] from the base's origin, base axes."""
-    return np.array(chosen.base.imu.place)
 
 
 def imu_turn(chosen: Map) -> Array:
@@ -38,27 +36,37 @@ def sensor_turn(chosen: Map) -> Array:
     return imu_turn(chosen) @ turn if any(chosen.base.imu.turn) else turn
 
 
-def axes_of(chosen: Map, request: Request) -> Array | None:
+def in_world_axes(chosen: Map, key: str, names: Sequence[str]) -> bool:
+    """Return whether a channel of the base, of columns of these names, is in world axes; else it is in the body's.
+
+    The twist of an Odometry topic is in body axes by its definition.
+    """
+    speed, rate = chosen.base.velocity, chosen.base.rate
+    if key == "base.velocity":
+        return speed is not None and speed.axes == "world" and not names[0].startswith(f"{chosen.base.topic}.linear")
+    if key == "base.rate":
+        return rate is not None and bool(rate.columns) and rate.axes == "world"
+    return key == "base.position"
+
+
+def axes_of(chosen: Map, key: str, names: Sequence[str]) -> Array | None:
     """Return the matrix (k, k) from a channel of the base, as logged, to this package's axes; None if it is as logged.
 
     A velocity or rate in world axes stays in world axes.
+
+    Args:
+        chosen: the map.
+        key: key of the channel.
+        names: of its columns.
     """
-    key, base = request.key, chosen.base
     if key == "base.quaternion":
         return as_attitude(chosen, np.eye(4)).T
-    if key == "base.position":
-        turn = world_turn(chosen)
-    elif key == "base.velocity":
-        of_topic = request.names[0].startswith(f"{base.topic}.linear")
-        in_world = base.velocity is not None and base.velocity.axes == "world" and not of_topic
-        turn = world_turn(chosen) if in_world else body_turn(chosen)
-    elif key == "base.rate":
-        in_world = base.rate is not None and bool(base.rate.columns) and base.rate.axes == "world"
-        turn = world_turn(chosen) if in_world else sensor_turn(chosen)
-    elif key == "base.acceleration":
-        turn = sensor_turn(chosen)
-    else:
+    if not key.startswith("base."):
         return None
+    if in_world_axes(chosen, key, names):
+        turn = world_turn(chosen)
+    else:
+        turn = body_turn(chosen) if key == "base.velocity" else sensor_turn(chosen)
     return None if np.array_equal(turn, np.eye(3)) else turn
 
 
@@ -73,23 +81,11 @@ def as_attitude(chosen: Map, turns: Array) -> Array:
     if section is not None and section.order == "wxyz":
         turns = np.roll(turns, -1, axis=1)
     if section is not None and section.sense == "world_to_body":
-        turns = turns * np.array([-1.0, -1.0, -1.0, 1.0])
+        turns = turns * CONJUGATE
     if chosen.log.world == "ned":
-        x, y, z, w = turns.T
-        turns = np.stack([w, -z, y, -x], axis=1)  # half a turn about x, then the attitude
+        turns = quaternion_product(HALF_TURN_QUATERNION, turns)
     if chosen.base.axes == "frd":
-        x, y, z, w = turns.T
-        turns = np.stack([w, z, -y, -x], axis=1)  # the attitude after half a turn about the body's x
-    if any(chosen.base.imu.turn):
-        x, y, z, w = turns.T
-        a, b, c, d = pin.Quaternion(imu_turn(chosen).T).coeffs()  # the attitude of the IMU after the base's in it
-        turns = np.stack(
-            [
-                w * a + x * d + y * c - z * b,
-                w * b - x * c + y * d + z * a,
-                w * c + x * b - y * a + z * d,
-                w * d - x * a - y * b - z * c,
-            ],
-            axis=1,
-        )
+        turns = quaternion_product(turns, HALF_TURN_QUATERNION)
+    if any(chosen.base.imu.turn):  # the attitude of the IMU after the base's in it
+        turns = quaternion_product(turns, pin.Quaternion(imu_turn(chosen).T).coeffs())
     return turns

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.axes import as_attitude, body_turn, imu_arm, sensor_turn, world_turn
+from aerobat_pin.records.axes import as_attitude, axes_of, in_world_axes
 from aerobat_pin.records.block import Block, Channel
 from aerobat_pin.records.channels import EXTRA
 from aerobat_pin.records.columns import Columns
@@ -192,41 +192,39 @@ class Record:
             return as_attitude(self.map, self.at("base.quaternion", time))
         return as_attitude(self.map, sampled_turns(*self.cut("base.quaternion", time), time))
 
-    def gyro(self, time: Array, attitude: Array) -> Array:
-        """Return the measured angular velocity (m, 3) [rad/s] in body axes at times (m,) with attitudes (m, 4)."""
-        rate, section = self.at("base.rate", time), self.map.base.rate
-        if section is not None and section.columns and section.axes == "world":
-            return np.asarray(np.einsum("nji,nj->ni", rotation_matrices(attitude), rate @ world_turn(self.map).T))
-        return np.asarray(rate @ sensor_turn(self.map).T)
+    def _in_axes(self, key: str, time: Array) -> Array:
+        """Return a channel of the base (m, 3) in this package's axes at times (m,) [s]."""
+        values, turn = self.at(key, time), axes_of(self.map, key, self.channels[key].names)
+        return values if turn is None else np.asarray(values @ turn.T)
+
+    def _in_body(self, key: str, time: Array, R: Array) -> Array:
+        """Return a measured velocity or rate (m, 3) in body axes at times (m,) [s] with attitudes (m, 3, 3)."""
+        values = self._in_axes(key, time)
+        in_world = in_world_axes(self.map, key, self.channels[key].names)
+        return np.asarray(np.einsum("nji,nj->ni", R, values)) if in_world else values
 
     def _base(self, first: int, last: int) -> tuple[Array, Array]:
         """Return placement (m, 7) and twist in body axes (m, 6) of the base."""
-        chosen, base = self.map, self.map.base
+        base = self.map.base
         time, inside = (self.times(first, last), slice(None)) if self.knots is not None else self._wide(first, last)
         attitude = self.turns(time)
-        place = np.zeros((len(time), 3))
-        if "base.position" in self.channels:
-            place = self.at("base.position", time) @ world_turn(chosen).T
         R = rotation_matrices(attitude)
-        linear: Array = np.zeros_like(place)
-        angular: Array = np.zeros_like(place)
-        speed_window = 0.05 if base.velocity is None else base.velocity.window
-        rate_window = 0.05 if base.rate is None else base.rate.window
+        place: Array = np.zeros((len(time), 3))
+        linear = angular = place
+        if "base.position" in self.channels:
+            place = self._in_axes("base.position", time)
         if "base.velocity" in self.channels:
-            velocity = self.at("base.velocity", time)
-            in_world = base.velocity is not None and base.velocity.axes == "world" and not self.twist_of_topic
-            turn = world_turn(chosen) if in_world else body_turn(chosen)
-            velocity = velocity @ turn.T
-            linear = np.einsum("nji,nj->ni", R, velocity) if in_world else velocity
+            linear = self._in_body("base.velocity", time, R)
         elif self.knots is None and base.from_ == "measured":
+            speed_window = 0.05 if base.velocity is None else base.velocity.window
             linear = np.einsum("nji,nj->ni", R, slopes(place, self.dt, speed_window))
         if "base.rate" in self.channels:
-            angular = self.gyro(time, attitude)
+            angular = self._in_body("base.rate", time, R)
         elif self.knots is None:
-            angular = turn_rates(attitude, self.dt, rate_window)
+            angular = turn_rates(attitude, self.dt, 0.05 if base.rate is None else base.rate.window)
         if base.from_ == "imu":
             linear = np.zeros_like(angular)
-            linear[inside] = self._integrated(first, last, R[inside]) - np.cross(angular[inside], imu_arm(chosen))
+            linear[inside] = self._integrated(first, last, R[inside]) - np.cross(angular[inside], base.imu.place)
         return np.concatenate([place, attitude], axis=1)[inside], np.concatenate([linear, angular], axis=1)[inside]
 
     def zeroed_at(self, index: int) -> int:
@@ -249,14 +247,8 @@ class Record:
         time = self.times(begin, last)
         stamps = self.cut("base.acceleration", time)[0]
         nodes = np.union1d(time, stamps[(stamps > time[0]) & (stamps < time[-1])])
-        felt = self.at("base.acceleration", nodes) @ sensor_turn(self.map).T
+        felt = self._in_axes("base.acceleration", nodes)
         a = np.einsum("nij,nj->ni", rotation_matrices(self.turns(nodes)), felt) + self.robot.model.gravity.linear
         steps = 0.5 * np.diff(nodes)[:, None] * (a[1:] + a[:-1])
         u = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])[np.searchsorted(nodes, time)][first - begin :]
         return np.asarray(np.einsum("nji,nj->ni", R, u))
-
-    @property
-    def twist_of_topic(self) -> bool:
-        """Whether the velocity is the twist of an Odometry topic, which is in body axes by its definition."""
-        topic = self.map.base.topic
-        return topic is not None and self.channels["base.velocity"].names[0].startswith(f"{topic}.linear")

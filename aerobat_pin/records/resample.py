@@ -19,6 +19,7 @@ from aerobat_pin.numerics import Array, runs_of_true
 from aerobat_pin.records.spool import EXTENT, Series, typical_spacing
 
 HOLE = 2.5  # usual steps of a channel, which a hole is longer than
+CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])  # times a unit quaternion x, y, z, w: the inverse turn
 NEAR_TURN = 0.25  # of a turn: a joint turns less from sample to sample, and a jump by a full turn is as near to one
 
 
@@ -39,6 +40,13 @@ def continuous(quaternions: Array) -> Array:
     flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
     signs = np.concatenate([[1.0], np.where(np.cumsum(flips) % 2 == 1, -1.0, 1.0)])
     return np.asarray(quaternions * signs[:, None])
+
+
+def quaternion_product(first: Array, second: Array) -> Array:
+    """Return the products (n, 4) of quaternions x, y, z, w, each (n, 4) or (4,): the second turns before the first."""
+    (x, y, z, w), (a, b, c, d) = first.T, second.T
+    vector = (w * a + x * d + y * c - z * b, w * b + y * d + z * a - x * c, w * c + z * d + x * b - y * a)
+    return np.stack([*vector, w * d - x * a - y * b - z * c], axis=1)
 
 
 def line_means(time: Array, values: Array, wanted: Array) -> Array:
@@ -93,12 +101,7 @@ def turn_rates(quaternions: Array, dt: float, window: float) -> Array:
     The quaternion's derivative is the slope of parabolas; the rate is twice the vector part of conj(q) q'.
     """
     turns = continuous(quaternions)
-    slope = slopes(turns, dt, window)
-    x, y, z, w = turns.T
-    a, b, c, d = slope.T
-    return 2.0 * np.stack(
-        [w * a - x * d - y * c + z * b, w * b - y * d - z * a + x * c, w * c - z * d - x * b + y * a], axis=1
-    )
+    return 2.0 * quaternion_product(turns * CONJUGATE, slopes(turns, dt, window))[:, :3]
 
 
 def without_turns(time: Series, values: Series, turn: float, longest: float) -> tuple[Series, int]:

@@ -21,6 +21,7 @@ from aerobat_pin.records import (
     Record,
     as_attitude,
     body_turn,
+    in_world_axes,
     said_unit,
     sampled_turns,
     sensor_turn,
@@ -116,19 +117,18 @@ def _joint_pair(record: Record, time: Array, angles: Array, rates: Array, latest
 def _base_findings(record: Record, time: Array, measured: Measured, latest: float) -> Iterator[Finding]:
     """Yield how the quaternion must be read, and what gyro, velocity and accelerometer say about the pose."""
     chosen, world, body = record.map, world_turn(record.map), body_turn(record.map)
-    rate, speed = chosen.base.rate, chosen.base.velocity
     position, gyro, velocity, felt = map(measured, BASE_CHANNELS)
     sensor, imu = sensor_turn(chosen), measured("base.acceleration")
     evidence, steps, turns = [], None, None
     if gyro is not None:
-        in_world = rate is not None and bool(rate.columns) and rate.axes == "world"
+        in_world = in_world_axes(chosen, "base.rate", record.channels["base.rate"].names)
         gyro = gyro @ (world if in_world else sensor @ _sensor_turn(record, "base.rate")).T
         turns = partial(_turns, time, gyro, in_world, latest)
         evidence.append(turns)
     if position is not None:
         position = position @ world.T
     if velocity is not None and position is not None:
-        in_world = speed is not None and speed.axes == "world" and not record.twist_of_topic
+        in_world = in_world_axes(chosen, "base.velocity", record.channels["base.velocity"].names)
         steps = partial(_steps, time, position, velocity @ (world if in_world else body).T, in_world, latest)
         evidence += [] if in_world else [steps]
     if imu is not None:
