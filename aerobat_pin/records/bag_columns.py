@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -160,17 +160,12 @@ class _Topic:
         self._header.append(header)
         self._recorded.append(recorded)
         self.count += 1
-        for name, value in numbers.items():
-            column = self._table.get(name)
-            if column is None:
-                if count and len(self._table) >= MOST_CELLS:
-                    raise LogError(f"a topic has more than {MOST_CELLS} columns")
-                column = self._table[name] = array("d", [np.nan] * count)
-            column.append(value)
-        if len(numbers) < len(self._table):
-            for column in self._table.values():
-                if len(column) == count:
-                    column.append(np.nan)
+        for name in (name for name in numbers if name not in self._table):
+            if count and len(self._table) >= MOST_CELLS:
+                raise LogError(f"a topic has more than {MOST_CELLS} columns")
+            self._table[name] = array("d", [np.nan] * count)
+        for name, column in self._table.items():
+            column.append(numbers.get(name, np.nan))
         if count >= 2 * REORDERED:
             self.flush(REORDERED)
 
@@ -193,37 +188,28 @@ class _Topic:
         return self.rows.finished(late=self._stamped and self._largest_delay < LATEST_STAMP)
 
 
-class _McapRecord(NamedTuple):
-    """Opcode of a record, and where in the file its content begins and ends."""
-
-    opcode: int
-    begin: int
-    end: int
-
-
 def mcap_is_sealed(path: Path) -> bool:
     """Return whether damage to the messages of an MCAP file would be noticed; True for what is no MCAP file."""
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
             return True
-        for record in _mcap_records(file):
-            if record.opcode == CHUNK:
-                file.seek(record.begin + CRC_IN_CHUNK)
+        for opcode, begin, _ in mcap_records(file):
+            if opcode == CHUNK:
+                file.seek(begin + CRC_IN_CHUNK)
                 if file.read(4) == bytes(4):
                     return False
     return True
 
 
-def _mcap_records(file: BinaryIO) -> Iterator[_McapRecord]:
-    """Yield the records of a file, as far as it is whole."""
-    place = len(MAGIC)
-    while True:
-        file.seek(place)
+def mcap_records(file: BinaryIO) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, begin and end of the content of each record of a file, as far as it is whole."""
+    opcode, end = 0, len(MAGIC)
+    while opcode != FOOTER:
+        file.seek(end)
         head = file.read(RECORD_HEAD)
         if len(head) < RECORD_HEAD:
             return
         opcode, length = struct.unpack("<BQ", head)
-        yield _McapRecord(opcode, place + RECORD_HEAD, place + RECORD_HEAD + length)
-        if opcode == FOOTER:
-            return
-        place += RECORD_HEAD + length
+        begin = end + RECORD_HEAD
+        end = begin + length
+        yield opcode, begin, end

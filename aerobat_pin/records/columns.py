@@ -34,7 +34,10 @@ class Clock:
         time: (n,) stamps [s], increasing.
         repeated: number of samples whose stamp was that of the sample before, which they are merged with.
         differing: number of these that had another value in a column; the first value stays.
-        off, backward, set_back, reordered: what else was wrong with the stamps; see `Order`.
+        off: number of rows left out because their stamps do not fit between their neighbours'.
+        backward: number of rows left out because they go back to times that have samples already.
+        set_back: how often rows stand before earlier ones, as the clock was set back between them.
+        reordered: number of rows behind later ones, of sensors whose samples came late.
         late: (n,) recorder's stamp minus the sensor's [s]; None where there is only one of them.
     """
 
@@ -44,8 +47,8 @@ class Clock:
     off: int = 0
     backward: int = 0
     set_back: int = 0
-    late: Series | None = None
     reordered: int = 0
+    late: Series | None = None
 
 
 @dataclass(frozen=True)
@@ -157,10 +160,11 @@ class GrowingTable:
         if self._rises and not stands_alone(self._time[:2], self._time[len(self) - 2 :]):
             return Clock(self._time, late=delays), self._columns
         stamps = self._time[:]
-        order = in_order(stamps)
         if not self._rises and self._columns_rise(stamps):
-            order = sorted_rows(stamps)
-        rows = order.rows
+            late_rows = int(np.sum(stamps < np.maximum.accumulate(stamps)))
+            rows, counts = np.argsort(stamps, kind="stable"), {"reordered": late_rows}
+        else:
+            rows, counts = in_order(stamps)
         new = np.diff(stamps[rows], prepend=-np.inf) > 0.0
         which, differing, columns = np.cumsum(new) - 1, np.zeros(len(rows), bool), {}
         for name, series in self._columns.items():
@@ -169,17 +173,9 @@ class GrowingTable:
             first[which[filled[::-1]]] = values[filled[::-1]]  # the first one is written last
             differing[filled] |= values[filled] != first[which[filled]]
             columns[name] = series_of(self._spool, first)
-        clock = Clock(
-            series_of(self._spool, stamps[rows[new]]),
-            len(rows) - int(np.sum(new)),
-            int(np.sum(differing)),
-            order.off,
-            order.backward,
-            order.set_back,
-            None if delays is None else series_of(self._spool, delays[:][rows[new]]),
-            order.reordered,
-        )
-        return clock, columns
+        delays = None if delays is None else series_of(self._spool, delays[:][rows[new]])
+        repeated, differ = len(rows) - int(np.sum(new)), int(np.sum(differing))
+        return Clock(series_of(self._spool, stamps[rows[new]]), repeated, differ, late=delays, **counts), columns
 
     def _columns_rise(self, stamps: Array) -> bool:
         """Return whether the stamps (n,) of each column's samples rise, as where some sensors come late."""
@@ -194,37 +190,13 @@ def in_step(time: Series, *others: Series) -> Iterator[tuple[Array, ...]]:
         yield time[rows], *(other[rows] for other in others)
 
 
-@dataclass(frozen=True)
-class Order:
-    """Which rows of a clock are used.
-
-    Attributes:
-        rows: (m,) their indices, in the order of their stamps, which can repeat.
-        off: number of rows left out because their stamps do not fit between their neighbours'.
-        backward: number of rows left out because they go back to times that have samples already.
-        set_back: how often rows stand before earlier ones, as the clock was set back between them.
-        reordered: number of rows behind later ones, of sensors whose samples came late.
-    """
-
-    rows: NDArray[np.intp]
-    off: int
-    backward: int
-    set_back: int
-    reordered: int = 0
-
-
-def sorted_rows(time: Array) -> Order:
-    """Return all rows of stamps (n,) [s] by their stamps, for columns of which each has its samples in order."""
-    return Order(np.argsort(time, kind="stable"), 0, 0, 0, int(np.sum(time < np.maximum.accumulate(time))))
-
-
 def stands_alone(*pairs: Array) -> bool:
     """Return whether two neighbouring stamps (2,) [s] of a pair are so far apart that one is of another epoch."""
     return any(len(pair) == 2 and pair[1] - pair[0] > OTHER_EPOCH for pair in pairs)
 
 
-def in_order(time: Array) -> Order:
-    """Return how the rows of stamps (n,) [s] are used.
+def in_order(time: Array) -> tuple[NDArray[np.intp], dict[str, int]]:
+    """Return the rows of stamps (n,) [s] that are used, by their stamps, which can repeat, and counts as of `Clock`.
 
     Where time goes back and only a few rows do not fit, before or behind, these are off. Otherwise the clock was set:
     each stretch stands where its stamps say, without the rows at whose times an earlier stretch has samples.
@@ -249,11 +221,12 @@ def in_order(time: Array) -> Order:
     fitting = sum(map(len, stretches))
     placed = _placed(time, stretches)
     if not placed:
-        return Order(finite[:0], len(time), 0, 0)
+        return finite[:0], {"off": len(time)}
     rows = np.concatenate(placed)
     first, last = (len(rows) > 2 and stands_alone(time[pair]) for pair in (rows[:2], rows[-2:]))
     used = rows[int(first) : len(rows) - int(last)]
-    return Order(used, len(time) - fitting + len(rows) - len(used), fitting - len(rows), int(np.sum(np.diff(used) < 0)))
+    off, set_back = len(time) - fitting + len(rows) - len(used), int(np.sum(np.diff(used) < 0))
+    return used, {"off": off, "backward": fitting - len(rows), "set_back": set_back}
 
 
 def _placed(time: Array, stretches: list[Any]) -> list[Any]:

@@ -47,12 +47,10 @@ class Spool:
         self._size += rows.nbytes
         return place
 
-    def read(self, place: int, shape: tuple[int, ...]) -> Array:
-        """Return numbers of a shape from a place on."""
-        numbers = np.empty(shape)
+    def read(self, place: int, numbers: Array) -> None:
+        """Read numbers from a place on."""
         self._file.seek(place)
         self._file.readinto(numbers.data.cast("B") if numbers.size else bytearray())
-        return numbers
 
 
 class Series:
@@ -65,10 +63,9 @@ class Series:
 
     def __init__(self, spool: Spool, width: int | None = None) -> None:
         self.spool, self._row = spool, () if width is None else (width,)
-        self._starts: list[int] = []  # index of the first row of each extent
-        self._firsts: list[float] = []  # and its first number
+        self._starts = [0]  # index of the first row of each extent, and of the next one
+        self._firsts: list[float] = []  # first number of each
         self._places: list[int] = []
-        self._count = 0
         self.finite = True  # whether all numbers are
 
     def append(self, rows: Array) -> None:
@@ -76,37 +73,32 @@ class Series:
         for begin in range(0, len(rows), EXTENT):
             piece = np.asarray(rows[begin : begin + EXTENT], float)
             self._places.append(self.spool.write(piece))
-            self._starts.append(self._count)
+            self._starts.append(len(self) + len(piece))
             self._firsts.append(float(piece.flat[0]) if piece.size else np.nan)
-            self._count += len(piece)
             self.finite = self.finite and bool(np.isfinite(piece).all())
 
     def __len__(self) -> int:
-        return self._count
+        return self._starts[-1]
 
     @property
     def shape(self) -> tuple[int, ...]:
         """Shape of all rows together."""
-        return (self._count, *self._row)
+        return (len(self), *self._row)
 
     def __getitem__(self, rows: Any) -> Any:
         """Return a slice of rows without a step as an array, or one row."""
         if not isinstance(rows, slice):
-            index = range(self._count)[rows]
+            index = range(len(self))[rows]
             return self[index : index + 1][0]
-        first, last, step = rows.indices(self._count)
-        if step != 1:
-            raise IndexError("a slice without a step was expected")
+        first, last, step = rows.indices(len(self))
+        assert step == 1
         table, at = np.empty((max(last - first, 0), *self._row)), first
         width = self._row[0] if self._row else 1
         while at < last:
             extent = bisect_right(self._starts, at) - 1
-            end = self._starts[extent + 1] if extent + 1 < len(self._starts) else self._count
-            count, skipped = min(end, last) - at, at - self._starts[extent]
-            table[at - first : at - first + count] = self.spool.read(
-                self._places[extent] + 8 * width * skipped, (count, *self._row)
-            )
-            at += count
+            end, skipped = min(self._starts[extent + 1], last), at - self._starts[extent]
+            self.spool.read(self._places[extent] + 8 * width * skipped, table[at - first : end - first])
+            at = end
         return table
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
@@ -114,7 +106,7 @@ class Series:
 
     def pieces(self) -> Iterator[Array]:
         """Yield all rows, at most `EXTENT` at once."""
-        for first in range(0, self._count, EXTENT):
+        for first in range(0, len(self), EXTENT):
             yield self[first : first + EXTENT]
 
     def index(self, value: float, side: str = "left") -> int:
@@ -122,13 +114,12 @@ class Series:
         extent = (bisect_left if side == "left" else bisect_right)(self._firsts, value) - 1
         if extent < 0:
             return 0
-        start = self._starts[extent]
-        end = self._starts[extent + 1] if extent + 1 < len(self._starts) else self._count
+        start, end = self._starts[extent : extent + 2]
         return start + int(np.searchsorted(self[start:end], value, side=side))  # type: ignore[call-overload]
 
     def spread(self, most: int = MOST_SAMPLED) -> list[Array]:
         """Return all rows, or of a longer series `SPREAD` stretches at even distances, `most` rows together."""
-        return [self[first:last] for first, last in spread_stretches(self._count, most)]
+        return [self[first:last] for first, last in spread_stretches(len(self), most)]
 
 
 def spread_stretches(count: int, most: int, least: int = 0) -> list[tuple[int, int]]:

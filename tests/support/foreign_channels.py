@@ -3,7 +3,7 @@
 import struct
 from pathlib import Path
 
-from aerobat_pin.records.bag_columns import MAGIC, RECORD_HEAD, _mcap_records
+from aerobat_pin.records.bag_columns import MAGIC, RECORD_HEAD, mcap_records
 
 DATA_END = 0x0F  # opcode
 
@@ -34,7 +34,7 @@ def with_foreign_channels(source: Path, target: Path) -> None:
         more += _written(0x05, struct.pack("<HIQQ", number, 0, 1, 1) + b"{}")
     data = source.read_bytes()
     with source.open("rb") as file:
-        records = list(_mcap_records(file))
-    head, end = records[0].end, next(one.begin for one in records if one.opcode == DATA_END) - RECORD_HEAD
+        records = list(mcap_records(file))
+    head, end = records[0][2], next(begin for opcode, begin, _ in records if opcode == DATA_END) - RECORD_HEAD
     last = _written(DATA_END, bytes(4)) + _written(0x02, bytes(20)) + MAGIC
     target.write_bytes(data[:head] + more + data[head:end] + last)
