@@ -30,17 +30,21 @@ SI_FACTORS: dict[str, dict[str, float]] = {
     "torque": {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3, "1": 1.0},
     "none": {},
 }
-VECTOR, TURN_AXES = tuple("xyz"), tuple("xyzw")
-COLUMN_PARTS = {
-    "base.position": ("position", VECTOR),
-    "base.quaternion": ("orientation", TURN_AXES),
-    "base.velocity": ("linear", VECTOR),
-    "base.rate": ("angular_velocity", VECTOR),
-    "base.acceleration": ("linear_acceleration", VECTOR),
-    "check.specific_force": ("linear_acceleration", VECTOR),
-    "check.wrench": ("force", VECTOR),
+ASKED = {  # key -> kind of quantity, numbers of columns, and part of a message with its axes
+    "base.position": ("length", (3,), "position", "xyz"),
+    "base.quaternion": ("none", (4,), "orientation", "xyzw"),
+    "base.velocity": ("speed", (3,), "linear", "xyz"),
+    "base.rate": ("rate", (3,), "angular_velocity", "xyz"),
+    "base.acceleration": ("acceleration", (3,), "linear_acceleration", "xyz"),
+    "check.specific_force": ("acceleration", (3,), "linear_acceleration", "xyz"),
+    "check.wrench": ("force", (3, 6), "force", "xyz"),
 }
-SHARED = {"base.rate": "angular"}  # part of a message that also has the pose, where it is not that of an Imu
+BASE_PARTS = {  # what the base's motion is found from -> what is read
+    "measured": ("position", "quaternion", "velocity", "rate"),
+    "imu": ("quaternion", "rate", "acceleration"),
+    "joints": ("quaternion", "rate"),
+}
+TWIST = {"base.velocity": "linear", "base.rate": "angular"}  # parts that a message with the pose may have
 
 
 @dataclass(frozen=True)
@@ -82,28 +86,16 @@ class Request:
 def base_requests(chosen: Map) -> Iterator[Request]:
     """Yield what a map asks of the log about a free base. Raises LogError for a number of columns or a unit."""
     base = chosen.base
-    if base.held:
-        return
-    if base.from_ != "measured":
-        yield from _asked("base.quaternion", base.quaternion, "none", 4, base.topic)
-        if base.rate is None or base.rate.from_ is None:
-            yield from _asked("base.rate", base.rate, "rate", 3, base.topic, imu=True)
-        if base.from_ == "imu":
-            yield from _asked("base.acceleration", base.acceleration, "acceleration", 3, base.topic, imu=True)
-        return
-    yield from _asked("base.position", base.position, "length", 3, base.topic)
-    yield from _asked("base.quaternion", base.quaternion, "none", 4, base.topic)
-    if base.velocity is None or base.velocity.from_ is None:
-        yield from _asked("base.velocity", base.velocity, "speed", 3, base.topic)
-    if base.rate is None or base.rate.from_ is None:
-        yield from _asked("base.rate", base.rate, "rate", 3, base.topic)
+    for part in () if base.held else BASE_PARTS[base.from_]:
+        section = getattr(base, part)
+        if getattr(section, "from_", None) is None:
+            yield from _asked(f"base.{part}", section, base.topic, twist=base.from_ == "measured")
 
 
 def further_requests(chosen: Map) -> Iterator[Request]:
     """Yield what a map asks of the log to compare with, of known forces, and of what only the robot itself reads."""
-    yield from _asked("check.specific_force", chosen.check.specific_force, "acceleration", 3, None)
-    if chosen.check.wrench is not None:
-        yield from _asked("check.wrench", chosen.check.wrench, "force", (3, 6), None)
+    yield from _asked("check.specific_force", chosen.check.specific_force)
+    yield from _asked("check.wrench", chosen.check.wrench)
     for name, known in chosen.known.items():
         yield from _known(f"known.{name}", known)
     for name, section in chosen.extra.items():
@@ -196,15 +188,11 @@ def _holes(request: Request, clocks: list[Series], longest: float) -> tuple[tupl
     for label, stamps in zip(request.joints or request.names, clocks, strict=True):
         for hole in gaps[id(stamps)]:
             labels.setdefault(hole, []).append(label)
-    return tuple(
-        (
-            begin - request.delay,
-            end - request.delay,
-            key if len(whose) == len(clocks) else f"{key} of {', '.join(whose)}",
-        )
-        for key in (request.key,)
-        for (begin, end), whose in labels.items()
-    )
+
+    def told(whose: list[str]) -> str:
+        return request.key if len(whose) == len(clocks) else f"{request.key} of {', '.join(whose)}"
+
+    return tuple((begin - request.delay, end - request.delay, told(whose)) for (begin, end), whose in labels.items())
 
 
 def _unwrapped(columns: Columns, request: Request, table: Array, before: Series) -> Array:
@@ -253,29 +241,22 @@ def units_of(unit: str | None, kind: str, count: int) -> tuple[str, ...]:
 
 
 def _asked(
-    key: str,
-    section: ChannelSection | None,
-    kind: str,
-    count: int | tuple[int, ...],
-    topic: str | None,
-    imu: bool = False,
+    key: str, section: ChannelSection | None, shared: str | None = None, *, twist: bool = False
 ) -> Iterator[Request]:
-    """Yield the request of a section with columns or a topic, or of a topic (an Imu's?) that several sections share."""
-    optional, (part, axes) = False, COLUMN_PARTS.get(key, ("", ()))
-    if section is not None and section.columns:
-        names = section.columns
-    elif section is not None and section.topic:
-        names = tuple(f"{section.topic}.{part}.{axis}" for axis in axes)
-    elif topic is not None:
-        if not imu:
-            optional, part = key in ("base.velocity", "base.rate"), SHARED.get(key, part)
-        names = tuple(f"{topic}.{part}.{axis}" for axis in axes)
-    else:
-        return
-    check_count(key, names, (count,) if isinstance(count, int) else count)
-    unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
-    units = units_of(unit, kind, len(names))
-    yield Request(key, tuple(names), factor_of(key, unit, kind), delay, optional, units=units)
+    """Yield the request of a section with columns or a topic, or of a topic that several sections share.
+
+    Such a topic may have a pose, and then perhaps a twist.
+    """
+    kind, counts, part, axes = ASKED[key]
+    section = section or ChannelSection()
+    own = bool(section.columns or section.topic)
+    optional = twist and key in TWIST and not own
+    part, topic = TWIST[key] if optional else part, section.topic if own else shared
+    names = section.columns or tuple(f"{topic}.{part}.{axis}" for axis in axes if topic)
+    if names:
+        check_count(key, names, counts)
+        units, factor = units_of(section.unit, kind, len(names)), factor_of(key, section.unit, kind)
+        yield Request(key, names, factor, section.delay, optional, units=units)
 
 
 def check_count(key: str, names: tuple[str, ...], allowed: tuple[int, ...]) -> None:
@@ -289,7 +270,7 @@ def check_count(key: str, names: tuple[str, ...], allowed: tuple[int, ...]) -> N
 def _known(key: str, known: KnownSection) -> Iterator[Request]:
     names = known.columns
     if known.topic is not None and not names:
-        names = tuple(f"{known.topic}.{part}.{axis}" for part in ("force", "torque") for axis in VECTOR)
+        names = tuple(f"{known.topic}.{part}.{axis}" for part in ("force", "torque") for axis in "xyz")
     if not names:
         raise LogError(f"map: {key} has neither columns nor topic")
     if not known.powers and len(names) not in (3, 6):

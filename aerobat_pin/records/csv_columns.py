@@ -20,7 +20,6 @@ from aerobat_pin.records.table_cells import CUT, check_rows, cut_row, decimal_si
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 TIME_NAMES = ("t", "time", "timestamp", "stamp", "time_s", "t_s", "time [s]", "seconds", "elapsed", "time_stamp")
-SEPARATORS = (",", ";", "\t", " ")
 ROWS_AT_ONCE = 50_000
 LONGEST_HEADER, MOST_CELLS = 1_000_000, 10_000  # characters; columns
 NUMBER, LETTER = re.compile(r"nan|inf|(?<=[\d.])e(?=[-+\d])", re.IGNORECASE), re.compile(r"[^\W\d]")
@@ -39,9 +38,7 @@ def header_of(path: Path, log: LogTable = LogTable()) -> tuple[str, list[str]]: 
             line = COMMENT_SIGN.sub("", line.strip("\r\n"))
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"log {path}: is no text: a table, .nc, .mcap or a bag was expected ({error})") from error
-    separator = log.delimiter or max(SEPARATORS, key=lambda sign: (line.count(sign), -SEPARATORS.index(sign)))
-    if log.delimiter is None and any(sign in line for sign in ",;\t"):
-        separator = max((",", ";", "\t"), key=line.count)
+    separator = log.delimiter or max((sign for sign in ",;\t" if sign in line), key=line.count, default=" ")
     try:
         names = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]
         names = [name for name in names if name or separator != " "]  # spaces may be repeated
@@ -112,9 +109,8 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
                 for i, label in zip(used, chunk.columns, strict=True):
                     values |= numbers_of(path, names[i], chunk[label], len(table), strict=strict)
                     if strict and (separator != "," or chunk[label].dtype.kind not in "fiub"):
-                        signs[names[i]] = _one_sign(
-                            path, names[i], signs.get(names[i], ""), chunk[label], len(table) + 2
-                        )
+                        before = signs.get(names[i], "")
+                        signs[names[i]] = _one_sign(path, names[i], before, chunk[label], len(table) + 2)
                 if len(chunk):
                     stamps = _stamps(path, log, column, values, len(table), len(chunk))
                     if log.times == "own":
@@ -179,10 +175,8 @@ def _stamps(path: Path, log: LogTable, column: str | None, values: dict[str, Arr
 
 def _time_column(path: Path, names: list[str]) -> str:
     """Return the name of the column that looks like a time. Raises LogError, which asks for it, if none does."""
-    for wanted in TIME_NAMES:
-        for name in names:
-            if name.lower() == wanted:
-                return name
+    if found := [name for wanted in TIME_NAMES for name in names if name.lower() == wanted]:
+        return found[0]
     raise LogError(
         f"log {path}: which column is the time? Write [log] time = {{column = ..., unit = ...}} into the map, or "
         f"time = {{rate = 1000}} if there is none; columns: {', '.join(names[:40])}"

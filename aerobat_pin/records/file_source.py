@@ -271,8 +271,7 @@ def _parts(
                 notes.append(
                     f"{whose}: no sample from {begin - start:.3f} to {finish - start:.3f} s ({finish - begin:.2f} s)"
                 )
-    when = chosen.use.when
-    level = None
+    when, level = chosen.use.when, None
     if when is not None:
         level = Channel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
     runs: list[tuple[int, int]] = []
@@ -292,14 +291,14 @@ def _parts(
                 runs[-1] = (runs[-1][0], low + last - 1)
             else:
                 runs.append((low + first, low + last - 1))
-    trim = (0.0, 0.0)
-    if level is not None and when is not None:
-        trim = when.trim
+    trim = (0, 0)
+    if when is not None:
+        trim = round(when.trim[0] * rate), round(when.trim[1] * rate)
         share = 1.0 - used / max(covered, 1)
         notes.append(f"use.when {when.column}: {100.0 * share:.0f} % of the record is left out")
     parts = []
     for first, last in runs:
-        first, last = first + round(trim[0] * rate), last - round(trim[1] * rate)
+        first, last = first + trim[0], last - trim[1]
         if last - first + 1 >= least:
             parts.append((first, last))
         elif last > first:

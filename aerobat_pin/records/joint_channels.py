@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -46,9 +45,9 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
     driven = tuple(name for name in sensed if name not in chosen.robot.rows.ignore)
     geared = bool(table.factor or table.offset or table.coupling)
     coupled = {*table.coupling, *(name for row in table.coupling.values() for name in row), *table.factor}
-    for part, section in (("position", table.position), ("velocity", table.velocity), ("effort", table.effort)):
-        key, topic, kind = f"joints.{part}", table.topic, JOINT_KINDS[part]
-        if part == "velocity" and table.velocity is not None and table.velocity.from_ == "position":
+    for part, kind in JOINT_KINDS.items():
+        key, topic, section = f"joints.{part}", table.topic, getattr(table, part)
+        if getattr(section, "from_", None) == "position":
             continue
         whose, counts = (sensed, (len(sensed), len(driven))) if part == "effort" else (joints, (len(joints),))
         if section is not None and section.columns:
@@ -70,16 +69,15 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         else:
             factor[others] = 1.0
         units = () if any(map(robot.slides, whose)) else units_of(unit, kind, len(names))
-        request = Request(key, names, factor, delay, optional, whose, units)
+        mix, turns = None, list[float]()
+        shift: float | Array = 0.0
         if geared:
             mix = effort_matrix(table, joints, whose) if part == "effort" else encoder_matrix(table, joints)
-            shift = encoder_offset(table, joints) if part == "position" else 0.0
-            request = replace(request, mix=mix, shift=shift)
         if part == "position":
+            shift = encoder_offset(table, joints) if geared else 0.0
             gear = [0.0 if robot.slides(joint) else abs(_gear(table, joint)) for joint in whose]
             turns = [2.0 * np.pi / (each * one) if each else 0.0 for each, one in zip(gear, factor, strict=True)]
-            request = replace(request, turns=tuple(turns))
-        yield request
+        yield Request(key, names, factor, delay, optional, whose, units, mix=mix, shift=shift, turns=tuple(turns))
 
 
 def _of_other_kind(

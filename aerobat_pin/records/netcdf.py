@@ -52,55 +52,57 @@ def netcdf_variables(
     Yields group -> name -> variable, whose rows are read when they are asked for.
     """
     with checked_file(path, what, groups) as (parts, name):
-        variables: dict[str, dict[str, StoredVariable]] = {}
-        for key, part in parts.items():
-            items = {entry.removeprefix("_nc4_non_coord_"): item for entry, item in part.items() if _has_values(item)}
-            variables[key] = {
-                label: StoredVariable(_dimensions(item, label, f"{name}: '{label}'"), item)
-                for label, item in items.items()
-            }
-        yield variables
+        yield {key: _stored_variables(part, name) for key, part in parts.items()}
 
 
 class StoredVariable:
     """A variable of an open NetCDF file.
 
     Args:
-        dims: names of its dimensions.
+        label: its name.
         item: the HDF5 dataset.
+        where: how messages name it.
     """
 
-    def __init__(self, dims: tuple[str, ...], item: h5py.Dataset) -> None:
-        self.dims, self._item = dims, item
+    def __init__(self, label: str, item: h5py.Dataset, where: str) -> None:
+        self.dims, self.item = _dimensions(item, label, where), item
         self.shape, self.kind = tuple(item.shape), item.dtype.kind
 
     def __getitem__(self, rows: Any) -> Any:
         """Return rows of its numbers or text; numbers equal to the fill value become NaN."""
-        return _values(self._item, rows)
+        item = self.item
+        if h5py.check_string_dtype(item.dtype) is not None:
+            return np.array(np.asarray(item.asstr()[rows], object).tolist())
+        values = item[rows]
+        fill = item.attrs.get("_FillValue", item.attrs.get("missing_value"))
+        if fill is not None and np.asarray(values).dtype.kind in "fiu":
+            empty = np.asarray(values) == np.asarray(fill, float).ravel()[0]
+            return np.where(empty, np.nan, values) if np.any(empty) else values
+        return values
 
 
-def _has_values(item: Any) -> bool:
-    return isinstance(item, h5py.Dataset) and not is_bare(item)
+def _stored_variables(group: h5py.Group, name: str) -> dict[str, StoredVariable]:
+    """Return the variables of a group by name, without dimensions that have no values."""
+    items = {key: item for key, item in group.items() if isinstance(item, h5py.Dataset) and not is_bare(item)}
+    labels = {key.removeprefix("_nc4_non_coord_"): key for key in items}
+    return {label: StoredVariable(label, items[key], f"{name}: '{key}'") for label, key in labels.items()}
 
 
 def _dataset(group: h5py.Group, name: str) -> xr.Dataset:
     """Read all variables of a group whose sizes are checked."""
     variables, coords = {}, set(str(group.attrs.get("coordinates", "")).split())
-    for key, item in group.items():
-        if not _has_values(item):
-            continue
+    for label, stored in _stored_variables(group, name).items():
+        attrs = stored.item.attrs
         attributes = {
-            k: _plain_attribute(v) for k, v in item.attrs.items() if k not in INTERNAL and not k.startswith("_Netcdf4")
+            k: _plain_attribute(v) for k, v in attrs.items() if k not in INTERNAL and not k.startswith("_Netcdf4")
         }
         packed = [k for k in PACKING if k in attributes]
         if packed:
-            raise LogError(f"{name}: '{key}' has the attribute {packed[0]}: plain numbers were expected")
-        label = key.removeprefix("_nc4_non_coord_")
-        dims = _dimensions(item, label, f"{name}: '{key}'")
-        if dims == (label,):
+            raise LogError(f"{name}: '{label}' has the attribute {packed[0]}: plain numbers were expected")
+        if stored.dims == (label,):
             coords.add(label)
-        coords |= set(str(item.attrs.get("coordinates", "")).split())
-        variables[label] = xr.Variable(dims, _values(item), attributes)
+        coords |= set(str(attrs.get("coordinates", "")).split())
+        variables[label] = xr.Variable(stored.dims, stored[()], attributes)
     attributes = {k: _plain_attribute(v) for k, v in group.attrs.items() if k not in INTERNAL and k != "_NCProperties"}
     data = {key: values for key, values in variables.items() if key not in coords}
     return xr.Dataset(data, {key: variables[key] for key in coords & set(variables)}, attributes)
@@ -114,18 +116,6 @@ def _dimensions(item: h5py.Dataset, label: str, where: str) -> tuple[str, ...]:
     if [len(names) for names in scales] != [1] * item.ndim:
         raise LogError(f"{where}: its dimensions have no names: the dimension scales of NetCDF-4 were expected")
     return tuple(names[0] for names in scales)
-
-
-def _values(item: h5py.Dataset, rows: Any = ()) -> Any:
-    """Read rows of numbers or text; numbers equal to the fill value become NaN."""
-    if h5py.check_string_dtype(item.dtype) is not None:
-        return np.array(np.asarray(item.asstr()[rows], object).tolist())
-    values = item[rows]
-    fill = item.attrs.get("_FillValue", item.attrs.get("missing_value"))
-    if fill is not None and np.asarray(values).dtype.kind in "fiu":
-        empty = np.asarray(values) == np.asarray(fill, float).ravel()[0]
-        return np.where(empty, np.nan, values) if np.any(empty) else values
-    return values
 
 
 def _plain_attribute(value: Any) -> Any:
@@ -194,9 +184,7 @@ def _write_values(group: h5py.Group, name: str, variable: xr.Variable) -> h5py.D
         if values.dtype.kind == "b":
             values, attributes["dtype"] = values.astype(np.int8), "bool"
         empty = np.nan if values.dtype.kind == "f" else None
-        summed = (
-            True if values.size and values.ndim else None
-        )  # a checksum of its own, should the seal itself be damaged
+        summed = bool(values.size and values.ndim) or None  # a checksum of its own, should the seal itself be damaged
         item = group.create_dataset(name, data=values, fillvalue=empty, fletcher32=summed, track_order=True)
         if empty is not None:
             attributes["_FillValue"] = empty

@@ -61,7 +61,7 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
             for clock in wanted:
                 if clock not in variables or variables[clock].dims != (clock,) or not variables[clock].shape[0]:
                     continue
-                table = _read_clock(variables, clock, SECONDS[log.time.unit], GrowingTable(spool))
+                table = _read_clock(variables, clock, SECONDS[log.time.unit], spool)
                 clocks[f"{prefix}{clock}"], columns = table.finished()
                 for name, column in columns.items():
                     values[prefix + name], clock_of[prefix + name] = column, f"{prefix}{clock}"
@@ -72,21 +72,21 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
     return Columns(path, tuple(values), clocks, clock_of, values)
 
 
-def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float, table: GrowingTable) -> GrowingTable:
+def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float, spool: Spool) -> GrowingTable:
     """Read all numbers over one clock, piece by piece."""
-    sampled = {
-        name: variable
+    labels = {
+        name: _labels(variable, variables)
         for name, variable in variables.items()
         if name != clock and variable.dims[:1] == (clock,) and variable.kind in "fiu"
     }
-    labels = {name: _labels(variable, variables) for name, variable in sampled.items()}
+    table = GrowingTable(spool)
     for first in range(0, variables[clock].shape[0], ROWS_AT_ONCE):
         rows = slice(first, first + ROWS_AT_ONCE)
         columns: dict[str, Array] = {}
-        for name, variable in sampled.items():
-            piece: Array = np.asarray(variable[rows], float)
-            piece = piece.reshape(len(piece), -1)
-            columns |= {f"{name}{label}": piece[:, k] for k, label in enumerate(labels[name])}
+        for name, ends in labels.items():
+            piece: Array = np.asarray(variables[name][rows], float)
+            piece = piece.reshape(len(piece), len(ends))
+            columns |= {f"{name}{end}": piece[:, k] for k, end in enumerate(ends)}
         table.add(np.asarray(variables[clock][rows], float) * unit, columns)
     return table
 

@@ -89,13 +89,12 @@ def robot_of_map(table: RobotTable, folder: Path) -> PlainRobot:
     """
     robot = _built(table, folder)
     model, title = robot.model, robot.title
+    names = ", ".join(frame.name for frame in model.frames.tolist()[1:41])
     for frame in (*table.points, *table.wrenches):
         if not model.existFrame(frame):
-            names = [frame.name for frame in model.frames.tolist()[1:]]
-            raise LogError(f"map: no frame '{frame}' (robot.points) in robot {title}; it has {', '.join(names[:40])}")
+            raise LogError(f"map: no frame '{frame}' (robot.points) in robot {title}; it has {names}")
     if not (table.points or table.wrenches) and "points" not in table.model_fields_set:
-        names = [frame.name for frame in model.frames.tolist()[1:]]
-        raise LogError(f"map: robot.points: where may something push? Name frames of {title}: {', '.join(names[:40])}")
+        raise LogError(f"map: robot.points: where may something push? Name frames of {title}: {names}")
     return robot
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import re
@@ -72,19 +73,17 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
         *(f"# {note}" for note in columns.notes),
         "",
     ]
-    lines += _robot(columns, known, "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform")))
+    free = "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform"))
+    lines += _robot(columns, known, urdf, free)
     lines += ["", "[log]"]
-    time, step = None, None
+    step = None
     if not columns.kinds and not str(log).endswith(NETCDF):
-        time = _suggested_time(log, columns)
-        step = None if time is None else time[2] * SECONDS[time[1]]
-        lines += _time(time)
+        line, step = _suggested_time(log, columns)
+        lines.append(line)
     lines += ['world = "z_up"  # or "ned": does z point down?', ""]
-    lines += (
-        list(_suggest_base(columns, groups))
-        + list(suggest_joints(columns, urdf, step))
-        + list(_suggest_check(columns, groups))
-    )
+    lines += [*_suggest_base(columns, groups), *suggest_joints(columns, urdf, step)]
+    if check := list(_suggest_check(columns, groups)):
+        lines += ["[check]", *check, ""]
     gain = min(GAIN, SHARE_OF_RATE / step) if step else GAIN
     lines += [
         "[observer]",
@@ -121,7 +120,7 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
             key = match["stem"].lower(), (match["tail"] or "").lower()
             axes_of.setdefault(key, {})[match["axis"].lower()] = name
     taken: set[str] = set()
-    forces = 0
+    further = itertools.count(2)  # numbers of force sensors
     for (stem, tail), axes in sorted(
         axes_of.items(), key=lambda item: not any(word in item[0][0] for word in ("imu", "gyro"))
     ):
@@ -132,18 +131,10 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
             exact = {first, last} & set(words) or (
                 len(last) > 2 and any(len(word) > 2 and word in stem for word in words)
             )
-            if (
-                kind not in taken
-                and set(needed) <= set(axes)
-                and exact
-                and (kind == "quaternion" or "w" not in axes or tail)
-            ):
-                taken.add(kind)
-                yield kind, tuple(axes[axis] for axis in needed)
-                break
-            if kind == "force" and set(needed) <= set(axes) and exact:
-                forces += 1
-                yield f"force {forces + 1}", tuple(axes[axis] for axis in needed)
+            first_of_kind = kind not in taken and (kind == "quaternion" or "w" not in axes or tail)
+            if set(needed) <= set(axes) and exact and (first_of_kind or kind == "force"):
+                taken |= {kind} if first_of_kind else set()
+                yield kind if first_of_kind else f"force {next(further)}", tuple(axes[axis] for axis in needed)
                 break
     if "quaternion" not in taken:
         yield from (("quaternion", names) for names in _numbered_by_four(columns) if _is_attitude(columns, names))
@@ -163,20 +154,17 @@ def _is_attitude(columns: Columns, names: tuple[str, ...]) -> bool:
     return bool(np.allclose(np.linalg.norm(values, axis=1), 1.0, atol=UNIT_ERROR) and np.ptp(values, axis=0).any())
 
 
-def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
-    urdf = None if known is None else urdf_of(known, Path())
+def _robot(columns: Columns, known: RobotTable | None, urdf: Path | None, free: bool) -> list[str]:
     if known is None or urdf is None:
-        lines = [
+        rows = 'rows = {ignore = ["base.Mx", "base.My", "base.Mz"]}'
+        return [
             "[robot]",
             "# Which robot? A file, or a name (--urdf FILE, or NAME, with --suggest):",
             '#   urdf = "robot.urdf"  (or mjcf = ..., or name = "ur5")',
             "# or one rigid body by numbers, kg and kg m2:",
-        ]
-        lines += ["body = {mass = 1.0, inertia = [0.01, 0.01, 0.01]}", 'points = ["body"]  # where may something push?']
-        return [
-            *lines,
-            'rows = {ignore = ["base.Mx", "base.My", "base.Mz"]}  # are all moments on the body known? '
-            "Then leave this out",
+            "body = {mass = 1.0, inertia = [0.01, 0.01, 0.01]}",
+            'points = ["body"]  # where may something push?',
+            f"{rows}  # are all moments on the body known? Then leave this out",
         ]
     model = model_of_file(urdf, mjcf=False, free=free)
     moved = {model.getJointId(name) for name in joint_columns(columns, model.names.tolist()[1:])} or {model.njoints - 1}
@@ -196,25 +184,18 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
     ]
 
 
-def _suggested_time(log: Path, columns: Columns) -> tuple[str, str, float] | None:
-    """Return the column of a table that looks like a time, its unit, and its step in that unit; None if none does."""
+def _suggested_time(log: Path, columns: Columns) -> tuple[str, float | None]:
+    """Return the line about a table's time, by the column that looks like one, and its step [s]; None if none does."""
     match = next((match for match in map(TIME.match, header_of(log)[1]) if match), None)
     if match is None:
-        return None
+        asked = 'no column looks like a time: how many samples a second? Or {column = ..., unit = "s"}'
+        return f"time = {{rate = 1000}}  # {asked}", None
     series = columns.values.get(match[0], columns.clocks["table"].time)
     step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
     guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
-    return match[0], UNITS_IN_NAMES["time"].get((match["unit"] or "").lower(), guess), step
-
-
-def _time(time: tuple[str, str, float] | None) -> list[str]:
-    if time is None:
-        return [
-            "time = {rate = 1000}  # no column looks like a time: how many samples a second? Or {column "
-            '= ..., unit = "s"}'
-        ]
-    name, unit, step = time
-    return [f'time = {{column = "{name}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?']
+    unit = UNITS_IN_NAMES["time"].get((match["unit"] or "").lower(), guess)
+    line = f'time = {{column = "{match[0]}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?'
+    return line, step * SECONDS[unit]
 
 
 def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
@@ -239,19 +220,15 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         else:
             yield "# quaternion = {columns = [...]}  # which columns are the attitude?"
         if "velocity" in groups:
-            yield (
-                f'velocity = {{columns = {listed(groups["velocity"])}, unit = "m/s", axes = "world"}} '
-                ' # or axes = "body"?'
-            )
+            names = listed(groups["velocity"])
+            yield f'velocity = {{columns = {names}, unit = "m/s", axes = "world"}}  # or axes = "body"?'
         else:
             yield 'velocity = {from = "pose", window = 0.05}'
         if "rate" in groups:
             size = float(np.nanstd(np.stack([columns.sample(name) for name in groups["rate"]])))
             unit = named_unit("rate", groups["rate"]) or ("deg/s" if size > 8.0 else "rad/s")
-            yield (
-                f'rate = {{columns = {listed(groups["rate"])}, unit = "{unit}", axes = "body"}}  # its '
-                f"scatter is {size:.3g}"
-            )
+            names = listed(groups["rate"])
+            yield f'rate = {{columns = {names}, unit = "{unit}", axes = "body"}}  # its scatter is {size:.3g}'
         else:
             yield 'rate = {from = "pose", window = 0.05}'
         yield ""
@@ -259,32 +236,20 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
 
 def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
     wrench, imu = topic_of(columns, "Wrench"), topic_of(columns, "Imu")
-    if wrench or imu or "acceleration" in groups or "force" in groups:
-        yield "[check]"
     if imu:
         yield f'specific_force = {{topic = "{imu}"}}'
     elif "acceleration" in groups:
-        size = float(
-            np.nanmedian(np.linalg.norm(np.stack([columns.sample(name) for name in groups["acceleration"]]), axis=0))
-        )
+        felt = np.stack([columns.sample(name) for name in groups["acceleration"]])
+        size = float(np.nanmedian(np.linalg.norm(felt, axis=0)))
         unit = named_unit("acceleration", groups["acceleration"]) or ("g" if 0.5 < size < 2.0 else "m/s2")
-        yield (
-            f'specific_force = {{columns = {listed(groups["acceleration"])}, unit = "{unit}"}}  # its '
-            f"median is {size:.3g}"
-        )
+        names = listed(groups["acceleration"])
+        yield f'specific_force = {{columns = {names}, unit = "{unit}"}}  # its median is {size:.3g}'
+    asked = "force on the robot (1) or on the sensor (-1)?"
     if wrench:
-        yield (
-            f'wrench = {{topic = "{wrench}", sign = 1}}  # force on the robot (1) or on the sensor '
-            "(-1)? At which point?"
-        )
+        yield f'wrench = {{topic = "{wrench}", sign = 1}}  # {asked} At which point?'
     elif "force" in groups:
-        yield (
-            f'wrench = {{columns = {listed(groups["force"])}, unit = "N", sign = 1}}  # force on the '
-            "robot (1) or on the sensor (-1)?"
-        )
+        yield f'wrench = {{columns = {listed(groups["force"])}, unit = "N", sign = 1}}  # {asked}'
         others = [name for kind, names in groups.items() if kind.startswith("force ") for name in names]
         if others:
             yield f"# And {', '.join(others)}? A sensor can also be a known input, 3 or 6 columns at its frame:"
             yield '# [known.NAME] with columns = [...], frame = "...", axes = "frame"; then its force is not sought'
-    if wrench or imu or "acceleration" in groups or "force" in groups:
-        yield ""

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.records.columns import Columns
+from aerobat_pin.records.joint_channels import JOINT_KINDS
 from aerobat_pin.records.joint_names import as_names, nearest_joints
 
 NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)(?P<tail>(?:\D.*)?)$", re.IGNORECASE)
@@ -32,13 +33,12 @@ UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
     "torque": {"a": "A", "ma": "mA", "nm": "N m", "mnm": "mN m"},
     "acceleration": {"g": "g", "mg": "mg", "ms2": "m/s2"},
 }
-KIND_OF = {"position": "angle", "velocity": "rate", "effort": "torque"}
 KIND_OF_SLIDE = {"position": "length", "velocity": "speed", "effort": "force"}
 SI_UNITS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "effort": ("N m", "N")}  # where it turns, slides
 BEHIND_NUMBERS = {  # words that a numbered joint's column may end in
     *("", "j", "joint", "motor", "actual", "act", "measured", "meas", "per", "s", "sec", "n", "m", *WANTED_WORDS),
     *(word for words in PART_WORDS.values() for word in words),
-    *(word for kind in KIND_OF.values() for word in UNITS_IN_NAMES[kind]),
+    *(word for kind in JOINT_KINDS.values() for word in UNITS_IN_NAMES[kind]),
 }
 LARGEST_RADIANS = 7.0  # of an angle; beyond, degrees are suggested
 
@@ -198,7 +198,7 @@ def _part_in(text: str) -> str | None:
     """Return whether a column's name, without its joint's, says position, velocity or effort, by a word or its unit."""
     words = set(_words_of_name(text))
     part = next((part for part, known in PART_WORDS.items() if words & (known - {""})), None)
-    return part or next((part for part, kind in KIND_OF.items() if named_unit(kind, [text])), None)
+    return part or next((part for part, kind in JOINT_KINDS.items() if named_unit(kind, [text])), None)
 
 
 def _named_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
@@ -273,7 +273,7 @@ def said_unit(part: str, names: Sequence[str]) -> str | None:
         names: of its columns.
     """
     currents = part == "effort" and bool(names) and all(map(_is_current, names))
-    return named_unit(KIND_OF[part], names) or ("A" if currents else None)
+    return named_unit(JOINT_KINDS[part], names) or ("A" if currents else None)
 
 
 def topic_of(columns: Columns, *kinds: str) -> str | None:

@@ -121,32 +121,25 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
         LogError: a cell is no number, or no finite one.
     """
     if cells.dtype.kind in "fiub":
-        numbers = np.asarray(cells, float)
+        numbers, wrong = np.asarray(cells, float), np.zeros(len(cells), bool)
+    elif len(cells) and str(cells.iloc[0]).startswith("["):
+        return _lists(path, name, cells.astype(str), strict=strict)
     else:
-        texts = cells.astype(str)
-        if len(texts) and texts.iloc[0].startswith("["):
-            return _lists(path, name, texts, strict=strict)
-        read = pd.to_numeric(cells, errors="coerce")
-        wrong = (read.isna() & cells.notna()).to_numpy()
-        if wrong.any():
-            comma = pd.to_numeric(texts.str.replace(",", "."), errors="coerce")
-            wrong = (comma.isna() & cells.notna()).to_numpy()
-            read = comma
-        if wrong.any():
-            if not strict:
-                return {name: np.full(len(cells), np.nan)}
-            k = int(np.argmax(wrong))
-            where = f"log {path}, line {line_of(path, first + k)}"
-            rule = "a number was expected, or an empty cell where there is no sample"
-            raise LogError(f"{where}: {name} = '{texts.iloc[k][:40]}': {rule}")
-        numbers = np.asarray(read, float)
-    if np.isinf(numbers).any():
-        if not strict:
-            return {name: np.full(len(cells), np.nan)}
-        k = int(np.argmax(np.isinf(numbers)))
-        where = f"log {path}, line {line_of(path, first + k)}"
-        raise LogError(f"{where}: {name} = {numbers[k]:g}: a finite number was expected")
-    return {name: numbers}
+        numbers = np.asarray(pd.to_numeric(cells, errors="coerce"), float)
+        if np.any(np.isnan(numbers) & cells.notna()):
+            numbers = np.asarray(pd.to_numeric(cells.astype(str).str.replace(",", "."), errors="coerce"), float)
+        wrong = np.asarray(np.isnan(numbers) & cells.notna())
+    wrong = wrong | np.isinf(numbers)
+    if not wrong.any():
+        return {name: numbers}
+    if not strict:
+        return {name: np.full(len(cells), np.nan)}
+    k = int(np.argmax(wrong))
+    where = f"log {path}, line {line_of(path, first + k)}: {name} ="
+    if np.isinf(numbers[k]):
+        raise LogError(f"{where} {numbers[k]:g}: a finite number was expected")
+    rule = "a number was expected, or an empty cell where there is no sample"
+    raise LogError(f"{where} '{str(cells.iloc[k])[:40]}': {rule}")
 
 
 def _lists(path: Path, name: str, texts: Any, *, strict: bool) -> dict[str, Array]:
