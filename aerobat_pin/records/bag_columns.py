@@ -120,7 +120,7 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     clocks: dict[str, Clock] = {}
     values, clock_of = {}, {}
     for topic, table in tables.items():
-        if not table.useless and table.count > 0:
+        if not table.useless:
             clocks[topic], columns = table.finished()
             for name, column in columns.items():
                 values[f"{topic}.{name}"], clock_of[f"{topic}.{name}"] = column, topic
@@ -147,19 +147,19 @@ class _Topic:
     """
 
     def __init__(self, spool: Spool, chosen: str) -> None:
-        self.rows, self.useless, self.count = GrowingTable(spool), False, 0
-        self._chosen, self._largest_delay, self._stamped = chosen, 0.0, True
+        self.rows, self.useless, self._chosen = GrowingTable(spool), False, chosen
+        self._stamped: bool | None = None  # whether its first message is
+        self._largest_delay = 0.0
         self._header, self._recorded = array("d"), array("d")
         self._table: dict[str, array[float]] = {}
 
     def add(self, header: float, recorded: float, numbers: dict[str, float]) -> None:
         """Append a message."""
         count = len(self._recorded)
-        if self.count == 0:
+        if self._stamped is None:
             self._stamped = header > 0.0
         self._header.append(header)
         self._recorded.append(recorded)
-        self.count += 1
         for name in (name for name in numbers if name not in self._table):
             if count and len(self._table) >= MOST_CELLS:
                 raise LogError(f"a topic has more than {MOST_CELLS} columns")
@@ -185,7 +185,7 @@ class _Topic:
     def finished(self) -> tuple[Clock, dict[str, Series]]:
         """Return stamps and columns, with the recorder's delays if the headers have stamps of the same epoch."""
         self.flush(0)
-        return self.rows.finished(late=self._stamped and self._largest_delay < LATEST_STAMP)
+        return self.rows.finished(late=bool(self._stamped) and self._largest_delay < LATEST_STAMP)
 
 
 def mcap_is_sealed(path: Path) -> bool:

@@ -107,7 +107,7 @@ class Columns:
 
     def missing(self, name: str, key: str) -> LogError:
         """Return the error for a name that the log does not have."""
-        what = "topic" if self.kinds and name in (name.split(".")[0],) else "column"
+        what = "topic" if self.kinds and "." not in name else "column"
         hint = did_you_mean(name, list(self.kinds) if what == "topic" else self.names, "there are")
         return LogError(f"log {self.path}: no {what} '{name}', which {key} of the map names: {hint}")
 

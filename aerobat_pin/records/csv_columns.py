@@ -73,21 +73,19 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
         LogError: it is no table, a cell is no number, or the time is not found.
     """
     separator, cells = header_of(path, log)
-    wanted = None if wanted is None else set(wanted)
-    names, units = _without_units(cells, {log.time.column, *(wanted or ())})
+    strict, wanted = wanted is not None, set(wanted or ())
+    names, units = _without_units(cells, {log.time.column, *wanted})
     column = None if log.time.rate else log.time.column or _time_column(path, names)
     if column is not None and column not in names:
         raise LogError(f"log {path}: no column '{column}' (log.time.column of the map); there are {', '.join(names)}")
     if column in units and not same_unit(units[column], log.time.unit):
         raise LogError(f"log {path}: column '{column} [{units[column]}]': {log.time.unit} was expected")
-    read = None if wanted is None else {column, *wanted, *(name.rpartition(".")[0] for name in wanted)}
-    used = [i for i, name in enumerate(names) if read is None or name in read]
-    twice = [names[i] for i in used if wanted is not None and names.count(names[i]) > 1]
-    if twice:
+    read = {column, *wanted, *(name.rpartition(".")[0] for name in wanted)}
+    used = [i for i, name in enumerate(names) if not strict or name in read]
+    if twice := [names[i] for i in used if strict and names.count(names[i]) > 1]:
         raise LogError(f"log {path}: column '{twice[0]}' appears twice")
-    table, strict = GrowingTable(Spool()), wanted is not None
+    table, last = GrowingTable(Spool()), -np.inf
     signs: dict[str, str] = {}
-    last = -np.inf
     end, rows = cut_row(path, separator, len(names), strict=log.times == "own") or (None, None)
     check_rows(path, separator, len(names), end)
     try:

@@ -13,9 +13,10 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
-POINT, TURN = "xyz", "xyzw"
+MOST_ENTRIES = 1000  # of an array
 
 
 def entries(message: Any) -> dict[str, float] | None:
@@ -27,35 +28,37 @@ def entries(message: Any) -> dict[str, float] | None:
             if len(values) == len(message.name):
                 columns |= {f"{part}.{joint}": float(x) for joint, x in zip(message.name, values, strict=True)}
         return columns
-    if hasattr(message, "linear_acceleration"):
+    if vectors := _vectors(message):
         return {
-            **_axes("orientation", message.orientation, TURN),
-            **_axes("angular_velocity", message.angular_velocity),
-            **_axes("linear_acceleration", message.linear_acceleration),
+            f"{part}.{axis}": float(getattr(vector, axis))
+            for part, vector in vectors.items()
+            for axis in ("xyzw" if part == "orientation" else "xyz")
         }
-    if hasattr(message, "wrench"):
-        return {**_axes("force", message.wrench.force), **_axes("torque", message.wrench.torque)}
-    columns = {}
-    if hasattr(message, "pose"):
-        pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-        columns |= {**_axes("position", pose.position), **_axes("orientation", pose.orientation, TURN)}
-    if hasattr(message, "transform"):
-        place = message.transform
-        columns |= {**_axes("position", place.translation), **_axes("orientation", place.rotation, TURN)}
-    if hasattr(message, "twist"):
-        twist = message.twist.twist if hasattr(message.twist, "twist") else message.twist
-        columns |= {**_axes("linear", twist.linear), **_axes("angular", twist.angular)}
-    if columns:
-        return columns
     data: Any = getattr(message, "data", None)
     if isinstance(data, int | float) and not isinstance(data, bool):
         return {"data": float(data)}
-    if data is not None and not isinstance(data, str | bytes) and hasattr(data, "__len__"):
-        try:
-            return {f"data.{k}": float(x) for k, x in enumerate(data)} if len(data) <= 1000 else None
-        except (TypeError, ValueError):
-            return None
+    if hasattr(data, "__len__") and not isinstance(data, str | bytes) and len(data) <= MOST_ENTRIES:
+        with suppress(TypeError, ValueError):
+            return {f"data.{k}": float(x) for k, x in enumerate(data)}
     return None
+
+
+def _vectors(message: Any) -> dict[str, Any]:
+    """Return part -> vector or quaternion of a message that has such parts."""
+    if hasattr(message, "linear_acceleration"):
+        return {part: getattr(message, part) for part in ("orientation", "angular_velocity", "linear_acceleration")}
+    if hasattr(message, "wrench"):
+        return {"force": message.wrench.force, "torque": message.wrench.torque}
+    vectors: dict[str, Any] = {}
+    if hasattr(message, "pose"):
+        pose = getattr(message.pose, "pose", message.pose)
+        vectors |= {"position": pose.position, "orientation": pose.orientation}
+    if hasattr(message, "transform"):
+        vectors |= {"position": message.transform.translation, "orientation": message.transform.rotation}
+    if hasattr(message, "twist"):
+        twist = getattr(message.twist, "twist", message.twist)
+        vectors |= {"linear": twist.linear, "angular": twist.angular}
+    return vectors
 
 
 def stamp(message: Any) -> float:
@@ -65,7 +68,3 @@ def stamp(message: Any) -> float:
         return 0.0
     sub = header.stamp
     return float(sub.sec) + 1e-9 * float(getattr(sub, "nanosec", getattr(sub, "nanosecs", 0)))
-
-
-def _axes(part: str, vector: Any, axes: str = POINT) -> dict[str, float]:
-    return {f"{part}.{axis}": float(getattr(vector, axis)) for axis in axes}

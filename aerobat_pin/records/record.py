@@ -14,7 +14,7 @@ from aerobat_pin.records.axes import as_attitude, axes_of, in_world_axes
 from aerobat_pin.records.block import Block, Channel
 from aerobat_pin.records.channels import EXTRA
 from aerobat_pin.records.columns import Columns
-from aerobat_pin.records.map_tables import Map
+from aerobat_pin.records.map_tables import JointVelocitySection, Map, RateSection, VelocitySection
 from aerobat_pin.records.resample import line_means, neighbour_rates, sampled, sampled_turns, slopes, turn_rates
 from aerobat_pin.records.robots import FREE_NQ, FREE_NV, PlainRobot
 from aerobat_pin.records.spool import Series, spread_stretches
@@ -95,7 +95,7 @@ class Record:
         if "joints.velocity" in self.channels:
             v[:, rows_v] = self.at("joints.velocity", time)
         elif self.joints and self.knots is None:
-            window = 0.02 if self.map.joints.velocity is None else self.map.joints.velocity.window
+            window = (self.map.joints.velocity or JointVelocitySection()).window
             wide, inside = self._wide(first, last)
             v[:, rows_v] = slopes(self.at("joints.position", wide), self.dt, window)[inside]
         if "joints.effort" in self.channels:
@@ -216,12 +216,12 @@ class Record:
         if "base.velocity" in self.channels:
             linear = self._in_body("base.velocity", time, R)
         elif self.knots is None and base.from_ == "measured":
-            speed_window = 0.05 if base.velocity is None else base.velocity.window
-            linear = np.einsum("nji,nj->ni", R, slopes(place, self.dt, speed_window))
+            window = (base.velocity or VelocitySection()).window
+            linear = np.einsum("nji,nj->ni", R, slopes(place, self.dt, window))
         if "base.rate" in self.channels:
             angular = self._in_body("base.rate", time, R)
         elif self.knots is None:
-            angular = turn_rates(attitude, self.dt, 0.05 if base.rate is None else base.rate.window)
+            angular = turn_rates(attitude, self.dt, (base.rate or RateSection()).window)
         if base.from_ == "imu":
             linear = np.zeros_like(angular)
             linear[inside] = self._integrated(first, last, R[inside]) - np.cross(angular[inside], base.imu.place)
