@@ -59,12 +59,10 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     Raises:
         LogError: log or robot cannot be read.
     """
-    known = (
-        None if robot is None else RobotTable.model_validate({**option_of_robot(str(robot)), "points": tuple(points)})
-    )
-    urdf = None if known is None else urdf_of(known, Path())
-    if known is not None:
-        robot_of_map(known, Path())
+    known = None
+    if robot is not None:
+        known = RobotTable.model_validate({**option_of_robot(str(robot)), "points": tuple(points)})
+    built = None if known is None else robot_of_map(known, Path())
     columns = _all_columns(log)
     groups = dict(_column_groups(columns))
     lines = [
@@ -74,14 +72,14 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
         "",
     ]
     free = "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform"))
-    lines += _robot(columns, known, urdf, free)
+    lines += _robot(columns, known, free)
     lines += ["", "[log]"]
     step = None
     if not columns.kinds and not str(log).endswith(NETCDF):
         line, step = _suggested_time(log, columns)
         lines.append(line)
     lines += ['world = "z_up"  # or "ned": does z point down?', ""]
-    lines += [*_suggest_base(columns, groups), *suggest_joints(columns, urdf, step)]
+    lines += [*_suggest_base(columns, groups), *suggest_joints(columns, built, step)]
     if check := list(_suggest_check(columns, groups)):
         lines += ["[check]", *check, ""]
     gain = min(GAIN, SHARE_OF_RATE / step) if step else GAIN
@@ -154,8 +152,8 @@ def _is_attitude(columns: Columns, names: tuple[str, ...]) -> bool:
     return bool(np.allclose(np.linalg.norm(values, axis=1), 1.0, atol=UNIT_ERROR) and np.ptp(values, axis=0).any())
 
 
-def _robot(columns: Columns, known: RobotTable | None, urdf: Path | None, free: bool) -> list[str]:
-    if known is None or urdf is None:
+def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
+    if known is None or (urdf := urdf_of(known, Path())) is None:
         rows = 'rows = {ignore = ["base.Mx", "base.My", "base.Mz"]}'
         return [
             "[robot]",

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import JOINT_KINDS
 from aerobat_pin.records.joint_names import as_names, nearest_joints
+from aerobat_pin.records.robots import PlainRobot
 
 NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)(?P<tail>(?:\D.*)?)$", re.IGNORECASE)
 PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
@@ -43,7 +42,7 @@ BEHIND_NUMBERS = {  # words that a numbered joint's column may end in
 LARGEST_RADIANS = 7.0  # of an angle; beyond, degrees are suggested
 
 
-def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = None) -> Iterator[str]:
+def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | None = None) -> Iterator[str]:
     """Yield the lines of the table `joints`; `step` is the time between rows of a table [s], if it is known."""
     topic = topic_of(columns, "JointState")
     if topic:
@@ -56,7 +55,7 @@ def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = Non
         heard = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
         if heard and not any(name.startswith(f"{topic}.effort.") for name in columns.names):
             yield "# MISSING: what drives the joints? Without efforts in the topic no row of a joint is believed"
-        joints = [] if urdf is None else pin.buildModelFromUrdf(str(urdf)).names.tolist()[1:]
+        joints = () if robot is None else robot.joints
         alike = nearest_joints((name for name in heard if name not in joints), (j for j in joints if j not in heard))
         if alike:
             yield f"{as_names(alike)}  # the robot calls them otherwise: are these the same?"
@@ -64,11 +63,10 @@ def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = Non
         return
     if columns.kinds:
         return
-    if urdf is None:
+    if robot is None:
         yield from _without_robot(columns)
         return
-    model = pin.buildModelFromUrdf(str(urdf))
-    names = model.names.tolist()[1:]
+    names = list(robot.joints)
     parts_of = joint_columns(columns, names)
     placed = [name for name in names if "position" in parts_of.get(name, {})]
     yield "[joints]"
@@ -80,7 +78,7 @@ def suggest_joints(columns: Columns, urdf: Path | None, step: float | None = Non
         yield ""
         return
     whole = {part: [parts_of[name][part] for name in placed if part in parts_of[name]] for part in PART_WORDS}
-    slides = [name for name in placed if model.joints[model.getJointId(name)].shortname().startswith("JointModelP")]
+    slides = [name for name in placed if robot.slides(name)]
     if parts_of != _named_columns(columns, names):
         yield "# the columns are not called like the joints: are they in this order?"
     yield f"names = {listed(placed)}"
