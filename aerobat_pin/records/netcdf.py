@@ -21,7 +21,7 @@ import xarray as xr
 from aerobat_pin.errors import LogError
 from aerobat_pin.records.checked_netcdf import NO_VARIABLE, checked_file, is_bare, seal_of
 
-PACKING = ("scale_factor", "add_offset", "_Unsigned", "dtype")  # attributes that change the meaning of numbers
+PACKING = ("scale_factor", "add_offset", "_Unsigned")  # attributes that change the meaning of numbers
 INTERNAL = ("CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_FillValue", "missing_value", "coordinates")
 
 
@@ -65,12 +65,18 @@ class StoredVariable:
     """
 
     def __init__(self, label: str, item: h5py.Dataset, where: str) -> None:
-        self.dims, self.item = _dimensions(item, label, where), item
+        self.dims, self.item, self._where = _dimensions(item, label, where), item, where
         self.shape, self.kind = tuple(item.shape), item.dtype.kind
 
     def __getitem__(self, rows: Any) -> Any:
-        """Return rows of its numbers or text; numbers equal to the fill value become NaN."""
+        """Return rows of its numbers or text; numbers equal to the fill value become NaN.
+
+        Raises:
+            LogError: its numbers are packed.
+        """
         item = self.item
+        if packed := [key for key in PACKING if key in item.attrs]:
+            raise LogError(f"{self._where} has the attribute {packed[0]}: plain numbers were expected")
         if h5py.check_string_dtype(item.dtype) is not None:
             return np.array(np.asarray(item.asstr()[rows], object).tolist())
         values = item[rows]
@@ -96,9 +102,8 @@ def _dataset(group: h5py.Group, name: str) -> xr.Dataset:
         attributes = {
             k: _plain_attribute(v) for k, v in attrs.items() if k not in INTERNAL and not k.startswith("_Netcdf4")
         }
-        packed = [k for k in PACKING if k in attributes]
-        if packed:
-            raise LogError(f"{name}: '{label}' has the attribute {packed[0]}: plain numbers were expected")
+        if "dtype" in attributes:
+            raise LogError(f"{name}: '{label}' has the attribute dtype: plain numbers were expected")
         if stored.dims == (label,):
             coords.add(label)
         coords |= set(str(attrs.get("coordinates", "")).split())
