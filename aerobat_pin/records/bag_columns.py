@@ -160,12 +160,16 @@ class _Topic:
             self._stamped = header > 0.0
         self._header.append(header)
         self._recorded.append(recorded)
-        for name in (name for name in numbers if name not in self._table):
-            if count and len(self._table) >= MOST_CELLS:
-                raise LogError(f"a topic has more than {MOST_CELLS} columns")
-            self._table[name] = array("d", [np.nan] * count)
-        for name, column in self._table.items():
-            column.append(numbers.get(name, np.nan))
+        for name, value in numbers.items():
+            column = self._table.get(name)
+            if column is None:
+                if count and len(self._table) >= MOST_CELLS:
+                    raise LogError(f"a topic has more than {MOST_CELLS} columns")
+                column = self._table[name] = array("d", [np.nan] * count)
+            column.append(value)
+        if len(numbers) < len(self._table):
+            for column in self._table.values():
+                column.extend([np.nan] * (count + 1 - len(column)))
         if count >= 2 * REORDERED:
             self.flush(REORDERED)
 
