@@ -14,7 +14,7 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.checks.samples import rests_at_zero
 from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.numerics import Array, Integers, fields_of, inner, new_state
-from aerobat_pin.records import HOLE, Map, PlainRobot, Request, axes_of, in_world_axes
+from aerobat_pin.records import HOLE, Map, PlainRobot, Request, axes_of, has_world_axes
 
 LENGTH = 2048  # samples that a ring keeps; a power of two
 CLOCK_JUMP = 1.0  # [s]: a stamp further from the newest one is off
@@ -139,7 +139,7 @@ def new_rings(
     if len(values.scale):
         rings.friction[5] = values.scale
     rings.setting[:4] = chosen.log.longest_gap, wait, chosen.log.rate or 0.0, 0.0
-    in_world = {request.key for request in requests if in_world_axes(chosen, request.key, request.names)}
+    in_world = {request.key for request in requests if has_world_axes(chosen, request.key, request.names)}
     rings.setting[4:6] = "base.velocity" in in_world, "base.rate" in in_world
     rings.shown[:] = rings.changed[:] = rings.now[:COUNT] = np.nan
     rings.now[BROKEN] = 0.0

@@ -1,7 +1,7 @@
 from .axes import as_attitude as as_attitude
 from .axes import axes_of as axes_of
 from .axes import body_turn as body_turn
-from .axes import in_world_axes as in_world_axes
+from .axes import has_world_axes as has_world_axes
 from .axes import sensor_turn as sensor_turn
 from .axes import world_turn as world_turn
 from .bag_columns import mcap_is_sealed as mcap_is_sealed

@@ -36,7 +36,7 @@ def sensor_turn(chosen: Map) -> Array:
     return imu_turn(chosen) @ turn if any(chosen.base.imu.turn) else turn
 
 
-def in_world_axes(chosen: Map, key: str, names: Sequence[str]) -> bool:
+def has_world_axes(chosen: Map, key: str, names: Sequence[str]) -> bool:
     """Return whether a channel of the base, of columns of these names, is in world axes; else it is in the body's.
 
     The twist of an Odometry topic is in body axes by its definition.
@@ -63,7 +63,7 @@ def axes_of(chosen: Map, key: str, names: Sequence[str]) -> Array | None:
         return as_attitude(chosen, np.eye(4)).T
     if not key.startswith("base."):
         return None
-    if in_world_axes(chosen, key, names):
+    if has_world_axes(chosen, key, names):
         turn = world_turn(chosen)
     else:
         turn = body_turn(chosen) if key == "base.velocity" else sensor_turn(chosen)

@@ -16,7 +16,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import Any
 
-MOST_ENTRIES = 1000  # of an array
+LONGEST_ARRAY = 1000  # of an array
 
 
 def entries(message: Any) -> dict[str, float] | None:
@@ -37,7 +37,7 @@ def entries(message: Any) -> dict[str, float] | None:
     data: Any = getattr(message, "data", None)
     if isinstance(data, int | float) and not isinstance(data, bool):
         return {"data": float(data)}
-    if hasattr(data, "__len__") and not isinstance(data, str | bytes) and len(data) <= MOST_ENTRIES:
+    if hasattr(data, "__len__") and not isinstance(data, str | bytes) and len(data) <= LONGEST_ARRAY:
         with suppress(TypeError, ValueError):
             return {f"data.{k}": float(x) for k, x in enumerate(data)}
     return None

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.axes import as_attitude, axes_of, in_world_axes
+from aerobat_pin.records.axes import as_attitude, axes_of, has_world_axes
 from aerobat_pin.records.block import Block, Channel
 from aerobat_pin.records.channels import EXTRA
 from aerobat_pin.records.columns import Columns
@@ -200,7 +200,7 @@ class Record:
     def _in_body(self, key: str, time: Array, R: Array) -> Array:
         """Return a measured velocity or rate (m, 3) in body axes at times (m,) [s] with attitudes (m, 3, 3)."""
         values = self._in_axes(key, time)
-        in_world = in_world_axes(self.map, key, self.channels[key].names)
+        in_world = has_world_axes(self.map, key, self.channels[key].names)
         return np.asarray(np.einsum("nji,nj->ni", R, values)) if in_world else values
 
     def _base(self, first: int, last: int) -> tuple[Array, Array]:

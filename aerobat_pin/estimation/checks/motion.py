@@ -21,7 +21,7 @@ from aerobat_pin.records import (
     Record,
     as_attitude,
     body_turn,
-    in_world_axes,
+    has_world_axes,
     said_unit,
     sampled_turns,
     sensor_turn,
@@ -121,14 +121,14 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
     sensor, imu = sensor_turn(chosen), measured("base.acceleration")
     evidence, steps, turns = [], None, None
     if gyro is not None:
-        in_world = in_world_axes(chosen, "base.rate", record.channels["base.rate"].names)
+        in_world = has_world_axes(chosen, "base.rate", record.channels["base.rate"].names)
         gyro = gyro @ (world if in_world else sensor @ _sensor_turn(record, "base.rate")).T
         turns = partial(_turns, time, gyro, in_world, latest)
         evidence.append(turns)
     if position is not None:
         position = position @ world.T
     if velocity is not None and position is not None:
-        in_world = in_world_axes(chosen, "base.velocity", record.channels["base.velocity"].names)
+        in_world = has_world_axes(chosen, "base.velocity", record.channels["base.velocity"].names)
         steps = partial(_steps, time, position, velocity @ (world if in_world else body).T, in_world, latest)
         evidence += [] if in_world else [steps]
     if imu is not None:
