@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import xarray as xr
 from support.recorded import recorded
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Result, estimate
-from aerobat_pin.records import suggested_map
+from aerobat_pin.records import read_columns, suggested_map
 from aerobat_pin.records.csv_columns import read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
 
@@ -211,3 +212,12 @@ def test_columns_that_a_suggestion_does_not_use_are_listed(tmp_path: Path) -> No
     assert suggested["log"]["time"] == {"column": "ms", "unit": "ms"}
     assert suggested["joints"]["effort"]["columns"] == ["eff_joint1"]
     assert text.rstrip().endswith("# Columns that are not used here: thrust")
+
+
+def test_packed_numbers_of_a_netcdf_log_are_refused(tmp_path: Path) -> None:
+    """By the name of the variable: they were read without their factor."""
+    data = xr.Dataset({"x": ("time", np.arange(5.0))}, {"time": 0.1 * np.arange(5.0)})
+    packing = {"x": {"dtype": "i2", "scale_factor": 0.01, "_FillValue": -9}}
+    data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf", encoding=packing)
+    with pytest.raises(LogError, match=r"log\.nc: 'x' has the attribute scale_factor: plain numbers were expected"):
+        read_columns(tmp_path / "log.nc", LogTable())
