@@ -306,7 +306,7 @@ def test_joints_that_are_too_fast_tell_a_wrong_rate(rate: float, times: float, f
     """A log without times is read at 1 kHz in place of 100 Hz: kilonewtons followed, and nobody named the rate."""
     chosen = arm_map(["tool0"]) | {"log": {"time": {"rate": rate}}}
     chosen["joints"]["velocity"] = {"from": "position"}
-    found = list(record_findings(open_record(folder / "push.csv", parse_map(chosen, "of the test"), folder)))
+    found = list(record_findings(recorded(folder / "push.csv", chosen)))
     told = [one for one in found if one.check == "joint speeds"]
     assert len(told) == (rate == 1000)
     assert all(one.value > times and "the unit of its time" in one.text for one in told)
@@ -331,7 +331,7 @@ def test_bursts_are_no_push_unless_one_is_a_blow(seed: int, force: Callable[...,
     log.to_csv(tmp_path / "log.csv", index=False)
     chosen = arm_map(["tool0"]) | {"observer": {"gain": 100.0}}
     del chosen["check"]
-    verdict = estimate(open_record(tmp_path / "log.csv", parse_map(chosen, "of the test"), tmp_path)).verdict
+    verdict = estimate(recorded(tmp_path / "log.csv", chosen)).verdict
     if force is nothing:
         assert "no push that stands out" in verdict
     else:
