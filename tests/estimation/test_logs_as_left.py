@@ -382,28 +382,6 @@ def test_channels_that_nobody_reads_are_left_out_by_name(tmp_path: Path) -> None
         recorded(tmp_path / "mixed.mcap", values)
 
 
-MJCF = """<mujoco model="leg"><worldbody><body name="trunk">{free}<geom size=".1" mass="1"/><body name="shank">
-<joint name="knee" axis="0 1 0"/><geom size=".1" mass="1"/></body></body></worldbody></mujoco>"""
-
-
-@pytest.mark.parametrize("free", ["", "<freejoint/>"])
-def test_an_mjcf_file_can_have_a_free_base(free: str, tmp_path: Path) -> None:
-    """Whether the file or the map says so."""
-    (tmp_path / "leg.xml").write_text(MJCF.format(free=free))
-    time = np.arange(50) * 0.01
-    names = ("x", "y", "z", "qx", "qy", "qz", "qw", "knee", "rate", "torque")
-    table = pd.DataFrame({"t": time} | {name: np.full(50, float(name == "qw")) for name in names})
-    table.to_csv(tmp_path / "log.csv", index=False)
-    joints = {
-        part: {"columns": [name]} for part, name in zip(("position", "velocity", "effort"), names[7:], strict=True)
-    }
-    base = {"position": {"columns": names[:3]}, "quaternion": {"columns": names[3:7]}}
-    chosen = {"robot": {"mjcf": "leg.xml", "points": ["shank"]}, "base": base, "joints": {"names": ["knee"], **joints}}
-    record = recorded(tmp_path / "log.csv", chosen)
-    assert (record.robot.free, record.robot.joints) == (True, ("knee",))
-    assert record.robot.mass == pytest.approx(2.0)
-
-
 @pytest.mark.parametrize("rows", [11, 20, 27])
 def test_a_record_too_short_to_settle_is_estimated(rows: int, swing: pd.DataFrame, tmp_path: Path) -> None:
     """Friction beside the forces has no instant then; 5 time constants of a gain of 100 1/s are 25 rows."""

@@ -1,6 +1,7 @@
 """Joints as logs have them: seen by encoders at motors, beyond their limits, without a motor, alone, or by name."""
 
 import copy
+import itertools
 import re
 import tomllib
 from pathlib import Path
@@ -376,13 +377,22 @@ def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
     np.testing.assert_allclose(list(found[-1].components.values()), whole, atol=0.01)  # other expected sizes
 
 
-def test_an_mjcf_file_gets_a_free_base_or_keeps_its_own(tmp_path: Path) -> None:
-    """A leg with and without a free joint of its own; its ball joint is refused by name."""
+def test_a_file_gets_a_free_base_or_keeps_its_own(tmp_path: Path) -> None:
+    """MJCF and URDF, with and without a free joint of their own; a ball joint is refused by name."""
     single = re.sub(r'<joint name="(hip_x|hip_z|ankle)"[^>]*/>|<joint name="pad"[^>]*/>', "", LEG)
-    for text, root in ((single, "free_flyer"), (single.replace('<freejoint name="root"/>', ""), "free_flyer")):
-        (tmp_path / "leg.xml").write_text(text)
-        robot = robot_of_map(RobotTable(mjcf="leg.xml", root=root, points=("sole",)), tmp_path)
-        assert (robot.free, robot.joints) == (True, ("hip_y", "knee"))
+    own = '<link name="world"/><joint name="own" type="floating"><parent link="world"/><child link="ground"/></joint>'
+    hinge, leg = robot_urdf("revolute"), ("sole", ("hip_y", "knee"))
+    files: tuple[tuple[str, str, tuple[str, tuple[str, ...]]], ...] = (
+        ("mjcf", single, leg),
+        ("mjcf", single.replace('<freejoint name="root"/>', ""), leg),
+        ("urdf", hinge, ("tip", ("hinge",))),
+        ("urdf", hinge.replace("<link", f"{own}<link", 1), ("tip", ("hinge",))),
+    )
+    for (kind, text, (point, joints)), root in itertools.product(files, ("free_flyer", None)):
+        (tmp_path / f"robot.{kind}").write_text(text)
+        table = RobotTable.model_validate({kind: f"robot.{kind}", "root": root, "points": (point,)})
+        robot = robot_of_map(table, tmp_path)
+        assert (robot.free, robot.joints) == (True, joints)
     (tmp_path / "leg.xml").write_text(LEG)
     with pytest.raises(LogError, match=r"joint '\w+' has \d coordinates: joints of one angle or one length were"):
         robot_of_map(RobotTable(mjcf="leg.xml", points=("sole",)), tmp_path)
