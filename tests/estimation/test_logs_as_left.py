@@ -196,15 +196,31 @@ def test_a_table_without_a_header_is_asked_about(swing: pd.DataFrame, tmp_path: 
 def test_a_clock_that_jumps_costs_no_sample_but_those_whose_time_is_lost(
     rows: Any, seconds: float, expected: list[int], finding: str, swing: pd.DataFrame, tmp_path: Path
 ) -> None:
-    """Parts in the order of their stamps; common times need not meet the stamps beyond a jump, hence one less."""
+    """Parts in the order of their stamps; common times need not meet the stamps beyond a jump, hence one less.
+
+    The joints are there where they are at the right time.
+    """
     table = swing.copy()
     table.loc[list(rows), "t"] += seconds
     record = opened(table, tmp_path)
+    assert any(finding in text for text in said(record)), said(record)
     if expected:
         assert all(
             abs(found - count) <= 1 for found, count in zip(sorted(counts(record)), sorted(expected), strict=True)
         )
-    assert any(finding in text for text in said(record)), said(record)
+        for ends in record.parts:
+            time = record.times(*ends)
+            true = time - (0.0 if -0.01 < time[0] < 2.0 else seconds)
+            q = [np.interp(true, swing["t"], swing[column]) for column in COLUMNS]
+            np.testing.assert_allclose(record.block(*ends).q, np.stack(q, axis=1), atol=1e-3)
+
+
+def test_stamps_that_no_clock_can_show_are_refused(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Between them the common times would not be evenly spaced any more."""
+    table = swing.copy()
+    table.loc[:1, "t"] -= 1e300
+    with pytest.raises(LogError, match=r"its stamps go from -1e\+300 to 1\.998 s .* is one of them wrong\?"):
+        opened(table, tmp_path)
 
 
 def test_stamps_in_any_order_are_used_once() -> None:

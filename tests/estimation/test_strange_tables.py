@@ -1,9 +1,6 @@
 """Tables as other programs write them: numbered columns, decimals of both kinds, a silent force sensor, bad stamps."""
 
-import signal
 import tomllib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +11,7 @@ from support.recorded import recorded
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import Result, estimate
+from aerobat_pin.estimation import estimate
 from aerobat_pin.records import read_columns, suggested_map
 from aerobat_pin.records.csv_columns import read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
@@ -133,72 +130,6 @@ def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> Non
     frame.to_csv(tmp_path / "walk.csv", index=False)
     found = estimate(recorded(tmp_path / "walk.csv", table_map(Path("quadruped.urdf"))))
     assert not any(one.check == "held channel" for one in found.findings)
-
-
-@contextmanager
-def within(seconds: int) -> Iterator[None]:
-    """Raise TimeoutError in a `with` block that takes longer."""
-
-    def end(*_: object) -> None:
-        raise TimeoutError
-
-    before = signal.signal(signal.SIGALRM, end)
-    signal.alarm(seconds)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
-
-
-def wrongly_stamped(folder: Path, rows: slice, seconds: float) -> Result:
-    """Return the estimate of a walk of which some stamps are wrong."""
-    (folder / "quadruped.urdf").write_text(urdf())
-    frame = table(walk(1.4))
-    frame.loc[rows, "t"] += seconds
-    frame.to_csv(folder / "walk.csv", index=False)
-    with within(60):
-        return estimate(recorded(folder / "walk.csv", table_map(Path("quadruped.urdf"))))
-
-
-@pytest.mark.parametrize(
-    ("rows", "seconds", "same", "check"),
-    [
-        (slice(0, 0), -1e7, [(0, 1, 699)], "time goes back"),  # a first sample from before the clock was set
-        (slice(700, 700), 1e7, [(0, 0, 699)], "time goes back"),
-        (slice(350, 350), 1e7, [(0, 0, 700)], "time goes back"),  # it alone is left out
-        (slice(350, None), 1e7, [(0, 0, 348), (348, 350, 349)], "gap"),  # the clock is set on the way
-        (slice(350, None), -1e7, [(0, 350, 350), (350, 0, 348)], "time goes back"),
-    ],
-)
-def test_a_stamp_that_is_months_off_costs_no_time(
-    rows: slice, seconds: float, same: list[tuple[int, int, int]], check: str, tmp_path: Path
-) -> None:
-    """A finding names it, and the parts that are used have the forces that they have without it.
-
-    But for 0.01 %: how well rows are known depends on all that is used.
-
-    Args:
-        rows: of the table, last one included, whose stamps are wrong.
-        seconds: by which they are.
-        same: for each part its first interval here, its first interval in the right table, and their number.
-        check: what names it.
-        tmp_path: where the table goes.
-    """
-    whole = wrongly_stamped(tmp_path, slice(0, 0), 0.0).estimates["force_level"].components
-    found = wrongly_stamped(tmp_path, rows, seconds)
-    assert [last - first for first, last in found.record.parts] == [count for _, _, count in same]
-    assert check in {finding.check for finding in found.findings if finding.verdict == "warning"}
-    components = found.estimates["force_level"].components
-    for here, there, count in same:
-        settled, bound = slice(20, count), 3e-3 if count < 700 else 0.04  # [N]; one sample is interpolated
-        np.testing.assert_allclose(components[here:][settled], whole[there:][settled], atol=bound)
-
-
-def test_stamps_that_no_clock_can_show_are_refused(tmp_path: Path) -> None:
-    """Between them the common times would not be evenly spaced any more."""
-    with pytest.raises(LogError, match=r"its stamps go from -1e\+300 to 1\.4 s .* is one of them wrong\?"):
-        wrongly_stamped(tmp_path, slice(0, 1), -1e300)
 
 
 def test_columns_that_a_suggestion_does_not_use_are_listed(tmp_path: Path) -> None:
