@@ -19,10 +19,24 @@ from aerobat_pin.records.spool import Spool
 from aerobat_pin.records.table_cells import CUT, check_rows, cut_row, decimal_sign, line_of, numbers_of
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-TIME_NAMES = ("t", "time", "timestamp", "stamp", "time_s", "t_s", "time [s]", "seconds", "elapsed", "time_stamp")
+TIME_NAMES = (
+    "t",
+    "time",
+    "timestamp",
+    "stamp",
+    "time_s",
+    "t_s",
+    "time [s]",
+    "seconds",
+    "elapsed",
+    "time_stamp",
+    "duration",
+    "__time",
+)
 ROWS_AT_ONCE = 50_000
 LONGEST_HEADER, MOST_CELLS = 1_000_000, 10_000  # characters; columns
 NUMBER, LETTER = re.compile(r"nan|inf|(?<=[\d.])e(?=[-+\d])", re.IGNORECASE), re.compile(r"[^\W\d]")
+DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:")
 COMMENT_SIGN = re.compile(r"^\s*[#%]+\s*")  # before a header, as numpy.savetxt writes it
 NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\]]*)\]")
 
@@ -105,10 +119,11 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
             for chunk in chunks:
                 values: dict[str, Array] = {}
                 for i, label in zip(used, chunk.columns, strict=True):
-                    values |= numbers_of(path, names[i], chunk[label], len(table), strict=strict)
-                    if strict and (separator != "," or chunk[label].dtype.kind not in "fiub"):
+                    cells = _by_date(chunk[label], log.time.unit) if names[i] == column else chunk[label]
+                    values |= numbers_of(path, names[i], cells, len(table), strict=strict)
+                    if strict and (separator != "," or cells.dtype.kind not in "fiub"):
                         before = signs.get(names[i], "")
-                        signs[names[i]] = _one_sign(path, names[i], before, chunk[label], len(table) + 2)
+                        signs[names[i]] = _one_sign(path, names[i], before, cells, len(table) + 2)
                 if len(chunk):
                     stamps = _stamps(path, log, column, values, len(table), len(chunk))
                     if log.times == "own":
@@ -135,6 +150,14 @@ def _without_units(cells: list[str], wanted: Collection[str | None]) -> tuple[li
         if match is not None and cell not in wanted and match["name"] in wanted:
             names[k], units[match["name"]] = match["name"], match["unit"]
     return names, units
+
+
+def _by_date(cells: Any, unit: str) -> Any:
+    """Return cells that say dates and times, by ISO 8601, as the time since 1970 in a unit; other cells as they are."""
+    if cells.dtype.kind in "fiub" or not len(cells) or not DATE.match(str(cells.iloc[0])):
+        return cells
+    dates = pd.to_datetime(cells, utc=True, format="ISO8601", errors="coerce")
+    return (dates - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=SECONDS[unit])
 
 
 def _check_rising(path: Path, stamps: Array, last: float, before: int) -> None:

@@ -31,7 +31,8 @@ from aerobat_pin.records.suggest_joints import (
 )
 
 TIME = re.compile(
-    r"^(t|time|timestamp|stamp|time_stamp|elapsed|seconds|(?=[mun]s$))[ _]*[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$",
+    r"^_*(t|time|timestamp|stamp|time_stamp|elapsed|duration|seconds|(?=[mun]s$))"
+    r"[ _]*[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$",
     re.IGNORECASE,
 )
 UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
@@ -186,8 +187,8 @@ def _suggested_time(log: Path, columns: Columns) -> tuple[str, float | None]:
     """Return the line about a table's time, by the column that looks like one, and its step [s]; None if none does."""
     match = next((match for match in map(TIME.match, header_of(log)[1]) if match), None)
     if match is None:
-        asked = 'no column looks like a time: how many samples a second? Or {column = ..., unit = "s"}'
-        return f"time = {{rate = 1000}}  # {asked}", None
+        asked = "no column looks like a time: how many samples a second, time = {rate = 1000}?"
+        return f'# MISSING: {asked} Or time = {{column = ..., unit = "s"}}', None
     series = columns.values.get(match[0], columns.clocks["table"].time)
     step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
     guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")

@@ -41,6 +41,20 @@ def test_a_header_behind_the_sign_of_a_comment_names_the_columns(separator: str,
     np.testing.assert_array_equal(np.stack([found.values[name][:] for name in "xy"], axis=1), values[:, 1:])
 
 
+@pytest.mark.parametrize("way", ["%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%d %H:%M:%S.%f+00:00"])
+def test_dates_of_iso_8601_are_times(way: str, tmp_path: Path) -> None:
+    """As pandas and databases write them, with or without a zone; a cell that is none is refused."""
+    time = pd.Timestamp("2026-03-04T10:11:12") + pd.to_timedelta(0.01 * np.arange(300), unit="s")
+    table = pd.DataFrame({"timestamp": time.strftime(way), "q1": np.sin(np.arange(300.0)), "tau1": np.arange(300.0)})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    columns = read_csv_columns(tmp_path / "log.csv", LogTable(), None)
+    np.testing.assert_allclose(columns.clocks["table"].time, 1772619072.0 + 0.01 * np.arange(300), atol=1e-6)
+    table.loc[200, "timestamp"] = "yesterday"
+    table.to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(LogError, match="line 202: no time in 'timestamp'"):
+        read_csv_columns(tmp_path / "log.csv", LogTable(), {"q1"})
+
+
 def test_columns_may_be_aligned_by_spaces(tmp_path: Path) -> None:
     """A column without a name was said to appear twice."""
     (tmp_path / "log.txt").write_text(" t   x    y\n 0   1.5  2\n 1  10    3 \n")
