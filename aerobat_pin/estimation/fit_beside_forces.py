@@ -55,7 +55,7 @@ BLOW, BLOW_ROUNDS = 3.0, 5  # of what is expected of a force: one that is larger
 LEAST_TRACE = 1e-9  # of the largest singular value: a fainter force leaves none
 ROTORS_SOUGHT = 0.5  # of what is expected of the rows' errors, geometric mean, from which they may show rotors
 ROTORS_SHOWN = 0.75  # of the errors of rows, geometric mean: where rotors leave more, errors cover them all the same
-ROUNDING = 1e-14  # of the largest coefficient, all of size 1: what is left of one at its bound
+AT_BOUND = 1e-14  # of the largest coefficient, all of size 1: what is left of one at its bound
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
 
 
@@ -301,4 +301,4 @@ def _bounded(normal: Array, target: Array, largest: Array) -> Array:
     L = np.linalg.cholesky(normal * scale * scale[:, None])
     bounds = np.where(np.isfinite(largest), 0.0, -np.inf), largest / scale
     x = lsq_linear(L.T, np.linalg.solve(L, scale * target), bounds, method="bvls").x
-    return np.asarray(scale * np.where(np.abs(x) < ROUNDING * np.abs(x).max(), 0.0, x))
+    return np.asarray(scale * np.where(np.abs(x) < AT_BOUND * np.abs(x).max(), 0.0, x))

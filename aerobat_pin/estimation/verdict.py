@@ -22,8 +22,8 @@ from aerobat_pin.estimation.trust import ComponentSize, burst_noise
 from aerobat_pin.numerics import Array
 
 LASTING = 1.5  # or its rms: noise alone has one error
-SHORT = 3.5  # times the size over errors without lag that 99 % of a record stay below: a blow, however sure its size is
-USUALLY = 0.99
+SHORT_BLOW = 3.5  # times what size over errors without lag usually is: a blow, however sure its size is
+USUALLY = 0.99  # share of the time
 CROSSTALK = 0.02  # share of the largest force that its estimate leaves elsewhere
 SAID_AT_MOST = 2  # pushes, or components, that a sentence names
 MOSTLY = 0.8  # share of a force that is along an axis before the axis is named
@@ -203,7 +203,7 @@ class _Group:
 
     def push(self, start: float, count: int, sizes: Sequence[ComponentSize], noise: Array) -> _Push:
         """Return what pushed here, of `count` intervals."""
-        short = not self.largest.rank[0] and self.blow.rank[0] and self.blow.sure > SHORT * self.usual
+        short = not self.largest.rank[0] and self.blow.rank[0] and self.blow.sure > SHORT_BLOW * self.usual
         found = self.blow if short else self.largest
         stated = [sizes[k].deviation for k in self.columns]
         typical = [noise[k] if size is None else size for k, size in zip(self.columns, stated, strict=True)]

@@ -22,7 +22,7 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded
 
 SMOOTH_RATE = 0.02  # [rad/s, m/s]: where Coulomb friction has reached 76 %
-UNLIMITED = 1.0e6  # [N m, N]: a larger limit of an effort is none
+BOUNDLESS = 1.0e6  # [N m, N]: a larger limit of an effort is none
 STILL = 1.0e-3  # [rad, m]: a joint that moved less shows only its offset
 LEAST_SHARE = 1.0e-3  # of a regressor that is not explained by the joint's others: below, it is not identifiable
 FRICTION_COEFFICIENTS = ("coulomb", "viscous", "inertia", "offset")
@@ -116,7 +116,7 @@ def _independent(regressors: Array) -> list[int]:
 def effort_limits(model: pin.Model, rows: list[int]) -> Array:
     """Return the efforts (n,) that joints of some rows can bear [N or N m]; 1 for all if the model does not say so."""
     limits = model.effortLimit[rows]
-    return np.asarray(limits if np.all((limits > 0.0) & (limits < UNLIMITED)) else np.ones(len(limits)))
+    return np.asarray(limits if np.all((limits > 0.0) & (limits < BOUNDLESS)) else np.ones(len(limits)))
 
 
 def as_others_rub(friction: Array, slides: NDArray[np.bool_], limits: Array) -> Array:
