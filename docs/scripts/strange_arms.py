@@ -1,10 +1,10 @@
-"""Print what the logs of four arms show that nobody here has seen, if they are here; what is checked, if they are not.
+"""Print what the logs of five arms show that nobody here has seen, if they are here; what is checked, if they are not.
 
     AEROBAT_RECORDINGS=FOLDER python docs/scripts/strange_arms.py
 
 FOLDER holds clones of github.com/shamilmamedov/dynamic_calibration, github.com/liuyurong129/figaroh_kinova and
-github.com/thanhndv212/figaroh-examples (no licence stated for these data: read them, do not pass them on), and
-github.com/aspectum/ur3-force-estimation (MIT).
+github.com/thanhndv212/figaroh-examples (no licence stated for these data: read them, do not pass them on),
+github.com/aspectum/ur3-force-estimation (MIT) and github.com/marcocognetti/FrankaEmikaPandaDynModel (GPL 3).
 
 A UR10E swings for 50 s, alone and with 2.805 kg that sit 0.165 m beside its tool. From one loaded log, of which the mass
 is known, `calibrate` finds the torque per ampere of all joints and where the load sits. With them, and from nothing
@@ -17,13 +17,16 @@ velocities, and its last joint turns on and on, which the robot's file does not 
 within 30 ms: its last 0.1 s do not count. Factors, friction and errors are learnt from one log and hold for the other.
 
 An AIRBOT Play moves alone, twice, and with 0.48 kg; only angles and torques are recorded. A Staubli TX40 moves fast;
-its log has angles and torques of the motors, of which two share a wrist. Its friction was identified by others.
+its log has angles and torques of the motors, of which two share a wrist. Its friction was identified by others. A Panda
+moves alone, without the hand that its file has, by the stamps of a host that come late; rows repeat.
 """
 
 import os
+import sysconfig
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
@@ -52,6 +55,10 @@ GRAVITY = np.array([0.0, 0.0, 9.81])
 AIRBOT_LOGS, AIRBOT_LOAD = ("chirp_motion", "trapezoidal_motion", "chirp_motion_loaded"), 0.48  # [kg]
 GEARS, OFFSETS = np.array([32.0, 32.0, 45.0, -48.0, 45.0, 32.0]), {"joint_2": -np.pi / 2, "joint_3": np.pi / 2}
 TX40_FRICTION = {"coulomb": (7.14, 8.26, 6.34, 2.48), "viscous": (8.05, 5.53, 1.97, 1.11)}  # as identified by others
+PANDA_LOG = Path("matlab", "data", "Exciting_Traj", "Trajectory_1", "rbt_log")
+PANDA = Path(sysconfig.get_path("purelib"), "cmeel.prefix", "share", "example-robot-data", "robots") / (
+    "panda_description/urdf/panda.urdf"
+)
 LETTERS = {"position": "q", "velocity": "v", "effort": "i"}
 
 
@@ -228,6 +235,38 @@ def friction_lines(folder: Path, place: Path) -> None:
         print(f"TX40, {name} friction of joints 1 to 4: {beside} beside forces, {alone} learnt, {published} published")
 
 
+def panda_lines(folder: Path, place: Path) -> None:
+    """Print what is shown of a Panda that nobody touches, with the hand that its file has and without."""
+    parts = {"t": "time", "q": "positions", "v": "velocity", "tau": "torques"}
+    log = {key: np.loadtxt(folder / f"exciting_traj_{name}.txt") for key, name in parts.items()}
+    rows = np.column_stack([log[key].reshape(len(log["t"]), -1) for key in parts])
+    columns = {key: [f"{key}{k}" for k in range(1, 8)] for key in ("q", "v", "tau")}
+    pd.DataFrame(rows, columns=["t", *(name for names in columns.values() for name in names)]).to_csv(
+        place / "panda.csv", index=False
+    )
+    tree = ElementTree.parse(PANDA)
+    for hand in (True, False):
+        for link in tree.getroot().iter("link") if not hand else ():
+            if link.get("name", "").startswith(("panda_hand", "panda_leftf", "panda_rightf")):
+                link.remove(link.find("inertial"))
+        tree.write(place / "panda.urdf")
+        channels = zip(("position", "velocity", "effort"), columns.values(), strict=True)
+        joints = {"names": [f"panda_joint{k}" for k in range(1, 8)], "held": {"*": 0.0}}
+        values = {
+            "robot": {"urdf": str(place / "panda.urdf"), "root": "fixed", "points": ["panda_link8"]},
+            "log": {"time": {"column": "t"}},
+            "joints": joints | {part: {"columns": names} for part, names in channels},
+            "observer": {"gain": 200.0},
+        }
+        result = estimate(open_record(place / "panda.csv", parse_map(values, "of the Panda"), place))
+        [found] = result.estimates.values()
+        rms, cover = judged(found, 0.0, found.shown)
+        sizes, shares = "/".join(f"{x:.1f}" for x in rms), ", ".join(f"{share:.0%}" for share in cover)
+        print(
+            f"Panda, {'with' if hand else 'without'} a hand: {sizes} N rms, {shares} within two deviations; {result.verdict}"
+        )
+
+
 def main() -> None:
     """Print gains and payload of both logs of the UR10E, each found with the other, and what the others show."""
     folder = Path(os.environ.get("AEROBAT_RECORDINGS", ""))
@@ -235,6 +274,7 @@ def main() -> None:
         for lines, data in (
             (airbot_lines, folder / "figaroh_kinova" / "examples" / "airbot_play" / "data"),
             (friction_lines, folder / "figaroh-examples" / "examples" / "staubli_TX40"),
+            (panda_lines, folder / "FrankaEmikaPandaDynModel" / PANDA_LOG),
         ):
             if data.is_dir():
                 lines(data, Path(place))
