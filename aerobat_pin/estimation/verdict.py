@@ -7,7 +7,7 @@ robot nobody knows which one is.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -163,11 +163,11 @@ def _listed(things: Iterable[object], count: int = 0) -> str:
 class _Largest:
     """Where a force is largest of those that errors cannot make up, or else over its error."""
 
+    time: float
+    force: Array
+    deviation: Array
     rank: tuple[bool, float] = (False, -1.0)
     sure: float = 0.0
-    time: float = 0.0
-    force: Array = field(default_factory=lambda: np.zeros(0))
-    deviation: Array = field(default_factory=lambda: np.zeros(0))
 
     def take(self, time: Array, force: Array, errors: Array, deviations: Array) -> Array:
         """Take forces (m, n) with their errors and stated deviations; return their sizes over the errors (m,)."""
@@ -188,7 +188,7 @@ class _Group:
     def __init__(self, place: str, unit: str, columns: list[int], axes: list[str], start: float) -> None:
         self.place, self.unit, self.columns, self.axes = place, unit, columns, axes
         none = np.zeros(len(columns))
-        self.largest, self.blow = (_Largest(time=start, force=none, deviation=none + 1.0) for _ in range(2))
+        self.largest, self.blow = (_Largest(start, none, none + 1.0) for _ in range(2))
         self.squares = self.shares = self.usual = 0.0
 
     def take(self, time: Array, components: Array, deviations: Array, errors: Array) -> None:
@@ -199,7 +199,8 @@ class _Group:
         self.shares += float(np.sum(square / np.maximum(np.sum(deviation**2, axis=1), TINY**2)))
         self.largest.take(time, force, deviation, deviation)
         over = self.blow.take(time, force, without, deviation)
-        self.usual = max(self.usual, float(np.quantile(over, USUALLY)))
+        if len(seen := over[square > 0.0]):
+            self.usual = max(self.usual, float(np.quantile(seen, USUALLY)))
 
     def push(self, start: float, count: int, sizes: Sequence[ComponentSize], noise: Array) -> _Push:
         """Return what pushed here, of `count` intervals."""

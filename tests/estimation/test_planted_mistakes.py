@@ -16,7 +16,7 @@ from support.walking_log import bag, bag_map, urdf, walk
 
 from aerobat_pin.aerobat import AerobatRobot, flight_record
 from aerobat_pin.estimation import effort_findings, record_findings
-from aerobat_pin.estimation.known_forces import KnownForces
+from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
 from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.flight import simulate
 from aerobat_pin.records import PlainRobot, Record, Spool, load_robot, series_of
@@ -273,6 +273,14 @@ def test_a_planted_mistake_is_named(robot: str, name: str, records: dict[str, Re
     change, expected = MISTAKES[robot][name]
     found = warned(planted(records[robot], change))
     assert any(re.search(expected, one) for one in found), found
+
+
+def test_late_efforts_are_named_also_where_their_factors_are_known(records: dict[str, Record]) -> None:
+    """Efforts in a unit of half a newton metre, of which a calibration knows the factor, 20 ms late."""
+    record = planted(records["arm"], together(times(EFFORTS, 0.5), EFFORTS_APART["efforts late"][0]))
+    values = FittedValues(joints=record.driven, scale=np.full(len(record.driven), 2.0))
+    found = effort_findings(record, inputs_between(record, KnownForces(record, values)), [])
+    assert [one.check for one in found if one.warns] == ["late efforts"]
 
 
 LOUD = ((0.0, 0.0), (0.02, 0.0), (0.1, 0.0), (0.02, 0.1))  # noise and friction of the efforts, shares of their rms

@@ -44,7 +44,7 @@ class Balance:
         a: (instants, joints) accelerations.
         span: time that the instants cover [s].
         of_body: joint -> (n, 3) what first moments of 1 kg m need, of the body that the joint carries, in its axes.
-        later: time [s] -> (instants, joints) what the efforts are so much later.
+        later: time [s] -> (instants, joints) what the efforts are so much later [N m, N].
     """
 
     needed: Array
@@ -158,8 +158,12 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
         parts = [pin.computeJointTorqueRegressor(model, data, *each)[rows, first + 1 : first + 4] for each in moved]
         return np.asarray(np.einsum("nr,nrk->nk", project, np.array(parts)[instants]))
 
-    def later(by: float) -> Array:
+    def measured(by: float) -> Array:
         return np.concatenate([record.means("joints.effort", time + by)[chosen] for time, chosen in seen])
+
+    def later(by: float) -> Array:  # times the factors that are known of the efforts
+        now = measured(0.0)
+        return np.asarray(measured(by) * np.sum(now * effort, axis=0) / np.maximum(np.sum(now**2, axis=0), 1e-300))
 
     span = len(projects) * step * record.dt
     return Balance(b, project @ unit, heavier, weights, instants, effort, rates, bends, span, of_body, later)

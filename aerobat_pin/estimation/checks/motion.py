@@ -34,7 +34,7 @@ LARGEST_TURN = 0.02  # [rad] in a window; a gyro's bias of 2 mrad/s makes a hund
 LARGEST_STEP = 0.01  # [m] in a window
 LARGEST_ACCELERATION = 50.0  # [m/s2], rms over windows: five times gravity
 RARE = 0.05  # share of the samples on either side that may be a sensor's faults
-FAST = 3.0  # times the speed that its file allows: no joint ever turns so fast
+FAST, FAST_FOR = 3.0, 0.02  # times the speed that its file allows, and for how long [s]: no joint ever turns so fast
 SLIGHT = 0.25  # of the range: so far beyond its file's limits a real joint may be
 A_TURN, TEN_RANGES = 2.0 * np.pi, 10.0  # [rad], ranges beyond them: no joint that has limits ever is there
 UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, is none
@@ -261,9 +261,14 @@ def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:
 
 
 def speed_findings(record: Record, time: Array, motion: Array, *, differs: bool) -> Iterator[Finding]:
-    """Yield joints that turn far faster than their robot's file allows, by rates (m, n), or angles that differ."""
-    model, found = record.robot.model, []
-    rates = np.diff(motion, axis=0) / np.diff(time)[:, None] if differs else motion
+    """Yield joints that turn far faster than their robot's file allows, by rates (m, n), or angles that differ.
+
+    Both in [rad/s, m/s] or [rad, m], at times (m,) [s]. Of angles, differences over `FAST_FOR` count, not steps.
+    """
+    model, found, rates = record.robot.model, [], motion
+    if differs:
+        n = min(max(1, round(FAST_FOR * (len(time) - 1) / float(time[-1] - time[0]))), len(time) - 1)
+        rates = (motion[n:] - motion[:-n]) / (time[n:] - time[:-n])[:, None]
     fastest = np.quantile(np.abs(rates), 1.0 - RARE, axis=0)
     for joint, fast in zip(record.joints, fastest.tolist(), strict=True):
         limit = float(model.velocityLimit[record.robot.v_index(joint)])
