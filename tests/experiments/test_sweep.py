@@ -32,7 +32,7 @@ RANGES = """
 "observers.gain" = {from = 100, to = 1000, count = 2, spacing = "log"}
 [variants.who]
 both = {}
-one = {"observers.names" = ["momentum"], "unknown_force.*.noise" = 0.02}
+one = {"observers.names" = ["force_level"], "unknown_force.*.noise" = 0.02}
 """
 BROKEN = """
 [ranges]
@@ -98,14 +98,19 @@ def test_the_grid_holds_the_numbers_of_the_single_runs_under_their_labels(tmp_pa
         here = grid.sel(labels)
         for axis in "xyz":
             for score in ("r2", "r2_noise_free", "rmse", "lag_s"):
-                found = float(here[score].sel(observer="momentum", point="right", axis=axis))
-                expected = metrics["observers"]["momentum"]["right"][f"F{axis}"][score]
+                found = float(here[score].sel(observer="force_level", point="right", axis=axis))
+                expected = metrics["observers"]["force_level"]["right"][f"F{axis}"][score]
                 assert found == expected or (expected is None and np.isnan(found))
-        assert np.isnan(here["r2"].sel(observer="force_level")).all() == (labels["who"] == "one")
+        assert np.isnan(here["r2"].sel(observer="momentum")).all() == (labels["who"] == "one")
         np.testing.assert_array_equal(here["position_end"], metrics["flight"]["position_end"])
         assert float(here["motor_power_mean"]) == metrics["flight"]["motor_power_mean"]
     own = {str(name) for name in grid.variables} - {one.name for one in sweep.dimensions}
     assert own <= RESERVED_NAMES, "another name that no dimension may have"
+
+    finished, written_first = tmp_path / "out" / "finished.jsonl", (tmp_path / "out" / "results.nc").read_bytes()
+    finished.write_text("".join(reversed(finished.read_text().splitlines(keepends=True))))
+    run_sweep(sweep, tmp_path / "out")
+    assert (tmp_path / "out" / "results.nc").read_bytes() == written_first, "runs that ended in another order"
 
 
 def test_a_run_that_fails_is_in_the_tables_with_its_reason(tmp_path: Path) -> None:

@@ -36,6 +36,7 @@ def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
         numbers. Missing numbers are NaN.
     """
     dims = tuple(dimension.name for dimension in sweep.dimensions)
+    outcomes = dict(sorted(outcomes.items()))  # they end in any order
     entries = {number: _observers(outcome) for number, outcome in outcomes.items()}
     observers = list(dict.fromkeys(name for scored in entries.values() for name in scored))
     points = list(
