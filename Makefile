@@ -1,6 +1,8 @@
 # Two commands: `make demo` flies the paper's experiment, `make test` proves it.
 PYTHON ?= python3
 VENV := .venv
+# What shares the cores with others multiplies matrices by one thread.
+export OPENBLAS_NUM_THREADS ?= 1
 PYTHONS := 3.11 3.12 3.13
 HEART := tests/description/test_description.py tests/description/test_portability.py tests/description/test_other_tools.py \
 	tests/robot/test_identities.py tests/observers/test_observers.py tests/experiments/test_paper_experiment.py \

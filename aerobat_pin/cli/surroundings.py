@@ -21,6 +21,7 @@ def prepare_surroundings() -> None:
     if sys.stderr is None:
         sys.stderr = open(2, "w", closefd=False)
     os.environ["MPLBACKEND"] = "agg"  # no window is opened, whatever the user's other programs show
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of small matrices, more only wait for each other
     if reason := _refusal(missing):
         print(f"error: {reason}", file=sys.stderr)
         raise SystemExit(2)

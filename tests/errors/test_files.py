@@ -193,6 +193,28 @@ def test_other_surroundings_do_not_matter(tmp_path: Path) -> None:
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
+MULTIPLYING = """
+import os, sys
+from aerobat_pin.cli.surroundings import prepare_surroundings
+prepare_surroundings()
+import numpy as np
+np.ones((1000, 1000)) @ np.ones((1000, 1000))
+print(len(os.listdir("/proc/self/task")))
+"""
+
+
+@pytest.mark.parametrize(
+    ("chosen", "expected"), [({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, min(2, os.cpu_count() or 1))]
+)
+def test_matrices_are_multiplied_by_one_thread_unless_somebody_asks_for_more(
+    chosen: dict[str, str], expected: int
+) -> None:
+    """The threads of BLAS wait for each other busily: beside another program an estimate took four times as long."""
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")} | chosen
+    done = subprocess.run([sys.executable, "-c", MULTIPLYING], env=environment, capture_output=True, check=True)
+    assert int(done.stdout) == expected
+
+
 def test_programs_without_docstrings_work(tmp_path: Path) -> None:
     """`PYTHONOPTIMIZE=2`, and no HOME; `list` shows docstrings where there are any."""
     environment = {name: value for name, value in os.environ.items() if name != "HOME"} | {"PYTHONOPTIMIZE": "2"}
