@@ -4,7 +4,6 @@ import importlib
 import re
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ from PIL import Image
 import aerobat_pin
 from aerobat_pin import load_aerobat, load_scenario, run, simulate
 from aerobat_pin.aerobat import known_inputs
-from aerobat_pin.records import parse_map
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text()
@@ -115,10 +113,8 @@ def test_the_package_is_the_command_line() -> None:
 
 @pytest.mark.parametrize("page", [README, RECORDINGS.partition("## A map")[0]])
 def test_what_a_recording_that_nobody_touched_is_good_for_is_said_at_once(page: str) -> None:
-    """Beside the commands that estimate: the line of the map, without a stretch, and two commands that use it."""
-    [line] = re.findall(r"friction = \{law[^}]*\}", page)
-    robot = {"name": "ur5", "points": ["tool0"]}
-    assert parse_map({"robot": robot, "joints": tomllib.loads(line)}, "of the page").joints.friction
+    """Beside the commands that estimate: two commands, which need no line of the map."""
+    assert "joints' friction" in page
     words = [line.split() for line in re.findall(r"^aerobat (.*)", page, re.MULTILINE)]
     made = [
         command[command.index("--out") + 1] for command in words if command[0] == "calibrate" and "--map" in command
