@@ -95,10 +95,15 @@ def frame_axes(record: Record, block: Block, frame: str) -> Array:
 
 
 def sensor_point(record: Record) -> str:
-    """Return the frame of `check.wrench`. Raises MapError if it is not one of the points."""
+    """Return the frame of `check.wrench`. Raises MapError if it is not one of the points, or there is none."""
     section, robot = record.map.check.wrench, record.map.robot
     assert section is not None
     points = (*robot.points, *robot.wrenches)
+    if not points:
+        raise MapError(
+            "map: check.wrench: a sensor is compared with the force at a point, of which robot.points = [] has none: "
+            "leave one of the two out"
+        )
     point = section.point or (points[0] if len(points) == 1 else None)
     if point is None or point not in points:
         raise MapError(f"map: check.wrench.point = {section.point}: one of {', '.join(points)} was expected")

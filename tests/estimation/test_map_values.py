@@ -80,6 +80,7 @@ def test_a_value_that_cannot_be_is_refused_by_its_key(key: str, value: Any, said
         ("check.wrench", {**SENSOR, "part": [5.0, 6.0]}, r"check\.wrench\.part = .*within the record's"),
         ("check.wrench", {**SENSOR, "filter": 1e-300}, r"check\.wrench\.filter = 1e-300 Hz: a period within"),
         ("check.wrench", {**SENSOR, "filter": 100.0}, r"filter = 100 Hz: .*less than half its rate of 200 Hz"),
+        ("robot.points", [], r"check\.wrench: .*robot\.points = \[\].* leave one of the two out"),
         ("observer.names", ["momentum", "momentum"], "different ones were expected"),
     ],
 )
