@@ -8,7 +8,7 @@
 | DEGRADED | a sample was not used, see `sensed` |
 | OK | none of them |
 
-A window lasts `WINDOW`. The word of a flight is the worst so far; it does not get better again. An axis calms down if
+A window lasts `WATCHED_TIME`. The word of a flight is the worst so far; it does not get better again. An axis calms down if
 it swings by a tenth less than in the window before. All is judged by what the sensors show, so that a robot can say it.
 """
 
@@ -41,7 +41,7 @@ class LoopState:
     """What a controller says of its flight so far.
 
     Attributes:
-        word: one of `WORDS`.
+        word: one of `STATE_WORDS`.
         since: when it was first so, since the begin [s]; 0 for OK and DEGRADED.
         line: one line with the word, when and why.
         saturated_share: largest share of commands at a limit in a window.
@@ -63,7 +63,7 @@ class WatchState(NamedTuple):
     State of a window: `seen` (1,) samples, `squares`, `signs`, `crossings` (6,), `limited` () commands at a limit,
     `short` (2,) squares of what they left of roll and lift; of the window before: `before` (6,) rms.
 
-    Results: `word` (1,) index in `WORDS`, `at` (1,) sample of its begin, `why` (1,) channel, axis, or 7 off, 8 tilted,
+    Results: `word` (1,) index in `STATE_WORDS`, `at` (1,) sample of its begin, `why` (1,) channel, axis, or 7 off, 8 tilted,
     `size` () by how much, `share` () largest at limits, `lacking` (2,) rms left of roll [N m] and lift [N] in that
     window, `ticks` (1,) all samples.
     """

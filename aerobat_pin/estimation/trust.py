@@ -82,7 +82,7 @@ def sample_noise(components: Array) -> Array:
 
 
 def local_noise(components: Array) -> Array:
-    """Return the standard deviation (m, c) of what changes from sample to sample, in each stretch of `STRETCH` samples.
+    """Return the standard deviation (m, c) of what changes from sample to sample, over each `NOISE_STRETCH` samples.
 
     Noise of velocity sensors reaches a force by the geometry of the moment, and may be ten times as large in an eighth
     of a wing beat as elsewhere.

@@ -1,4 +1,4 @@
-"""Three hundred bad inputs at all doors, drawn from a seed: none costs a traceback, a hang, a result or a wrong answer.
+"""Four hundred bad inputs at all doors, drawn from a seed: none costs a traceback, a hang, a result or a wrong answer.
 
 `make reliability` tries thousands of the same kinds, and writes their counts to docs/reliability.md. Wrong arguments,
 all of them: every public function names the one that is wrong, in an error of the package.
