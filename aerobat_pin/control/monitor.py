@@ -8,8 +8,9 @@
 | DEGRADED | a sample was not used, see `sensed` |
 | OK | none of them |
 
-A window lasts `WATCHED_TIME`. The word of a flight is the worst so far; it does not get better again. An axis calms down if
-it swings by a tenth less than in the window before. All is judged by what the sensors show, so that a robot can say it.
+A window lasts `WATCHED_TIME`. The word of a flight is the worst so far; it does not get better again. An axis calms down
+if it swings by a tenth less than in the window before. All is judged by what the sensors show, so that a robot can say
+it.
 """
 
 from __future__ import annotations
@@ -63,9 +64,9 @@ class WatchState(NamedTuple):
     State of a window: `seen` (1,) samples, `squares`, `signs`, `crossings` (6,), `limited` () commands at a limit,
     `short` (2,) squares of what they left of roll and lift; of the window before: `before` (6,) rms.
 
-    Results: `word` (1,) index in `STATE_WORDS`, `at` (1,) sample of its begin, `why` (1,) channel, axis, or 7 off, 8 tilted,
-    `size` () by how much, `share` () largest at limits, `lacking` (2,) rms left of roll [N m] and lift [N] in that
-    window, `ticks` (1,) all samples.
+    Results: `word` (1,) index in `STATE_WORDS`, `at` (1,) sample of its begin, `why` (1,) channel, axis, or 7 off, 8
+    tilted, `size` () by how much, `share` () largest at limits, `lacking` (2,) rms left of roll [N m] and lift [N] in
+    that window, `ticks` (1,) all samples.
     """
 
     limit: Annotated[Array, "m"]
