@@ -8,9 +8,9 @@
 | DEGRADED | a sample was not used, see `sensed` |
 | OK | none of them |
 
-A window lasts `WATCHED_TIME`. The word of a flight is the worst so far; it does not get better again. An axis calms down
-if it swings by a tenth less than in the window before. All is judged by what the sensors show, so that a robot can say
-it.
+A window lasts `WATCHED_TIME`. The word of a flight is the worst so far; it does not get better again. An axis calms
+down if it swings by a tenth less than in the window before. All is judged by what the sensors show, so that a robot can
+say it.
 """
 
 from __future__ import annotations
