@@ -245,6 +245,8 @@ def most_likely(
     """
     k, (kinds, _, n) = y.shape[1], x.shape
     forces = np.einsum("mci,mc,mcj->mij", J, force**2, J, optimize=True)
+    felt, inverse = np.flatnonzero(forces.any(axis=(0, 1))), np.zeros_like(forces)
+    both = np.ix_(np.arange(len(y)), felt, felt)  # rows that a force reaches; errors of the others are apart
     stiction, every, prior = np.zeros(k), range(kinds * n), np.repeat(known**-2.0, n)
     slid, shown = np.abs(sliding).max(axis=0), np.abs(x).max(axis=1) + LEAST_SHOWN
     largest = np.maximum(np.abs(y).max(axis=0), error)[at] * (slid[at] + LEAST_SHOWN) / shown  # of friction
@@ -256,18 +258,18 @@ def most_likely(
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
         cov = forces.copy()
         cov[:, range(k), range(k)] += R
-        inverse = np.linalg.inv(cov)
+        inverse[:, range(k), range(k)] = 1.0 / R
+        inverse[both] = np.linalg.inv(cov[both])
         normal = np.einsum("ami,mij,bmj->aibj", x, inverse[:, at][:, :, at], x, optimize=True).reshape(kinds * n, -1)
         normal[every, every] += LEAST_SHOWN * np.diag(normal) + information
-        white = np.einsum("mij,mj->mi", inverse, y, optimize=True)
-        target = np.einsum("ami,mi->ai", x, white[:, at]).ravel()
+        target = np.einsum("ami,mi->ai", x, (inverse @ y[..., None])[:, at, 0]).ravel()
         b = _bounded(normal, target, largest).reshape(kinds, n)
         if limits is not None:
             b[0] = as_others_rub(b[0], slides, limits)
         stiction[at] = b[0]
         remainder = y.copy()
         remainder[:, at] -= np.einsum("ami,ai->mi", x, b)
-        white = np.einsum("mij,mj->mi", inverse, remainder, optimize=True)
+        white = (inverse @ remainder[..., None])[..., 0]
         mean = R * white  # of e, given the rows
         square = mean**2 + R - R**2 * np.diagonal(inverse, axis1=1, axis2=2)
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2

@@ -107,8 +107,7 @@ def looked_at(
         needed.append(required_torque(record, block, accelerations(block, record), slice(None, None, every)))
     (y, sliding, *columns) = np.concatenate(parts, axis=1)
     time, q, v = (np.concatenate(part) for part in zip(*moments, strict=True))
-    components = len(observer.applications.components)
-    jacobians = np.array([observer.applications.jacobian(q_k) for q_k in q]).reshape(len(q), components, model.nv)
+    jacobians = observer.applications.jacobian(q)
     slides = [robot.v_index(joint) for joint in driven]
     sliding[:, [row for row in range(model.nv) if row not in slides]] = 1.0
     at = [kept.index(robot.v_index(joint)) for joint in joints]

@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.numerics import Array, frame_id, frame_jacobian, guarded
+from aerobat_pin.numerics import Array, frame_id, guarded, placements
 from aerobat_pin.observers.rows import MOMENT_ARM
 
 
@@ -121,13 +121,14 @@ class Applications:
         self.scale = np.where(np.any(self.table[:, 7:10] != 0.0, axis=1), MOMENT_ARM, 1.0)
 
     def jacobian(self, q: ArrayLike) -> Array:
-        """Return J (c, nv) at a configuration (nq,), such that components f have the generalised force J^T f."""
-        model, data = self.model, self.model.createData()
-        blocks = [np.zeros((0, model.nv))]
-        for application in self.given:
-            frame = frame_jacobian(model, data, np.asarray(q, float), *axes_of_application(model, application))
-            blocks.append(application.directions @ frame)
-        return np.concatenate(blocks)
+        """Return J (..., c, nv) at configurations (..., nq): components f have the generalised force J^T f."""
+        model, data, q = self.model, self.model.createData(), np.asarray(q, float)
+        every, oMi = q.reshape(-1, model.nq), placements(data.oMi)
+        world, places = np.empty((len(every), 6, model.nv)), np.empty((len(every), *oMi.shape))
+        for q_k, J, place in zip(every, world, places, strict=True):
+            J[:] = pin.computeJointJacobians(model, data, q_k).reshape(J.shape)  # that of one joint is (6,)
+            place[:] = oMi
+        return self.jacobians(world, places).reshape(*q.shape[:-1], len(self.components), model.nv)
 
     def jacobians(self, world: Array, places: Array) -> Array:
         """Return J (m, c, nv) at m configurations, from Pinocchio's world Jacobians and the placements of its joints.
@@ -150,9 +151,3 @@ class Applications:
                 directions = np.concatenate([directions[:, :3] @ R, directions[:, 3:] @ R], axis=2)
             blocks.append(directions @ moving)
         return np.concatenate(blocks, axis=1) * self.support
-
-
-def axes_of_application(model: pin.Model, application: Application) -> tuple[int, pin.ReferenceFrame]:
-    """Return the index of an application's frame, and in which axes Pinocchio gives the Jacobian of its components."""
-    axes = pin.ReferenceFrame.LOCAL if application.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    return frame_id(model, application.frame), axes

@@ -117,22 +117,25 @@ def with_record(
         L = L / np.maximum(np.linalg.norm(L * deviation[:, None], axis=0), 1e-150)
         parts.append((L.T @ y, (J @ L).T * expected.force))
     y, B = (np.stack(part) for part in zip(*parts, strict=True))  # whitened rows (m, r), and what forces do to them
-    factors, k = np.ones(B.shape[2]), 1.0
-
-    def covariance(sizes: Array, k: float) -> Array:
-        return np.asarray(k * np.eye(B.shape[1]) + (B * sizes**2) @ np.swapaxes(B, 1, 2))
+    count, r, c = B.shape
+    factors, k, one = np.ones(c), 1.0, np.eye(c)
+    G, By, yy = np.swapaxes(B, 1, 2) @ B, np.einsum("mrc,mr->mc", B, y), float(np.sum(y**2))
 
     def unlikely(sizes: Array) -> float:
-        cov = covariance(np.maximum(sizes, 1.0), k)
-        return float(np.sum(np.linalg.slogdet(cov)[1]) + np.sum(y * np.linalg.solve(cov, y[..., None])[..., 0]))
+        """Return -2 log-likelihood, up to a constant, by a determinant and an inverse of c (Sylvester, Woodbury)."""
+        sizes = np.maximum(sizes, 1.0)
+        cov, b = k * one + sizes[:, None] * G * sizes, sizes * By
+        explained = float(np.sum(b * np.linalg.solve(cov, b[..., None])[..., 0]))
+        return float(np.sum(np.linalg.slogdet(cov)[1]) + count * (r - c) * np.log(k) + (yy - explained) / k)
 
     for _ in range(SIZE_ROUNDS):
-        factors = np.full(len(factors), min(SIZES_TRIED, key=lambda size: unlikely(np.full(len(factors), size))))
-        for axis in np.eye(len(factors)):
+        factors = np.full(c, min(SIZES_TRIED, key=lambda size: unlikely(np.full(c, size))))
+        for axis in one:
             tried = [np.maximum(factors * np.where(axis > 0.0, change, 1.0), 1.0) for change in CHANGES_TRIED]
             factors = min(tried, key=unlikely)
-        unsettled = np.linalg.inv(covariance(factors, 1.0))  # the share of a row's error that no force takes up ...
-        unsettled = unsettled @ unsettled  # ... is its square, see `estimate_posterior`
+        # The share of a row's error that no force takes up is the square of this, see `estimate_posterior`.
+        unsettled = np.linalg.inv(np.eye(r) + (B * factors**2) @ np.swapaxes(B, 1, 2))
+        unsettled = unsettled @ unsettled
         spare = np.trace(unsettled, axis1=1, axis2=2)
         squares = np.sum((unsettled @ y[..., None])[..., 0] ** 2, axis=1)[spare >= posterior.LEAST_SPARE]
         k = max(1.0, float(np.mean(squares / spare[spare >= posterior.LEAST_SPARE]))) if len(squares) else 1.0

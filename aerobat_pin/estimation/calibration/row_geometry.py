@@ -42,7 +42,7 @@ class RowGeometry:
         at = np.arange(0, len(inputs.tau), max(1, round(GEOMETRY_SPACING / typical_step(inputs.time))))
         middle = 0.5 * (inputs.v[at] + inputs.v[at + 1])
         rows = np.stack([observer.believed.map(v) for v in middle])
-        seen = np.stack([observer.applications.jacobian(inputs.q[k]) for k in at]) @ rows
+        seen = observer.applications.jacobian(inputs.q[at]) @ rows
         scale = observer.applications.scale[:, None]
         A = np.swapaxes(scale * seen, 1, 2)
         inverse = np.linalg.pinv(A, rcond=LEAST_SEEN)

@@ -69,7 +69,7 @@ def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tu
             count = min(size, last - begin) // piece
             block, estimated = record.block(begin, begin + count * piece), estimate.between(done, done + count * piece)
             at, done = np.arange(count) * piece + piece // 2, done + count * piece
-            v, J = block.v[at], np.stack([applications.jacobian(q) for q in block.q[at]])
+            v, J = block.v[at], applications.jacobian(block.q[at])
             error = np.sqrt(believed.variance_of(expected.row_deviation(v) ** 2, v))
             y = estimated.unexplained.reshape(count, piece, -1)[:, :, : believed.count].mean(axis=1) / error
             B = believed.of(J, v) / error[:, None]
