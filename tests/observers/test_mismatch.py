@@ -1,7 +1,7 @@
 """Beliefs that are wrong in one way: what filters lose beside `force_level`, and that the redundancy says so.
 
-The rows that decide, seed 1; `make evidence` flies all of them with five seeds. The wrong beliefs and the figures that
-are asked for come from measurements of 2026 on these flights. On `observer_benchmark` with noisy sensors and a wrong
+The rows that decide, seed 1; docs/structural_error.md has all of them. The wrong beliefs and the figures that are asked
+for come from measurements of 2026 on these flights. On `observer_benchmark` with noisy sensors and a wrong
 belief, the Kalman observers have one tuning for all conditions.
 """
 
