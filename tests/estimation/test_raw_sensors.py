@@ -26,7 +26,7 @@ from aerobat_pin.aerobat.raw.channels import part_of, stretches
 from aerobat_pin.aerobat.raw.layout import Prior, first_prior
 from aerobat_pin.aerobat.raw.linear import LinearRecord
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
-from aerobat_pin.aerobat.raw.results import notes_of
+from aerobat_pin.aerobat.raw.results import notes_of, warnings_of
 from aerobat_pin.aerobat.raw.tuning import Tuning
 from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
 from aerobat_pin.estimation import calibrate, calibration_bytes, r_squared, read_calibration
@@ -174,6 +174,12 @@ def test_a_late_gyro_is_named_and_not_corrected_in_silence() -> None:
     mended = smoother.run(raw_record(log.time, flight_channels(log, robot), robot, "measured", asked))
     before, after = (worst_r2(one.force, truth(log)) for one in (found, mended))
     assert before[0] < 0.9 < after[0]
+    for one, told in (
+        (found, "; not applied: observers.raw.apply_offsets"),
+        (mended, "; applied: observers.raw.apply_offsets"),
+    ):
+        [line] = [line for line in warnings_of(one) if line.startswith("late channel: gyro is ")]
+        assert line.endswith(told)
 
 
 def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:

@@ -193,7 +193,8 @@ def warnings_of(smoothed: JointEstimate) -> list[str]:
     """Return what spoils the estimate: clock offsets, stated noise that the samples contradict, no convergence."""
     lines = []
     if sure := [offset for offset in smoothed.offsets if offset.sure]:
-        lines.append(f"late channel: {sure[0]}; not applied: observers.raw.apply_offsets")
+        told = "; ".join(map(str, sure)) if smoothed.applied else str(sure[0])
+        lines.append(f"late channel: {told}; {'' if smoothed.applied else 'not '}applied: observers.raw.apply_offsets")
     for name, ratio in smoothed.nis.items():
         if not NIS_LIMITS[0] < ratio < NIS_LIMITS[1]:
             lines.append(

@@ -56,7 +56,7 @@ class JointEstimate:
         mount: (6,) error of the accelerometer's place [m] and turn [rad], and their covariance; None if not sought.
         factors: name (`mass`, `air`) -> factor and its standard deviation.
         tuning: the walk in use; `chosen` says whether it was chosen by likelihood.
-        offsets: clock offsets that the samples ask for.
+        offsets: clock offsets that the samples ask for; `applied` says whether they were taken off.
         nis: sensor -> mean of innovation squared over its variance, in the first window.
         innovation: (m, 2) sum over each interval of innovations squared over their variance, and their number.
         iterations: linearisations of the first window; `settled` says whether the last one changed nothing.
@@ -76,6 +76,7 @@ class JointEstimate:
     settled: bool
     chosen: bool = False
     offsets: tuple[ClockOffset, ...] = ()
+    applied: bool = False
 
 
 class JointSmoother:
@@ -133,6 +134,7 @@ class JointSmoother:
             jumps=tuple(time for part in parts for time in part.jumps),
             chosen=chosen,
             offsets=offsets,
+            applied=bool(shifts),
             nis=first.nis,
             innovation=np.concatenate([part.innovation for part in parts]),
             iterations=first.iterations,
