@@ -21,6 +21,7 @@ from aerobat_pin.records.map_tables import LogTable, TimeSection
 from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
 from aerobat_pin.records.robot_tables import RobotTable
+from aerobat_pin.records.spool import typical_spacing
 from aerobat_pin.records.suggest_joints import (
     UNITS_IN_NAMES,
     joint_columns,
@@ -75,15 +76,16 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     free = "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform"))
     lines += _robot(columns, known, free)
     lines += ["", "[log]"]
-    step = None
+    step, spacing = None, _spacing_of_lead(columns)
     if not columns.kinds and not str(log).endswith(NETCDF):
         line, step = _suggested_time(log, columns)
         lines.append(line)
+        spacing = step
     lines += ['world = "z_up"  # or "ned": does z point down?', ""]
     lines += [*_suggest_base(columns, groups), *suggest_joints(columns, built, step)]
     if check := list(_suggest_check(columns, groups)):
         lines += ["[check]", *check, ""]
-    gain = min(GAIN, SHARE_OF_RATE / step) if step else GAIN
+    gain = min(GAIN, SHARE_OF_RATE / spacing) if spacing else GAIN
     lines += [
         "[observer]",
         'names = ["force_level"]',
@@ -195,6 +197,13 @@ def _suggested_time(log: Path, columns: Columns) -> tuple[str, float | None]:
     unit = UNITS_IN_NAMES["time"].get((match["unit"] or "").lower(), guess)
     line = f'time = {{column = "{match[0]}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?'
     return line, step * SECONDS[unit]
+
+
+def _spacing_of_lead(columns: Columns) -> float | None:
+    """Return the step [s] of the topic at whose stamps a bag is estimated, of a file its own; None if it has none."""
+    lead = topic_of(columns, "JointState") or topic_of(columns, "Pose", "Odometry", "Transform")
+    clock = columns.clocks.get(lead or next(iter(columns.clocks), ""))
+    return typical_spacing(clock.time) if clock is not None and len(clock.time) > 1 else None
 
 
 def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:

@@ -119,6 +119,7 @@ def test_a_suggested_map_is_a_map(folder: Path, capsys: pytest.CaptureFixture[st
         assert "#" in text
         suggested = parse_map(tomllib.loads(text), log)
         assert suggested.robot.root == "free_flyer"
+        assert suggested.observer.gain == 100.0, "a fifth of the joints' 500 Hz"
         values = tomllib.loads(text)
         values["robot"]["points"] = list(FEET)
         if "wrench" in values["check"]:
