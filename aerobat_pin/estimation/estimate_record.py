@@ -11,11 +11,10 @@ from aerobat_pin.estimation.calibration.calibration import Calibration, Calibrat
 from aerobat_pin.estimation.calibration.check_model import CheckedModel, check_model
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
 from aerobat_pin.estimation.calibration_use import ModelCheck
-from aerobat_pin.estimation.checks import effort_findings, record_findings, result_findings
+from aerobat_pin.estimation.checks import efforts_and_friction, record_findings, result_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_beside_forces import fit_beside_forces, knows_friction
 from aerobat_pin.estimation.fit_known_forces import fitted_forces
-from aerobat_pin.estimation.inputs import KnownInputs
 from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.online import OnlineEstimator
 from aerobat_pin.estimation.result import Result
@@ -88,7 +87,7 @@ def estimate(
         stored = {name: StoredEstimate.of(estimate) for name, estimate in smoothed.estimates.items()}
         sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
     else:
-        findings += _about_efforts(given, forces, inputs, findings)
+        findings += efforts_and_friction(given, forces, findings) if record.robot.measures_effort else []
         stored = run_observers(record, inputs, running, progress, watch, expected, model)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
@@ -161,22 +160,3 @@ def _chosen_observers(
     if len({observer.name for observer in ready}) < len(ready):
         raise ObserverError(f"estimate: observers = {[each.name for each in ready]}: different ones were expected")
     return ready, notes
-
-
-def _about_efforts(
-    given: KnownForces, forces: KnownForces, inputs: Callable[[int, int], KnownInputs], before: list[Finding]
-) -> list[Finding]:
-    """Return findings about efforts, without those that friction explains which was found beside the forces."""
-    record = forces.record
-    if not record.robot.measures_effort:
-        return []
-    doubts = list(effort_findings(record, inputs if forces is given else inputs_between(record, given), before))
-    if forces is given or not any(map(_names_friction, doubts)):
-        return doubts
-    remaining = {finding.check for finding in effort_findings(record, inputs, before) if finding.warns}
-    return [finding for finding in doubts if not _names_friction(finding) or finding.check in remaining]
-
-
-def _names_friction(finding: Finding) -> bool:
-    """Return whether a finding warns of what friction may explain."""
-    return finding.warns and "friction" in finding.text

@@ -105,6 +105,8 @@ def _found(forces: KnownForces, instants: Instants, expected: Expected) -> Fitte
         fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), False, rotors=False)
     if law is not None:
         return _with_known(fitted, values, law)
+    if values.row_noise and not values.row_noise.keys() & {names[instants.kept[k]] for k in instants.at}:
+        return replace(fitted, row_noise={**fitted.row_noise, **values.row_noise})  # it did not see any joint slide
     no_smaller = _errors_over(fitted, values.row_noise) >= FRICTION_SHOWN  # if any are known
     return None if no_smaller else fitted
 

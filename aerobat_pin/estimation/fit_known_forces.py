@@ -1,8 +1,4 @@
-"""Fit the known forces of a recording where its map asks for it: thrust here, friction in `fit_joint_friction.py`.
-
-The coefficients of a thrust are fitted by least squares to the mass times the accelerometer's component along its
-direction, over a share of the used record; how well the rest is met is reported.
-"""
+"""Fit the known forces of a recording where its map asks for it: thrusts, friction, factors of efforts, a payload."""
 
 from __future__ import annotations
 
@@ -13,11 +9,10 @@ import numpy as np
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.fit_gains import fit_gains
 from aerobat_pin.estimation.fit_joint_friction import fit_joint_friction
-from aerobat_pin.estimation.gain_regression import MOST_FITTED, rms_or_nan
+from aerobat_pin.estimation.fit_thrusts import fit_thrusts
 from aerobat_pin.estimation.inverse_dynamics import mean_in
-from aerobat_pin.estimation.known_forces import Fit, FittedValues, KnownForces, command_sum, unit_direction
-from aerobat_pin.numerics import Array
-from aerobat_pin.records import KnownSection, PayloadSection, Record
+from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
+from aerobat_pin.records import PayloadSection, Record
 
 
 def fitted_forces(record: Record, learnt: FittedValues | None = None) -> KnownForces:
@@ -31,12 +26,8 @@ def fitted_forces(record: Record, learnt: FittedValues | None = None) -> KnownFo
         MapError: a fit lacks what it is fitted to.
     """
     forces = given_forces(record)
-    coefficients, fits = dict(forces.values.coefficients), list[Fit]()
-    for name, section in record.map.known.items():
-        if section.fit is not None:
-            coefficients[name], fit = _fit_thrust(record, name, section)
-            fits.append(fit)
-    values = replace(learnt or FittedValues(), coefficients=coefficients, fits=tuple(fits))
+    coefficients, fits = fit_thrusts(forces)
+    values = replace(learnt or FittedValues(), coefficients=forces.values.coefficients | coefficients, fits=fits)
     forces, payload = replace(forces, values=values), record.map.payload
     if payload is not None and payload.com is None:
         _refuse_the_untellable(record, payload)
@@ -75,30 +66,3 @@ def given_forces(record: Record) -> KnownForces:
         if not section.powers and section.tare is not None
     }
     return KnownForces(record, FittedValues(coefficients), tare)
-
-
-def _fit_thrust(record: Record, name: str, section: KnownSection) -> tuple[Array, Fit]:
-    """Fit a thrust's polynomial to mass times accelerometer."""
-    if "check.specific_force" not in record.channels:
-        raise MapError(f"map: known.{name}.fit.to = check.specific_force, but check.specific_force has no columns")
-    assert section.fit is not None
-    direction = unit_direction(section)
-    commands, targets = [], []
-    for first, last in record.spread(MOST_FITTED):
-        time = record.times(first, last)
-        commands.append(command_sum(record, name, time))
-        targets.append(record.robot.mass * record.means("check.specific_force", time) @ direction)
-    u, target = np.concatenate(commands), np.concatenate(targets)
-    low, high = (round(share * len(u)) for share in section.fit.part)
-    inside = np.zeros(len(u), bool)
-    inside[low:high] = True
-    if inside.sum() < 10 * len(section.powers):
-        raise MapError(f"map: known.{name}.fit.part = {list(section.fit.part)}: {inside.sum()} samples are too few")
-    table = np.stack([u**p for p in section.powers], axis=1)
-    coefficients = np.linalg.lstsq(table[inside], target[inside], rcond=None)[0]
-    residual = target - table @ coefficients
-    held_out = ~inside
-    values = {f"of power {p}": float(c) for p, c in zip(section.powers, coefficients, strict=True)}
-    spread = target[held_out] if held_out.any() else target
-    before, within, beyond = map(rms_or_nan, (spread - spread.mean(), residual[inside], residual[held_out]))
-    return coefficients, Fit(f"known.{name}", values, "N", before, within, beyond)

@@ -138,7 +138,7 @@ class KnownForces:
     def known(self, block: Block) -> dict[str, Array]:
         """Return the known generalised forces of a block but for the series: name -> (m, nv), interval means."""
         forces = dict(self.record.robot.known(block))
-        forces |= {name: self._force(name, section, block) for name, section in self.record.map.known.items()}
+        forces |= {name: self.force_of(name, section, block) for name, section in self.record.map.known.items()}
         if self.values.friction is not None:
             friction = np.zeros_like(block.tau)
             motion = mean_motion(self.record, block.time, block.v[:, self._rows])
@@ -157,7 +157,8 @@ class KnownForces:
     def _rows(self) -> list[int]:
         return [self.record.robot.v_index(joint) for joint in self.values.joints]
 
-    def _force(self, name: str, section: KnownSection, block: Block) -> Array:
+    def force_of(self, name: str, section: KnownSection, block: Block) -> Array:
+        """Return the generalised force (m, nv) of one of the map's known forces, interval means."""
         wrench: Array = np.zeros((len(block.tau), 6))
         if section.powers:
             wrench[:, :3] = self.thrust(name, block)[:, None] * unit_direction(section)

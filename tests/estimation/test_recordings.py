@@ -15,6 +15,7 @@ from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError, LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, OnlineSample, Result, estimate
+from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.checks.compare import compare
 from aerobat_pin.records import describe_map, parse_map
 from aerobat_pin.records.messages import stamp
@@ -67,10 +68,22 @@ def test_a_bag_by_its_headers_and_by_its_recorder(folder: Path, monkeypatch: pyt
     late = estimated(one_file, bag_map(folder / "quadruped.urdf", "recorder"))
     assert np.max(foot_errors(late, 1.7e9)) > 0.3
     assert any(re.search(r"recorder clock: /joint_states: .* 3\.0 ms late", text) for text in late.warnings)
+    assert not any("another clock" in text for text in late.warnings)
     missing = bag_map(folder / "quadruped.urdf")
     missing["joints"] = {"topic": "/joint_stats"}
     with pytest.raises(LogError, match=r"no topic '/joint_stats', which joints\.topic .*did you mean '/joint_states'"):
         estimated(folder / "walk", missing)
+
+
+def test_a_topic_of_a_bag_with_another_clock_is_named_with_its_delay(folder: Path) -> None:
+    """A motion capture's computer 0.4 s ahead: beyond what any comparison of channels can find."""
+    pytest.importorskip("rosbags")
+    bag(walk(), folder / "ahead", odometry_ahead=0.4)
+    told = record_findings(recorded(folder / "ahead", bag_map(folder / "quadruped.urdf")))
+    (text,) = (str(one) for one in told if one.check == "recorder clock" and one.warns)
+    assert "/odom" in text
+    assert "another clock" in text
+    assert "delay = 0.400" in text
 
 
 def scaled(names: list[str], factor: float) -> Callable[[pd.DataFrame], pd.DataFrame]:

@@ -143,8 +143,11 @@ def table_map(robot: Path) -> dict[str, object]:
     }
 
 
-def bag(walked: Walk, path: Path, late: float = 3.0e-3, seed: int = 1) -> None:
-    """Write a walk as a ROS 2 bag: topics at their own rates, recorded `late` after their stamps, with scatter."""
+def bag(walked: Walk, path: Path, late: float = 3.0e-3, seed: int = 1, *, odometry_ahead: float = 0.0) -> None:
+    """Write a walk as a ROS 2 bag: topics at their own rates, recorded `late` after their stamps, with scatter.
+
+    The clock of the odometry is ahead of the others' [s].
+    """
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
@@ -177,7 +180,9 @@ def bag(walked: Walk, path: Path, late: float = 3.0e-3, seed: int = 1) -> None:
             pose = make["geometry_msgs/msg/PoseWithCovariance"](place, none36)
             twist = make["geometry_msgs/msg/Twist"](vector(v[:3]), vector(v[3:6]))
             twist = make["geometry_msgs/msg/TwistWithCovariance"](twist, none36)
-            messages.append((t, "/odom", make["nav_msgs/msg/Odometry"](header(t), "trunk", pose, twist)))
+            messages.append(
+                (t, "/odom", make["nav_msgs/msg/Odometry"](header(t + odometry_ahead), "trunk", pose, twist))
+            )
             wrench = make["geometry_msgs/msg/Wrench"](vector(walked.force[k, 0]), vector(np.zeros(3)))
             messages.append((t, "/ft", make["geometry_msgs/msg/WrenchStamped"](header(t), wrench)))
     recorded = [(begin + t + late + 1.0e-3 * rng.standard_normal(), topic, message) for t, topic, message in messages]

@@ -9,7 +9,7 @@ import numpy as np
 from aerobat_pin.estimation.against_reference import PairedEstimate, sensor_references
 from aerobat_pin.estimation.calibration.free_run import FreeRun, free_runs
 from aerobat_pin.estimation.calibration.map_fits import held_out_stretch, used_by_fits
-from aerobat_pin.estimation.expected_of_record import expected_of
+from aerobat_pin.estimation.expected_of_record import SLIDES_AT, expected_of
 from aerobat_pin.estimation.gain_regression import fits_to_sensor
 from aerobat_pin.estimation.instants import looked_at
 from aerobat_pin.estimation.inverse_dynamics import contact_torque
@@ -36,6 +36,7 @@ def row_noise(runs: Sequence[FreeRun], *, learnt: bool) -> dict[str, float]:
     """
     names = row_names(runs[0].record.robot.model) if runs else {}
     count, square, different = np.zeros((3, 2, len(names)))  # where nothing was fitted, and where it was
+    slid = np.zeros(len(names), int)  # in how many intervals that no fit used
     for run in runs:
         robot, time, v = run.record.robot, run.inputs.time, run.inputs.v
         fitted = used_by_fits(run.record, run.forces.values, time[:-1])
@@ -52,9 +53,10 @@ def row_noise(runs: Sequence[FreeRun], *, learnt: bool) -> dict[str, float]:
             different[which] += np.sum(power, axis=0) ** 2 / np.maximum(np.sum(power**2, axis=0), 1e-300)
             count[which] += np.sum(sliding[kept] ** 2, axis=0)
             square[which] += np.sum(residual[kept] ** 2, axis=0)
+        slid += np.count_nonzero(np.abs(sliding[settled(run.record, time[:-1]) & ~fitted]) > SLIDES_AT, axis=0)
     raised = square / np.maximum(count, 1e-300) * (1.0 + RAISED_BY * np.sqrt(2.0 / np.maximum(different, 1.0)))
     raised = np.maximum(raised[0], square[1] / np.maximum(count[1], 1e-300))
-    return {name: float(np.sqrt(raised[k])) for k, name in enumerate(names) if count[0, k] >= FEWEST_LEFT}
+    return {name: float(np.sqrt(raised[k])) for k, name in enumerate(names) if slid[k] >= FEWEST_LEFT}
 
 
 def noise_where_known(forces: KnownForces) -> dict[str, float]:

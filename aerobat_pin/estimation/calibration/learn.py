@@ -36,12 +36,11 @@ from aerobat_pin.estimation.calibration.map_fits import (
     with_friction,
 )
 from aerobat_pin.estimation.calibration.pushed_points import pushed_points
-from aerobat_pin.estimation.checks import effort_findings, fit_findings, record_findings
+from aerobat_pin.estimation.checks import efforts_and_friction, fit_findings, record_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.fit_known_forces import given_forces
 from aerobat_pin.estimation.gain_regression import fits_to_sensor
 from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces, mean_motion
-from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.numerics import guarded, shown
 from aerobat_pin.observers import JointFriction, fit_friction, force_size, typical_step
 from aerobat_pin.records import Condition, Extras, Record
@@ -135,7 +134,7 @@ def calibrate(
     values, learnt = kept_of(records[0], forces[0].values), tested is not runs or identified is not None
     bar = error_bar([(raw, replace(known, series=tested_series)) for raw, known in zip(plain, forces, strict=True)])
     for raw, known in zip(plain, forces, strict=True):  # friction that is fitted first takes up a reversed effort
-        findings += effort_findings(known.record, inputs_between(known.record, raw or known), findings)
+        findings += efforts_and_friction(raw or known, known, findings)
         findings += fit_findings(known)
     notes.append(f"as calibrated: {_sizes(runs)} unexplained" if runs else "contacts: not learnt, as something pushed")
     return Calibration(

@@ -11,6 +11,7 @@ from aerobat_pin.estimation.against_reference import PairedEstimate
 from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.checks.push_elsewhere import elsewhere_findings
+from aerobat_pin.estimation.checks.thrust_order import thrust_order_findings
 from aerobat_pin.estimation.findings import Finding, FindingVerdict
 from aerobat_pin.estimation.instants import column_rms
 from aerobat_pin.estimation.known_forces import BESIDE, KnownForces, command_sum, unit_direction
@@ -44,6 +45,7 @@ def result_findings(result: Result, expected: Expected | None = None) -> Iterato
     assert forces is not None
     yield from fit_findings(forces)
     yield from _check_commands(record, forces)
+    yield from thrust_order_findings(record, forces)
     estimate = next(iter(estimates.values()))
     for side in next(iter(result.compared.values())):
         yield from _sensor_findings(record, side, estimate)
@@ -119,22 +121,27 @@ def _sensor_findings(record: Record, side: PairedEstimate, estimate: StoredEstim
 
 
 def _check_commands(record: Record, forces: KnownForces) -> Iterator[Finding]:
-    """Yield how late the acceleration follows each thrust's commands."""
+    """Yield how late the acceleration follows the commands of thrusts; of those that point one way, their sum."""
     if "check.specific_force" not in record.channels:
         return
     time = record.times(*checked_part(record))
+    alike: dict[tuple[float, ...], list[str]] = {}
     for name, section in record.map.known.items():
         if section.powers:
-            measured = (record.means("check.specific_force", time) @ unit_direction(section))[:, None]
-            comparison = compare(command_sum(record, name, time)[:, None], measured, time[:-1])
-            if comparison is None or comparison.correlation[0] < FOLLOWS:
-                continue
-            text = (
-                f"known.{name} leads the acceleration by {1e3 * comparison.lag:.0f} ms beyond its delay "
-                f"of {1e3 * section.delay:.0f} ms"
-            )
-            late = abs(comparison.lag) > max(LATE_COMMAND, record.dt)
-            yield Finding("lag of command", "warning" if late else "good", text, comparison.lag, "s")
+            alike.setdefault((section.delay, *unit_direction(section).tolist()), []).append(name)
+    for (delay, *direction), names in alike.items():
+        measured = (record.means("check.specific_force", time) @ np.array(direction))[:, None]
+        commands = np.sum([command_sum(record, name, time) for name in names], axis=0)
+        comparison = compare(commands[:, None], measured, time[:-1])
+        if comparison is None or comparison.correlation[0] < FOLLOWS:
+            continue
+        what = f"{', '.join(f'known.{name}' for name in names)} lead{'s' if len(names) == 1 else ''}"
+        text = (
+            f"{what} the acceleration by {1e3 * comparison.lag:.0f} ms beyond {'its' if len(names) == 1 else 'their'} "
+            f"delay of {1e3 * delay:.0f} ms"
+        )
+        late = abs(comparison.lag) > max(LATE_COMMAND, record.dt)
+        yield Finding("lag of command", "warning" if late else "good", text, comparison.lag, "s")
 
 
 def _force_sizes(record: Record, estimate: StoredEstimate, rms: Array) -> Iterator[Finding]:

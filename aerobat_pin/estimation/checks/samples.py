@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from aerobat_pin.estimation.checks.compare import LATEST_SHIFT
 from aerobat_pin.estimation.findings import Finding, FindingVerdict
 from aerobat_pin.records import EXTENT, Channel, Columns, Record, typical_spacing
 
@@ -62,6 +63,12 @@ def sample_findings(record: Record) -> Iterator[Finding]:
 
 def _clocks(columns: Columns) -> Iterator[Finding]:
     """Yield what was dropped because of its stamp, and how the clocks of a bag differ."""
+    delays = {
+        name: np.concatenate(clock.late.spread())
+        for name, clock in columns.clocks.items()
+        if clock.late is not None and len(clock.late)
+    }
+    usual = min((float(np.median(late)) for late in delays.values()), key=abs, default=0.0)
     for name, clock in columns.clocks.items():
         count = len(clock.time) + clock.repeated + clock.off + clock.backward
         if clock.repeated:
@@ -82,13 +89,19 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
         if clock.reordered:
             what = f"{name}: {clock.reordered} of {count} rows stood behind later ones, and were sorted"
             yield Finding("order of rows", "note", what, clock.reordered / count, "1")
-        if clock.late is None or not len(clock.late):
+        if name not in delays:
             continue
-        late = np.concatenate(clock.late.spread())
+        late = delays[name]
         middle, scatter = float(np.median(late)), float(np.std(late))
         text = f"{name}: the recorder's stamps are {1e3 * middle:.1f} ms late and scatter by {1e3 * scatter:.1f} ms"
         if columns.stamps == "recorder" and max(abs(middle), scatter) > CLOCK_DELAY:
             yield Finding("recorder clock", "warning", f'{text}; log.clock = "header" avoids it', middle, "s")
+        elif columns.stamps != "recorder" and abs(middle - usual) > LATEST_SHIFT:
+            what = (
+                f"{text}, those of other topics {1e3 * usual:.1f} ms: its headers seem to have another clock "
+                f'(in a map: log.clock = "recorder", or delay = {usual - middle:.3f} of what is read from it)'
+            )
+            yield Finding("recorder clock", "warning", what, middle, "s")
         else:
             yield Finding("recorder clock", "note", f"{text}; the headers' are used", middle, "s")
 

@@ -1,0 +1,94 @@
+"""An arm below a quadrotor: thrusts of rotors at their own places, their order, and a calibration at rest."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.flying_arm import RATE, THRUST, fly, flying_map, pushed
+from support.recorded import recorded
+
+from aerobat_pin.errors import MapError
+from aerobat_pin.estimation import calibrate, estimate
+from aerobat_pin.estimation.fit_known_forces import fitted_forces
+
+
+@pytest.mark.parametrize("seed", [21, 22])
+def test_the_thrusts_of_several_rotors_are_fitted_together(seed: int, tmp_path: Path) -> None:
+    """The accelerometer shows their sum: each by itself took all of it, and four made four times the thrust."""
+    fly(seed)[0].to_csv(tmp_path / "free.csv", index=False)
+    forces = fitted_forces(recorded(tmp_path / "free.csv", flying_map(tmp_path, ["tip"])))
+    found = np.array([forces.values.coefficients[f"rotor_{k}"] for k in range(1, 5)])
+    np.testing.assert_allclose(found, 1.07 * THRUST, rtol=0.03)
+    assert len({float(c) for c in found.ravel()}) == 1  # hovering rotors turn alike
+    assert [fit.name for fit in forces.fits] == [f"known.rotor_{k}" for k in range(1, 5)]
+
+
+def test_a_thrust_that_the_map_knows_is_taken_off_the_fit_of_the_others(tmp_path: Path) -> None:
+    """Three rotors are fitted beside one whose coefficient is known."""
+    fly(23)[0].to_csv(tmp_path / "free.csv", index=False)
+    chosen = flying_map(tmp_path, ["tip"])
+    del chosen["known"]["rotor_2"]["fit"]
+    chosen["known"]["rotor_2"]["coefficients"] = [1.07 * THRUST]
+    found = fitted_forces(recorded(tmp_path / "free.csv", chosen)).values.coefficients
+    np.testing.assert_allclose([found[f"rotor_{k}"][0] for k in (1, 3, 4)], 1.07 * THRUST, rtol=0.04)
+
+
+def test_thrusts_that_are_to_be_fitted_in_different_parts_are_refused(tmp_path: Path) -> None:
+    """Where one is fitted, the sum is."""
+    fly(23, seconds=2.0)[0].to_csv(tmp_path / "free.csv", index=False)
+    chosen = flying_map(tmp_path, ["tip"])
+    chosen["known"]["rotor_3"]["fit"] = {"part": [0.5, 1.0]}
+    with pytest.raises(MapError, match=r"known\.rotor_1\.fit\.part.*known\.rotor_3\.fit\.part.*same part was expected"):
+        fitted_forces(recorded(tmp_path / "free.csv", chosen))
+
+
+@pytest.mark.parametrize("seed", [24, 25, 26])
+def test_rotors_in_another_order_are_named(seed: int, tmp_path: Path) -> None:
+    """In any of three orders, which made up to 12 N with no word; not said of the right one."""
+    table = fly(seed, pushed)[0]
+    columns = ["m1", "m2", "m3", "m4"]
+    for order in ([0, 1, 2, 3], [2, 1, 0, 3], [1, 0, 2, 3], [2, 3, 1, 0]):
+        log = table.copy()
+        log[columns] = table[columns].to_numpy()[:, order]
+        log.to_csv(tmp_path / "log.csv", index=False)
+        record = recorded(tmp_path / "log.csv", flying_map(tmp_path, ["tip", "base"]))
+        told = [one for one in estimate(record).findings if one.check == "swapped thrusts"]
+        wrong = [k for k in range(4) if order[k] != k]
+        assert len(told) == bool(wrong)
+        for one in told:
+            for k in wrong:
+                assert f"known.rotor_{order[k] + 1} of known.rotor_{k + 1}" in one.text
+
+
+@pytest.mark.parametrize("seed", [27, 28])
+def test_a_calibration_in_which_the_arm_rests_knows_nothing_of_its_friction(seed: int, tmp_path: Path) -> None:
+    """Noise of rates passed for motion, and errors of joints at rest for those of joints that move."""
+    fly(seed, swings=False)[0].to_csv(tmp_path / "hover.csv", index=False)
+    table, force = fly(seed + 10, pushed)
+    table.to_csv(tmp_path / "pushed.csv", index=False)
+    chosen = flying_map(tmp_path, ["tip", "base"])
+    calibration = calibrate([recorded(tmp_path / "hover.csv", chosen)])
+    assert calibration.row_noise.keys() == {f"base.{row}" for row in ("Fx", "Fy", "Fz", "Mx", "My", "Mz")}
+    result = estimate(recorded(tmp_path / "pushed.csv", chosen), calibration=calibration)
+    [found] = result.estimates.values()
+    middle = 0.5 * (found.time[1:] + found.time[:-1])
+    truth = np.column_stack([np.interp(middle, np.arange(len(force)) / RATE, axis) for axis in force.T])
+    assert found.standard_deviation is not None
+    assert found.seen is not None
+    inside = np.abs(found.components[:, :3] - truth) < 2.0 * found.standard_deviation[:, :3]
+    shown = (found.seen[:, :3] > 0.9) & (middle > middle[0] + 0.5)[:, None]
+    assert shown.mean() > 0.85
+    assert inside[shown].mean() > 0.93
+    assert any(one.check == "calibration" and "friction" in one.text for one in result.findings)
+
+
+@pytest.mark.parametrize("seed", [13, 29])
+def test_nothing_is_said_of_rotors_that_hover(seed: int, tmp_path: Path) -> None:
+    """They differ by 2 %, which makes moments as other commands would; and each follows the acceleration no better."""
+    fly(seed, swings=False)[0].to_csv(tmp_path / "hover.csv", index=False)
+    told = {
+        one.check
+        for one in estimate(recorded(tmp_path / "hover.csv", flying_map(tmp_path, ["tip"]))).findings
+        if one.warns
+    }
+    assert not told & {"swapped thrusts", "lag of command", "fit"}
