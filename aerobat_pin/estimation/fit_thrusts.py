@@ -40,7 +40,7 @@ def fit_thrusts(given: KnownForces) -> tuple[dict[str, Array], tuple[Fit, ...]]:
         name = next(iter(thrusts))
         raise MapError(f"map: known.{name}.fit.to = check.specific_force, but check.specific_force has no columns")
     part = _common_part(thrusts)
-    target, along, commands = _samples(given, thrusts)
+    target, along, commands = _thrust_samples(given, thrusts)
     inside = np.zeros(len(target), bool)
     low, high = (round(share * len(target)) for share in part)
     inside[low:high] = True
@@ -83,7 +83,7 @@ def _common_part(thrusts: Mapping[str, KnownSection]) -> tuple[float, float]:
     return parts[first]
 
 
-def _samples(
+def _thrust_samples(
     given: KnownForces, thrusts: Mapping[str, KnownSection]
 ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
     """Return what thrusts should make (m, 3) [N], and of each its direction (m, 3) and commands (m,), in base axes."""

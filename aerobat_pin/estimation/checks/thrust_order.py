@@ -27,7 +27,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, Applications, low_passed, typical_step
 from aerobat_pin.records import Block, Record
 
-BETTER = 0.5  # of Q in the map's order, up to which another order is named
+LEFT_BY_ORDER = 0.5  # of Q in the map's order, up to which another order is named
 SIZES = 0.5 ** np.arange(7)  # s: sizes of forces over what is expected without a record
 
 
@@ -62,7 +62,7 @@ def thrust_order_findings(record: Record, forces: KnownForces) -> Iterator[Findi
     found, mapped = left(order), left(range(len(names)))
     s = int(np.argmin(found + volume))
     share = float(np.sqrt(found[s] / mapped[s]))
-    if share**2 < BETTER:
+    if share**2 < LEFT_BY_ORDER:
         moved = ", ".join(f"known.{names[i]} of known.{names[j]}" for i, j in enumerate(order) if i != j)
         text = (
             f"with the commands of others the thrusts leave {100.0 * share:.0f} % of what they leave as mapped: "
