@@ -94,11 +94,11 @@ def _thrust_samples(
         block = record.block(first, last)
         target = record.robot.mass * record.means("check.specific_force", block.time)
         for name, section in record.map.known.items():
-            if name not in thrusts:
+            if name in thrusts:
+                along[name].append(_direction(record, section, block))
+                commands[name].append(command_sum(record, name, block.time))
+            elif record.robot.free:  # else its support carries it
                 target = target - given.force_of(name, section, block)[:, :3]
-                continue
-            along[name].append(_direction(record, section, block))
-            commands[name].append(command_sum(record, name, block.time))
         targets.append(target)
     directions, sums = ({name: np.concatenate(pieces) for name, pieces in table.items()} for table in (along, commands))
     return np.concatenate(targets), directions, sums

@@ -109,32 +109,15 @@ def fly(
 
 
 JOINTS = ["shoulder", "elbow"]
-COLUMNS = [
-    *(
-        "t",
-        "px",
-        "py",
-        "pz",
-        "qx",
-        "qy",
-        "qz",
-        "qw",
-        "shoulder_q",
-        "elbow_q",
-        "wx",
-        "wy",
-        "wz",
-        "shoulder_v",
-        "elbow_v",
-    ),
-    *("shoulder_tau", "elbow_tau", "ax", "ay", "az", "m1", "m2", "m3", "m4"),
-]
+COLUMNS = (
+    "t px py pz qx qy qz qw shoulder_q elbow_q wx wy wz shoulder_v elbow_v shoulder_tau elbow_tau ax ay az m1 m2 m3 m4"
+).split()
 
 
-def flying_map(folder: Path, points: list[str], **thrust: Any) -> dict[str, Any]:
-    """Return a map of the table whose rotors have these keys; the robot's file is written into the folder."""
+def flying_map(folder: Path, points: list[str]) -> dict[str, Any]:
+    """Return a map of the table, which fits the thrusts; the robot's file is written into the folder."""
     (folder / "flying_arm.urdf").write_text(URDF)
-    rotor = {"law": "polynomial 2", "delay": LATE, **(thrust or {"fit": {"to": "check.specific_force"}})}
+    rotor = {"law": "polynomial 2", "delay": LATE, "fit": {"to": "check.specific_force"}}
     return {
         "robot": {
             "urdf": str(folder / "flying_arm.urdf"),

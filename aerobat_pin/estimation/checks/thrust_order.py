@@ -48,7 +48,7 @@ def thrust_order_findings(record: Record, forces: KnownForces) -> Iterator[Findi
     size = column_rms(needed)
     expected = expected_from(robot, rows, FittedValues(), points_of(record.map), 0.0 * size, size)
     applications = Applications(robot.model, points_of(record.map))
-    B = np.array([expected.force[:, None] * applications.jacobian(q_k)[:, kept] for q_k in q[weigh]])
+    B = expected.force[:, None] * applications.jacobian(q[weigh])[:, :, kept]
     A = SIZES[:, None, None, None] ** 2 * (np.swapaxes(B, 1, 2) @ B) + np.diag(expected.row_error[kept] ** 2)
     inverse, volume = np.linalg.inv(A), np.linalg.slogdet(A)[1].sum(axis=1)
     rest, by_others = (x - x.mean(axis=-2, keepdims=True) for x in (y[weigh][:, kept], thrusts[:, :, weigh][..., kept]))
@@ -109,10 +109,8 @@ def _stretch(
     for name in names:
         unit = np.zeros((len(y), 6))
         unit[:, :3] = unit_direction(known[name])
-        push, terms = (
-            frame_wrench(record, known[name], block, unit),
-            [*zip(forces.values.coefficients[name], known[name].powers, strict=True)],
-        )
+        push = frame_wrench(record, known[name], block, unit)
+        terms = [*zip(forces.values.coefficients[name], known[name].powers, strict=True)]
         sizes = [sum((c * u**p for c, p in terms), 0.0 * u) for u in commands]
         thrusts.append([low_passed(push * size[:, None], share)[at] for size in sizes])
     return y[at], given.q[at + 1], needed[at], np.array(thrusts)
