@@ -5,31 +5,32 @@ A name is imported when it is first used, so that `import aerobat_pin` alone cos
 
 from __future__ import annotations
 
+import sys
+
 TYPE_CHECKING = False  # without importing `typing`: a Ctrl-C while this module loads would be a traceback
 if TYPE_CHECKING:
     from typing import Any
 
+    from aerobat_pin.aerobat import Aerobat as Aerobat
     from aerobat_pin.aerobat import FlightLog as FlightLog
+    from aerobat_pin.aerobat import closed_model as closed_model
+    from aerobat_pin.aerobat import load_aerobat as load_aerobat
     from aerobat_pin.estimation import calibrate as calibrate
     from aerobat_pin.estimation import estimate as estimate
     from aerobat_pin.experiments import run as run
     from aerobat_pin.flight import simulate as simulate
     from aerobat_pin.records import load_robot as load_robot
     from aerobat_pin.records import open_record as open_record
-    from aerobat_pin.robot import Aerobat as Aerobat
-    from aerobat_pin.robot import closed_model as closed_model
-    from aerobat_pin.robot import load_aerobat as load_aerobat
     from aerobat_pin.scenario import Scenario as Scenario
     from aerobat_pin.scenario import load_scenario as load_scenario
 
 __version__ = "0.1.0"
 _ROOMS = {
     "experiments": ["run"],
-    "aerobat": ["FlightLog"],
+    "aerobat": ["Aerobat", "FlightLog", "closed_model", "load_aerobat"],
     "estimation": ["calibrate", "estimate"],
     "records": ["load_robot", "open_record"],
     "flight": ["simulate"],
-    "robot": ["Aerobat", "closed_model", "load_aerobat"],
     "scenario": ["Scenario", "load_scenario"],
 }
 __all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]
@@ -46,3 +47,15 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted(__all__)
+
+
+def _of_before(name: str) -> Any:
+    from aerobat_pin.errors import old_names
+
+    places = "aerobat_pin.aerobat", "aerobat_pin.observers"
+    return old_names(_former_robot.__name__, {}, None, *places, stacklevel=3)(name)
+
+
+_former_robot = type(sys)("aerobat_pin.robot", "What `aerobat` and, of frames, `observers` have now: for one release.")
+_former_robot.__dict__["__getattr__"] = _of_before
+sys.modules[_former_robot.__name__] = _former_robot

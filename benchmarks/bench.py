@@ -33,13 +33,12 @@ from against import against
 from long_paths import raw_figures, sweep_figures
 from measure import Call, Figure, Part, figure, interleaved
 
-from aerobat_pin.aerobat import known_inputs
+from aerobat_pin.aerobat import FORCE_POINTS, joint_table, known_inputs, load_aerobat
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.estimation import OnlineEstimator
 from aerobat_pin.flight import Plant, interval_means, simulate
 from aerobat_pin.observers import Expected, ForceLevelObserver, KalmanObserver, MomentumObserver, SmootherObserver
 from aerobat_pin.records import parse_map
-from aerobat_pin.robot import FORCE_POINTS, joint_table, load_aerobat
 from aerobat_pin.scenario import load_scenario
 
 STEPS, DT = 2000, 1.0e-3  # the paper's flight: two seconds, dt in s

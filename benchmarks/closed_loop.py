@@ -25,10 +25,11 @@ from closed_loop_search import SCENARIO as PUSHED
 from matplotlib.figure import Figure
 from support.pages import ROOT, fill, save, table
 
+from aerobat_pin.aerobat import believed_robot, flown_robot
 from aerobat_pin.control import AerobatEnv, Controller, loop_margins
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight import ClosedLoop, Plant
-from aerobat_pin.robot import believed_robot, euler_angles, flown_robot
+from aerobat_pin.observers import euler_angles
 from aerobat_pin.scenario import Scenario, load_scenario
 from aerobat_pin.visualization import style
 

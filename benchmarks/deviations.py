@@ -12,8 +12,8 @@ from support.pages import Values, run, table
 from support.rails import SENSORS, Rails
 
 from aerobat_pin import load_scenario, simulate
+from aerobat_pin.aerobat import FORCE_POINTS, believed_robot
 from aerobat_pin.observers import KalmanObserver, SmootherObserver
-from aerobat_pin.robot import FORCE_POINTS, believed_robot
 
 FLIGHTS = ("paper", "observer_benchmark", "tumble")
 LEARNING = 20  # first intervals, in which the observers do not know their sensors yet

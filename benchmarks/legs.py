@@ -17,7 +17,7 @@ from support.pages import table as laid_out
 from trot import FAST_TROT, ROBOT, TROT, WALK, Gait, Walked, feet_of, walked
 
 from aerobat_pin import estimate, load_robot, open_record
-from aerobat_pin.estimation.contacts import contact_probability, touching
+from aerobat_pin.forces.contacts import contact_probability, touching
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import low_passed
 from aerobat_pin.records import parse_map

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 from measure import Figure, figure, interleaved
 
-from aerobat_pin.aerobat import estimate_flight, flight_channels
+from aerobat_pin.aerobat import FORCE_POINTS, believed_robot, estimate_flight, flight_channels, flown_robot
 from aerobat_pin.aerobat.raw import JointFilter, JointSmoother, raw_record
 from aerobat_pin.experiments.sweep.outcomes import outcome_of
 from aerobat_pin.experiments.sweep.run_sweep import in_this_process, on_this_machine
 from aerobat_pin.flight import Plant, interval_means, simulate
-from aerobat_pin.robot import FORCE_POINTS, believed_robot, flown_robot
 from aerobat_pin.scenario import RawSection, load_scenario
 
 FILTERED = 300  # samples of one pass through the filter

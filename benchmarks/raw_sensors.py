@@ -18,13 +18,12 @@ from support.own_model import own_model_errors
 from support.pages import Values, run, table
 
 from aerobat_pin import load_scenario, simulate
-from aerobat_pin.aerobat import FlightLog, flight_channels, read_log, write_csv
+from aerobat_pin.aerobat import FORCE_POINTS, FlightLog, believed_robot, flight_channels, read_log, write_csv
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, find_mount, mounted, raw_record
 from aerobat_pin.aerobat.raw.channels import part_of
 from aerobat_pin.aerobat.raw.layout import first_prior
 from aerobat_pin.aerobat.raw.nominal_motion import first_guess
-from aerobat_pin.estimation import r_squared
-from aerobat_pin.robot import FORCE_POINTS, believed_robot
+from aerobat_pin.forces import r_squared
 from aerobat_pin.scenario import RawSection, Scenario
 
 SEEDS, DRAWS = (1, 2, 3, 4, 5), 10

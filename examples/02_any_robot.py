@@ -3,8 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.observers import MomentumObserver
-from aerobat_pin.robot import external_forces, joint_wrench
+from aerobat_pin.observers import MomentumObserver, external_forces, joint_wrench
 
 model = pin.buildSampleModelManipulator()
 last = model.njoints - 1

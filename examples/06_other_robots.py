@@ -8,8 +8,7 @@ import pinocchio as pin
 
 from aerobat_pin import load_robot
 from aerobat_pin.errors import LogError
-from aerobat_pin.observers import OBSERVERS
-from aerobat_pin.robot import external_forces, joint_wrench
+from aerobat_pin.observers import OBSERVERS, external_forces, joint_wrench
 
 DT, STEPS = 1e-3, 100
 FRAMES = {"borinot": "flying_arm_2__ee", "hector": "base_link", "solo12": "FL_FOOT", "ur5": "tool0"}

@@ -3,10 +3,9 @@
 import tempfile
 from pathlib import Path
 
-from aerobat_pin.aerobat import belief_about, estimate_flight, read_log, true_force, write_csv
-from aerobat_pin.estimation import r_squared
+from aerobat_pin.aerobat import belief_about, believed_robot, estimate_flight, read_log, true_force, write_csv
 from aerobat_pin.flight import simulate
-from aerobat_pin.robot import believed_robot
+from aerobat_pin.forces import r_squared
 from aerobat_pin.scenario import load_scenario
 
 flight = simulate(load_scenario("real_log_demo"))

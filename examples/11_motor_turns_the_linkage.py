@@ -9,7 +9,7 @@ import pinocchio as pin
 from scipy.interpolate import CubicSpline
 
 from aerobat_pin import closed_model, load_aerobat
-from aerobat_pin.robot import closed_settings, closed_state, prescribed_joint_dynamics
+from aerobat_pin.aerobat import closed_settings, closed_state, prescribed_joint_dynamics
 
 RATE, GAIN, STALL = 2.0 * np.pi * 4.75, 5e-3, 0.05  # [rad/s], [N m s/rad] and [N m] of the motor at each crank
 ROTOR = 2.5e-5  # [kg m2] at each crank; without a rotor the crank races where the wings hardly resist it

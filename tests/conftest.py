@@ -13,9 +13,9 @@ import pytest
 from hypothesis import settings
 from support.browser import opened, ready, started
 
+from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.robot.aerobat import load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.result_pages import write_figures_and_pages

@@ -1,4 +1,4 @@
-"""What only Aerobat's estimation needs: its channels, its air along a motion, its calibration, its joint smoother."""
+"""Aerobat alone: its model and wing in Pinocchio, its air, its logs, and what its estimation needs of its own."""
 
 import lazy_loader
 

@@ -14,10 +14,11 @@ import numpy as np
 import xarray as xr
 
 from aerobat_description.reading import did_you_mean
+from aerobat_pin.aerobat.aerobat import JOINTS
+from aerobat_pin.aerobat.wing import LINKS
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import LARGEST_VALUE
-from aerobat_pin.robot import JOINTS, LINKS
 
 KNOWN = "known_"  # prefix of the channels with known generalised forces or body wrenches
 POSE_AXIS = ("x", "y", "z", "qx", "qy", "qz", "qw")

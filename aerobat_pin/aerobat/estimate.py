@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from aerobat_description.reading import did_you_mean
+from aerobat_pin.aerobat.aerobat import Aerobat, load_morphology
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import flight_record, noted_air
 from aerobat_pin.aerobat.robot import AerobatRobot
@@ -19,7 +20,6 @@ from aerobat_pin.errors import CalibrationError, ScenarioError
 from aerobat_pin.estimation import Calibration, Result, estimate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import OBSERVERS
-from aerobat_pin.robot import Aerobat, load_morphology
 from aerobat_pin.scenario import RawSection, Scenario, parse_scenario, with_settings
 
 BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # tables and key of a belief that can be set

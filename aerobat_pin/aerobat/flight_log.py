@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from aerobat_pin.aerobat.aerobat import JOINTS
 from aerobat_pin.aerobat.channels import (
     MEASURED,
     OPTIONAL_TRUTH,
@@ -36,7 +37,6 @@ from aerobat_pin.aerobat.channels import (
 from aerobat_pin.errors import LogError, write_files
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import Reference, TrueEvent, netcdf_bytes, read_netcdf
-from aerobat_pin.robot import JOINTS
 from aerobat_pin.scenario import AirSection
 
 NAMES = ("scenario", "morphology")

@@ -17,16 +17,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat
 from aerobat_pin.aerobat.channels import KNOWN
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.motion import Motion
+from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
 from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.aerobat.torque import RECORDED, Torque
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation import KnownForces, KnownInputs, inputs_of
+from aerobat_pin.forces import KnownForces, KnownInputs, inputs_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import Channel, Map, Record, Series, Spool, parse_map, series_of
-from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, ObserverSection
 
 if TYPE_CHECKING:

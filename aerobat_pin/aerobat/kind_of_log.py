@@ -15,10 +15,10 @@ from functools import cache
 from pathlib import Path
 
 from aerobat_description.reading import did_you_mean
+from aerobat_pin.aerobat.aerobat import JOINTS, load_aerobat
 from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.errors import LARGEST_TABLE, LogError, foreign_file
 from aerobat_pin.records import BAGS, NETCDF, Map, Request, header_of, load_map, requests_of
-from aerobat_pin.robot import JOINTS, load_aerobat
 
 STATE_TABLE, RAW_TABLE = "states", "raw_samples"
 POSE = ("time", "x", "y", "z", "qx", "qy", "qz", "qw")

@@ -18,12 +18,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat
+from aerobat_pin.aerobat.air.robot_air import RobotAir
 from aerobat_pin.aerobat.channels import angle_fault
-from aerobat_pin.aerodynamics import Gust, RobotAir, Tones, Wind, dryden
+from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
+from aerobat_pin.aerobat.wing import Wing
+from aerobat_pin.aerodynamics import Gust, Tones, Wind, dryden
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.observers import rotations
 from aerobat_pin.records import EXTRA, Block, Channel
-from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, Wing, rotations
 from aerobat_pin.scenario import AirSection
 
 FEWEST_RAW_SAMPLES = 8  # of each channel

@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import low_passed, typical_step
 from aerobat_pin.records import Block, Parameter, Suspect
-from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection
 
 DISTAL = ("left_elbow", "right_elbow")  # joints that carry the outer wings

@@ -14,7 +14,8 @@ from typing import ClassVar
 import numpy as np
 
 from aerobat_pin.aerobat.accelerometer_mount import Mount
-from aerobat_pin.aerobat.believed_air import reconstructed_air
+from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat
+from aerobat_pin.aerobat.air.believed_air import reconstructed_air
 from aerobat_pin.aerobat.crank_condition import CrankCondition, crank_condition
 from aerobat_pin.aerobat.motion import Motion, completed, fault_of
 from aerobat_pin.aerobat.parameters import (
@@ -39,7 +40,6 @@ from aerobat_pin.estimation import TORQUE
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer, Rows
 from aerobat_pin.records import EXTRA, Agreement, Block, Channel, Extras, Parameter, PlainRobot, SmoothedMotion, Suspect
-from aerobat_pin.robot import JOINTS, Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
 WEATHER_KEYS = {"wind", "gust", "turbulence", "wave", "warm_up_cycles"}  # keys of the air of the day

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.aerobat.channels import (
     KNOWN,
     LABELS,
@@ -26,7 +27,6 @@ from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.errors import LogError, OutputError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import EXTRA, Record, open_record
-from aerobat_pin.robot import load_aerobat
 from aerobat_pin.scenario import ObserverSection
 
 THRUST_KEY = f"{EXTRA}known.thrusters"

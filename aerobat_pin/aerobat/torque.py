@@ -13,11 +13,12 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.aerobat.motion import Motion
+from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE, prescribed_joint_dynamics
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Rows
-from aerobat_pin.robot import BASE_SIZE, Aerobat, prescribed_joint_dynamics
 
 Torque = Literal["measured", "modelled", "motor_only", "none"]
 ROWS_OF_TORQUE: dict[str, Rows] = {"measured": "all", "modelled": "all", "motor_only": "base+power", "none": "base"}

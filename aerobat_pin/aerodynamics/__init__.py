@@ -1,5 +1,8 @@
-"""Sigma_Aero: the unsteady lifting line on any planform, and the robot's aerodynamics: strips, added mass, wind."""
+"""Sigma_Aero: the unsteady lifting line on any planform, the force law of its strips, and the wind."""
 
 import lazy_loader
 
+from aerobat_pin.errors import old_names
+
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__ = old_names(__name__, {}, __getattr__, "aerobat_pin.aerobat")

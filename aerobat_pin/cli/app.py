@@ -176,8 +176,8 @@ def crank_command(
     force: Force = False,
 ) -> None:
     """Write a page on which one turns the crank by hand and changes the linkage's lengths; it needs no network."""
+    from aerobat_pin.aerobat import load_morphology
     from aerobat_pin.errors import check_file, write_text
-    from aerobat_pin.robot import load_morphology
     from aerobat_pin.visualization import crank_page
 
     check_file(out, force=force)
@@ -194,9 +194,9 @@ def linkage_command(
     force: Force = False,
 ) -> None:
     """Draw the linkage over a turn of its crank, and print the ranges of its joints and transmission angles."""
+    from aerobat_pin.aerobat import load_morphology
     from aerobat_pin.errors import write_files
     from aerobat_pin.linkage import KineticSculpture
-    from aerobat_pin.robot import load_morphology
     from aerobat_pin.visualization import draw_linkage, range_table, render_figure
 
     shape = load_morphology(morphology)

@@ -100,8 +100,7 @@ def opened(
 
 
 def _flights(paths: list[Path], morphology: str | None, settings: list[str], *, free: bool) -> list[Record]:
-    from aerobat_pin.aerobat import AerobatRobot, flight_record, free_record
-    from aerobat_pin.robot import believed_robot
+    from aerobat_pin.aerobat import AerobatRobot, believed_robot, flight_record, free_record
     from aerobat_pin.scenario import RawSection
 
     records = []

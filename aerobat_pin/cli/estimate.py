@@ -116,8 +116,8 @@ def estimate_command(
 
 def _passes_self_check(belief: Scenario) -> bool:
     """Run the self-check (known forces on a simulated flight), print its results, and return whether all are right."""
+    from aerobat_pin.aerobat import believed_robot
     from aerobat_pin.experiments import self_check
-    from aerobat_pin.robot import believed_robot
 
     checks = self_check(believed_robot(belief), belief)
     for check in checks:

@@ -122,8 +122,8 @@ def convert_command(
     force: Force = False,
 ) -> None:
     """Convert a simulated flight to MCAP: forces per point, joint states, pose and arrows. Needs the extra ros."""
+    from aerobat_pin.aerobat import flown_robot
     from aerobat_pin.experiments import check_mcap_file, read_run, write_flight_mcap
-    from aerobat_pin.robot import flown_robot
 
     check_mcap_file(out, force=force)
     with doing("converting"):

@@ -86,7 +86,7 @@ def seeds_of(text: str) -> list[int]:
 
 def summary(table: pd.DataFrame) -> str:
     """Return mean and least R2 and the mean error of each axis over the seeds, as text."""
-    from aerobat_pin.estimation import one_unit
+    from aerobat_pin.forces import one_unit
 
     lines = [
         f"{'observer':<12} {'point':<12} {'axis':<4} {'seeds':>5} {'R2 mean':>9} {'R2 least':>9} {'error rms':>10}"

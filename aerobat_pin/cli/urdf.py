@@ -29,8 +29,8 @@ def urdf_command(
 ) -> None:
     """Convert a morphology to URDF, SRDF and meshes, or to MJCF and meshes, for other tools."""
     from aerobat_description.export import export, shipped_text
+    from aerobat_pin.aerobat import load_morphology
     from aerobat_pin.errors import OutputError, check_file, write_files
-    from aerobat_pin.robot import load_morphology
 
     if form == "mjcf" and meshes == "package":
         raise OutputError("urdf: --meshes package: MJCF knows no packages; relative or absolute was expected")

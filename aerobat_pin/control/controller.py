@@ -19,6 +19,7 @@ import warnings
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat import BASE_SIZE, Aerobat, believed_robot
 from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.control.disturbance import (
     Disturbance,
@@ -34,7 +35,6 @@ from aerobat_pin.control.sensed import SensedMotion
 from aerobat_pin.errors import ControlWarning, ScenarioError, ShapeError
 from aerobat_pin.flight import LaggedThrust, Plant, ThrusterSet, thrusters_of
 from aerobat_pin.numerics import Array, fields_of, guarded, new_state
-from aerobat_pin.robot import BASE_SIZE, Aerobat, believed_robot
 from aerobat_pin.scenario import ControlSection, Scenario
 
 SHORT = np.array([2e-3, np.inf, 5e-3, 5e-4, 5e-4, 5e-4])  # [N, N m]: what the nominal wrench may lack, without a word

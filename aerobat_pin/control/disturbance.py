@@ -26,12 +26,11 @@ from typing import Protocol
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat import AirStream
+from aerobat_pin.aerobat import BASE_SIZE, Aerobat, AirStream
 from aerobat_pin.control.nominal_wrench import Nominal, control_of
 from aerobat_pin.flight import Plant
 from aerobat_pin.numerics import Array, kernel
 from aerobat_pin.observers import Application, ForceLevelObserver
-from aerobat_pin.robot import BASE_SIZE, Aerobat
 from aerobat_pin.scenario import AirSection, ControlSection, Scenario, SensorSection
 
 CENTRE = "mean_centre_of_mass"  # frame of the body

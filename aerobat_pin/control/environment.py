@@ -37,13 +37,13 @@ import numpy as np
 import pinocchio as pin
 from gymnasium import spaces
 
+from aerobat_pin.aerobat import believed_robot, flown_robot
 from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.control.monitor import FARTHEST_OFF, TILTED
 from aerobat_pin.control.nominal_wrench import control_of, nominal_flight
 from aerobat_pin.errors import ScenarioError, SimulationError
 from aerobat_pin.flight import LaggedThrust, Plant, Sensing, interval_means, thrusters_of
 from aerobat_pin.numerics import Array, checked, shown
-from aerobat_pin.robot import believed_robot, flown_robot
 from aerobat_pin.scenario import Scenario, assign, load_scenario, parse_scenario
 
 MISS = (4.0, 1.0, 0.1, 0.01)  # [1/m2, 1/rad2, s2/m2, s2/rad2]: of position, attitude, velocity, rate

@@ -22,12 +22,11 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat import AirStream
+from aerobat_pin.aerobat import BASE_SIZE, Aerobat, AirStream
 from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.flight import thrusters_of
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.robot import BASE_SIZE, Aerobat
 from aerobat_pin.scenario import ControlSection, Scenario
 
 FLAP_SAMPLES = 240  # in a flap

@@ -25,6 +25,7 @@ from math import cos, isfinite, pi, sin, sqrt
 
 import numpy as np
 
+from aerobat_pin.aerobat import Aerobat
 from aerobat_pin.control.law import add_waves
 from aerobat_pin.control.nominal_wrench import Nominal
 from aerobat_pin.control.sensed_across import follow_attitude, follow_position, gyro
@@ -59,7 +60,6 @@ from aerobat_pin.control.sensed_channels import (
 )
 from aerobat_pin.linkage import joint_series, joints_at
 from aerobat_pin.numerics import Array, fields_of, inner, kernel, new_state
-from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario, SensorSection
 
 

@@ -14,7 +14,7 @@ from aerobat_pin.control.monitor import AXES, LoopState
 from aerobat_pin.control.nominal_wrench import control_of
 from aerobat_pin.flight import thrusters_of
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.robot import euler_angles
+from aerobat_pin.observers import euler_angles
 from aerobat_pin.scenario import Scenario
 
 

@@ -1,8 +1,8 @@
-"""From a record to forces: checks, known forces, observers, calibration, scores and results, for any robot."""
+"""The road from a record to its result: checks, calibration, verdict and scores, all at once or as a stream."""
 
 import lazy_loader
 
 from aerobat_pin.errors import old_names
 
-_get, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-__getattr__ = old_names(__name__, {"Compared": "PairedEstimate"}, _get)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__getattr__ = old_names(__name__, {}, __getattr__, "aerobat_pin.forces")

@@ -6,20 +6,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.estimation.against_reference import sensor_references
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
 from aerobat_pin.estimation.calibration.check_model import CheckedModel, check_model
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
-from aerobat_pin.estimation.calibration_use import ModelCheck
 from aerobat_pin.estimation.checks import efforts_and_friction, record_findings, result_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
-from aerobat_pin.estimation.fit_beside_forces import fit_beside_forces, knows_friction
-from aerobat_pin.estimation.fit_known_forces import fitted_forces
-from aerobat_pin.estimation.known_forces import KnownForces
 from aerobat_pin.estimation.online import OnlineEstimator
 from aerobat_pin.estimation.result import Result
-from aerobat_pin.estimation.run_observers import inputs_between, observers_of, run_observers
-from aerobat_pin.estimation.stored_estimate import StoredEstimate
+from aerobat_pin.forces import (
+    KnownForces,
+    ModelCheck,
+    StoredEstimate,
+    fit_beside_forces,
+    fitted_forces,
+    inputs_between,
+    knows_friction,
+    observers_of,
+    run_observers,
+    sensor_references,
+)
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import Expected, Observer
 from aerobat_pin.records import Record

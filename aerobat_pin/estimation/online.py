@@ -20,16 +20,24 @@ import numpy as np
 from aerobat_pin.errors import AerobatError, MapError
 from aerobat_pin.estimation import stream_rings as ring_kernels
 from aerobat_pin.estimation.calibration.calibration import Calibration, belief_of
-from aerobat_pin.estimation.contacts import walks_on
-from aerobat_pin.estimation.deviations import LAGS, RECENT, add_lag_of_filter, raise_to_noise, tilt_of, with_tilt
-from aerobat_pin.estimation.inputs import change_of_axes
-from aerobat_pin.estimation.known_forces import FittedValues
 from aerobat_pin.estimation.online_sample import OnlineSample, StreamHealth, stream_health
-from aerobat_pin.estimation.run_observers import built_observers, rows_of
-from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.estimation.stream_kernels import build_interval
 from aerobat_pin.estimation.stream_samples import put
 from aerobat_pin.estimation.stream_sizes import StreamSizes
+from aerobat_pin.forces import (
+    LAGS,
+    RECENT,
+    TIME_CONSTANTS_TO_SETTLE,
+    FittedValues,
+    add_lag_of_filter,
+    built_observers,
+    change_of_axes,
+    raise_to_noise,
+    rows_of,
+    tilt_of,
+    walks_on,
+    with_tilt,
+)
 from aerobat_pin.numerics import Array, fields_of, guarded
 from aerobat_pin.observers import Expected, KalmanObserver, Observer, ObserversTogether, SmootherObserver
 from aerobat_pin.records import (

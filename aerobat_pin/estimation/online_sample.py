@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerobat_pin.estimation import stream_rings as ring_kernels
-from aerobat_pin.estimation.trust import MISFIT, belief_words
+from aerobat_pin.forces import MISFIT, belief_words
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import DOUBTFUL, Observer
 

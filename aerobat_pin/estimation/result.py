@@ -12,15 +12,23 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.against_reference import PairedEstimate
-from aerobat_pin.estimation.calibration_use import CalibrationUse, ModelCheck
-from aerobat_pin.estimation.contacts import Stance, stances_on_ground
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.observer_scores import ObserverScores, score_table, size_table, text_table
-from aerobat_pin.estimation.scores import point_label, quantity
-from aerobat_pin.estimation.stored_estimate import StoredEstimate
 from aerobat_pin.estimation.verdict import verdict_of
+from aerobat_pin.forces import (
+    CalibrationUse,
+    KnownForces,
+    ModelCheck,
+    ObserverScores,
+    PairedEstimate,
+    Stance,
+    StoredEstimate,
+    point_label,
+    quantity,
+    score_table,
+    size_table,
+    stances_on_ground,
+    text_table,
+)
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Record, Reference, SmoothedMotion, TrueEvent
 

@@ -27,9 +27,9 @@ import numpy as np
 
 from aerobat_pin.errors import ExtraError, MapError, raising
 from aerobat_pin.estimation.calibration.calibration import Calibration
-from aerobat_pin.estimation.contacts import ContactWatch, contact_probability
 from aerobat_pin.estimation.online import OnlineEstimator
 from aerobat_pin.estimation.online_sample import OnlineSample
+from aerobat_pin.forces import ContactWatch, contact_probability
 from aerobat_pin.records import Map, stamp
 
 QUEUE = 1000  # messages of a topic that wait at most: two seconds of 500 Hz

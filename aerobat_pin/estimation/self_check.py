@@ -14,11 +14,16 @@ import numpy as np
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation.calibration.calibration import Calibration
-from aerobat_pin.estimation.fit_known_forces import fitted_forces
-from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
-from aerobat_pin.estimation.inverse_dynamics import frame_jacobians
-from aerobat_pin.estimation.run_observers import ignored_rows, observers_of, rows_of
-from aerobat_pin.estimation.stored_estimate import TIME_CONSTANTS_TO_SETTLE
+from aerobat_pin.forces import (
+    TIME_CONSTANTS_TO_SETTLE,
+    KnownInputs,
+    fitted_forces,
+    frame_jacobians,
+    ignored_rows,
+    inputs_of,
+    observers_of,
+    rows_of,
+)
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Observer, moving_weight
 from aerobat_pin.records import Record

@@ -12,7 +12,7 @@ import numpy as np
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation.checks.samples import rests_at_zero
-from aerobat_pin.estimation.known_forces import FittedValues
+from aerobat_pin.forces import FittedValues
 from aerobat_pin.numerics import Array, Integers, fields_of, inner, new_state
 from aerobat_pin.records import HOLE, Map, PlainRobot, Request, axes_of, has_world_axes
 

@@ -7,11 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.estimation.contacts import walks_on
-from aerobat_pin.estimation.expected_of_record import SLIDES_AT, expected_from, lifted_errors, row_scale
-from aerobat_pin.estimation.fit_beside_forces import LEAST_SHOWN
-from aerobat_pin.estimation.known_forces import FittedValues
-from aerobat_pin.estimation.run_observers import points_of
+from aerobat_pin.forces import (
+    LEAST_SHOWN,
+    SLIDES_AT,
+    FittedValues,
+    expected_from,
+    lifted_errors,
+    points_of,
+    row_scale,
+    walks_on,
+)
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected, ObserversTogether, Rows, Sample, as_others_rub, effort_limits
 from aerobat_pin.records import Map, PlainRobot

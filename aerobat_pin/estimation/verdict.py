@@ -11,14 +11,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT, Contact, ModelCheck
-from aerobat_pin.estimation.contacts import during_contact
-from aerobat_pin.estimation.deviations import without_lag
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.estimation.observer_scores import ObserverScores
-from aerobat_pin.estimation.scores import point_label, quantity, short_label
-from aerobat_pin.estimation.stored_estimate import StoredEstimate
-from aerobat_pin.estimation.trust import ComponentSize, burst_noise
+from aerobat_pin.forces import (
+    SURE_OF_CONTACT,
+    ComponentSize,
+    Contact,
+    ModelCheck,
+    ObserverScores,
+    StoredEstimate,
+    burst_noise,
+    during_contact,
+    point_label,
+    quantity,
+    short_label,
+    without_lag,
+)
 from aerobat_pin.numerics import Array
 
 LASTING = 1.5  # or its rms: noise alone has one error

@@ -10,15 +10,24 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.aerobat import FlightLog, check_names, estimate_flight, true_events, truth_of
+from aerobat_pin.aerobat import (
+    Aerobat,
+    FlightLog,
+    believed_robot,
+    check_names,
+    estimate_flight,
+    flown_robot,
+    true_events,
+    truth_of,
+)
 from aerobat_pin.control import FAILED, Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
-from aerobat_pin.estimation import Calibration, Finding, Result, quantity
+from aerobat_pin.estimation import Calibration, Finding, Result
 from aerobat_pin.experiments.flight_summary import FlightSummary, flight_note, flight_summary, recorded_note
 from aerobat_pin.flight import Simulator, log_with_motion, simulate
+from aerobat_pin.forces import quantity
 from aerobat_pin.numerics import ShownInNotebooks, guarded
 from aerobat_pin.observers import Estimate
-from aerobat_pin.robot import Aerobat, believed_robot, flown_robot
 from aerobat_pin.scenario import Scenario, changed_keys, changes_text
 
 NOISE_ADVICE = "a smaller observers.gain follows the sensors' noise less"

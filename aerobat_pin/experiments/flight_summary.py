@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.aerobat import KNOWN, FlightLog
+from aerobat_pin.aerobat import KNOWN, Aerobat, FlightLog
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.robot import Aerobat, euler_angles, world_velocity
+from aerobat_pin.observers import euler_angles, world_velocity
 from aerobat_pin.scenario import Scenario
 
 Range = tuple[float, float]

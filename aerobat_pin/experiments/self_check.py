@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerobat import estimate_flight
+from aerobat_pin.aerobat import Aerobat, estimate_flight
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import PUSHED_SHARE, Check
 from aerobat_pin.flight import simulate
 from aerobat_pin.numerics import guarded
-from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import Scenario, parse_scenario
 
 SHORTEST_FLIGHT = 0.06  # [s]: shortest simulated flight

@@ -11,9 +11,10 @@ import xarray as xr
 
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import Result, blocks_of
+from aerobat_pin.estimation import Result
 from aerobat_pin.experiments.mcap_messages import McapStretch, write_mcap_stretches
 from aerobat_pin.flight import log_with_motion
+from aerobat_pin.forces import blocks_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate
 

@@ -15,7 +15,7 @@ from aerobat_pin.flight.plant.elastic_joints import as_measured
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import rotations
+from aerobat_pin.observers import rotations
 
 LOGGED = {  # channel of the truth -> row of the strip loads
     "airspeed": "airspeed",

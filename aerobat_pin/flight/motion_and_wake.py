@@ -19,11 +19,10 @@ import numpy as np
 import pinocchio as pin
 import xarray as xr
 
-from aerobat_pin.aerobat import KNOWN, LABELS, FlightLog, filled, robot_air, wind_of
+from aerobat_pin.aerobat import KNOWN, LABELS, LINKS, Aerobat, FlightLog, filled, robot_air, wind_of
 from aerobat_pin.aerodynamics import Wind
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.robot import LINKS, Aerobat
 from aerobat_pin.scenario import AirSection
 
 

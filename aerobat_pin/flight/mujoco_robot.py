@@ -24,10 +24,10 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_description.write_mjcf import mjcf_text
+from aerobat_pin.aerobat import JOINTS, Aerobat, closed_model, closed_state
 from aerobat_pin.errors import ExtraError
 from aerobat_pin.flight.plant.simulated_elsewhere import SimulatedMotion
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.robot import JOINTS, Aerobat, closed_model, closed_state
 
 MUJOCO_STEP = 1.25e-4  # [s]: longest step of MuJoCo's Runge-Kutta method
 CLOSURE_TIME = 5e-4  # [s]: time constant of the closures

@@ -21,9 +21,9 @@ import numpy as np
 import pinocchio as pin
 import xarray as xr
 
-from aerobat_pin.aerobat import KNOWN, LABELS, MEASURED, FlightLog, channel
+from aerobat_pin.aerobat import KNOWN, LABELS, MEASURED, Aerobat, FlightLog, channel
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import Aerobat, rotations
+from aerobat_pin.observers import rotations
 from aerobat_pin.scenario import InertialSection, MotionCaptureSection, SampledSection, SensorSection, SensorsSection
 
 

@@ -20,10 +20,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat import FlightLog
+from aerobat_pin.aerobat import Aerobat, FlightLog
 from aerobat_pin.flight.raw_sensors import measure_raw
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import SensorSection, SensorsSection
 
 Indices = np.ndarray[Any, np.dtype[np.intp]]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from aerobat_pin.aerobat import FlightLog
+from aerobat_pin.aerobat import Aerobat, FlightLog, flown_robot
 from aerobat_pin.errors import ScenarioError, SimulationError
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
 from aerobat_pin.flight.log_channels import flight_log_of
@@ -19,7 +19,6 @@ from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import measure
 from aerobat_pin.numerics import announce_compilation, guarded
-from aerobat_pin.robot import Aerobat, flown_robot
 from aerobat_pin.scenario import Scenario
 
 

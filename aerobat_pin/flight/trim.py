@@ -17,11 +17,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from aerobat_pin.aerobat import flown_robot
 from aerobat_pin.errors import AerobatError, TrimError
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.tables import State
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import MOST_SECONDS, SECONDS_PER_STEP, Scenario
 
 BODY = 5  # unknowns besides the aerodynamic state: frequency, offset, pitch, vertical speed, pitch rate

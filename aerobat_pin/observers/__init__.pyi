@@ -26,6 +26,12 @@ from .expected import SHOWN as SHOWN
 from .expected import Expected as Expected
 from .expected import robot_length as robot_length
 from .expected import with_record as with_record
+from .frames import euler_angles as euler_angles
+from .frames import external_forces as external_forces
+from .frames import joint_wrench as joint_wrench
+from .frames import rotation_matrices as rotation_matrices
+from .frames import rotations as rotations
+from .frames import world_velocity as world_velocity
 from .friction import FRICTION_COEFFICIENTS as FRICTION_COEFFICIENTS
 from .friction import SMOOTH_RATE as SMOOTH_RATE
 from .friction import JointFriction as JointFriction

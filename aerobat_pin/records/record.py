@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.numerics import Array
+from aerobat_pin.observers import rotation_matrices
 from aerobat_pin.records.axes import as_attitude, axes_of, has_world_axes
 from aerobat_pin.records.block import Block, Channel
 from aerobat_pin.records.channels import EXTRA
@@ -18,7 +19,6 @@ from aerobat_pin.records.map_tables import JointVelocitySection, Map, RateSectio
 from aerobat_pin.records.resample import line_means, neighbour_rates, sampled, sampled_turns, slopes, turn_rates
 from aerobat_pin.records.robots import FREE_NQ, FREE_NV, PlainRobot
 from aerobat_pin.records.spool import Series, spread_stretches
-from aerobat_pin.robot import rotation_matrices
 
 BLOCK_MARGIN = 0.5  # [s] around a block, for windows that differentiate
 ZEROED = 0.4999  # [s] after which a velocity that an IMU gives begins at zero again

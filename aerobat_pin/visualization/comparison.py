@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 
 from aerobat_pin.aerobat import FlightLog, true_force
 from aerobat_pin.errors import LogError, content_of, plain_json
-from aerobat_pin.estimation import one_unit, point_label, quantity
 from aerobat_pin.experiments import RESULTS, read_run
+from aerobat_pin.forces import one_unit, point_label, quantity
 from aerobat_pin.scenario import Scenario, differing_keys, keys_text
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.lines import fit_errors, fit_to_drawn

@@ -21,10 +21,10 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial import ConvexHull
 
+from aerobat_pin.aerobat import place_bars, visual_model_with_bars
 from aerobat_pin.errors import AerobatError, ExtraError, OutputError, raising
 from aerobat_pin.experiments import LIVE_OBSERVERS, LiveFlight, LiveRow, LiveSource
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import place_bars, visual_model_with_bars
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.any_robot import visible_parts
 from aerobat_pin.visualization.replay.scene import box_corners, round_number_above

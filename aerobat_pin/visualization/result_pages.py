@@ -13,8 +13,9 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from aerobat_pin.estimation import Result, one_unit, versions
+from aerobat_pin.estimation import Result, versions
 from aerobat_pin.experiments import Experiment, Progress, map_toml, read_map
+from aerobat_pin.forces import one_unit
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.records import TrueEvent
 from aerobat_pin.scenario import Scenario, described, scenario_toml, shipped_description

@@ -14,7 +14,7 @@ from support.readers import in_pinocchio
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin import load_aerobat
-from aerobat_pin.robot import JOINTS, closed_model, closed_state
+from aerobat_pin.aerobat import JOINTS, closed_model, closed_state
 
 FRAMES = ("left_proximal", "left_distal", "right_proximal", "right_distal", "left_force_point")
 

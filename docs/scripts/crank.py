@@ -8,9 +8,8 @@ import pinocchio as pin
 from matplotlib.figure import Figure
 from support.pages import ROOT, Values, run, save, table
 
-from aerobat_pin.aerobat import FlightLog
+from aerobat_pin.aerobat import FlightLog, flown_robot
 from aerobat_pin.flight import simulate
-from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 from aerobat_pin.visualization import style
 

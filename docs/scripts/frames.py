@@ -15,7 +15,7 @@ from PIL import Image
 
 from aerobat_description import PACKAGE_PATH
 from aerobat_description.meshes import parts
-from aerobat_pin.robot import Aerobat, load_aerobat
+from aerobat_pin.aerobat import Aerobat, load_aerobat
 from aerobat_pin.visualization.style import AXIS_COLOURS, INK, MUTED, RC
 
 PICTURE = Path(PACKAGE_PATH, "frames.png")

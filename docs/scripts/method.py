@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Ellipse
 
-from aerobat_pin.robot import load_aerobat
+from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.visualization.style import BLUE, GREEN, INK, METADATA, MUTED, ORANGE, PURPLE, RC, VERMILLION
 
 FIGURES = Path(__file__).resolve().parents[1] / "figures" / "method"

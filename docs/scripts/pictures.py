@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_description.bars import layer, linkage_bars
-from aerobat_pin.robot import Aerobat, load_aerobat, place_bars, visual_model_with_bars
+from aerobat_pin.aerobat import Aerobat, load_aerobat, place_bars, visual_model_with_bars
 from aerobat_pin.visualization import style
 
 FIGURES = Path(__file__).resolve().parents[1] / "figures"

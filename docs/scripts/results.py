@@ -9,8 +9,8 @@ from support.pages import ROOT, Values, save, table
 from support.pages import run as write_or_check
 
 from aerobat_pin.aerobat import known_inputs, true_force
-from aerobat_pin.estimation import FORCE_AXES, r_squared
 from aerobat_pin.experiments import Experiment, run
+from aerobat_pin.forces import FORCE_AXES, r_squared
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
 from aerobat_pin.scenario import load_scenario
 from aerobat_pin.visualization import draw_all

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from support.measurements import plates, plunging
 from support.pages import ROOT, Values, run, save, table
 
-from aerobat_pin.aerobat import flight_motion
-from aerobat_pin.aerobat.believed_air import reconstructed_air
+from aerobat_pin.aerobat import flight_motion, flown_robot
+from aerobat_pin.aerobat.air.believed_air import reconstructed_air
 from aerobat_pin.flight import simulate
-from aerobat_pin.robot import flown_robot, rotations
+from aerobat_pin.observers import rotations
 from aerobat_pin.scenario import load_scenario
 from aerobat_pin.visualization import style
 

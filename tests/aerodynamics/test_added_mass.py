@@ -10,11 +10,11 @@ from support import twins
 from support.kernel_cases import instant, plant_of
 
 from aerobat_pin.aerobat.flight_log import true_force
+from aerobat_pin.aerobat.wing import LINKS
 from aerobat_pin.aerodynamics.planform import added_mass_factor
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.robot.wing import LINKS
 from aerobat_pin.scenario.scenario import load_scenario
 
 LOCAL = pin.ReferenceFrame.LOCAL

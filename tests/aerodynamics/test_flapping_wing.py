@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from support.references import LATTICE_FLAP, FlapLoads, plunge
 
+from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.aerodynamics.flapping_wing import Halves, LineFlight, Stroke, fly
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.robot.aerobat import load_aerobat
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
 STILL = float(LiftingLine(0.4, 0.1, strips=8).y[5])

@@ -19,8 +19,8 @@ from support.references import (
     wagner,
 )
 
+from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.robot.aerobat import load_aerobat
 
 ENDLESS = 1e9  # [m]
 INCIDENCE = np.radians(5.0)

@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 from support.gliding import AIR, NO_DRAG, SHAPE, WING, evaluate, gliding, settled
 from support.kernel_cases import instant
 
-from aerobat_pin.aerodynamics import RobotAir
+from aerobat_pin.aerobat import LINKS, Aerobat, RobotAir, Wing, flown_robot, load_aerobat
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.flight import Plant, simulate
-from aerobat_pin.robot import LINKS, Aerobat, Wing, flown_robot, load_aerobat
 from aerobat_pin.scenario import load_scenario, scenario_toml
 
 DRAGLESS = replace(SHAPE, aerodynamics=NO_DRAG)

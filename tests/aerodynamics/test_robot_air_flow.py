@@ -11,10 +11,10 @@ import pytest
 from support.flapping_robot import STEPS, flap_robot
 from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, evaluate, gliding
 
-from aerobat_pin.aerodynamics import AirConstants, RobotAir
+from aerobat_pin.aerobat import LINKS, RobotAir, Wing
+from aerobat_pin.aerodynamics import AirConstants
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.numerics import fields_of
-from aerobat_pin.robot import LINKS, Wing
 
 
 def test_flow_from_behind_is_flow_from_ahead_in_a_mirror() -> None:

@@ -11,8 +11,8 @@ from support.gliding import BARE, evaluate, gliding, settled
 from support.references import LATTICE_FLAP, Pitch, jones_harmonic, pitch, theodorsen
 from support.section_law import ENDLESS, HALVES, STEPS, air_loads_in, fly_on_links, memory_of, plate, plate_drag
 
+from aerobat_pin.aerobat import LINKS
 from aerobat_pin.aerodynamics import STRIP_ROWS, LiftingLine, Stroke, fly, strips_of
-from aerobat_pin.robot import LINKS
 
 
 def test_at_small_incidence_the_robots_strips_are_the_lifting_line() -> None:

@@ -6,7 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from aerobat_pin.aerobat.believed_air import AirStream
+from aerobat_pin.aerobat.aerobat import believed_robot
+from aerobat_pin.aerobat.air.believed_air import AirStream
 from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.control.disturbance import moved
@@ -14,7 +15,6 @@ from aerobat_pin.control.margins import _margins, loop_margins, noise_slew, wron
 from aerobat_pin.errors import ControlWarning, ScenarioError
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot.aerobat import believed_robot
 from aerobat_pin.scenario.scenario import load_scenario
 
 ROUND = [  # gains whose products one can do in one's head

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from support.commands import aerobat
 
+from aerobat_pin.aerobat import flown_robot
 from aerobat_pin.control import FAILED, Controller
 from aerobat_pin.control.monitor import AT_LIMITS, Monitor
 from aerobat_pin.control.sensed_channels import CHANNELS
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight import ClosedLoop, Plant
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import load_scenario
 
 COLUMNS: dict[str, tuple[int, slice]] = {  # of q, v and crank angle

@@ -19,8 +19,8 @@ from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import Body
 from aerobat_description.reading import MorphologyError
+from aerobat_pin.aerobat.aerobat import JOINTS, load_aerobat
 from aerobat_pin.errors import AerobatError, MorphologyFileError
-from aerobat_pin.robot.aerobat import JOINTS, load_aerobat
 
 LINKS = ("proximal", "distal")
 SIDES = ("left", "right")

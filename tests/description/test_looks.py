@@ -13,9 +13,9 @@ import pytest
 import aerobat_description as description
 from aerobat_description.bars import CLOSING, LAYERS, LINK_OF, linkage_bars
 from aerobat_description.meshes import panels
+from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
+from aerobat_pin.aerobat.closed_model import bar_placements, place_bars, visual_model_with_bars
 from aerobat_pin.errors import ShapeError
-from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
-from aerobat_pin.robot.closed_model import bar_placements, place_bars, visual_model_with_bars
 
 ROBOTS = pytest.mark.parametrize("name", description.MORPHOLOGIES)
 SIDES = ("left", "right")

@@ -15,9 +15,9 @@ from aerobat_description.bar_bodies import bar_bodies, bar_body
 from aerobat_description.bars import linkage_bars
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import Body
-from aerobat_pin.robot.aerobat import load_aerobat
-from aerobat_pin.robot.closed_model import closed_model, closed_state
-from aerobat_pin.robot.frames import euler_angles
+from aerobat_pin.aerobat.aerobat import load_aerobat
+from aerobat_pin.aerobat.closed_model import closed_model, closed_state
+from aerobat_pin.observers.frames import euler_angles
 
 SIDES = ("left", "right")
 

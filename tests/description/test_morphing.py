@@ -13,9 +13,9 @@ from aerobat_description.morphology import Morphology, stretched
 from aerobat_description.morphology_tables import Body, LinkageLengths
 from aerobat_description.position_closure import CRANK_ANGLES, ClosureError, close_linkage, remedies
 from aerobat_description.write_urdf import poses
+from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.linkage import KineticSculpture
-from aerobat_pin.robot.aerobat import load_aerobat
 
 ROBOTS = pytest.mark.parametrize("name", MORPHOLOGIES)
 

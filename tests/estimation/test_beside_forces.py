@@ -9,11 +9,11 @@ import pytest
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from aerobat_pin.estimation.coefficient_errors import coefficient_covariance
-from aerobat_pin.estimation.expected_of_record import expected_from, row_scale
-from aerobat_pin.estimation.fit_beside_forces import most_likely, with_blows
-from aerobat_pin.estimation.instants import settled_instants
-from aerobat_pin.estimation.known_forces import FittedValues
+from aerobat_pin.forces.coefficient_errors import coefficient_covariance
+from aerobat_pin.forces.expected_of_record import expected_from, row_scale
+from aerobat_pin.forces.fit_beside_forces import most_likely, with_blows
+from aerobat_pin.forces.instants import settled_instants
+from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, moving_weight
 from aerobat_pin.records.robot_files import robot_of_map

@@ -40,7 +40,7 @@ from aerobat_pin.estimation import (
 )
 from aerobat_pin.estimation.calibration.checked_part import part_to_check
 from aerobat_pin.estimation.calibration.identify import Identified
-from aerobat_pin.estimation.known_forces import mean_motion
+from aerobat_pin.forces.known_forces import mean_motion
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import Parameter, netcdf_bytes, read_netcdf
 from aerobat_pin.scenario import AirSection, ObserverSection

@@ -15,10 +15,11 @@ from support.calibrated import FreeFlight, free_flight, learnt
 from support.mismatch import NOISY, flown
 
 from aerobat_pin.aerobat import FlightLog, flight_record
-from aerobat_pin.aerobat.believed_air import reconstructed_air
+from aerobat_pin.aerobat.air.believed_air import reconstructed_air
 from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.aerobat.parameters import carrying, flexed
-from aerobat_pin.estimation import CalibrationWatch, Contact, Result, estimate
+from aerobat_pin.estimation import CalibrationWatch, Result, estimate
+from aerobat_pin.forces import Contact
 from aerobat_pin.records import PlainRobot
 
 QUASI_STEADY = "quasi-steady air"

@@ -25,7 +25,7 @@ from support.changed_flights import (
 
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation import Calibration
-from aerobat_pin.estimation.calibration.fit_learnt_error import fit_learnt_error
+from aerobat_pin.forces.fit_learnt_error import fit_learnt_error
 from aerobat_pin.records import Condition
 
 

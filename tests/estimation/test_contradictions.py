@@ -10,15 +10,14 @@ from support.commands import call
 from support.contradictory_logs import CONTRADICTIONS, height_in_millimetres
 from support.flights import flight_findings
 
-from aerobat_pin.aerobat import AerobatRobot
+from aerobat_pin.aerobat import Aerobat, AerobatRobot
+from aerobat_pin.aerobat.aerobat import believed_robot, flown_robot
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.tables import write_csv
 from aerobat_pin.control import Controller
 from aerobat_pin.experiments import write as write_results
 from aerobat_pin.experiments.experiment import Experiment, run_recorded
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.robot import Aerobat
-from aerobat_pin.robot.aerobat import believed_robot, flown_robot
 from aerobat_pin.scenario import AirSection
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
 from aerobat_pin.visualization.result_pages import report_html

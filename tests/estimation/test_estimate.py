@@ -9,13 +9,13 @@ import pytest
 import xarray as xr
 from support.commands import aerobat
 
+from aerobat_pin.aerobat.aerobat import believed_robot
 from aerobat_pin.aerobat.estimate import belief_about, describe_belief, estimate_flight
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import Check
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.experiments.self_check import self_check
-from aerobat_pin.robot.aerobat import believed_robot
 
 HEADER = ("time [s]", "x [m]", "y [m]", "z [m]", "qx", "qy", "qz", "qw", "crank_angle [rad]", "airspeed [m/s]")
 THRUST = tuple(f"thrust_{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz"))

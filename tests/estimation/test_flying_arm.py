@@ -9,7 +9,7 @@ from support.recorded import recorded
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import calibrate, estimate
-from aerobat_pin.estimation.fit_known_forces import fitted_forces
+from aerobat_pin.forces.fit_known_forces import fitted_forces
 
 
 @pytest.mark.parametrize("seed", [21, 22])

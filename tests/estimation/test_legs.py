@@ -18,11 +18,11 @@ from support.walking_log import FEET, bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation import estimate
-from aerobat_pin.estimation.contacts import contact_probability, stances_of, touching
-from aerobat_pin.estimation.deviations import with_tilt
-from aerobat_pin.estimation.expected_of_record import lifted_errors
-from aerobat_pin.estimation.factors_by_balance import factors_by_balance
-from aerobat_pin.estimation.inputs import change_of_axes
+from aerobat_pin.forces.contacts import contact_probability, stances_of, touching
+from aerobat_pin.forces.deviations import with_tilt
+from aerobat_pin.forces.expected_of_record import lifted_errors
+from aerobat_pin.forces.factors_by_balance import factors_by_balance
+from aerobat_pin.forces.inputs import change_of_axes
 from aerobat_pin.records import base_requests, parse_map
 
 PLACE, TURN = np.array([0.12, -0.05, 0.08]), np.array([10.0, -20.0, 90.0])  # [m], [deg]

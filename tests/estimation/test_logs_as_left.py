@@ -16,7 +16,7 @@ from support.walking_log import bag, bag_map, urdf, walk
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, estimate
 from aerobat_pin.estimation.checks.samples import sample_findings
-from aerobat_pin.estimation.known_forces import FittedValues
+from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import Record, open_record, parse_map, suggested_map
 from aerobat_pin.records.columns import GrowingTable, in_order

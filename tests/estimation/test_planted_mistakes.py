@@ -14,13 +14,12 @@ from support.recorded import recorded
 from support.robot_parts import channels, efforts
 from support.walking_log import bag, bag_map, urdf, walk
 
-from aerobat_pin.aerobat import AerobatRobot, flight_record
+from aerobat_pin.aerobat import JOINTS, AerobatRobot, believed_robot, flight_record
 from aerobat_pin.estimation import effort_findings, record_findings
-from aerobat_pin.estimation.known_forces import FittedValues, KnownForces
-from aerobat_pin.estimation.run_observers import inputs_between
 from aerobat_pin.flight import simulate
+from aerobat_pin.forces.known_forces import FittedValues, KnownForces
+from aerobat_pin.forces.run_observers import inputs_between
 from aerobat_pin.records import PlainRobot, Record, Spool, load_robot, series_of
-from aerobat_pin.robot import JOINTS, believed_robot
 from aerobat_pin.scenario import load_scenario
 
 Columns = dict[str, np.ndarray]  # key of a channel -> its samples (n, k), and `time of` key -> its stamps

@@ -3,13 +3,13 @@
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.aerobat.raw.channels import SensorSamples
 from aerobat_pin.aerobat.raw.dynamics import LinearDynamics, wings_by_crank
 from aerobat_pin.aerobat.raw.layout import POSE_ERROR, TWIST_ERROR, Layout
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, wing_angles, wing_motion
 from aerobat_pin.aerobat.raw.rows import ROWS_BY_SENSOR, Sensed
 from aerobat_pin.linkage import joint_series
-from aerobat_pin.robot import load_aerobat
 
 SMALL = 1e-6
 

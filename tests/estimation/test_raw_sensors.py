@@ -14,8 +14,10 @@ from support.flights import flight_findings
 from support.own_model import own_model_errors
 
 from aerobat_pin.aerobat import (
+    Aerobat,
     AerobatRobot,
     FlightLog,
+    believed_robot,
     estimate_flight,
     flight_channels,
     free_record,
@@ -29,11 +31,11 @@ from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
 from aerobat_pin.aerobat.raw.results import notes_of, warnings_of
 from aerobat_pin.aerobat.raw.tuning import Tuning
 from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
-from aerobat_pin.estimation import calibrate, calibration_bytes, r_squared, read_calibration
+from aerobat_pin.estimation import calibrate, calibration_bytes, read_calibration
 from aerobat_pin.experiments import write_flight_mcap
 from aerobat_pin.flight import simulate
+from aerobat_pin.forces import r_squared
 from aerobat_pin.linkage import SeriesSculpture
-from aerobat_pin.robot import Aerobat, believed_robot
 from aerobat_pin.scenario import ObserverSection, RawSection, load_scenario
 
 FRAMES = ("left_force_point", "right_force_point")

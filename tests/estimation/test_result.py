@@ -9,8 +9,9 @@ import pytest
 from support.recorded import recorded
 from support.walking_log import table, table_map, urdf, walk
 
-from aerobat_pin.estimation import Moments, PairedEstimate, StoredEstimate, estimate
+from aerobat_pin.estimation import estimate
 from aerobat_pin.experiments import Experiment, write
+from aerobat_pin.forces import Moments, PairedEstimate, StoredEstimate
 from aerobat_pin.records import series_of
 
 EVERYWHERE = {

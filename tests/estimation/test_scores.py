@@ -10,10 +10,10 @@ from scipy.signal import lfilter
 
 from aerobat_pin.aerobat import true_events, true_force
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.estimation.scores import lag, r_squared
 from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.forces.scores import lag, r_squared
+from aerobat_pin.observers.frames import euler_angles, world_velocity
 from aerobat_pin.records import TrueEvent
-from aerobat_pin.robot.frames import euler_angles, world_velocity
 from aerobat_pin.scenario.scenario import load_scenario, parse_scenario
 
 

@@ -2,11 +2,11 @@
 
 import pytest
 
+from aerobat_pin.aerobat.aerobat import believed_robot
 from aerobat_pin.aerobat.estimate import belief_about
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation.self_check import Check
 from aerobat_pin.experiments.self_check import self_check
-from aerobat_pin.robot.aerobat import believed_robot
 
 
 def test_it_pushes_with_a_tenth_of_the_weight_that_is_believed() -> None:

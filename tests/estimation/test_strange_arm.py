@@ -19,8 +19,8 @@ from support.strange_arm import COULOMB, JOINTS, RATE, URDF, arm_map, nothing, p
 from aerobat_pin.estimation import OnlineEstimator, Result, calibrate, check_record, estimate
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
 from aerobat_pin.estimation.checks import record_findings
-from aerobat_pin.estimation.deviations import lag_of_filter
-from aerobat_pin.estimation.fit_known_forces import fitted_forces
+from aerobat_pin.forces.deviations import lag_of_filter
+from aerobat_pin.forces.fit_known_forces import fitted_forces
 from aerobat_pin.observers import DOUBTFUL, OBSERVERS, SHOWN
 from aerobat_pin.records import parse_map, suggested_map
 from aerobat_pin.visualization.figures.record import unexplained_limit

@@ -10,9 +10,11 @@ import xarray as xr
 from support.recorded import recorded
 
 from aerobat_pin.aerobat import (
+    JOINTS,
     AerobatRobot,
     FlightLog,
     belief_about,
+    believed_robot,
     estimate_flight,
     read_log,
     table_record,
@@ -20,11 +22,10 @@ from aerobat_pin.aerobat import (
 )
 from aerobat_pin.aerobat.channels import MEASURED, THRUST_CHANNEL, channel, filled
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import KnownForces, inputs_of, observers_of
 from aerobat_pin.flight import simulate
+from aerobat_pin.forces import KnownForces, inputs_of, observers_of
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Channel, Record
-from aerobat_pin.robot import JOINTS, believed_robot
 from aerobat_pin.scenario import RawSection, load_scenario
 
 POSE = "x y z qx qy qz qw".split()

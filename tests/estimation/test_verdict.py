@@ -11,10 +11,11 @@ from support.recorded import recorded
 from support.swinging_arm import arm, arm_map, recording
 from support.walking_log import table, table_map, urdf, walk
 
-from aerobat_pin.estimation import CalibrationUse, Contact, Finding, Result, StoredEstimate, estimate
-from aerobat_pin.estimation.observer_scores import score_table
+from aerobat_pin.estimation import Finding, Result, estimate
 from aerobat_pin.estimation.verdict import quantity
 from aerobat_pin.experiments import Experiment
+from aerobat_pin.forces import CalibrationUse, Contact, StoredEstimate
+from aerobat_pin.forces.observer_scores import score_table
 from aerobat_pin.observers import Estimate, force_size
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.result_pages import report_html

@@ -9,10 +9,10 @@ from support.arm import arm
 from support.kernel_cases import record
 
 from aerobat_pin.aerobat.flight_log import true_force
-from aerobat_pin.estimation.scores import FORCE_AXES
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.experiments.write_results import estimate_dataset, estimate_table
 from aerobat_pin.flight import Plant
+from aerobat_pin.forces.scores import FORCE_AXES
 from aerobat_pin.observers import Application, ForceLevelObserver, KalmanObserver
 from aerobat_pin.scenario import load_scenario
 
@@ -101,7 +101,7 @@ def benchmark(request: pytest.FixtureRequest) -> Experiment:
 def rerun(experiment: Experiment, gain: float) -> dict[str, np.ndarray]:
     """Estimate again from the same log with another gain; R2 (wing, axis) by observer."""
     from aerobat_pin.aerobat.flight_record import known_inputs
-    from aerobat_pin.estimation.scores import r_squared
+    from aerobat_pin.forces.scores import r_squared
     from aerobat_pin.observers import OBSERVERS
 
     inputs = known_inputs(experiment.log, experiment.robot)

@@ -13,12 +13,12 @@ import pytest
 from support.kernel_cases import plant_of
 
 from aerobat_pin.aerobat import FlightLog
+from aerobat_pin.aerobat.aerobat import JOINTS, believed_robot, flown_robot
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.linkage.joint_series import SeriesSculpture
-from aerobat_pin.robot.aerobat import JOINTS, believed_robot, flown_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 
 SHORT = ("simulation.duration=0.3", "air.warm_up_cycles=1")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerobat_pin.aerobat import FlightLog, known_inputs
+from aerobat_pin.aerobat import Aerobat, FlightLog, flown_robot, joint_table, known_inputs
 from aerobat_pin.errors import AerobatError, CrankError, TrimError
 from aerobat_pin.experiments import run
 from aerobat_pin.flight import Plant, find_trim, simulate
@@ -24,7 +24,6 @@ from aerobat_pin.flight.crank import (
     crank_drive,
 )
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import Aerobat, flown_robot, joint_table
 from aerobat_pin.scenario import Scenario, load_scenario, scenario_toml
 
 START, RATE = -0.5 * np.pi, 2.0 * np.pi * 4.75

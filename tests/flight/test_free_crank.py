@@ -10,13 +10,13 @@ import pytest
 from support import twins
 from support.kernel_cases import instant
 
+from aerobat_pin.aerobat.aerobat import flown_robot, load_aerobat
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.prescribed_joints import joint_table
 from aerobat_pin.flight import RateControlledMotor, SpinUp
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.linkage import joint_series, joints_at
-from aerobat_pin.robot.aerobat import flown_robot, load_aerobat
-from aerobat_pin.robot.prescribed_joints import joint_table
 from aerobat_pin.scenario.scenario import Scenario, load_scenario
 
 MOTOR = ["crank.drive=motor", "crank.motor.start_frequency=4.75"]

@@ -21,8 +21,8 @@ from support.kernel_cases import (
     robot_with_a_turned_frame,
 )
 
-from aerobat_pin.aerodynamics import RobotAir
-from aerobat_pin.aerodynamics.robot_in_air import RobotState, warm_up
+from aerobat_pin.aerobat import RobotAir
+from aerobat_pin.aerobat.air.robot_in_air import RobotState, warm_up
 from aerobat_pin.aerodynamics.strip_forces import strips_of
 from aerobat_pin.flight.attitude_hold import AttitudeHold, attitude_error, hold_wrench, rotation_vector
 from aerobat_pin.flight.plant import kernels as plant_kernels

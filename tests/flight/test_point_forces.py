@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.robot.aerobat import load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.scenario.unknown_forces import PaperForce, tick_means
 

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from support.commands import call
 
-from aerobat_pin.aerobat import FlightLog
+from aerobat_pin.aerobat import FlightLog, flown_robot
 from aerobat_pin.control import Controller
 from aerobat_pin.errors import ExtraError, ScenarioError, ShapeError
 from aerobat_pin.experiments import run
 from aerobat_pin.flight import MujocoRobot, SimulatedMotion, simulate
-from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 
 

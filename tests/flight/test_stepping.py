@@ -9,11 +9,10 @@ import pinocchio as pin
 import pytest
 from support.kernel_cases import plant_of
 
-from aerobat_pin.aerobat import FlightLog
+from aerobat_pin.aerobat import FlightLog, flown_robot
 from aerobat_pin.errors import CrankError, ShapeError, SimulationError
 from aerobat_pin.flight import Plant, Sensing, interval_means, simulate
 from aerobat_pin.flight.sensors import measure
-from aerobat_pin.robot import flown_robot
 from aerobat_pin.scenario import load_scenario
 
 STEPS, DT = 60, 1e-3

@@ -9,13 +9,13 @@ from support.flapping_robot import AIRSPEED, FREQUENCY, STEPS, flap_robot
 from support.gliding import BARE, evaluate, gliding, settled
 from support.shed_wake import impulse_lift, rectangle_wake, wake_at
 
+from aerobat_pin.aerobat.aerobat import flown_robot
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerodynamics.flapping_wing import Stroke
 from aerobat_pin.aerodynamics.wind import Wind
 from aerobat_pin.errors import LogError
 from aerobat_pin.flight.motion_and_wake import Wake, wake_of
 from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.robot.aerobat import flown_robot
 from aerobat_pin.scenario.air_tables import AirSection
 from aerobat_pin.scenario.scenario import load_scenario
 

@@ -16,9 +16,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.errors import AerobatError, LinkageError, NearSingularWarning
 from aerobat_pin.linkage import Closure, KineticSculpture
-from aerobat_pin.robot import load_aerobat
 
 LINKAGE = KineticSculpture()
 BARS = LINKAGE.lengths

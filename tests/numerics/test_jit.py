@@ -177,7 +177,7 @@ import numpy as np
 import pinocchio as pin
 from aerobat_pin.observers import KalmanObserver
 from aerobat_pin.observers.kalman import kernels
-from aerobat_pin.robot.aerobat import FORCE_POINTS, load_aerobat
+from aerobat_pin.aerobat.aerobat import FORCE_POINTS, load_aerobat
 
 model, rng = load_aerobat().model, np.random.default_rng(1)
 q = np.array([pin.integrate(model, pin.neutral(model), step) for step in rng.uniform(-0.5, 0.5, (50, model.nv))])

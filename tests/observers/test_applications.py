@@ -9,6 +9,7 @@ from support.arm import ALIGNED, arm, identifiability, push, rest
 from support.kernel_cases import COPIES, MODELS, record
 from support.observer_twins import point_jacobian
 
+from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.errors import ArgumentError, ObserverError
 from aerobat_pin.observers import (
     Application,
@@ -23,7 +24,6 @@ from aerobat_pin.observers import (
 from aerobat_pin.observers.applications import Applications
 from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.rows import BelievedRows
-from aerobat_pin.robot.aerobat import load_aerobat
 
 WINGS = ["left_force_point", "right_force_point"]
 PAIRS = {"left_shoulder": "right_shoulder", "left_elbow": "right_elbow"}

@@ -11,11 +11,11 @@ from support.kernel_cases import MODELS, assert_equal, believable, record
 from support.observer_twins import point_jacobian
 from support.rails import Rails
 
+from aerobat_pin.aerobat.aerobat import FORCE_POINTS, load_aerobat
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight import simulate
 from aerobat_pin.observers import Application, Expected, KalmanObserver, SmootherObserver, tie_joints
-from aerobat_pin.robot.aerobat import FORCE_POINTS, load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
 
 ROBOT = load_aerobat("aerobat_light")

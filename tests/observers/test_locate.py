@@ -7,12 +7,12 @@ from scipy.signal import lfilter
 from support.arm import arm, push, rest
 
 from aerobat_description.meshes import parts
+from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
+from aerobat_pin.aerobat.wing import LINKS
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
 from aerobat_pin.observers import Application, ForceLevelObserver, LineOfAction, locate, locate_series
 from aerobat_pin.observers.analysis.line_of_action import Panel
 from aerobat_pin.observers.analysis.noise_and_lag import correlation_length
-from aerobat_pin.robot.aerobat import Aerobat, load_aerobat
-from aerobat_pin.robot.wing import LINKS
 
 LINK = "left_distal"
 SPOTS = [(0.02, 0.03, 0.0), (0.06, 0.08, 0.0), (-0.08, 0.012, 0.0)]  # [m], on the distal membrane

@@ -12,10 +12,10 @@ from support.mismatch import NOISY, Seen, estimated, made_up, scores, seen, thin
 from support.observer_conditions import TUNING, Condition, worst
 from support.observer_twins import believed, remembered
 
-from aerobat_pin.estimation.scores import r_squared
+from aerobat_pin.aerobat.aerobat import FORCE_POINTS
+from aerobat_pin.forces.scores import r_squared
 from aerobat_pin.observers import OBSERVERS, moving_weight
 from aerobat_pin.observers.redundancy import redundancy_of
-from aerobat_pin.robot.aerobat import FORCE_POINTS
 
 FILTERS = ("kalman", "smoother")
 

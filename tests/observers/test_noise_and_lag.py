@@ -5,6 +5,7 @@ import pinocchio as pin
 import pytest
 from support.arm import arm, push, rest
 
+from aerobat_pin.aerobat.aerobat import FORCE_POINTS, load_aerobat
 from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.experiments.experiment import Experiment
@@ -21,7 +22,6 @@ from aerobat_pin.observers import (
     predict,
 )
 from aerobat_pin.observers.analysis.noise_and_lag import lag_of, noise_gain
-from aerobat_pin.robot.aerobat import FORCE_POINTS, load_aerobat
 
 KINDS = [MomentumObserver, ForceLevelObserver, SecondOrderObserver]
 NOISE = SensorNoise(linear_velocity=0.02, gyro=0.01, joint_rate=0.05)

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 from support.arm import arm, identifiability, push, rest
 
+from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
 from aerobat_pin.observers import (
     OBSERVERS,
@@ -16,7 +17,6 @@ from aerobat_pin.observers import (
     Observer,
     SmootherObserver,
 )
-from aerobat_pin.robot.aerobat import load_aerobat
 
 KINDS = [kind for kind in OBSERVERS.values() if kind is not SmootherObserver]  # which takes whole records only
 

@@ -19,8 +19,8 @@ from support.without_coriolis import AXES, JOINTS, chain, drift, links, mjcf_leg
 
 from aerobat_pin.errors import LogError, ObserverError
 from aerobat_pin.observers import OBSERVERS, AllBut, Application, MomentumObserver, Observer, Rows, Tie
+from aerobat_pin.observers.frames import external_forces, joint_wrench
 from aerobat_pin.records.robot_files import FREE, named_robot
-from aerobat_pin.robot.frames import external_forces, joint_wrench
 
 FRAMES = {"borinot": "flying_arm_2__ee", "hector": "base_link", "solo12": "FL_FOOT", "talos": "gripper_left_base_link"}
 MORE = {"kinova": "j2s6s200_end_effector", "panda": "panda_hand", "ur5": "tool0", "anymal_c": "LF_FOOT"}

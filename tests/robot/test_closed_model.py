@@ -18,10 +18,10 @@ from support.closed import (
 from support.readers import ROBOTS
 
 import aerobat_pin
+from aerobat_pin.aerobat.aerobat import load_aerobat
+from aerobat_pin.aerobat.closed_model import closed_model, closed_settings, closed_state
 from aerobat_pin.errors import FrameNotFoundError, MorphologyFileError
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
-from aerobat_pin.robot.aerobat import load_aerobat
-from aerobat_pin.robot.closed_model import closed_model, closed_settings, closed_state
 
 CRANKS = ("left_crank", "right_crank")
 

@@ -13,10 +13,10 @@ import pytest
 from support.stepping import step
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.aerobat import known_inputs
+from aerobat_pin.aerobat import Aerobat, known_inputs, load_aerobat, prescribed_joint_dynamics
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.flight import simulate
-from aerobat_pin.robot import Aerobat, external_forces, joint_wrench, load_aerobat, prescribed_joint_dynamics
+from aerobat_pin.observers import external_forces, joint_wrench
 from aerobat_pin.scenario import load_scenario
 
 SEEDS = range(5)

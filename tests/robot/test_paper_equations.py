@@ -15,8 +15,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat, load_aerobat
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.robot.aerobat import JOINTS, Aerobat, load_aerobat
 from aerobat_pin.scenario.scenario import load_scenario
 
 EXACT = 1e-12

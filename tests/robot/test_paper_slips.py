@@ -11,15 +11,15 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
+from aerobat_pin.aerobat.aerobat import FORCE_POINTS, Aerobat, load_aerobat
 from aerobat_pin.aerobat.flight_record import known_inputs
+from aerobat_pin.aerobat.prescribed_joints import prescribed_joint_dynamics
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
-from aerobat_pin.estimation import KnownInputs
 from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.forces import KnownInputs
 from aerobat_pin.observers import MomentumObserver
-from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat, load_aerobat
-from aerobat_pin.robot.frames import joint_wrench
-from aerobat_pin.robot.prescribed_joints import prescribed_joint_dynamics
+from aerobat_pin.observers.frames import joint_wrench
 from aerobat_pin.scenario.scenario import load_scenario
 
 PSI, EPS = np.array(JONES_PSI), np.array(JONES_EPS)

@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
+from aerobat_pin.aerobat import load_morphology
 from aerobat_pin.errors import AerobatError, MorphologyFileError, ScenarioError, SweepError, TrimError
 from aerobat_pin.experiments import run
 from aerobat_pin.experiments.sweep.sweep_file import read_sweep
 from aerobat_pin.flight import find_trim, simulate
-from aerobat_pin.robot import load_morphology
 from aerobat_pin.scenario import (
     changed_keys,
     changes_text,

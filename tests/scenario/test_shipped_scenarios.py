@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from support.commands import call
 
+from aerobat_pin.aerobat.aerobat import believed_robot
 from aerobat_pin.aerobat.estimate import belief_about, estimate_flight
 from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.aerobat.tables import read_log, write_csv
-from aerobat_pin.estimation.scores import point_label, r_squared
 from aerobat_pin.experiments.experiment import Experiment, run
-from aerobat_pin.robot.aerobat import believed_robot
+from aerobat_pin.forces.scores import point_label, r_squared
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
 
 SHIPPED = shipped_scenarios()

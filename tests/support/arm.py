@@ -3,13 +3,13 @@
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.observers import (
     Identifiability,
     MomentumObserver,
     Rows,
 )
 from aerobat_pin.observers.identifiability import judge
-from aerobat_pin.robot.aerobat import Aerobat
 from support.observer_twins import point_jacobian
 
 ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

@@ -8,11 +8,19 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat import AerobatRobot, FlightLog, flight_record, free_record, true_force
+from aerobat_pin.aerobat import (
+    FORCE_POINTS,
+    Aerobat,
+    AerobatRobot,
+    FlightLog,
+    believed_robot,
+    flight_record,
+    free_record,
+    true_force,
+)
 from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.estimation import Calibration, calibrate
 from aerobat_pin.records import Record
-from aerobat_pin.robot import FORCE_POINTS, Aerobat, believed_robot
 from aerobat_pin.scenario import AirSection, load_scenario
 from support.detection_bound import detectability, earliest
 from support.flights import flight_inputs

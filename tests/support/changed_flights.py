@@ -11,12 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.aerobat import AerobatRobot, FlightLog, flight_record, free_record, true_force
+from aerobat_pin.aerobat import (
+    FORCE_POINTS,
+    AerobatRobot,
+    FlightLog,
+    believed_robot,
+    flight_record,
+    free_record,
+    true_force,
+)
 from aerobat_pin.estimation import Calibration, Result, calibrate, estimate
 from aerobat_pin.flight import simulate
 from aerobat_pin.observers import low_passed
 from aerobat_pin.records import Record
-from aerobat_pin.robot import FORCE_POINTS, believed_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 from support.mismatch import NOISY
 

@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 import aerobat_description as description
+from aerobat_pin.aerobat.aerobat import Aerobat
+from aerobat_pin.aerobat.closed_model import closed_state
+from aerobat_pin.aerobat.prescribed_joints import prescribed_joint_dynamics
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
-from aerobat_pin.robot.aerobat import Aerobat
-from aerobat_pin.robot.closed_model import closed_state
-from aerobat_pin.robot.prescribed_joints import prescribed_joint_dynamics
 
 Rate = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
 RATE = 2.0 * np.pi * 4.75  # [rad/s] of the crank

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import block_diag, cholesky, solve_triangular
 
-from aerobat_pin.robot import FORCE_POINTS
+from aerobat_pin.aerobat import FORCE_POINTS
 from aerobat_pin.scenario import UnknownForce
 
 VELOCITIES = np.array([0.005] * 3 + [0.003] * 3 + [0.02] * 4)  # of `support.mismatch.NOISY`: m/s, rad/s, rad/s

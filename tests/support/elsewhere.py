@@ -4,9 +4,8 @@ from functools import cache
 
 import numpy as np
 
-from aerobat_pin.aerobat import FlightLog, belief_about, flight_record
+from aerobat_pin.aerobat import FlightLog, belief_about, believed_robot, flight_record
 from aerobat_pin.estimation import Calibration
-from aerobat_pin.robot import believed_robot
 from support.calibrated import FreeFlight
 from support.flights import flight_inputs
 from support.mismatch import Seen

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import RobotAir, Wind, strips_of
+from aerobat_pin.aerobat import LINKS, RobotAir, load_aerobat
+from aerobat_pin.aerodynamics import Wind, strips_of
 from aerobat_pin.flight import Wake
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import LINKS, load_aerobat
 from support.section_law import fly_strips
 
 AIRSPEED, PITCH, FREQUENCY = 4.5, np.radians(8.0), 4.75  # [m/s, rad, Hz]

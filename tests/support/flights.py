@@ -3,15 +3,8 @@
 from dataclasses import replace
 
 from aerobat_pin.aerobat import AerobatRobot, FlightLog, flight_record
-from aerobat_pin.estimation import (
-    Calibration,
-    CalibrationWatch,
-    Finding,
-    KnownForces,
-    KnownInputs,
-    inputs_of,
-    record_findings,
-)
+from aerobat_pin.estimation import Calibration, CalibrationWatch, Finding, record_findings
+from aerobat_pin.forces import KnownForces, KnownInputs, inputs_of
 from aerobat_pin.records import Record
 
 

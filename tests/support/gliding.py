@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_description.morphology import Morphology
-from aerobat_pin.aerodynamics import STRIP_ROWS, RobotAir, StripLoads, strips_of
-from aerobat_pin.robot.wing import Wing
+from aerobat_pin.aerobat import RobotAir
+from aerobat_pin.aerobat.wing import Wing
+from aerobat_pin.aerodynamics import STRIP_ROWS, StripLoads, strips_of
 from support.section_law import air_loads_in
 
 SHAPE = Morphology.load("aerobat")

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from aerobat_description.morphology import Morphology
+from aerobat_pin.aerobat import LINKS
 from aerobat_pin.aerodynamics import STRIP_ROWS, Halves, LiftingLine, Stroke, fly, strips_of
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import LINKS
 from support.measurements import Flapping, Plates, Plunging
 from support.section_law import ENDLESS, HALVES, air_loads_in, fly_strips, memory_of
 

@@ -14,11 +14,11 @@ import pinocchio as pin
 import pytest
 
 import aerobat_pin
+from aerobat_pin.aerobat.aerobat import FORCE_POINTS, Aerobat, flown_robot, load_aerobat
+from aerobat_pin.aerobat.wing import Wing
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.plant_state import DIRECTION_AXES
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
-from aerobat_pin.robot.aerobat import FORCE_POINTS, Aerobat, flown_robot, load_aerobat
-from aerobat_pin.robot.wing import Wing
 from aerobat_pin.scenario.scenario import load_scenario, parse_scenario
 
 PACKAGE = Path(aerobat_pin.__file__).parent

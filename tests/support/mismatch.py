@@ -8,11 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat import FlightLog, known_inputs, true_force
-from aerobat_pin.estimation import KnownInputs
+from aerobat_pin.aerobat import FORCE_POINTS, Aerobat, FlightLog, believed_robot, known_inputs, true_force
 from aerobat_pin.flight import simulate
+from aerobat_pin.forces import KnownInputs
 from aerobat_pin.observers import OBSERVERS, Estimate
-from aerobat_pin.robot import FORCE_POINTS, Aerobat, believed_robot
 from aerobat_pin.scenario import Scenario, load_scenario
 
 NOISY = (

@@ -7,18 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerobat_pin.aerodynamics import (
-    STRIP_ROWS,
-    AirConstants,
-    LiftingLine,
-    Pieces,
-    Stroke,
-    air_loads,
-    air_memory,
-    strips_of,
-)
+from aerobat_pin.aerobat import LINKS, air_loads, air_memory
+from aerobat_pin.aerodynamics import STRIP_ROWS, AirConstants, LiftingLine, Pieces, Stroke, strips_of
 from aerobat_pin.numerics import Array, fields_of, kernel
-from aerobat_pin.robot import LINKS
 
 HALVES = [1, 3]  # the links that carry a wing's left and right half
 CYCLES, STEPS = 5, 200  # flown, of which the last is looked at; steps of a cycle

@@ -12,14 +12,14 @@ import pinocchio as pin
 from scipy.linalg import cho_factor, cho_solve
 
 from aerobat_description.morphology import Morphology
-from aerobat_pin.aerodynamics import RobotAir
+from aerobat_pin.aerobat import RobotAir
+from aerobat_pin.aerobat.prescribed_joints import joint_table
+from aerobat_pin.aerobat.wing import LINKS
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.plant_state import Forces
 from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.flight.point_forces import PointForce
-from aerobat_pin.robot.prescribed_joints import joint_table
-from aerobat_pin.robot.wing import LINKS
 from support.stepping import stage_mean, step
 
 LOCAL, ALIGNED = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

@@ -16,8 +16,8 @@ from support.commands import aerobat
 
 from aerobat_description.morphology import Morphology
 from aerobat_description.position_closure import ClosureError, close_linkage
+from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.errors import ArgumentError
-from aerobat_pin.robot import load_aerobat
 from aerobat_pin.visualization import crank_page, open_robot
 
 BARS = {

@@ -9,8 +9,8 @@ import pinocchio as pin
 import pytest
 from support.browser import SEEK_AND_DRAW, at, needs_browser, node, opened, pixels, ready, resized
 
+from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.errors import FrameNotFoundError, ShapeError
-from aerobat_pin.robot import load_aerobat
 from aerobat_pin.visualization.comparison import side_by_side
 from aerobat_pin.visualization.replay import moving_page
 from aerobat_pin.visualization.replay.moving_page import Replay, record

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerobat_pin.aerobat.believed_air import AirAlongMotion, through_air
+from aerobat_pin.aerobat.aerobat import Aerobat
+from aerobat_pin.aerobat.air.believed_air import AirAlongMotion, through_air
 from aerobat_pin.aerobat.motion import Motion, wind_of
+from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
 from aerobat_pin.aerobat.raw.nominal_motion import WING_JOINTS, NominalMotion, wing_angles, wing_motion
 from aerobat_pin.linkage import joint_series
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import BASE_SIZE, Aerobat
 from aerobat_pin.scenario import AirSection
 
 SHIFTS = (0.02, 0.02, 0.02, 0.2, 0.2, 0.2)  # [m/s, rad/s] by which the twist is shifted

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.aerobat.torque import RECORDED, Torque
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import EXTRA, Channel, sampled
-from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import RawSection
 
 NOISE = {  # deviations of good laboratory sensors, where neither log nor settings say others

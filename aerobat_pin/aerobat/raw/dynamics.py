@@ -18,11 +18,12 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat.aerobat import Aerobat
+from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
 from aerobat_pin.aerobat.raw.air import AirForces
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
 from aerobat_pin.aerobat.raw.nominal_motion import WING_JOINTS, NominalMotion, wing_angles, wing_motion
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import BASE_SIZE, Aerobat
 
 BODY_ROWS = slice(0, BASE_SIZE)
 

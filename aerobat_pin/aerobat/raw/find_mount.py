@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import PLACE_AXES, Mount
+from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.layout import MOUNT_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointSmoother
@@ -22,7 +23,6 @@ from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Channel, Extras
-from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
 ROUNDS = 3  # of the smoother, each about the last result

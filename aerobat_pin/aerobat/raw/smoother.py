@@ -12,6 +12,7 @@ from functools import partial
 
 import numpy as np
 
+from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.aerobat.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.aerobat.raw.channels import RawRecord, RecordPart, part_of, stretches
 from aerobat_pin.aerobat.raw.dynamics import LinearDynamics, linear_dynamics
@@ -32,7 +33,6 @@ from aerobat_pin.aerobat.raw.tuning import (
 )
 from aerobat_pin.linkage import SeriesSculpture
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import Aerobat
 from aerobat_pin.scenario import AirSection, RawSection
 
 SETTLED = 4.0e-4  # [m/s], and ten times as many rad/s: rms change of the twist at which the iteration ends

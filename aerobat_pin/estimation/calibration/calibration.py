@@ -11,12 +11,19 @@ from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation.calibration.detection import SETTLING, Detection
 from aerobat_pin.estimation.calibration.error_bar import bar_words
 from aerobat_pin.estimation.calibration.identify import Identified
-from aerobat_pin.estimation.calibration.learnt_error import LearntError
-from aerobat_pin.estimation.calibration_use import CalibrationUse, Contact, ModelCheck
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.estimation.fit_known_forces import fitted_forces
-from aerobat_pin.estimation.inputs import KnownInputs
-from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces
+from aerobat_pin.forces import (
+    CALIBRATION,
+    FRICTION,
+    CalibrationUse,
+    Contact,
+    FittedValues,
+    KnownForces,
+    KnownInputs,
+    LearntError,
+    ModelCheck,
+    fitted_forces,
+)
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, encoder_words, torque_per_unit
 

@@ -17,7 +17,7 @@ import xarray as xr
 
 from aerobat_pin.errors import CalibrationError, LogError
 from aerobat_pin.estimation.calibration.calibration import Calibration
-from aerobat_pin.estimation.calibration.learnt_error import weight_count
+from aerobat_pin.forces import weight_count
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import FRICTION_COEFFICIENTS
 from aerobat_pin.records import netcdf_bytes, read_netcdf

@@ -11,10 +11,7 @@ from aerobat_pin.estimation.calibration.calibration import Calibration
 from aerobat_pin.estimation.calibration.checked_part import CheckedPart, error_factors, part_to_check, slice_of_part
 from aerobat_pin.estimation.calibration.name_cause import Named, cause_corrected, named_cause
 from aerobat_pin.estimation.calibration.row_geometry import RowGeometry
-from aerobat_pin.estimation.calibration_use import ModelCheck
-from aerobat_pin.estimation.inputs import KnownInputs
-from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import blocks_of, points_of
+from aerobat_pin.forces import KnownForces, KnownInputs, ModelCheck, blocks_of, points_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer
 from aerobat_pin.records import Record

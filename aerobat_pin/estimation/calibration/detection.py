@@ -17,8 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.calibration_use import Contact
-from aerobat_pin.estimation.inputs import KnownInputs
+from aerobat_pin.forces import Contact, KnownInputs
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import KalmanObserver, LevelDetector, moving_weight
 

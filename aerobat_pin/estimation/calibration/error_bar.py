@@ -6,15 +6,24 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from aerobat_pin.estimation.against_reference import PairedEstimate, sensor_references
 from aerobat_pin.estimation.calibration.free_run import FreeRun, free_runs
-from aerobat_pin.estimation.calibration.map_fits import held_out_stretch, used_by_fits
-from aerobat_pin.estimation.expected_of_record import SLIDES_AT, expected_of
-from aerobat_pin.estimation.gain_regression import fits_to_sensor
-from aerobat_pin.estimation.instants import looked_at
-from aerobat_pin.estimation.inverse_dynamics import contact_torque
-from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import inputs_between, observers_of, rms_in, run_observers, settled
+from aerobat_pin.forces import (
+    SLIDES_AT,
+    KnownForces,
+    PairedEstimate,
+    contact_torque,
+    expected_of,
+    fits_to_sensor,
+    held_out_stretch,
+    inputs_between,
+    looked_at,
+    observers_of,
+    rms_in,
+    run_observers,
+    sensor_references,
+    settled,
+    used_by_fits,
+)
 from aerobat_pin.observers import low_passed, row_names, typical_step
 from aerobat_pin.records import FREE_NV
 

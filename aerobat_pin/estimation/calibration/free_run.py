@@ -9,10 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.calibration.detection import settled_intervals
-from aerobat_pin.estimation.gain_regression import MOST_FITTED
-from aerobat_pin.estimation.inputs import KnownInputs, inputs_of
-from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import rows_of
+from aerobat_pin.forces import MOST_FITTED, KnownForces, KnownInputs, inputs_of, rows_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
     MOMENT_ARM,

@@ -16,7 +16,6 @@ from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation.calibration.calibration import EFFORT, ENCODER, TORQUE, Belief, Calibration, belief_of
 from aerobat_pin.estimation.calibration.detection import Detection, learn_detection
 from aerobat_pin.estimation.calibration.error_bar import bar_words, error_bar, noise_where_known, row_noise
-from aerobat_pin.estimation.calibration.fit_learnt_error import fit_learnt_error
 from aerobat_pin.estimation.calibration.free_run import (
     FreeRun,
     free_runs,
@@ -24,23 +23,28 @@ from aerobat_pin.estimation.calibration.free_run import (
     unexpected,
 )
 from aerobat_pin.estimation.calibration.identify import Identified, identify
-from aerobat_pin.estimation.calibration.learnt_error import LearntError
-from aerobat_pin.estimation.calibration.map_fits import (
+from aerobat_pin.estimation.calibration.pushed_points import pushed_points
+from aerobat_pin.estimation.checks import efforts_and_friction, fit_findings, record_findings
+from aerobat_pin.estimation.findings import Finding, refuse_if_certain
+from aerobat_pin.forces import (
+    CALIBRATION,
+    FRICTION,
+    FittedValues,
+    KnownForces,
+    LearntError,
+    fit_learnt_error,
     fit_notes,
     fits_anything,
     fits_thrust,
+    fits_to_sensor,
     fitted_by_map,
+    given_forces,
     kept_of,
+    mean_motion,
     taken_as_free,
     unseen_notes,
     with_friction,
 )
-from aerobat_pin.estimation.calibration.pushed_points import pushed_points
-from aerobat_pin.estimation.checks import efforts_and_friction, fit_findings, record_findings
-from aerobat_pin.estimation.findings import Finding, refuse_if_certain
-from aerobat_pin.estimation.fit_known_forces import given_forces
-from aerobat_pin.estimation.gain_regression import fits_to_sensor
-from aerobat_pin.estimation.known_forces import CALIBRATION, FRICTION, FittedValues, KnownForces, mean_motion
 from aerobat_pin.numerics import guarded, shown
 from aerobat_pin.observers import JointFriction, fit_friction, force_size, typical_step
 from aerobat_pin.records import Condition, Extras, Record

@@ -19,11 +19,17 @@ import numpy as np
 
 from aerobat_pin.estimation.calibration.checked_part import CheckedPart
 from aerobat_pin.estimation.calibration.free_run import residual_at_once
-from aerobat_pin.estimation.calibration.learnt_error import DAILY, LearntError, alone, shares
-from aerobat_pin.estimation.calibration_use import Cause
-from aerobat_pin.estimation.inputs import KnownInputs, inputs_of_block
-from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import LEAST_EXPECTED
+from aerobat_pin.forces import (
+    DAILY,
+    LEAST_EXPECTED,
+    Cause,
+    KnownForces,
+    KnownInputs,
+    LearntError,
+    alone,
+    inputs_of_block,
+    shares,
+)
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import slow_part
 

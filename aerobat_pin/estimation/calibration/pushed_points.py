@@ -14,14 +14,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.estimation.calibration_use import SURE_OF_CONTACT
-from aerobat_pin.estimation.expected_of_record import expected_of
-from aerobat_pin.estimation.fit_beside_forces import CHECKED, FEWEST_INSTANTS, most_likely, spare_share
-from aerobat_pin.estimation.instants import column_rms, looked_at
-from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import inputs_between, points_of
-from aerobat_pin.estimation.scores import point_label, quantity
 from aerobat_pin.estimation.verdict import LASTING, TINY
+from aerobat_pin.forces import (
+    CHECKED,
+    FEWEST_INSTANTS,
+    SURE_OF_CONTACT,
+    KnownForces,
+    column_rms,
+    expected_of,
+    inputs_between,
+    looked_at,
+    most_likely,
+    point_label,
+    points_of,
+    quantity,
+    spare_share,
+)
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Applications, moving_weight, robot_length
 

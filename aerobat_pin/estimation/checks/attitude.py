@@ -9,8 +9,8 @@ import numpy as np
 from aerobat_pin.estimation.checks.compare import COMPARED_OVER, comparison_of
 from aerobat_pin.estimation.findings import Finding, FindingVerdict
 from aerobat_pin.numerics import Array
+from aerobat_pin.observers import rotation_matrices
 from aerobat_pin.records import Agreement, G
-from aerobat_pin.robot import rotation_matrices
 
 Reading = tuple[str, str]  # order and sense, as a map says them
 

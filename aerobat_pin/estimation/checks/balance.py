@@ -14,9 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.inputs import KnownInputs
-from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
-from aerobat_pin.estimation.run_observers import ignored_rows
+from aerobat_pin.forces import KnownInputs, accelerations, ignored_rows, required_torque
 from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.observers import MOMENT_ARM, SMOOTH_RATE, AllBut
 from aerobat_pin.records import Block, Record

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 from aerobat_pin.estimation.checks.efforts import effort_findings
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.estimation.known_forces import KnownForces
-from aerobat_pin.estimation.run_observers import inputs_between
+from aerobat_pin.forces import KnownForces, inputs_between
 
 
 def efforts_and_friction(given: KnownForces, forces: KnownForces, before: Sequence[Finding]) -> list[Finding]:

@@ -13,6 +13,7 @@ from aerobat_pin.estimation.checks.compare import COMPARED_OVER, FEWEST_POINTS, 
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
+from aerobat_pin.observers import rotation_matrices
 from aerobat_pin.records import (
     LARGEST_DELAY,
     Agreement,
@@ -27,7 +28,6 @@ from aerobat_pin.records import (
     sensor_turn,
     world_turn,
 )
-from aerobat_pin.robot import rotation_matrices
 
 MOST_SAMPLES = 60_000  # that are compared: the longest used part, or its beginning
 LARGEST_TURN = 0.02  # [rad] in a window; a gyro's bias of 2 mrad/s makes a hundredth of it

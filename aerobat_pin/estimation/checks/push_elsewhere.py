@@ -16,9 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.estimation.run_observers import points_of, rows_of, settled
-from aerobat_pin.estimation.stored_estimate import ROWS_READ, StoredEstimate
-from aerobat_pin.estimation.trust import MISFIT
+from aerobat_pin.forces import MISFIT, ROWS_READ, StoredEstimate, points_of, rows_of, settled
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected, MomentumObserver
 from aerobat_pin.records import Record

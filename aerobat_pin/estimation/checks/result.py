@@ -7,17 +7,24 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.against_reference import PairedEstimate
 from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.checks.push_elsewhere import elsewhere_findings
 from aerobat_pin.estimation.checks.thrust_order import thrust_order_findings
 from aerobat_pin.estimation.findings import Finding, FindingVerdict
-from aerobat_pin.estimation.instants import column_rms
-from aerobat_pin.estimation.known_forces import BESIDE, KnownForces, command_sum, unit_direction
 from aerobat_pin.estimation.result import Result
-from aerobat_pin.estimation.run_observers import rms_in, rows_of, settled
-from aerobat_pin.estimation.stored_estimate import StoredEstimate
+from aerobat_pin.forces import (
+    BESIDE,
+    KnownForces,
+    PairedEstimate,
+    StoredEstimate,
+    column_rms,
+    command_sum,
+    rms_in,
+    rows_of,
+    settled,
+    unit_direction,
+)
 from aerobat_pin.numerics import Array, runs_of_true
 from aerobat_pin.observers import AllBut, Applications, Expected
 from aerobat_pin.records import Record

@@ -17,12 +17,25 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from aerobat_pin.estimation.expected_of_record import expected_from
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.estimation.instants import LOOKED_AT, WEIGHED, column_rms, settled_instants, settling_intervals
-from aerobat_pin.estimation.inverse_dynamics import accelerations, required_torque
-from aerobat_pin.estimation.known_forces import FittedValues, KnownForces, command_sum, frame_wrench, unit_direction
-from aerobat_pin.estimation.run_observers import inputs_between, points_of, rows_of
+from aerobat_pin.forces import (
+    LOOKED_AT,
+    WEIGHED,
+    FittedValues,
+    KnownForces,
+    accelerations,
+    column_rms,
+    command_sum,
+    expected_from,
+    frame_wrench,
+    inputs_between,
+    points_of,
+    required_torque,
+    rows_of,
+    settled_instants,
+    settling_intervals,
+    unit_direction,
+)
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, Applications, low_passed, typical_step
 from aerobat_pin.records import Block, Record

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from aerobat_pin.aerobat import AirStream, FlightLog
+from aerobat_pin.aerobat import BASE_SIZE, AirStream, FlightLog, believed_robot, flown_robot
 from aerobat_pin.control import Controller
 from aerobat_pin.errors import AerobatError, ScenarioError, SimulationError
 from aerobat_pin.experiments.experiment import Experiment, Progress, run_recorded
@@ -17,7 +17,6 @@ from aerobat_pin.experiments.live.source import KEPT, PUSH_SHARE, LiveRow, LiveS
 from aerobat_pin.flight import ClosedLoop, LoopRecord, Plant, Sensing, Trajectory, flight_log_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import OBSERVERS
-from aerobat_pin.robot import BASE_SIZE, believed_robot, flown_robot
 from aerobat_pin.scenario import Scenario, SineForce
 
 ERRORS_DRAWN = 1.0  # [s]: the sensors' errors are drawn anew so often

@@ -32,9 +32,10 @@ from aerobat_pin.errors import (
     replace_results,
     write_files,
 )
-from aerobat_pin.estimation import ObserverScores, versions
-from aerobat_pin.experiments import FlightSummary
+from aerobat_pin.estimation import versions
+from aerobat_pin.experiments.flight_summary import FlightSummary
 from aerobat_pin.experiments.sweep.plan import Sweep
+from aerobat_pin.forces import ObserverScores
 from aerobat_pin.scenario import Scenario, scenario_toml
 
 FILES = ("sweep.json", "base.toml", "finished.jsonl", "results.csv", "results.nc", "sweep.png")
@@ -144,10 +145,7 @@ def _stored(path: Path, most: int) -> bytes:
 
 
 def _finished_runs(path: Path, scenarios: Sequence[Scenario]) -> tuple[dict[int, Any], bytes]:
-    """Return run number -> outcome of the finished runs, and the file's content without a last line that is cut off.
-
-    A line that the sweep did not write is an OutputError that names it.
-    """
+    """Return run number -> outcome of the finished runs, and the file's content without a last line that is cut off."""
     content = _stored(path, MOST_BYTES_PER_RUN * len(scenarios))
     whole = content[: content.rfind(b"\n") + 1]
     finished: dict[int, Any] = {}
@@ -158,7 +156,7 @@ def _finished_runs(path: Path, scenarios: Sequence[Scenario]) -> tuple[dict[int,
             if type(number) is not int or not 0 <= number < len(scenarios) or number in finished:
                 raise ValueError(f"run = {number!r}: each number below {len(scenarios)} once was expected")
             _check_outcome(outcome, scenarios[number])
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError) as error:  # a line that no sweep wrote
             reason = f"no key {error}" if isinstance(error, KeyError) else str(error).splitlines()[0]
             raise OutputError(f"output {path}, line {k + 1}: not what this sweep writes: {reason}; {ADVICE}") from error
         finished[number] = outcome

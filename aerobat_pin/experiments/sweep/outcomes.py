@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES
+from aerobat_pin.aerobat import Aerobat, load_aerobat
 from aerobat_pin.errors import AerobatError
-from aerobat_pin.estimation import TRUTH_SCORES, Score
-from aerobat_pin.experiments import FlightSummary
 from aerobat_pin.experiments.experiment import run
-from aerobat_pin.robot import Aerobat, load_aerobat
+from aerobat_pin.experiments.flight_summary import FlightSummary
+from aerobat_pin.forces import TRUTH_SCORES, Score
 from aerobat_pin.scenario import RobotSection, Scenario
 
 SCORE_FIELDS = {item.name: item.metadata for item in fields(Score)}

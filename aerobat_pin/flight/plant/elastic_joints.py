@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat import BASE_SIZE, JOINTS, Aerobat, tree_of
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import BASE_SIZE, JOINTS, Aerobat, tree_of
 from aerobat_pin.scenario import LoadSection, PlantSection, Scenario
 
 MODE_TURN = 0.5  # [rad] a step: the method adds 0.02 % of critical damping there, and is unstable from 2.8 on

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.aerodynamics import add_mass, air_loads, place_links
+from aerobat_pin.aerobat import add_mass, air_loads, climb, place_links
 from aerobat_pin.flight.attitude_hold import hold_wrench
 from aerobat_pin.flight.crank import CRANK_SIZE, add_crank, crank_rates
 from aerobat_pin.flight.plant.plant_state import PlantState, UnknownForces
@@ -23,7 +23,6 @@ from aerobat_pin.numerics import (
     next_tangent,
     solve_positive,
 )
-from aerobat_pin.robot import climb
 
 
 @kernel

@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat import robot_air, wind_of
-from aerobat_pin.aerodynamics import LINK_COUNT, RobotInAir
+from aerobat_pin.aerobat import BASE_SIZE, LINK_COUNT, Aerobat, RobotInAir, joint_table, robot_air, wind_of
 from aerobat_pin.errors import CrankError, SimulationError
 from aerobat_pin.flight.attitude_hold import hold_about
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor, checked_motion, crank_drive
@@ -38,7 +37,6 @@ from aerobat_pin.flight.plant.tables import State, Trajectory
 from aerobat_pin.flight.point_forces import interval_means, point_forces
 from aerobat_pin.linkage import Closure, joint_series
 from aerobat_pin.numerics import Array, fields_of, fill, guarded, new_state, number, shaped
-from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
 START_ANGLES = 60  # crank angles in a turn at which the airspeeds of the start are computed

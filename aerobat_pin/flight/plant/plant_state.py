@@ -7,12 +7,11 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import RobotState
+from aerobat_pin.aerobat import LINKS, RobotState
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.point_forces import PointForce
 from aerobat_pin.numerics import ELSEWHERE, Array, Integers, frame_id
-from aerobat_pin.robot import LINKS
 
 DIRECTION_AXES = ("link", "body", "world")
 

@@ -19,12 +19,12 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat import BASE_SIZE
 from aerobat_pin.errors import ScenarioError, SimulationError
 from aerobat_pin.flight.plant.kernels import evaluate
 from aerobat_pin.flight.plant.stepping import SteppedFlight
 from aerobat_pin.flight.plant.tables import SimulatedPlant, State
 from aerobat_pin.numerics import Array, shaped
-from aerobat_pin.robot import BASE_SIZE
 
 EXCHANGES = 4  # an even number
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat import BASE_SIZE
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.plant.kernels import advance_stage
@@ -16,7 +17,6 @@ from aerobat_pin.flight.plant.plant_state import Forces, split_forces
 from aerobat_pin.flight.plant.tables import HOPELESS, FlightTables, SimulatedPlant, State, Trajectory, checked_flight
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.numerics import Array, checked, lie_step, shaped
-from aerobat_pin.robot import BASE_SIZE
 
 
 class SteppedFlight:

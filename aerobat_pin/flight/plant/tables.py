@@ -11,7 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, RobotAir, StripLoads
+from aerobat_pin.aerobat import BASE_SIZE, Aerobat, RobotAir, joint_table
+from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, STRIP_ROWS, StripLoads
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
@@ -20,7 +21,6 @@ from aerobat_pin.flight.plant.plant_state import Forces, split_forces
 from aerobat_pin.flight.point_forces import PointForce
 from aerobat_pin.linkage import Closure
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import BASE_SIZE, Aerobat, joint_table
 from aerobat_pin.scenario import Scenario
 
 # Beyond these limits a flight has diverged.

@@ -12,11 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from aerobat_pin.estimation import PairedEstimate, Result, StoredEstimate, point_label
+from aerobat_pin.aerobat import FORCE_POINTS
+from aerobat_pin.estimation import Result
+from aerobat_pin.forces import PairedEstimate, StoredEstimate, point_label
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Reference, TrueEvent
-from aerobat_pin.robot import FORCE_POINTS
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.lines import estimate_lines, fit_errors, fit_to_drawn
 

@@ -12,10 +12,10 @@ import pinocchio as pin
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from aerobat_pin.aerobat import FlightLog
+from aerobat_pin.aerobat import JOINTS, Aerobat, FlightLog
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.numerics import Array
-from aerobat_pin.robot import JOINTS, Aerobat, euler_angles, rotation_matrices, world_velocity
+from aerobat_pin.observers import euler_angles, rotation_matrices, world_velocity
 from aerobat_pin.scenario import Scenario
 from aerobat_pin.visualization import style
 

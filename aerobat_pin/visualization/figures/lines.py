@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from aerobat_pin.estimation import StoredEstimate
+from aerobat_pin.forces import StoredEstimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate
 

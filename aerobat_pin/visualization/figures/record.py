@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from aerobat_pin.estimation import END_SHARE, ONSET_SHARE, Result
+from aerobat_pin.estimation import Result
+from aerobat_pin.forces import END_SHARE, ONSET_SHARE
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import DOUBTFUL, Estimate, Redundancy, slow_part
 from aerobat_pin.records import Channel, Record

@@ -8,14 +8,26 @@ import numpy as np
 import pinocchio as pin
 import xarray as xr
 
-from aerobat_pin.aerobat import SUM, FlightLog, belief_about, flight_motion, read_log, true_events, true_force
+from aerobat_pin.aerobat import (
+    SUM,
+    Aerobat,
+    FlightLog,
+    belief_about,
+    flight_motion,
+    flown_robot,
+    place_bars,
+    read_log,
+    true_events,
+    true_force,
+    visual_model_with_bars,
+)
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import Result, point_label
+from aerobat_pin.estimation import Result
 from aerobat_pin.experiments import Experiment, estimate_dataset, flight_note, force_columns, read_run, run_recorded
 from aerobat_pin.flight import Wake, log_with_motion, wake_of
+from aerobat_pin.forces import point_label
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import urdf_of
-from aerobat_pin.robot import Aerobat, flown_robot, place_bars, visual_model_with_bars
 from aerobat_pin.scenario import AirSection, changed_keys, changes_text
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.flight import thrust_forces

@@ -14,11 +14,11 @@ import numpy as np
 import pinocchio as pin
 from pinocchio.visualize import MeshcatVisualizer
 
+from aerobat_pin.aerobat import CRANK_START, Aerobat, place_bars, visual_model_with_bars
 from aerobat_pin.errors import LogError
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import PlainRobot, RobotTable, urdf_of
-from aerobat_pin.robot import CRANK_START, Aerobat, place_bars, visual_model_with_bars
 from aerobat_pin.visualization.replay.any_robot import visible_parts
 from aerobat_pin.visualization.replay.flight_replay import replay_result
 from aerobat_pin.visualization.replay.moving_page import CAMERA, Replay

@@ -13,7 +13,7 @@ from support.pages import ROOT, Values, run, save, table
 
 from aerobat_pin import load_aerobat, load_scenario, simulate
 from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.robot import euler_angles
+from aerobat_pin.observers import euler_angles
 
 STRIPS = (8, 12, 16, 20, 40)
 ON_THE_ROBOT = (8, 12, 16, 20, 24, 32, 40)

@@ -1,0 +1,89 @@
+"""The five links of a Pinocchio model for compiled kernels: their tree, placements, and the force of wrenches."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.aerobat.aerobat import JOINTS
+from aerobat_pin.aerobat.wing import LINKS
+from aerobat_pin.numerics import Array, Integers, copy_values, guarded, kernel
+
+
+class Tree(NamedTuple):
+    """The five links in the order of `LINKS`.
+
+    For each link: index of its `joint` in Pinocchio (5,); index of its `parent` link (5,), -1 for the body; first `row`
+    of its joint in v (5,); `angle` (5,), 0 if the joint is a shoulder and 1 if it is an elbow; `axis` (5, 3) of its
+    joint in the link's frame.
+    """
+
+    joint: Annotated[Integers, "link_count"]
+    parent: Annotated[Integers, "link_count"]
+    row: Annotated[Integers, "link_count"]
+    angle: Annotated[Integers, "link_count"]
+    axis: Annotated[Array, "link_count, 3"]
+
+
+@guarded()
+def tree_of(model: pin.Model) -> Tree:
+    """Return the tree of the five links in a model."""
+    joints = [model.frames[model.getFrameId(link)].parentJoint for link in LINKS]
+    axis = np.zeros((len(LINKS), 3))
+    for link, joint in enumerate(joints[1:], 1):
+        neutral = model.joints[joint].createData()
+        model.joints[joint].calc(neutral, np.zeros(1))
+        axis[link] = np.ravel(neutral.S)[3:]
+    return Tree(
+        joint=np.array(joints),
+        parent=np.array([-1, *(joints.index(model.parents[joint]) for joint in joints[1:])]),
+        row=np.array([model.joints[joint].idx_v for joint in joints]),
+        angle=np.array([0, *(JOINTS.index(model.names[joint]) % 2 for joint in joints[1:])]),
+        axis=axis,
+    )
+
+
+@kernel
+def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
+    """Write the generalised force (nv,), the sum of J^T f over all links, from the wrenches f (5, 6) on the links.
+
+    Each wrench is added to that of the parent link, so `wrenches` is overwritten.
+    """
+    joint_of, parent_of, row_of, axis = tree.joint, tree.parent, tree.row, tree.axis
+    for link in range(joint_of.shape[0] - 1, 0, -1):
+        joint, parent, row = joint_of[link], parent_of[link], row_of[link]
+        wrench = wrenches[link]
+        fx, fy, fz, mx, my, mz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
+        force[row] = axis[link, 0] * mx + axis[link, 1] * my + axis[link, 2] * mz
+        P = liMi[joint]
+        gx = P[0] * fx + P[3] * fy + P[6] * fz
+        gy = P[1] * fx + P[4] * fy + P[7] * fz
+        gz = P[2] * fx + P[5] * fy + P[8] * fz
+        up = wrenches[parent]
+        up[0] += gx
+        up[1] += gy
+        up[2] += gz
+        up[3] += P[0] * mx + P[3] * my + P[6] * mz + P[10] * gz - P[11] * gy
+        up[4] += P[1] * mx + P[4] * my + P[7] * mz + P[11] * gx - P[9] * gz
+        up[5] += P[2] * mx + P[5] * my + P[8] * mz + P[9] * gy - P[10] * gx
+    base = row_of[0]
+    copy_values(wrenches[0], force[base : base + 6])
+
+
+@kernel
+def chain(tree: Tree, liMi: Array, rotation: Array, origin: Array) -> None:
+    """Write the rotations (5, 3, 3) from link axes to body axes, and the links' origins (5, 3) in the body's frame."""
+    joint_of, parent_of = tree.joint, tree.parent
+    for i in range(3):
+        origin[0, i] = 0.0
+        for j in range(3):
+            rotation[0, i, j] = 1.0 if i == j else 0.0
+    for link in range(1, joint_of.shape[0]):
+        P, parent = liMi[joint_of[link]], parent_of[link]
+        for i in range(3):
+            a, b, c = rotation[parent, i, 0], rotation[parent, i, 1], rotation[parent, i, 2]
+            origin[link, i] = origin[parent, i] + a * P[9] + b * P[10] + c * P[11]
+            for j in range(3):
+                rotation[link, i, j] = a * P[3 * j] + b * P[1 + 3 * j] + c * P[2 + 3 * j]

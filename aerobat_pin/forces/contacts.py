@@ -1,0 +1,191 @@
+"""Contacts in an estimate: which foot stands when, and what pushed where a calibration says what is normal.
+
+A foot stands while the vertical force at its point is above `END_SHARE` of the robot's weight W, and reaches
+`ONSET_SHARE` of it. So a contact is known a moment after it began, but its onset is not later for that. Its probability
+follows from the force's deviation: Phi((Fz - LIKELY_SHARE W) / sigma).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerobat_pin.forces.calibration_use import SURE_OF_CONTACT, CalibrationUse, Contact
+from aerobat_pin.forces.scores import point_label
+from aerobat_pin.forces.stored_estimate import StoredEstimate
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Estimate, LevelDetector
+from aerobat_pin.records import Map, PlainRobot, Record
+
+ONSET_SHARE, END_SHARE, LIKELY_SHARE = 0.08, 0.04, 0.03  # of the weight
+ROW_CONTACT_ENDS = 0.5  # of a row's threshold, where its contact begins and ends
+
+
+@dataclass(frozen=True)
+class Stance:
+    """The contacts of one point with the ground.
+
+    Attributes:
+        point: the frame.
+        onset: (n,) start of each contact [s]; the first one may have begun before the record.
+        end: (n,) its end [s]; NaN for one that lasts beyond the last estimate.
+        share: of the time in contact [-].
+        sure: share of the time at which contact or its absence is at least 95 % likely [-]; NaN without deviations.
+    """
+
+    point: str
+    onset: Array
+    end: Array
+    share: float
+    sure: float
+
+    def numbers(self) -> dict[str, object]:
+        """Return it as `metrics.json` holds it."""
+        last = [None if np.isnan(end) else float(end) for end in self.end]
+        return {
+            "contacts": [list(pair) for pair in zip(self.onset.tolist(), last, strict=True)],
+            "share": self.share,
+            "sure": None if np.isnan(self.sure) else self.sure,
+        }
+
+
+def touching(force: Array, weight: float, before: bool = False) -> Array:
+    """Return whether a point is in contact, by hysteresis of vertical forces (m,) in shares of the weight [N].
+
+    `before` says whether it was in contact before.
+    """
+    above = force > END_SHARE * weight
+    stretch = np.cumsum(np.diff(above, prepend=not above[:1].any()))  # its number is odd where the force is above
+    sure = np.append(stretch[force > ONSET_SHARE * weight], 1 if before else 0)
+    return np.asarray(above & np.isin(stretch, sure))
+
+
+def contact_probability(force: Array, deviation: Array, weight: float) -> Array:
+    """Return how likely a contact is, for vertical forces of any shape and their deviations [N]."""
+    from scipy.special import ndtr  # takes a while to import
+
+    return np.asarray(ndtr((force - LIKELY_SHARE * weight) / np.maximum(deviation, 1e-12)))
+
+
+class ContactWatch:
+    """The same, while forces arrive: which of some points are in contact.
+
+    Args:
+        weight: of the robot [N].
+    """
+
+    def __init__(self, weight: float) -> None:
+        self.weight = weight
+        self._least = np.array(ONSET_SHARE * weight)
+
+    def take(self, force: Array) -> NDArray[np.bool_]:
+        """Return whether points with vertical forces (k,) [N] are in contact now."""
+        on = np.asarray(force > self._least)
+        self._least = np.where(on, END_SHARE, ONSET_SHARE) * self.weight
+        return on
+
+
+def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
+    """Return the contacts of every point, in blocks of an estimate in order; none where these are no world forces."""
+    edges: dict[str, tuple[list[float], list[float]]] = {}
+    state: dict[str, bool] = {}
+    sums: dict[str, tuple[float, float]] = {}
+    count = 0
+    for block in blocks:
+        if not block.are_world_forces:
+            return ()
+        count += len(block.components)
+        force, deviation = block.force, block.standard_deviation
+        for k, point in enumerate(block.frames):
+            up = force[:, k, 2]
+            on = touching(up, weight, state.get(point, False))
+            onset, end = edges.setdefault(point, ([], []))
+            change = np.diff(np.concatenate([[int(state.get(point, False))], on.astype(int)]))
+            onset += block.time[:-1][change > 0].tolist()
+            end += block.time[:-1][change < 0].tolist()
+            sure = np.nan
+            if deviation is not None:
+                likely = contact_probability(up, deviation[:, 3 * k + 2], weight)
+                sure = float(np.sum(np.abs(likely - 0.5) >= 0.45))
+            before = sums.get(point, (0.0, 0.0))
+            sums[point] = (before[0] + float(on.sum()), before[1] + sure)
+            state[point] = bool(on[-1]) if len(on) else state.get(point, False)
+    return tuple(
+        Stance(
+            point,
+            np.array(onset),
+            np.array(end + [np.nan] * (len(onset) - len(end))),
+            sums[point][0] / max(count, 1),
+            sums[point][1] / max(count, 1),
+        )
+        for point, (onset, end) in edges.items()
+    )
+
+
+def walks_on(robot: PlainRobot, chosen: Map) -> bool:
+    """Return whether a robot has feet to stand on, by its model and its map; a sole with moments is none."""
+    points = bool(chosen.robot.points) and not chosen.robot.wrenches
+    return points and robot.free and bool(robot.joints) and robot.limits_forces and not chosen.base.held
+
+
+def stances_on_ground(record: Record, stored: Mapping[str, StoredEstimate]) -> dict[str, tuple[Stance, ...]]:
+    """Return observer -> stances at each point; empty unless the record is of a robot with joints that walks."""
+    robot = record.robot
+    if not walks_on(robot, record.map):
+        return {}
+    by_observer = {name: stances_of(estimate.blocks(), robot.weight) for name, estimate in stored.items()}
+    return {name: stances for name, stances in by_observer.items() if stances}
+
+
+def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list[Contact] | None:
+    """Return the contacts of a calibration with the largest force that is seen during each, or those of rows.
+
+    None without a calibration, which says what is normal. A contact of which nothing is seen is none, nor is one that
+    errors of the belief can make up, where their size is known: friction, as a joint begins to move.
+    """
+    head = estimate.head
+    if use is None or not head.frames:
+        return None if use is None else row_contacts(estimate)
+    if use.contacts is None:
+        return None
+    contacts = []
+    for contact in use.contacts:
+        if contact.point in head.frames and head.are_world_forces:
+            during = during_contact(estimate, contact)
+            rows, at = during.time[1:] > contact.onset, head.frames.index(contact.point)
+            shown = during.shown.reshape(len(rows), -1, 3)[rows, at]
+            force = np.where(shown, during.force[rows, at], 0.0)
+            size = float(np.max(np.linalg.norm(force, axis=1), initial=0.0))
+            sure = np.inf
+            if during.expected_force is not None and during.standard_deviation is not None:
+                deviation = during.standard_deviation.reshape(len(rows), -1, 3)[rows, at]
+                sure = float(np.max(np.linalg.norm(force / deviation, axis=1), initial=0.0))
+            if (shown.any() or not len(shown)) and sure > SURE_OF_CONTACT:
+                contacts.append(replace(contact, point=point_label(contact.point), size=size))
+    return contacts
+
+
+def during_contact(estimate: StoredEstimate, contact: Contact) -> Estimate:
+    """Return the intervals of an estimate from that in which a contact begins."""
+    last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
+    return estimate.between(max(estimate.start.index(contact.onset, "right") - 1, 0), last)
+
+
+def row_contacts(estimate: StoredEstimate) -> list[Contact] | None:
+    """Return when a row is beyond its threshold, in the order of time; None for an estimate of forces at points."""
+    head = estimate.head
+    if head.frames or head.standard_deviation is None:
+        return None
+    time = np.concatenate([estimate.start[:], [estimate.end]])
+    values = np.concatenate([block.components for block in estimate.blocks()])
+    bars = np.concatenate([SURE_OF_CONTACT * np.asarray(block.standard_deviation) for block in estimate.blocks()])
+    contacts, detector = [], LevelDetector(np.zeros(()), ROW_CONTACT_ENDS, 1.0, 0.0)
+    for k, label in enumerate(head.identifiability.components):
+        for event in detector.detect(time, np.abs(values[:, k]) / bars[:, k]):
+            during = (time[1:] > event.onset) & (time[:-1] < (np.inf if event.end is None else event.end))
+            size = float(np.max(np.abs(values[during, k])))
+            contacts.append(Contact(label, event.onset, event.alarm, event.end, size))
+    return sorted(contacts, key=lambda event: event.onset)

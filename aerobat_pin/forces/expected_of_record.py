@@ -1,0 +1,121 @@
+"""What is expected of a record's forces and rows: from what was learnt where nothing touched, else from its efforts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.forces.contacts import END_SHARE, walks_on
+from aerobat_pin.forces.instants import WEIGHED, Instants, column_rms
+from aerobat_pin.forces.known_forces import FittedValues
+from aerobat_pin.forces.run_observers import points_of, rows_of
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import (
+    SHARE_OF_WEIGHT,
+    Application,
+    Applications,
+    Expected,
+    Rows,
+    moving_weight,
+    robot_length,
+    row_names,
+    with_record,
+)
+from aerobat_pin.records import PlainRobot, Record
+
+EFFORT_ERROR = 0.1  # of the rms of a row's effort, or of what its motion needs: its error if nothing better is known
+LEAST_ROW_ERROR = 1e-3  # of the weight that rows move (moments: times the robot's length): none is known better
+LEAST_LIFTED = 10  # of these, with a foot in the air
+FOOT_SHARE = 0.15  # of the weight: a point that never holds so much is no foot
+SLIDES_AT = 0.76  # of Coulomb friction that has set in: a joint that never shows as much hardly moves
+STRAIGHT_LEG = 0.1  # least over largest singular value of a leg's Jacobian: below, it does not show a force along it
+
+
+def expected_of(record: Record, instants: Instants, values: FittedValues) -> Expected:
+    """Return what is expected of a record.
+
+    A force is expected to be a third of the weight, or larger if that makes the record more likely.
+
+    Args:
+        record: the record.
+        instants: what was looked at.
+        values: what was learnt of the rows' errors and of friction.
+    """
+    robot, points = record.robot, points_of(record.map)
+    rows, _ = rows_of(record.map, robot, record.joints, record.channels)
+    expected = expected_from(robot, rows, values, points, instants.effort, instants.needed)
+    if not points or not len(instants.rows):
+        return expected
+    some = slice(None, None, max(1, len(instants.rows) // WEIGHED))
+    v, residual, jacobians = instants.v[some], instants.rows[some], instants.jacobians[some]
+    if walks_on(robot, record.map) and not values.row_noise:
+        lifted = lifted_errors(residual, jacobians, robot.weight)
+        expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
+    weighed = with_record(expected, rows, robot.model, v, residual, jacobians)
+    return replace(weighed, doubt=max(weighed.doubt, values.doubt))
+
+
+def expected_from(
+    robot: PlainRobot,
+    rows: Rows,
+    values: FittedValues,
+    points: Sequence[str | Application],
+    effort: Array,
+    needed: Array,
+) -> Expected:
+    """Return what is expected of a robot whose efforts, and what its motion needs, have some rms (nv,) [N or N m]."""
+    model, weight = robot.model, moving_weight(robot.model)
+    error = EFFORT_ERROR * np.where(effort > 0.0, effort, needed)
+    for k, name in enumerate(row_names(model)):
+        error[k] = values.row_noise.get(name, error[k])
+    applications = Applications(model, points)
+    lever = np.array([1.0 if unit == "N" else robot_length(model) for unit in applications.units])
+    least = LEAST_ROW_ERROR * (moving_weight(model, rows) or weight) * row_scale(model)
+    return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), *values.stiction(robot))
+
+
+def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Array]:
+    """Return which foot is in the air (m, n), and which rows (n, nv) are those of its leg alone.
+
+    A foot is in the air where its own joints say that it carries nothing: it is then free of unknown forces. A point
+    that never holds up the robot is no foot: a hand may be pushed by less than what counts as nothing at a foot. And a
+    straight leg does not show what it carries.
+
+    Args:
+        rows: (m, nv) generalised forces behind the observer's low-pass.
+        jacobians: (m, c, nv) of the forces on the feet, three components each.
+        weight: of the robot [N]; a foot with less than `END_SHARE` of it is in the air.
+    """
+    moved = np.any(jacobians != 0.0, axis=0).reshape(-1, 3, rows.shape[1]).any(axis=1)  # which foot, by which row
+    legs = moved & (moved.sum(axis=0) == 1)
+    lifted = np.zeros((len(rows), len(legs)), bool)
+    for foot, leg in enumerate(legs):
+        J = jacobians[:, 3 * foot : 3 * foot + 3][:, :, leg]
+        if not leg.any():
+            continue
+        force = (np.linalg.pinv(np.swapaxes(J, 1, 2)) @ rows[:, leg, None])[..., 0]
+        size, shown = np.linalg.norm(force, axis=1) / weight, np.linalg.svd(J, compute_uv=False)
+        bent = shown[:, -1] > STRAIGHT_LEG * shown[:, 0]
+        lifted[:, foot] = bent & (size < END_SHARE) & (size.max(initial=0.0) > FOOT_SHARE)
+    return lifted, legs
+
+
+def lifted_errors(rows: Array, jacobians: Array, weight: float) -> Array:
+    """Return the rms (nv,) of the rows of each leg while its foot carries nothing; 0 where that is not shown.
+
+    They show friction and noise, however small the efforts are.
+    """
+    errors, (lifted, legs) = np.zeros(rows.shape[1]), lifted_feet(rows, jacobians, weight)
+    for up, leg in zip(lifted.T, legs, strict=True):
+        if up.sum() >= LEAST_LIFTED:
+            errors[leg] = column_rms(rows[up][:, leg])
+    return errors
+
+
+def row_scale(model: pin.Model) -> Array:
+    """Return what makes a force [N] the size of each row (nv,): 1, or for a moment the robot's length [m]."""
+    length = robot_length(model)
+    return np.array([1.0 if unit == "N" else length for unit in row_names(model).values()])

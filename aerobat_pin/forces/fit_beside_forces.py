@@ -1,0 +1,302 @@
+"""Find friction, and the errors of rows, while unknown forces push: in a record of which nothing else tells them.
+
+    y = J^T f + X b + e,    f ~ N(0, S^2),    b ~ N(0, B^2),    e ~ N(0, r R + stiction)
+
+At some instants y are the rows behind the observer's low-pass, X b Coulomb and viscous friction of the driven joints,
+and their rotors' inertia if that leaves smaller errors, behind the same, and R is what is expected of the rows' errors
+without a record. Those b and r that make the rows most likely, whatever the forces are, follow by expectation
+maximisation (Dempster, Laird and Rubin 1977). Rows to spare tell errors from forces; without any a force would pass for
+an error, and nothing is sought.
+
+A foot in the air carries nothing, S = 0: its leg shows friction and errors whatever the other feet do. Only then are
+factors of efforts sought, too: else what pushes elsewhere than at the points would pass for them. An accelerometer with
+an offset, which looks like a tilt, moves b; that counts as an error of the rows. Without rows of the base, factors
+follow from the weight (`factors_by_balance`).
+
+Where no foot lifts, what pushes elsewhere than at the points passes for errors. So the mean of r is handed on as the
+least k, which the output judges, and the sizes of the rows over it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from aerobat_pin.forces.coefficient_errors import FEWEST_INDEPENDENT, coefficient_covariance, independent, row_variance
+from aerobat_pin.forces.contacts import walks_on
+from aerobat_pin.forces.deviations import tilt_of
+from aerobat_pin.forces.expected_of_record import EFFORT_ERROR, SLIDES_AT, expected_of, lifted_feet, row_scale
+from aerobat_pin.forces.factors_by_balance import factors_by_balance
+from aerobat_pin.forces.instants import Instants, column_rms, looked_at
+from aerobat_pin.forces.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
+from aerobat_pin.forces.run_observers import ignored_rows, inputs_between, points_of
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Expected, JointFriction, as_others_rub, effort_limits, rotation_matrices, row_names
+
+FEWEST_INSTANTS = 50  # that are weighed
+EXPECTATION_ROUNDS = 30  # of expectation and maximisation; what a record tells has settled by then
+UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: something else explains the rows
+UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
+LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
+HARDLY_MOVES = (
+    "it hardly moves: it is taken to rub as the others do, in proportion to the efforts that joints can bear, and up "
+    "to its Coulomb friction it counts as unknown"
+)
+CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
+BLOW, BLOW_ROUNDS = 3.0, 5  # of what is expected of a force: one that is larger is what the rows show of it
+LEAST_TRACE = 1e-9  # of the largest singular value: a fainter force leaves none
+ROTORS_SOUGHT = 0.5  # of what is expected of the rows' errors, geometric mean, from which they may show rotors
+ROTORS_SHOWN = 0.75  # of the errors of rows, geometric mean: where rotors leave more, errors cover them all the same
+AT_BOUND = 1e-14  # of the largest coefficient, all of size 1: what is left of one at its bound
+LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
+
+
+def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None]:
+    """Return known forces with the friction of a record's joints and the errors of its rows, if it tells them.
+
+    And what is then expected of the record; None if it is too short.
+
+    Errors of rows that are known count where friction is known, too, or where friction and errors by the record itself
+    are no smaller: what was learnt without friction, where nothing touches, has it among the errors.
+    """
+    record, values = forces.record, forces.values
+    sought = bool(points_of(record.map)) and "joints.effort" in record.channels and not knows_friction(forces)
+    instants = looked_at(record, inputs_between(record, forces), values, closely=sought)
+    if instants is None:
+        return forces, None
+    expected = expected_of(record, instants, values)
+    found = _found(forces, instants, expected) if sought else None
+    if found is None:
+        return forces, expected
+    law, n = found.friction, len(instants.joints)
+    assert law is not None
+    b = np.stack([law.coulomb, law.viscous, law.inertia, found.scale - 1.0])[:, -n:]
+    return replace(forces, values=found), expected_of(record, instants.without(b), found)
+
+
+def _found(forces: KnownForces, instants: Instants, expected: Expected) -> FittedValues | None:
+    """Return what instants tell of friction and of the errors of the rows; None if they tell nothing."""
+    record, values, law = forces.record, forces.values, forces.values.friction
+    if len(instants.rows) < FEWEST_INSTANTS or not instants.joints:
+        return None
+    if law is not None and np.abs(instants.sliding[:, instants.at]).max() < SLIDES_AT:
+        return None  # what a calibration did not see move does not move here, either
+    y, J, robot = instants.rows[:, instants.kept], instants.jacobians[:, :, instants.kept], record.robot
+    force, lifts = np.broadcast_to(expected.force, J.shape[:2]), False
+    if walks_on(robot, record.map):
+        lifted, _ = lifted_feet(y, J, robot.weight)
+        force, lifts = force * np.where(np.repeat(lifted, 3, axis=1), 0.0, 1.0), bool(lifted.any())
+    if y.size <= np.count_nonzero(force):
+        return None
+    force = with_blows(force, y, J)
+    fitted, names = _fitted(forces, instants, expected, force, lifts, rotors=False), list(row_names(robot.model))
+    if _errors_over(fitted, {names[row]: expected.row_error[row] for row in instants.kept}) > ROTORS_SOUGHT:
+        turning = _fitted(forces, instants, expected, force, lifts, rotors=True)
+        fitted = turning if _errors_over(turning, _errors(fitted)) < ROTORS_SHOWN else fitted
+    if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
+        fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), False, rotors=False)
+    if law is not None:
+        return _with_known(fitted, values, law)
+    if values.row_noise and not values.row_noise.keys() & {names[instants.kept[k]] for k in instants.at}:
+        return replace(fitted, row_noise={**fitted.row_noise, **values.row_noise})  # it did not see any joint slide
+    no_smaller = _errors_over(fitted, values.row_noise) >= FRICTION_SHOWN  # if any are known
+    return None if no_smaller else fitted
+
+
+def with_blows(force: Array, y: Array, J: Array) -> Array:
+    """Return sizes (m, c) of forces: where rows show a force beyond `BLOW` times its size, what they show.
+
+    It would pass for an error of the rows, for that of all times. Before anything else is known, errors are as large as
+    the rows (m, k). The arguments are those of `most_likely`.
+    """
+    for _ in range(BLOW_ROUNDS):
+        B = force[..., None] * J
+        cov = np.swapaxes(B, 1, 2) @ B + np.diag(np.maximum(column_rms(y), LEAST_SIZE) ** 2)
+        found = np.abs(force * (B @ np.linalg.solve(cov, y[..., None]))[..., 0])
+        force = np.where(found > BLOW * force, found, force)
+    return force
+
+
+def knows_friction(forces: KnownForces) -> bool:
+    """Return whether a map or a calibration says what friction the joints have whose rows are believed."""
+    record, values = forces.record, forces.values
+    joints = set(record.driven) - set(ignored_rows(record))
+    return record.map.joints.friction is not None or (values.friction is not None and joints <= {*values.joints})
+
+
+def _with_known(fitted: FittedValues, known: FittedValues, law: JointFriction) -> FittedValues:
+    """Return friction that was found beside the forces with that of other joints, which was known, and its errors."""
+    found = fitted.friction
+    assert found is not None
+    names = "coulomb", "viscous", "inertia", "offset"
+    both = {name: np.concatenate([getattr(law, name), getattr(found, name)]) for name in names}
+    return replace(
+        fitted,
+        joints=(*known.joints, *fitted.joints),
+        friction=JointFriction(**both, rate=law.rate),
+        scale=np.concatenate([known.scale, fitted.scale]),
+        row_noise={**fitted.row_noise, **known.row_noise},
+    )
+
+
+def _errors(fitted: FittedValues) -> dict[str, float]:
+    """Return row -> deviation of its errors that was found beside the forces."""
+    return {row: fitted.doubt**0.5 * size for row, size in fitted.row_noise.items()}
+
+
+def _errors_over(fitted: FittedValues, known: Mapping[str, float]) -> float:
+    """Return the geometric mean of rows' errors beside friction over those that are known; NaN if none is."""
+    return share_left((size, known.get(row, 0.0)) for row, size in _errors(fitted).items())
+
+
+def _fitted(
+    forces: KnownForces, instants: Instants, expected: Expected, force: Array, lifts: bool, *, rotors: bool
+) -> FittedValues:
+    """Return friction, errors of rows and, where feet lift, factors of efforts, for forces (m, c) of a size.
+
+    Rotors have inertia, or not.
+    """
+    record, robot, kept, at, n = forces.record, forces.record.robot, instants.kept, instants.at, len(instants.at)
+    y, J, error = instants.rows[:, kept], instants.jacobians[:, :, kept], expected.row_error[kept]
+    sought = lifts and kept[0] == 0  # factors, by rows of the base
+    kinds = [0, 1, *([2] if rotors else []), *([3] if sought else [])]
+    x, known = instants.columns[kinds][:, :, at], np.array([np.inf, np.inf, np.inf, EFFORT_ERROR])[kinds]
+    g = float(np.linalg.norm(robot.model.gravity.linear))
+    offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
+    offset_force = robot.mass * offset if sought else 0.0
+    limits = effort_limits(robot.model, [kept[k] for k in at])
+    tables = y, x, known, J, at, instants.sliding, force, error
+    b, size, unsure, error_rms = most_likely(*tables, offset=offset_force, limits=limits)
+    coulomb, viscous, inertia, factors = b[0], b[1], b[2] if rotors else np.zeros(n), b[-1] if sought else np.zeros(n)
+    if lifts and not sought:
+        rows = instants.without(np.stack([coulomb, viscous, inertia, factors])).rows
+        acceleration = UNKNOWN_SPEED / (len(y) * instants.every * record.dt) + offset
+        least = robot.mass * row_scale(robot.model)[:6] * acceleration
+        SJ = force[..., None] ** 2 * J
+        G = SJ @ np.linalg.inv(np.swapaxes(J, 1, 2) @ SJ + np.diag(size * error**2))
+        efforts, attitude = instants.columns[3], rotation_matrices(instants.q[:, 3:7])
+        d, sigma = factors_by_balance(rows, instants.jacobians, G, kept, efforts, attitude, least, EFFORT_ERROR)
+        unsure += np.mean((efforts * sigma) ** 2, axis=0)
+        factors = d[at]
+    level = 1.0 if lifts else max(1.0, float(np.mean(size)))
+    noise = np.sqrt((size * error**2 + unsure) / level)
+    before, zero, slid = column_rms(y), np.zeros(n), np.abs(instants.sliding[:, at]).max(axis=0)
+    fits = [
+        Fit(
+            f"friction of {joint}{BESIDE}",
+            {"coulomb": float(coulomb[i]), "viscous": float(viscous[i]), "inertia": float(inertia[i])}
+            | ({"effort times": float(1.0 + factors[i])} if lifts else {}),
+            "N" if robot.slides(joint) else "N m",
+            float(before[at[i]]),
+            float(error_rms[at[i]]),
+            float("nan"),
+            untold="" if slid[i] > SLIDES_AT else HARDLY_MOVES,
+        )
+        for i, joint in enumerate(instants.joints)
+    ]
+    names = list(row_names(robot.model))
+    return replace(
+        forces.values,
+        joints=tuple(instants.joints),
+        friction=JointFriction(coulomb, viscous, inertia, zero, float(expected.stiction_rate.max())),
+        scale=1.0 + factors,
+        row_noise=dict(zip([names[row] for row in kept], noise.tolist(), strict=True)),
+        doubt=level,
+        fits=(*forces.values.fits, *fits),
+    )
+
+
+def most_likely(
+    y: Array,
+    x: Array,
+    known: Array,
+    J: Array,
+    at: list[int],
+    sliding: Array,
+    force: Array,
+    error: Array,
+    *,
+    offset: float = 0.0,
+    limits: Array | None = None,
+) -> tuple[Array, Array, Array, Array]:
+    """Return b (kinds, n), the sizes r (k,), what its errors make of the rows (k,), squared, and the errors' rms (k,).
+
+    Errors of b are those of coefficients that are not at their bounds, and those of an offset.
+
+    Args:
+        y: (m, k) rows.
+        x: (kinds, m, n) what a coefficient of size 1 does in its own row: Coulomb friction, viscous friction, others.
+        known: (kinds,) B; infinite for friction, which is positive, and at full slide no larger than its row ever is.
+        J: (m, c, k) Jacobian of the components.
+        at: these n rows.
+        sliding: (m, k) tanh(v / v_s): at rest a row has stiction, and says nothing of its errors in motion. Of a joint
+            that never slides they are as expected.
+        force: (m, c) S.
+        error: (k,) square roots of R.
+        limits: (n,) efforts that joints can bear, in proportion to which those that never slide rub as the worst of
+            the others; what their own rows show of friction when omitted.
+        offset: force [N] that a base's accelerometer with an offset may find in each of the first three rows for ever.
+    """
+    k, (kinds, _, n) = y.shape[1], x.shape
+    forces = np.einsum("mci,mc,mcj->mij", J, force**2, J, optimize=True)
+    felt, inverse = np.flatnonzero(forces.any(axis=(0, 1))), np.zeros_like(forces)
+    both = np.ix_(np.arange(len(y)), felt, felt)  # rows that a force reaches; errors of the others are apart
+    stiction, every, prior = np.zeros(k), range(kinds * n), np.repeat(known**-2.0, n)
+    slid, shown = np.abs(sliding).max(axis=0), np.abs(x).max(axis=1) + LEAST_SHOWN
+    largest = np.maximum(np.abs(y).max(axis=0), error)[at] * (slid[at] + LEAST_SHOWN) / shown  # of friction
+    largest = np.where(np.isinf(known)[:, None], largest, np.inf).ravel()
+    information = LEAST_SHOWN * largest**-2.0 + prior
+    size = np.maximum((column_rms(y) / error) ** 2, LEAST_SIZE)  # from below they would hardly move
+    slides = slid[at] > SLIDES_AT
+    for _ in range(EXPECTATION_ROUNDS):
+        R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
+        cov = forces.copy()
+        cov[:, range(k), range(k)] += R
+        inverse[:, range(k), range(k)] = 1.0 / R
+        inverse[both] = np.linalg.inv(cov[both])
+        normal = np.einsum("ami,mij,bmj->aibj", x, inverse[:, at][:, :, at], x, optimize=True).reshape(kinds * n, -1)
+        normal[every, every] += LEAST_SHOWN * np.diag(normal) + information
+        target = np.einsum("ami,mi->ai", x, (inverse @ y[..., None])[:, at, 0]).ravel()
+        b = _bounded(normal, target, largest).reshape(kinds, n)
+        if limits is not None:
+            b[0] = as_others_rub(b[0], slides, limits)
+        stiction[at] = b[0]
+        remainder = y.copy()
+        remainder[:, at] -= np.einsum("ami,ai->mi", x, b)
+        white = (inverse @ remainder[..., None])[..., 0]
+        mean = R * white  # of e, given the rows
+        square = mean**2 + R - R**2 * np.diagonal(inverse, axis1=1, axis2=2)
+        size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
+        size = np.where(slid > SLIDES_AT, np.maximum(size, LEAST_SIZE), 1.0)
+    count = np.maximum(independent(mean), FEWEST_INDEPENDENT)
+    checked = spare_share(J, force, np.sqrt(size) * error) > CHECKED
+    size *= count / (count - 2.0)  # Student's variance: r follows from so few
+    size = np.where(checked, size, np.minimum(size, 1.0))
+    pushed = np.einsum("ami,mio->aio", x, inverse[:, at, :3]) * offset  # what an offset of each axis adds to the target
+    change = np.linalg.solve(normal, pushed.reshape(kinds * n, -1)).reshape(kinds, n, -1)
+    free = (b.ravel() > 0.0) & (b.ravel() < largest)
+    scores = np.swapaxes(x * white[:, at], 0, 1).reshape(len(y), -1)
+    covariance = coefficient_covariance(normal, scores, prior, np.isinf(largest) | free)
+    unsure = np.zeros(k)
+    unsure[at] = np.sum(np.mean(np.einsum("ami,aio->omi", x, change) ** 2, axis=1), axis=0)
+    unsure[at] += row_variance(x, covariance)
+    return b, size, unsure, column_rms(mean)
+
+
+def spare_share(J: Array, force: Array, error: Array) -> Array:
+    """Return which share (k,) of each row's error the other rows show whatever the forces are: 1 - its leverage."""
+    B = force[..., None] * J / error
+    return np.asarray(1.0 - np.mean(np.einsum("mic,mci->mi", np.linalg.pinv(B, rcond=LEAST_TRACE), B), axis=0))
+
+
+def _bounded(normal: Array, target: Array, largest: Array) -> Array:
+    """Return b (p,) that makes b^T N b / 2 - b^T t least, all at once, as they correlate; bounded are from 0 up."""
+    from scipy.optimize import lsq_linear
+
+    scale = np.diag(normal) ** -0.5
+    L = np.linalg.cholesky(normal * scale * scale[:, None])
+    bounds = np.where(np.isfinite(largest), 0.0, -np.inf), largest / scale
+    x = lsq_linear(L.T, np.linalg.solve(L, scale * target), bounds, method="bvls").x
+    return np.asarray(scale * np.where(np.abs(x) < AT_BOUND * np.abs(x).max(), 0.0, x))

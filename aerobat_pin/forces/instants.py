@@ -1,0 +1,135 @@
+"""Instants of a record that show, behind the observer's low-pass, what its rows are made of.
+
+A record is looked at once: what is expected of it, its friction, and the errors of its rows follow from the same
+instants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerobat_pin.forces.inputs import KnownInputs
+from aerobat_pin.forces.inverse_dynamics import accelerations, required_torque
+from aerobat_pin.forces.known_forces import FittedValues, mean_motion
+from aerobat_pin.forces.run_observers import points_of
+from aerobat_pin.forces.stored_estimate import TIME_CONSTANTS_TO_SETTLE
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import AllBut, MomentumObserver, low_passed, typical_step
+from aerobat_pin.records import Block, Record
+
+LOOKED_AT, WEIGHED = 2_000, 100  # intervals of a record that are looked at, and of these those that are weighed ...
+CLOSELY = 5  # times as many where friction is sought
+
+
+@dataclass(frozen=True)
+class Instants:
+    """Some instants of a record, behind the observer's low-pass.
+
+    Attributes:
+        time: (m,) when they are [s].
+        q: (m, nq) configurations.
+        v: (m, nv) velocities.
+        rows: (m, nv) generalised forces.
+        jacobians: (m, c, nv) of the components sought.
+        kept: the rows that are believed.
+        joints: those that are driven, have a row that is believed, and friction that is not known.
+        at: their places among the believed rows.
+        sliding: (m, k) tanh(v / v_s) of the believed rows; 1 for those without friction.
+        columns: (4, m, k) what Coulomb and viscous friction and a rotor's inertia of size 1, and the effort, do in each
+            believed row.
+        every: intervals of the record from one instant to the next.
+        effort: (nv,) rms of the joint torques [N or N m].
+        needed: (nv,) rms of what motion and weight need.
+    """
+
+    time: Array
+    q: Array
+    v: Array
+    rows: Array
+    jacobians: Array
+    kept: list[int]
+    joints: list[str]
+    at: list[int]
+    sliding: Array
+    columns: Array
+    every: int
+    effort: Array
+    needed: Array
+
+    def without(self, b: Array) -> Instants:
+        """Return the instants without b (4, n) times `columns` of the joints."""
+        rows = self.rows.copy()
+        rows[:, np.array(self.kept)[self.at]] -= np.einsum("bmi,bi->mi", self.columns[:, :, self.at], b)
+        return replace(self, rows=rows)
+
+
+def looked_at(
+    record: Record,
+    inputs: Callable[[int, int], KnownInputs],
+    values: FittedValues,
+    *,
+    closely: bool = False,
+) -> Instants | None:
+    """Return instants of a record, spread evenly, none of which is at a start; None if it has none.
+
+    Args:
+        record: the record.
+        inputs: function of first and last index of the common times: what an observer is given there.
+        values: what is known of the record; joints whose friction is known are not among `joints`.
+        closely: whether to look at as many intervals as friction needs.
+    """
+    most, weighed = (LOOKED_AT, WEIGHED) if not closely else (CLOSELY * LOOKED_AT, CLOSELY * WEIGHED)
+    stretches = [inputs(*ends) for ends in record.spread(most, least=settling_intervals(record))]
+    if not stretches:
+        return None
+    known, law, stiction_rate = values.joints, values.friction, values.stiction(record.robot)[1]
+    robot, gain, rows = record.robot, float(record.map.observer.gain), stretches[0].rows
+    model = robot.model
+    kept = rows.kept(model) if isinstance(rows, AllBut) else list(range(model.nv))
+    driven = [joint for joint in record.driven if robot.v_index(joint) in kept]
+    joints = [joint for joint in driven if law is None or joint not in known]
+    every = max(sum(len(stretch.tau) for stretch in stretches) // weighed, 1)
+    observer, parts = MomentumObserver(model, points_of(record.map), gain, rows), []
+    moments, needed = list[tuple[Array, ...]](), list[Array]()
+    for stretch in stretches:
+        (v, a), share = mean_motion(record, stretch.time, stretch.v), -np.expm1(-gain * typical_step(stretch.time))
+        y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
+        sliding, coulomb = np.tanh(v / stiction_rate), np.tanh(v / (stiction_rate if law is None else law.rate))
+        chosen = settled_instants(stretch.time, gain)[::every]
+        table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, -a, stretch.tau))])
+        parts.append(table[:, chosen])
+        moments.append((stretch.time[chosen], stretch.q[chosen + 1], stretch.v[chosen + 1]))
+        block = Block(stretch.time, stretch.q, stretch.v, stretch.tau)
+        needed.append(required_torque(record, block, accelerations(block, record), slice(None, None, every)))
+    (y, sliding, *columns) = np.concatenate(parts, axis=1)
+    time, q, v = (np.concatenate(part) for part in zip(*moments, strict=True))
+    jacobians = observer.applications.jacobian(q)
+    slides = [robot.v_index(joint) for joint in driven]
+    sliding[:, [row for row in range(model.nv) if row not in slides]] = 1.0
+    at = [kept.index(robot.v_index(joint)) for joint in joints]
+    effort, need = (column_rms(np.concatenate(part)) for part in ([each.tau for each in stretches], needed))
+    x = np.stack(columns)[:, :, kept]
+    return Instants(time, q, v, y, jacobians, kept, joints, at, sliding[:, kept], x, every, effort, need)
+
+
+def column_rms(values: Array) -> Array:
+    """Return the root mean square (k,) of the columns of values (m, k)."""
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
+
+
+def settling_intervals(record: Record) -> int:
+    """Return how many intervals a stretch needs of which a half has settled."""
+    return round(2.0 * TIME_CONSTANTS_TO_SETTLE / float(record.map.observer.gain) * record.rate)
+
+
+def settled_instants(time: Array, gain: float) -> NDArray[np.intp]:
+    """Return which intervals of times (m + 1,) [s] begin when an observer of gain K [1/s] has settled.
+
+    Half an interval later, so that the last digit of a stamp does not decide which is the first.
+    """
+    step = typical_step(time)
+    return np.flatnonzero(time[:-1] - time[0] > TIME_CONSTANTS_TO_SETTLE / gain + 0.5 * step)
