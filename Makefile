@@ -5,7 +5,7 @@ VENV := .venv
 export OPENBLAS_NUM_THREADS ?= 1
 PYTHONS := 3.11 3.12 3.13
 HEART := tests/description/test_description.py tests/description/test_portability.py tests/description/test_other_tools.py \
-	tests/robot/test_identities.py tests/observers/test_observers.py tests/experiments/test_paper_experiment.py \
+	tests/aerobat/test_identities.py tests/observers/test_observers.py tests/experiments/test_paper_experiment.py \
 	tests/cli/test_cli.py
 # Each writes the pages and figures that its first line names.
 SCRIPTS := pictures lifting_line/lifting_line section_law screenshots studies results crank frames \

@@ -70,7 +70,7 @@ MUTANTS = (
     Mutant("Euler for the exact filter", "observers/kernels/filters.py", "decay = np.exp(-gain * dt)",
            "decay = 1.0 - gain * dt", OBSERVERS),
     Mutant("sign of gravity of the robot", "aerobat/aerobat.py", "np.array([0.0, 0.0, -gravity])",
-           "np.array([0.0, 0.0, gravity])", "tests/robot/test_identities.py tests/flight/test_flights.py"),
+           "np.array([0.0, 0.0, gravity])", "tests/aerobat/test_identities.py tests/flight/test_flights.py"),
     Mutant("wings swapped in the robot", "aerobat/aerobat.py",
            '("left_shoulder", "left_elbow", "right_shoulder", "right_elbow")',
            '("right_shoulder", "right_elbow", "left_shoulder", "left_elbow")', "tests/flight/test_csv_log.py"),

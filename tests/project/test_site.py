@@ -139,6 +139,6 @@ def test_the_walk_through_the_paper_names_a_test_for_every_slip() -> None:
         for file in (ROOT / "tests").rglob("test_*.py")
         for name in re.findall(r"^def (test_\w+)", file.read_text(), re.M)
     }
-    slips = re.findall(r"^def (test_\w+)", (ROOT / "tests/robot/test_paper_slips.py").read_text(), re.MULTILINE)
+    slips = re.findall(r"^def (test_\w+)", (ROOT / "tests/aerobat/test_paper_slips.py").read_text(), re.MULTILINE)
     assert set(slips) - named == set()
     assert named - held == set()
