@@ -19,6 +19,8 @@ from aerobat_pin.observers import (
     Applications,
     Expected,
     Rows,
+    as_others_rub,
+    effort_limits,
     moving_weight,
     robot_length,
     row_names,
@@ -31,13 +33,18 @@ LEAST_ROW_ERROR = 1e-3  # of the weight that rows move (moments: times the robot
 LEAST_LIFTED = 10  # of these, with a foot in the air
 FOOT_SHARE = 0.15  # of the weight: a point that never holds so much is no foot
 SLIDES_AT = 0.76  # of Coulomb friction that has set in: a joint that never shows as much hardly moves
+REWEIGHTED, LEAST_ABSOLUTE = (
+    20,
+    1e-3,
+)  # rounds that make least squares least absolute errors; of the rms, the least error
 STRAIGHT_LEG = 0.1  # least over largest singular value of a leg's Jacobian: below, it does not show a force along it
 
 
 def expected_of(record: Record, instants: Instants, values: FittedValues) -> Expected:
     """Return what is expected of a record.
 
-    A force is expected to be a third of the weight, or larger if that makes the record more likely.
+    A force is expected to be a third of the weight, or larger if that makes the record more likely. Where no row is to
+    spare, nothing tells friction that nobody knows from a force: what it can explain of a row counts among its errors.
 
     Args:
         record: the record.
@@ -49,6 +56,8 @@ def expected_of(record: Record, instants: Instants, values: FittedValues) -> Exp
     expected = expected_from(robot, rows, values, points, instants.effort, instants.needed)
     if not points or not len(instants.rows):
         return expected
+    if values.friction is None and not values.row_noise and instants.jacobians.shape[1] >= len(instants.kept):
+        expected = replace(expected, row_error=np.hypot(expected.row_error, _rubbed(robot, instants)))
     some = slice(None, None, max(1, len(instants.rows) // WEIGHED))
     v, residual, jacobians = instants.v[some], instants.rows[some], instants.jacobians[some]
     if walks_on(robot, record.map) and not values.row_noise:
@@ -56,6 +65,26 @@ def expected_of(record: Record, instants: Instants, values: FittedValues) -> Exp
         expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
     weighed = with_record(expected, rows, robot.model, v, residual, jacobians)
     return replace(weighed, doubt=max(weighed.doubt, values.doubt))
+
+
+def _rubbed(robot: PlainRobot, instants: Instants) -> Array:
+    """Return the rms (nv,) of what friction, which resists, explains of each row; joints at rest rub as the others.
+
+    By least absolute errors beside an offset, as a push, which is short or constant, hardly moves these.
+    """
+    from scipy.optimize import nnls
+
+    at, rubbed = [instants.kept[k] for k in instants.at], np.zeros(robot.model.nv)
+    for k, row in zip(instants.at, at, strict=True):
+        y, friction, weight = instants.rows[:, row], instants.columns[:2, :, k].T, np.ones(len(instants.rows))
+        x = np.column_stack([friction, np.ones_like(y), -np.ones_like(y)])
+        for _ in range(REWEIGHTED):
+            b = nnls(x * weight[:, None], y * weight)[0]
+            weight = np.maximum(np.abs(y - x @ b), LEAST_ABSOLUTE * column_rms(y) + np.finfo(float).tiny) ** -0.5
+        rubbed[row] = column_rms(friction @ b[:2])
+    slides = np.abs(instants.sliding[:, instants.at]).max(axis=0, initial=0.0) > SLIDES_AT
+    rubbed[at] = as_others_rub(rubbed[at], slides, effort_limits(robot.model, at))
+    return rubbed
 
 
 def expected_from(

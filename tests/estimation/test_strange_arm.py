@@ -188,10 +188,11 @@ def test_friction_that_was_found_is_no_fault_of_the_efforts(tmp_path: Path) -> N
 
 
 def test_each_observer_says_of_the_belief_what_it_knows(folder: Path) -> None:
-    """Six unknowns leave no row to spare, and that is said; a filter takes k from the record as a whole."""
+    """Six unknowns that are seen leave no row to spare, and that is said; a filter takes k from the whole record."""
     values = arm_map([])
     values["robot"] = values["robot"] | {"wrenches": ["tool0"], "points": []}
-    wrench = estimate(recorded(folder / "push.csv", values))
+    write_log(folder / "smooth.csv", 1, pushed, rubs=0.0)
+    wrench = estimate(recorded(folder / "smooth.csv", values))
     assert "no row is to spare" in wrench.observers["force_level"].judgement[0]
     found = estimate(opened(folder / "push.csv", ["tool0"]), ["force_level", "kalman"]).observers
     assert "squared errors" in found["force_level"].judgement[0]
