@@ -14,6 +14,7 @@ from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.online import OnlineEstimator
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.forces import (
+    Instants,
     KnownForces,
     ModelCheck,
     StoredEstimate,
@@ -67,7 +68,7 @@ def estimate(
         refuse_if_certain(name, findings)
 
     given = fitted_forces(record) if calibration is None else calibration.forces(record)
-    forces, expected = _with_noise(given)
+    forces, expected, instants = _with_noise(given)
     beside = knows_friction(forces) and not knows_friction(given)  # found in this record, of which no calibration knew
     record = forces.record  # whose robot carries what was found
     inputs = inputs_between(record, forces)
@@ -115,7 +116,10 @@ def estimate(
         forces=forces,
         smoothed=smoothed,
     )
-    findings += [] if smoothed is not None else result_findings(result, expected)
+    shown = [] if smoothed is not None else list(result_findings(result, expected, instants))
+    if any(finding.check == "joint zero" for finding in shown):  # which explains more than another gravity does
+        findings = [finding for finding in findings if finding.check != "mounting"]
+    findings += shown
     findings += [] if calibration is None else [calibration.finding()]
     if calibration is not None and beside:
         text = WITHOUT_FRICTION if given.values.friction is None else WITH_SOME.format(_unseen_before(given, forces))
@@ -132,17 +136,17 @@ def stream_of(record: Record) -> OnlineEstimator:
     Raises:
         MapError: the map needs a whole record.
     """
-    forces, expected = _with_noise(fitted_forces(record))
+    forces, expected, _ = _with_noise(fitted_forces(record))
     return OnlineEstimator(record.map, record.folder, expected=expected, values=forces.values)
 
 
-def _with_noise(forces: KnownForces) -> tuple[KnownForces, Expected | None]:
+def _with_noise(forces: KnownForces) -> tuple[KnownForces, Expected | None, Instants | None]:
     """Return known forces with the errors of the rows where nothing touches, or else as the record tells them.
 
-    And what is expected of the record; None for a robot that expects forces of any size.
+    And what is expected of the record, and its instants; None for a robot that expects forces of any size.
     """
     if not forces.record.robot.limits_forces:
-        return forces, None
+        return forces, None, None
     noise = forces.values.row_noise or noise_where_known(forces)
     return fit_beside_forces(replace(forces, values=replace(forces.values, row_noise=noise)))
 

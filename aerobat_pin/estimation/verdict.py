@@ -48,6 +48,7 @@ DOUBTFUL_CHECKS = (  # a warning of theirs may make up a force
     "effort sign",
     "swapped joints",
     "mounting",
+    "joint zero",
     "load",
     "mass",
     "effort unit or mass",

@@ -43,6 +43,7 @@ from .inputs import inputs_of as inputs_of
 from .inputs import inputs_of_block as inputs_of_block
 from .instants import LOOKED_AT as LOOKED_AT
 from .instants import WEIGHED as WEIGHED
+from .instants import Instants as Instants
 from .instants import column_rms as column_rms
 from .instants import looked_at as looked_at
 from .instants import settled_instants as settled_instants

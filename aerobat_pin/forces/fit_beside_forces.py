@@ -53,10 +53,10 @@ AT_BOUND = 1e-14  # of the largest coefficient, all of size 1: what is left of o
 LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: one that the record does not show is 0
 
 
-def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None]:
+def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None, Instants | None]:
     """Return known forces with the friction of a record's joints and the errors of its rows, if it tells them.
 
-    And what is then expected of the record; None if it is too short.
+    And what is then expected of the record, and its instants without the friction; None if it is too short.
 
     Errors of rows that are known count where friction is known, too, or where friction and errors by the record itself
     are no smaller: what was learnt without friction, where nothing touches, has it among the errors.
@@ -65,15 +65,16 @@ def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None
     sought = bool(points_of(record.map)) and "joints.effort" in record.channels and not knows_friction(forces)
     instants = looked_at(record, inputs_between(record, forces), values, closely=sought)
     if instants is None:
-        return forces, None
+        return forces, None, None
     expected = expected_of(record, instants, values)
     found = _found(forces, instants, expected) if sought else None
     if found is None:
-        return forces, expected
+        return forces, expected, instants
     law, n = found.friction, len(instants.joints)
     assert law is not None
     b = np.stack([law.coulomb, law.viscous, law.inertia, found.scale - 1.0])[:, -n:]
-    return replace(forces, values=found), expected_of(record, instants.without(b), found)
+    smooth = instants.without(b)
+    return replace(forces, values=found), expected_of(record, smooth, found), smooth
 
 
 def _found(forces: KnownForces, instants: Instants, expected: Expected) -> FittedValues | None:
