@@ -18,7 +18,8 @@ from support.strange_arm import COULOMB, JOINTS, RATE, URDF, arm_map, nothing, p
 
 from aerobat_pin.estimation import OnlineEstimator, Result, calibrate, check_record, estimate
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
-from aerobat_pin.estimation.checks import record_findings
+from aerobat_pin.estimation.checks import effort_findings, record_findings
+from aerobat_pin.forces import KnownForces, inputs_between
 from aerobat_pin.forces.deviations import lag_of_filter
 from aerobat_pin.forces.fit_known_forces import fitted_forces
 from aerobat_pin.observers import DOUBTFUL, OBSERVERS, SHOWN
@@ -34,6 +35,15 @@ CASES = [*((seed, 1.0, None) for seed in (31, 32, 33)), *((seed, 1.6, LOAD) for 
 def opened(path: Path, points: list[str], *, friction: bool = False):
     """Return a record of the arm."""
     return recorded(path, arm_map(points, friction=friction))
+
+
+def test_a_calibration_does_not_warn_of_efforts_by_friction_that_it_found(tmp_path: Path) -> None:
+    """Which leave two thirds of what is needed unexplained without it."""
+    write_log(tmp_path / "free.csv", 106, nothing)
+    record = recorded(tmp_path / "free.csv", arm_map(["tool0"], friction=True) | {"use": {"free": [0, 30]}})
+    [doubt] = [one for one in effort_findings(record, inputs_between(record, KnownForces(record)), []) if one.warns]
+    assert "friction of the joints" in doubt.text
+    assert calibrate([record]).warnings == ()
 
 
 @pytest.mark.parametrize("seed", [51, 52, 53])
