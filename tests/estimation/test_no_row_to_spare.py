@@ -7,6 +7,7 @@ import pandas as pd
 import pinocchio as pin
 import pytest
 from support.recorded import recorded
+from support.robot_parts import channels, efforts
 
 from aerobat_pin.estimation import estimate
 
@@ -37,29 +38,18 @@ def test_friction_that_nobody_knows_is_among_the_errors_where_no_row_is_to_spare
     """
     (tmp_path / "scara.urdf").write_text(SCARA)
     model, rng = pin.buildModelFromUrdf(str(tmp_path / "scara.urdf")), np.random.default_rng(seed)
-    data, tool, time = model.createData(), model.getFrameId("tool"), np.arange(round(RATE * SECONDS)) / RATE
-    size, pace, phase = np.array([0.8, 0.7, 0.06]), np.array([1.3, 1.9, 1.6]), rng.uniform(0.0, 6.28, 3)
-    angle = pace * time[:, None] + phase
+    time, size, pace = np.arange(round(RATE * SECONDS)) / RATE, np.array([0.8, 0.7, 0.06]), np.array([1.3, 1.9, 1.6])
+    angle = pace * time[:, None] + rng.uniform(0.0, 6.28, 3)
     q, v, a = [0.2, 0.9, -0.02] + size * np.sin(angle), size * pace * np.cos(angle), -size * pace**2 * np.sin(angle)
-    force = np.zeros((len(time), 3))
-    force[(time > 8.0) & (time < 9.5)] = [8.0, 0.0, 12.0]
-    tau = rubs * ([1.2, 0.7, 1.5] * np.tanh(v / 0.01) + [0.5, 0.3, 8.0] * v)
-    for k, push in enumerate(force):
-        J = pin.computeFrameJacobian(model, data, q[k], tool, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[:3]
-        tau[k] += pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ push
+    force = np.where(((time > 8.0) & (time < 9.5))[:, None], [8.0, 0.0, 12.0], 0.0)
+    tau = efforts(model, "tool", q, v, a, force) + rubs * ([1.2, 0.7, 1.5] * np.tanh(v / 0.01) + [0.5, 0.3, 8.0] * v)
     tau += [0.05, 0.03, 0.3] * rng.standard_normal(tau.shape)
-    values = np.column_stack([time, q, v, tau])
-    names = [f"{kind}{k}" for kind in ("q", "v", "tau") for k in (1, 2, 3)]
-    pd.DataFrame(values, columns=["t", *names]).to_csv(tmp_path / "log.csv", index=False)
+    table = {f"{name}{k}": values[:, k] for name, values in {"q": q, "v": v, "tau": tau}.items() for k in range(3)}
+    pd.DataFrame({"t": time, **table}).to_csv(tmp_path / "log.csv", index=False)
     chosen = {
         "robot": {"urdf": str(tmp_path / "scara.urdf"), "root": "fixed", "points": ["tool"]},
         "log": {"time": {"column": "t", "unit": "s"}},
-        "joints": {
-            "names": ["j1", "j2", "j3"],
-            "position": {"columns": names[:3]},
-            "velocity": {"columns": names[3:6]},
-            "effort": {"columns": names[6:]},
-        },
+        "joints": {"names": ["j1", "j2", "j3"], **channels(range(3), position="q{}", velocity="v{}", effort="tau{}")},
         "observer": {"gain": 30.0},
     }
     [found] = estimate(recorded(tmp_path / "log.csv", chosen)).estimates.values()
