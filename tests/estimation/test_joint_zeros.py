@@ -36,9 +36,11 @@ def test_a_zero_that_is_off_is_named(tmp_path: Path, seed: int, rubs: float, joi
     assert "joint zero" in result.verdict
 
 
-@pytest.mark.parametrize(("seed", "rubs"), [(1, 1.0), (2, 0.3), (5, 0.0), (10, 0.3)])
+@pytest.mark.parametrize(("seed", "rubs"), [(1, 0.3), (3, 1.0), (5, 0.0), (15, 1.0)])
 def test_nothing_is_said_of_a_good_log(tmp_path: Path, seed: int, rubs: float) -> None:
-    assert not [one for one in found(tmp_path, seed, rubs=rubs).findings if one.check in {"joint zero", "mounting"}]
+    """Nor of a push elsewhere, as its joints stop all at once and stick."""
+    told = {one.check for one in found(tmp_path, seed, rubs=rubs).findings if one.warns}
+    assert not told & {"joint zero", "mounting", "push elsewhere"}
 
 
 def test_a_tilted_base_is_no_zero(tmp_path: Path) -> None:

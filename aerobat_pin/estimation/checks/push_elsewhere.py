@@ -24,6 +24,7 @@ from aerobat_pin.records import Record
 LEANS_FOR = 0.2  # [s] over which rows are averaged
 PIECES = 4  # of this time, by which it moves on
 IN_MOTION = 0.25  # of the mean square speed: a robot that is slower rests, and friction hides its errors
+AT_REST = 3.0  # times as far as in motion a mean must lean where all joints stop at once, and stick
 NO_ERROR = (  # share of the time in motion that tells what is usual; times the usual, and times what is stated
     (0.8, 3.0, 1.0),
     (0.5, 10.0, 0.5),
@@ -38,10 +39,11 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
     time, means, speeds = _leaning(record, estimate, expected)
     if not len(time):
         return
-    moves = settled(record, time) & (np.mean(speeds / np.maximum(speeds.mean(axis=0), 1e-12), axis=1) > IN_MOTION)
+    fast = np.mean(speeds / np.maximum(speeds.mean(axis=0), 1e-12), axis=1) > IN_MOTION
+    moves = settled(record, time) & fast
     if moves.sum() < FEWEST_MEANS:
         return
-    lean = np.linalg.norm(means - np.median(means[moves], axis=0), axis=1)
+    lean = np.linalg.norm(means - np.median(means[moves], axis=0), axis=1) / np.where(fast, 1.0, AT_REST)
     worst = int(np.argmax(np.where(settled(record, time), lean, 0.0)))
     stated = np.sqrt(estimate.redundancy.redundant)
     for share, times, size in NO_ERROR:
