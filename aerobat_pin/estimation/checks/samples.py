@@ -47,7 +47,8 @@ def sample_findings(record: Record) -> Iterator[Finding]:
     parts = [tuple(record.times(edge, edge)[0] for edge in part) for part in record.parts]
     clocks = {(len(channel.time), channel.time[0], channel.time[-1]) for channel in record.channels.values()}
     for channel in record.channels.values():
-        yield from channel_findings(channel, parts, alone=len(clocks) > 1)
+        angles = record.channels.get("joints.position") if channel.key == "joints.effort" else None
+        yield from channel_findings(channel, parts, alone=len(clocks) > 1, angles=angles)
         for begin, end, whose in channel.holes:
             if end > record.start and record.knots is None:
                 gaps.setdefault((begin, end), []).append(whose)
@@ -106,13 +107,16 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
             yield Finding("recorder clock", "note", f"{text}; the headers' are used", middle, "s")
 
 
-def channel_findings(channel: Channel, parts: list[tuple[float, float]], *, alone: bool) -> Iterator[Finding]:
+def channel_findings(
+    channel: Channel, parts: list[tuple[float, float]], *, alone: bool, angles: Channel | None = None
+) -> Iterator[Finding]:
     """Yield a channel's rate, and that its samples are held, interpolated, or do not change for long.
 
     Args:
         channel: the channel.
         parts: beginning and end of the stretches that are used [s].
         alone: whether the channel has a clock of its own; in a table with one clock, slower channels are interpolated.
+        angles: joint positions: as long as these do not change, the channel may do so, too.
     """
     key, count = channel.key, len(channel.values)
     changed = _changes(channel)
@@ -129,7 +133,7 @@ def channel_findings(channel: Channel, parts: list[tuple[float, float]], *, alon
         what = f"{changes} only {rate * (1.0 - share):.3g} times a second among {rate:.4g} samples a second; {EMPTY}"
         yield Finding("held channel", "warning", what, share, "1")
     elif share <= MOSTLY_HELD and not key.startswith("known"):
-        yield from _stuck(channel, changed, parts)
+        yield from _stuck(channel, changed, parts, channel if key == "joints.position" else angles)
         if (straight := _straight(channel)) > STRAIGHT:
             what = f"{100.0 * straight:.0f} % of the neighbours in {title} lie on straight lines"
             yield Finding("interpolated channel", "warning" if alone else "note", f"{what}; {EMPTY}", straight, "1")
@@ -182,8 +186,13 @@ def _held(changed: NDArray[np.bool_]) -> bool:
     return float(np.mean(np.abs(lengths - np.median(lengths)) <= 1.0)) >= REGULAR
 
 
-def _stuck(channel: Channel, changed: NDArray[np.bool_], parts: list[tuple[float, float]]) -> Iterator[Finding]:
-    """Yield stretches of the used parts in which a channel does not change although it does elsewhere."""
+def _stuck(
+    channel: Channel, changed: NDArray[np.bool_], parts: list[tuple[float, float]], angles: Channel | None
+) -> Iterator[Finding]:
+    """Yield stretches of the used parts in which a channel does not change although it does elsewhere.
+
+    A robot that stands is no fault: velocities say if it moves nevertheless.
+    """
     for low, high in parts:
         first, last = channel.time.index(low), channel.time.index(high, "right") - 1
         changes = first + np.flatnonzero(changed[first:last])
@@ -192,8 +201,14 @@ def _stuck(channel: Channel, changed: NDArray[np.bool_], parts: list[tuple[float
         begin, end = float(channel.time[int(edges[k])]), float(channel.time[int(edges[k + 1])])
         if len(changes) > 1 and end - begin > STUCK:
             what = f"{channel.key} does not change for {end - begin:.2f} s, from {begin - parts[0][0]:.2f} s on"
-            at_rest = channel.key == "joints.position"  # whose velocities say if it moves nevertheless
+            at_rest = angles is not None and not _moved(angles, begin, end)
             yield Finding("held channel", "note" if at_rest else "warning", what, end - begin, "s")
+
+
+def _moved(angles: Channel, begin: float, end: float) -> bool:
+    """Return whether joint positions change between two times [s]."""
+    seen = angles.values[angles.time.index(begin) : angles.time.index(end)]
+    return bool(np.any(seen != seen[:1]))
 
 
 def _straight(channel: Channel) -> float:
