@@ -51,10 +51,10 @@ def random_case(rng: np.random.Generator, kind: str) -> Case:
 
 
 def said_wrong(done: subprocess.CompletedProcess[str], codes: tuple[int, ...], line: str) -> list[str]:
-    """Return what is wrong with how a program ended: its code, or that its last line alone should match."""
+    """Return what is wrong with how a program ended: its code, or its last line; on a busy machine it told progress."""
     wrong = [] if done.returncode in codes else [f"exit code {done.returncode}: {done.stderr[-500:]}"]
     wrong += ["traceback: " + done.stderr[-1000:]] if "Traceback" in done.stderr else []
-    if done.returncode > 0 and not re.fullmatch(f"({line})\n", done.stderr):
+    if done.returncode > 0 and not re.fullmatch(line, "".join(done.stderr.splitlines()[-1:])):
         wrong.append(f"said: {done.stderr[-500:]!r}")
     return wrong
 
@@ -225,7 +225,7 @@ def diverging(start: float, height: float) -> Case:
         done = ended(bench.forks.start([*RUN, *NEW, "--set", push], folder))
         line = r"error: scenario paper: the flight diverged at t = (?P<time>[\d.]+) s: .* is beyond the limit of .*"
         wrong = said_wrong(done, (2,), line)
-        if (told := re.match(line, done.stderr)) is None:
+        if (told := re.search(line, done.stderr)) is None:
             return [*wrong, "it did not diverge"]
         scores = json.loads((folder / "result" / "metrics.json").read_text())
         flight = xr.load_dataset(folder / "result" / "flight.nc", engine="h5netcdf")
