@@ -37,6 +37,7 @@ REWEIGHTED, LEAST_ABSOLUTE = (
     20,
     1e-3,
 )  # rounds that make least squares least absolute errors; of the rms, the least error
+STRETCHES = 4  # of a record, each of which may have a push of its own
 STRAIGHT_LEG = 0.1  # least over largest singular value of a leg's Jacobian: below, it does not show a force along it
 
 
@@ -70,21 +71,33 @@ def expected_of(record: Record, instants: Instants, values: FittedValues) -> Exp
 def _rubbed(robot: PlainRobot, instants: Instants) -> Array:
     """Return the rms (nv,) of what friction, which resists, explains of each row; joints at rest rub as the others.
 
-    By least absolute errors beside an offset, as a push, which is short or constant, hardly moves these.
+    By least absolute errors beside offsets, as a push, which is short or constant, hardly moves these. The larger of
+    what one offset leaves to friction, which takes half a record's push for friction of any size, and one of each
+    stretch, which takes friction of a joint that goes one way there for a push.
     """
-    from scipy.optimize import nnls
-
     at, rubbed = [instants.kept[k] for k in instants.at], np.zeros(robot.model.nv)
+    once = np.ones((len(instants.rows), 1))
+    each = np.repeat(np.eye(STRETCHES), -(-len(once) // STRETCHES), axis=0)[: len(once)]
     for k, row in zip(instants.at, at, strict=True):
-        y, friction, weight = instants.rows[:, row], instants.columns[:2, :, k].T, np.ones(len(instants.rows))
-        x = np.column_stack([friction, np.ones_like(y), -np.ones_like(y)])
-        for _ in range(REWEIGHTED):
-            b = nnls(x * weight[:, None], y * weight)[0]
-            weight = np.maximum(np.abs(y - x @ b), LEAST_ABSOLUTE * column_rms(y) + np.finfo(float).tiny) ** -0.5
-        rubbed[row] = column_rms(friction @ b[:2])
+        y, friction = instants.rows[:, row], instants.columns[:2, :, k].T
+        rubbed[row] = max(column_rms(friction @ _rubs(y, friction, offsets)) for offsets in (once, each))
     slides = np.abs(instants.sliding[:, instants.at]).max(axis=0, initial=0.0) > SLIDES_AT
     rubbed[at] = as_others_rub(rubbed[at], slides, effort_limits(robot.model, at))
     return rubbed
+
+
+def _rubs(y: Array, friction: Array, offsets: Array) -> Array:
+    """Return the factors (2,), not negative, of friction (m, 2) in a row y (m,) by least absolute errors.
+
+    Beside any factors of offsets (m, k).
+    """
+    from scipy.optimize import nnls
+
+    x, weight = np.column_stack([friction, offsets, -offsets]), np.ones(len(y))
+    for _ in range(REWEIGHTED):
+        b = nnls(x * weight[:, None], y * weight)[0]
+        weight = np.maximum(np.abs(y - x @ b), LEAST_ABSOLUTE * column_rms(y) + np.finfo(float).tiny) ** -0.5
+    return np.asarray(b[:2])
 
 
 def expected_from(

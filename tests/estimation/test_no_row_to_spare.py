@@ -28,20 +28,23 @@ SCARA = (
 )
 
 
-@pytest.mark.parametrize(("seed", "rubs"), [(41, 1.0), (43, 0.2), (43, 0.0)])
+@pytest.mark.parametrize(
+    ("seed", "rubs", "lasts"), [(41, 1.0, 1.5), (43, 0.2, 1.5), (43, 0.0, 1.5), (42, 1.0, 7.0), (46, 0.4, 7.0)]
+)
 def test_friction_that_nobody_knows_is_among_the_errors_where_no_row_is_to_spare(
-    seed: int, rubs: float, tmp_path: Path
+    seed: int, rubs: float, lasts: float, tmp_path: Path
 ) -> None:
     """A SCARA stated 54 N +-4 where 14 N pushed, and 15 to 40 % of its errors were within two deviations.
 
-    Where its joints do not rub it loses nothing: the push moves least absolute errors so little.
+    Where its joints do not rub it loses nothing: the push moves least absolute errors so little. For half of a record
+    it moved them as much as friction: 38 % or more were within two deviations.
     """
     (tmp_path / "scara.urdf").write_text(SCARA)
     model, rng = pin.buildModelFromUrdf(str(tmp_path / "scara.urdf")), np.random.default_rng(seed)
     time, size, pace = np.arange(round(RATE * SECONDS)) / RATE, np.array([0.8, 0.7, 0.06]), np.array([1.3, 1.9, 1.6])
     angle = pace * time[:, None] + rng.uniform(0.0, 6.28, 3)
     q, v, a = [0.2, 0.9, -0.02] + size * np.sin(angle), size * pace * np.cos(angle), -size * pace**2 * np.sin(angle)
-    force = np.where(((time > 8.0) & (time < 9.5))[:, None], [8.0, 0.0, 12.0], 0.0)
+    force = np.where(((time > 9.5 - lasts) & (time < 9.5))[:, None], [8.0, 0.0, 12.0], 0.0)
     tau = efforts(model, "tool", q, v, a, force) + rubs * ([1.2, 0.7, 1.5] * np.tanh(v / 0.01) + [0.5, 0.3, 8.0] * v)
     tau += [0.05, 0.03, 0.3] * rng.standard_normal(tau.shape)
     table = {f"{name}{k}": values[:, k] for name, values in {"q": q, "v": v, "tau": tau}.items() for k in range(3)}
