@@ -110,21 +110,28 @@ def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Find
 def _loads(record: Record, balance: Balance) -> list[Finding]:
     """Return that a load beside a point, and friction, explain the efforts far better than friction, and none is off.
 
-    A force is sought at the point: the weight passes for one, its moment about the point is left.
+    A force is sought at the point: the weight passes for one, its moment about the point is left. A factor that all
+    efforts share, which scales this moment, too, explains less.
     """
     model, rubs, signs = record.robot.model, balance.rubbing, np.ones(len(record.driven))
     before = replace(balance, needed=balance.needed + rubs @ balance.explained_by(rubs)).imbalance()
+    by_factor = _left_by(balance, np.column_stack([balance.given.sum(axis=1), rubs]))
     for name in (*record.map.robot.points, *record.map.robot.wrenches):
         table = np.column_stack([balance.of_body(model.frames[model.getFrameId(name)].parentJoint), rubs])
         fitted = balance.explained_by(table)
         loaded = replace(balance, needed=balance.needed + table @ fitted)
-        explains = loaded.imbalance() < min(SWAP * before, RIGHT_PLACES)
+        explains = loaded.imbalance() < min(SWAP * before, RIGHT_PLACES) and _left_by(balance, table) < by_factor
         if explains and not any(_factors(record, loaded, signs, *_least_squares(loaded))):
             moment, left, mapped = np.linalg.norm(fitted[:3]), 100.0 * loaded.imbalance() ** 0.5, 100.0 * before**0.5
             what = f"a load beside {name}, mass times distance {moment:.2g} kg m, leaves {left:.1f} % of what is needed"
             what += f", as mapped {mapped:.1f} %: does the robot carry what its file lacks ([payload] in the map)?"
             return [Finding("load", "warning", what, float(moment), "kg m")]
     return []
+
+
+def _left_by(balance: Balance, table: Array) -> float:
+    """Return the sum of squares that columns (n, k) leave of the equations at best."""
+    return float(np.sum((balance.residual + table @ balance.explained_by(table)) ** 2))
 
 
 def _mounting(record: Record, balance: Balance, least: float) -> Finding | None:
