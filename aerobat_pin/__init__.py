@@ -53,9 +53,14 @@ def _of_before(name: str) -> Any:
     from aerobat_pin.errors import old_names
 
     places = "aerobat_pin.aerobat", "aerobat_pin.observers"
-    return old_names(_former_robot.__name__, {}, None, *places, stacklevel=3)(name)
+    if name == "__all__":  # a star would bring nothing, without a word
+        from importlib import import_module
+
+        return [*import_module(places[0]).__all__, *_FRAMES]
+    return old_names(robot.__name__, {}, None, *places, stacklevel=3)(name)
 
 
-_former_robot = type(sys)("aerobat_pin.robot", "What `aerobat` and, of frames, `observers` have now: for one release.")
-_former_robot.__dict__["__getattr__"] = _of_before
-sys.modules[_former_robot.__name__] = _former_robot
+_FRAMES = "euler_angles", "external_forces", "joint_wrench", "rotation_matrices", "rotations", "world_velocity"
+robot = type(sys)("aerobat_pin.robot", "What `aerobat` and, of frames, `observers` have now: for one release.")
+robot.__dict__["__getattr__"] = _of_before
+sys.modules[robot.__name__] = robot
