@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import SLIDES_AT, Instants
+from aerobat_pin.forces import SLIDES_AT, WEIGHED, Instants
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected
 from aerobat_pin.records import Record
@@ -33,11 +33,12 @@ def zero_findings(record: Record, instants: Instants, expected: Expected) -> Ite
     moved = [joint for joint, row in rows.items() if largest.get(row, 0.0) > SLIDES_AT]
     if robot.free or "joints.effort" not in record.channels or not moved:
         return
-    y, B = instants.rows[:, kept], expected.force[:, None] * instants.jacobians[:, :, kept]
-    variance = expected.row_deviation(instants.v)[:, kept] ** 2
+    some = slice(None, None, max(1, len(instants.rows) // WEIGHED))
+    y, B = instants.rows[some, kept], expected.force[:, None] * instants.jacobians[some][:, :, kept]
+    variance = expected.row_deviation(instants.v[some])[:, kept] ** 2
     whiten = np.linalg.inv(np.linalg.cholesky(np.swapaxes(B, 1, 2) @ B + np.eye(len(kept)) * variance[:, None]))
-    friction = [column[:, :, None] * np.eye(len(kept)) for column in instants.columns[:2]]
-    slopes, pulls = _weight_slopes(robot.model, instants.q)
+    friction = [column[:, :, None] * np.eye(len(kept)) for column in instants.columns[:2, some]]
+    slopes, pulls = _weight_slopes(robot.model, instants.q[some])
     count, all_of = 2 * len(kept), np.concatenate([*friction, slopes[:, kept], pulls[:, kept], y[..., None]], axis=2)
     white = (whiten @ all_of).reshape(y.size, -1)
     gram = white.T @ white
