@@ -33,10 +33,8 @@ LEAST_ROW_ERROR = 1e-3  # of the weight that rows move (moments: times the robot
 LEAST_LIFTED = 10  # of these, with a foot in the air
 FOOT_SHARE = 0.15  # of the weight: a point that never holds so much is no foot
 SLIDES_AT = 0.76  # of Coulomb friction that has set in: a joint that never shows as much hardly moves
-REWEIGHTED, LEAST_ABSOLUTE = (
-    20,
-    1e-3,
-)  # rounds that make least squares least absolute errors; of the rms, the least error
+REWEIGHTED = 20  # rounds by which least squares become least absolute errors
+LEAST_ABSOLUTE = 1e-3  # of a row's rms: an error counts as no smaller
 STRETCHES = 4  # of a record, each of which may have a push of its own
 STRAIGHT_LEG = 0.1  # least over largest singular value of a leg's Jacobian: below, it does not show a force along it
 
