@@ -78,7 +78,8 @@ def _rubbed(robot: PlainRobot, instants: Instants) -> Array:
     each = np.repeat(np.eye(STRETCHES), -(-len(once) // STRETCHES), axis=0)[: len(once)]
     for k, row in zip(instants.at, at, strict=True):
         y, friction = instants.rows[:, row], instants.columns[:2, :, k].T
-        rubbed[row] = max(column_rms(friction @ _rubs(y, friction, offsets)) for offsets in (once, each))
+        explained = max(column_rms(friction @ _rubs(y, friction, offsets)) for offsets in (once, each))
+        rubbed[row] = min(explained, instants.effort[row])  # which overcomes the friction
     slides = np.abs(instants.sliding[:, instants.at]).max(axis=0, initial=0.0) > SLIDES_AT
     rubbed[at] = as_others_rub(rubbed[at], slides, effort_limits(robot.model, at))
     return rubbed

@@ -1,6 +1,7 @@
 """Long recordings: read, estimated and written piece by piece, in memory that does not grow with their length."""
 
 import tracemalloc
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -38,14 +39,18 @@ def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"{come_in}spool.IN_MEMORY", 1)
     monkeypatch.setattr(f"{come_in}csv_columns.ROWS_AT_ONCE", 200)
     monkeypatch.setattr(f"{come_in}table_cells.BYTES_AT_ONCE", 20_000)
-    monkeypatch.setattr(f"{place}run_observers.BLOCK", 500)
     monkeypatch.setattr(f"{place}checks.motion.MOST_SAMPLES", 500)
     for name in ("MANY", "MOST_SAMPLES"):
         monkeypatch.setattr(f"{place}checks.result.{name}", 500)
-    for module in ("stored_estimate", "run_observers"):
-        monkeypatch.setattr(f"{place}{module}.ROWS_READ", 500)
-    monkeypatch.setattr(f"{place}against_reference.MOST_LAGGED", 500)
-    monkeypatch.setattr(f"{place}against_reference.EXTENT", 200)
+    observed, stored, beside = (
+        import_module(f"aerobat_pin.forces.{name}")
+        for name in ("run_observers", "stored_estimate", "against_reference")
+    )
+    monkeypatch.setattr(observed, "BLOCK", 500)
+    for module in (stored, observed):
+        monkeypatch.setattr(module, "ROWS_READ", 500)
+    monkeypatch.setattr(beside, "MOST_LAGGED", 500)
+    monkeypatch.setattr(beside, "EXTENT", 200)
 
 
 def swinging(rows: int, folder: Path) -> Path:

@@ -29,7 +29,7 @@ def zero_findings(record: Record, instants: Instants, expected: Expected) -> Ite
     """Yield that another zero of a joint leaves far less of a fixed robot's rows, and no more than another gravity."""
     robot, kept = record.robot, instants.kept
     rows = {joint: robot.v_index(joint) for joint in record.driven}
-    largest = dict(zip(kept, np.abs(instants.sliding).max(axis=0), strict=True))
+    largest = dict(zip(kept, np.abs(instants.sliding).max(axis=0, initial=0.0), strict=True))
     moved = [joint for joint, row in rows.items() if largest.get(row, 0.0) > SLIDES_AT]
     if robot.free or "joints.effort" not in record.channels or not moved:
         return
