@@ -1,8 +1,8 @@
-"""The road from a record to its result: checks, calibration, verdict and scores, all at once or as a stream."""
+"""The road from a record to its result: checks, calibration and verdict, all at once or as a stream."""
 
 import lazy_loader
 
 from aerobat_pin.errors import old_names
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-__getattr__ = old_names(__name__, {}, __getattr__, "aerobat_pin.forces")
+__getattr__ = old_names(__name__, {"Compared": "PairedEstimate"}, __getattr__, "aerobat_pin.forces")

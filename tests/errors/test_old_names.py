@@ -11,6 +11,7 @@ import pytest
     ("door", "old", "new"),
     [
         ("flight", "Flown", "Trajectory"),
+        ("estimation", "Compared", "PairedEstimate"),
         ("aerobat.raw", "RawChannel", "SensorSamples"),
     ],
 )

@@ -112,7 +112,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
     unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
     lighter = _heavier_base(model) if robot.free else None
     data, lighter_data = model.createData(), None if lighter is None else lighter.createData()
-    falling = [] if robot.free else [_falling(model, axis) for axis in np.eye(3)]
+    falling = [] if robot.free else [under_gravity(model, axis) for axis in np.eye(3)]
     projects, needed, motion, base, pulled, moved = list[Array](), [], [], [], [], list[tuple[Array, ...]]()
     seen = list[tuple[Array, slice]]()
     most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
@@ -167,8 +167,8 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
     return Balance(b, project @ unit, heavier, weights, instants, effort, rates, bends, span, of_body, later)
 
 
-def _falling(model: pin.Model, gravity: Array) -> pin.Model:
-    """Return a model with another gravity [m/s2]."""
+def under_gravity(model: pin.Model, gravity: Array) -> pin.Model:
+    """Return a model with another gravity (3,) [m/s2], in the axes of its root."""
     copy = model.copy()
     copy.gravity.linear = gravity
     return copy

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.estimation.checks.balance import under_gravity
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import SLIDES_AT, WEIGHED, Instants
 from aerobat_pin.numerics import Array
@@ -26,7 +27,10 @@ SMALLEST = 1e-12  # of the largest eigenvalue: what no row shows is 0
 
 
 def zero_findings(record: Record, instants: Instants, expected: Expected) -> Iterator[Finding]:
-    """Yield that another zero of a joint leaves far less of a fixed robot's rows, and no more than another gravity."""
+    """Yield that another zero of a joint leaves far less of a fixed robot's rows, and no more than another gravity.
+
+    The finding's value is how much farther than its position says the joint stands, -z [rad or m].
+    """
     robot, kept = record.robot, instants.kept
     rows = {joint: robot.v_index(joint) for joint in record.driven}
     largest = dict(zip(kept, np.abs(instants.sliding).max(axis=0, initial=0.0), strict=True))
@@ -68,7 +72,6 @@ def _weight_slopes(model: pin.Model, q: Array) -> tuple[Array, Array]:
     data, pulled = model.createData(), []
     slopes = np.array([pin.computeGeneralizedGravityDerivatives(model, data, each).copy() for each in q])
     for axis in np.eye(3):
-        falling = model.copy()
-        falling.gravity.linear = axis
-        pulled.append([pin.computeGeneralizedGravity(falling, data, each).copy() for each in q])
+        pulling = under_gravity(model, axis)
+        pulled.append([pin.computeGeneralizedGravity(pulling, data, each).copy() for each in q])
     return slopes, np.moveaxis(np.array(pulled), 0, -1)

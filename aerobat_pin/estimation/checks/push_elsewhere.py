@@ -43,12 +43,13 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
     moves = settled(record, time) & fast
     if moves.sum() < FEWEST_MEANS:
         return
-    lean = np.linalg.norm(means - np.median(means[moves], axis=0), axis=1) / np.where(fast, 1.0, AT_REST)
-    worst = int(np.argmax(np.where(settled(record, time), lean, 0.0)))
+    lean = np.linalg.norm(means - np.median(means[moves], axis=0), axis=1)
+    doubtful = lean / np.where(fast, 1.0, AT_REST)
+    worst = int(np.argmax(np.where(settled(record, time), doubtful, 0.0)))
     stated = np.sqrt(estimate.redundancy.redundant)
     for share, times, size in NO_ERROR:
         usual = float(np.quantile(lean[moves], share))
-        if lean[worst] > max(times * usual, size * stated):
+        if doubtful[worst] > max(times * usual, size * stated):
             text = (
                 f"from {time[worst] - record.start:.2f} s on, what no force explains leans one way for {LEANS_FOR:g} "
                 f"s, {lean[worst] / usual:.2g} times as far as usual: {MISFIT}"
