@@ -93,7 +93,8 @@ def estimate(
         stored = {name: StoredEstimate.of(estimate) for name, estimate in smoothed.estimates.items()}
         sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
     else:
-        findings += efforts_and_friction(given, forces, findings) if record.robot.measures_effort else []
+        if record.robot.measures_effort:
+            findings += efforts_and_friction(given, forces, findings, instants, expected)
         stored = run_observers(record, inputs, running, progress, watch, expected, model)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
@@ -116,10 +117,7 @@ def estimate(
         forces=forces,
         smoothed=smoothed,
     )
-    shown = [] if smoothed is not None else list(result_findings(result, expected, instants))
-    if any(finding.check == "joint zero" for finding in shown):  # which explains more than another gravity does
-        findings = [finding for finding in findings if finding.check != "mounting"]
-    findings += shown
+    findings += [] if smoothed is not None else result_findings(result, expected)
     findings += [] if calibration is None else [calibration.finding()]
     if calibration is not None and beside:
         text = WITHOUT_FRICTION if given.values.friction is None else WITH_SOME.format(_unseen_before(given, forces))

@@ -5,6 +5,7 @@ from .calibration_use import CalibrationUse as CalibrationUse
 from .calibration_use import Cause as Cause
 from .calibration_use import Contact as Contact
 from .calibration_use import ModelCheck as ModelCheck
+from .coefficient_errors import independent as independent
 from .contacts import END_SHARE as END_SHARE
 from .contacts import ONSET_SHARE as ONSET_SHARE
 from .contacts import ContactWatch as ContactWatch

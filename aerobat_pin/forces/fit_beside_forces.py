@@ -56,7 +56,7 @@ LEAST_SHOWN = 1e-9  # share of a coefficient's information that is added to it: 
 def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None, Instants | None]:
     """Return known forces with the friction of a record's joints and the errors of its rows, if it tells them.
 
-    And what is then expected of the record, and its instants without the friction; None if it is too short.
+    And what is then expected of the record, and its instants, with the friction; None if it is too short.
 
     Errors of rows that are known count where friction is known, too, or where friction and errors by the record itself
     are no smaller: what was learnt without friction, where nothing touches, has it among the errors.
@@ -74,7 +74,7 @@ def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None
     assert law is not None
     b = np.stack([law.coulomb, law.viscous, law.inertia, found.scale - 1.0])[:, -n:]
     smooth = instants.without(b)
-    return replace(forces, values=found), expected_of(record, smooth, found), smooth
+    return replace(forces, values=found), expected_of(record, smooth, found), instants
 
 
 def _found(forces: KnownForces, instants: Instants, expected: Expected) -> FittedValues | None:

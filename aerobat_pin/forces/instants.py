@@ -41,6 +41,7 @@ class Instants:
         sliding: (m, k) tanh(v / v_s) of the believed rows; 1 for those without friction.
         columns: (4, m, k) what Coulomb and viscous friction and a rotor's inertia of size 1, and the effort, do in each
             believed row.
+        rates: (m, k) how fast the efforts change [1/s].
         every: intervals of the record from one instant to the next.
         effort: (nv,) rms of the joint torques [N or N m].
         needed: (nv,) rms of what motion and weight need.
@@ -56,6 +57,7 @@ class Instants:
     at: list[int]
     sliding: Array
     columns: Array
+    rates: Array
     every: int
     effort: Array
     needed: Array
@@ -73,6 +75,7 @@ def looked_at(
     values: FittedValues,
     *,
     closely: bool = False,
+    between: tuple[float, float] | None = None,
 ) -> Instants | None:
     """Return instants of a record, spread evenly, none of which is at a start; None if it has none.
 
@@ -81,9 +84,10 @@ def looked_at(
         inputs: function of first and last index of the common times: what an observer is given there.
         values: what is known of the record; joints whose friction is known are not among `joints`.
         closely: whether to look at as many intervals as friction needs.
+        between: times after the start [s] that are looked at; all when omitted.
     """
     most, weighed = (LOOKED_AT, WEIGHED) if not closely else (CLOSELY * LOOKED_AT, CLOSELY * WEIGHED)
-    stretches = [inputs(*ends) for ends in record.spread(most, least=settling_intervals(record))]
+    stretches = [inputs(*ends) for ends in record.spread(most, *(between or ()), least=settling_intervals(record))]
     if not stretches:
         return None
     known, law, stiction_rate = values.joints, values.friction, values.stiction(record.robot)[1]
@@ -94,7 +98,7 @@ def looked_at(
     joints = [joint for joint in driven if law is None or joint not in known]
     every = max(sum(len(stretch.tau) for stretch in stretches) // weighed, 1)
     observer, parts = MomentumObserver(model, points_of(record.map), gain, rows), []
-    moments, needed = list[tuple[Array, ...]](), list[Array]()
+    moments, needed, rates = list[tuple[Array, ...]](), list[Array](), list[Array]()
     for stretch in stretches:
         (v, a), share = mean_motion(record, stretch.time, stretch.v), -np.expm1(-gain * typical_step(stretch.time))
         y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
@@ -102,6 +106,7 @@ def looked_at(
         chosen = settled_instants(stretch.time, gain)[::every]
         table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, -a, stretch.tau))])
         parts.append(table[:, chosen])
+        rates.append(_rate_of(table[-1], round(0.5 / share))[chosen] / typical_step(stretch.time))
         moments.append((stretch.time[chosen], stretch.q[chosen + 1], stretch.v[chosen + 1]))
         block = Block(stretch.time, stretch.q, stretch.v, stretch.tau)
         needed.append(required_torque(record, block, accelerations(block, record), slice(None, None, every)))
@@ -112,8 +117,15 @@ def looked_at(
     sliding[:, [row for row in range(model.nv) if row not in slides]] = 1.0
     at = [kept.index(robot.v_index(joint)) for joint in joints]
     effort, need = (column_rms(np.concatenate(part)) for part in ([each.tau for each in stretches], needed))
-    x = np.stack(columns)[:, :, kept]
-    return Instants(time, q, v, y, jacobians, kept, joints, at, sliding[:, kept], x, every, effort, need)
+    x, rate = np.stack(columns)[:, :, kept], np.concatenate(rates)[:, kept]
+    return Instants(time, q, v, y, jacobians, kept, joints, at, sliding[:, kept], x, rate, every, effort, need)
+
+
+def _rate_of(values: Array, apart: int) -> Array:
+    """Return how much values (m, k) change an interval, over as many before and after each."""
+    index = np.arange(len(values))
+    later, earlier = np.minimum(index + max(apart, 1), len(values) - 1), np.maximum(index - max(apart, 1), 0)
+    return np.asarray((values[later] - values[earlier]) / np.maximum(later - earlier, 1)[:, None])
 
 
 def column_rms(values: Array) -> Array:

@@ -38,11 +38,11 @@ def opened(path: Path, points: list[str], *, friction: bool = False):
 
 
 def test_a_calibration_does_not_warn_of_efforts_by_friction_that_it_found(tmp_path: Path) -> None:
-    """Which leave two thirds of what is needed unexplained without it."""
+    """Nor does the check alone, which takes friction of any size for possible."""
     write_log(tmp_path / "free.csv", 106, nothing)
     record = recorded(tmp_path / "free.csv", arm_map(["tool0"], friction=True) | {"use": {"free": [0, 30]}})
-    [doubt] = [one for one in effort_findings(record, inputs_between(record, KnownForces(record)), []) if one.warns]
-    assert "friction of the joints" in doubt.text
+    alone = effort_findings(record, inputs_between(record, KnownForces(record)), [])
+    assert [one for one in alone if one.warns] == []
     assert calibrate([record]).warnings == ()
 
 
@@ -63,7 +63,7 @@ def test_late_efforts_are_named_with_the_delay_that_mends_the_estimate(seed: int
         assert len(told) == (delay == 0.0)
         for one in told:
             assert one.value == pytest.approx(0.06, abs=0.005)
-            assert "delay = 0.06" in one.text
+            assert re.search(r"delay = 0\.0(5[5-9]|6[0-5]) under joints\.effort", one.text), one.text
             assert "late efforts" in result.verdict
     assert errors[1] < 0.5 * errors[0]
 

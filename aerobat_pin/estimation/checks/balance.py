@@ -6,6 +6,7 @@ Projected on the directions that A does not reach, f disappears.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -35,26 +36,22 @@ class Balance:
         needed: (n,) what motion and weight need.
         reach: (n, joints) what an effort of 1 N m or N of each joint gives.
         base: (n,) what the mass of the base link needs.
-        weight: (n, 3) what gravity of 1 m/s2 along each axis of a fixed robot's root needs; 0 for a free one.
         at: (n,) the instant of each equation.
         effort: (instants, joints) efforts [N m, N].
         v: (instants, joints) rates.
         a: (instants, joints) accelerations.
         span: time that the instants cover [s].
-        of_body: joint -> (n, 3) what first moments of 1 kg m need, of the body that the joint carries, in its axes.
         later: time [s] -> (instants, joints) what the efforts are so much later [N m, N].
     """
 
     needed: Array
     reach: Array
     base: Array
-    weight: Array
     at: NDArray[np.intp]
     effort: Array
     v: Array
     a: Array
     span: float
-    of_body: Callable[[int], Array]
     later: Callable[[float], Array]
 
     @cached_property
@@ -101,19 +98,18 @@ class Balance:
 
 
 def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
-    """Return the projected equations at instants spread over the record; None if unknown forces leave no row."""
+    """Return a free robot's equations at instants spread over its record; None if unknown forces leave no row."""
     robot, model, free = record.robot, record.robot.model, record.map.use.free
     if free is None and not (record.map.robot.points or record.map.robot.wrenches):
         return None  # a force that is not sought may be in every row
     rows = AllBut(*ignored_rows(record)).kept(model)
-    arms = 3 * [1.0] + 3 * [1.0 / MOMENT_ARM] if robot.free else []
+    arms = 3 * [1.0] + 3 * [1.0 / MOMENT_ARM]
     arms += [1.0 if robot.slides(joint) else 1.0 / MOMENT_ARM for joint in robot.joints]
     weight, at = np.array(arms)[rows], [robot.v_index(joint) for joint in record.driven]
     unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
-    lighter = _heavier_base(model) if robot.free else None
-    data, lighter_data = model.createData(), None if lighter is None else lighter.createData()
-    falling = [] if robot.free else [under_gravity(model, axis) for axis in np.eye(3)]
-    projects, needed, motion, base, pulled, moved = list[Array](), [], [], [], [], list[tuple[Array, ...]]()
+    lighter, data = _heavier_base(model), model.createData()
+    lighter_data = lighter.createData()
+    projects, needed, motion, base = list[Array](), list[Array](), list[Array](), list[Array]()
     seen = list[tuple[Array, slice]]()
     most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
     step = max(1, most // INSTANTS)
@@ -135,26 +131,14 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
         projects += [Q.T * weight for Q in beyond]
         needed.append(whole[:, rows])
         motion.append(np.stack([tau[:, at], v[:, at], a[chosen][:, at]]))
-        moved += zip(q, v, a[chosen], strict=True)
         seen.append((given.time, chosen))
-        base.append(np.zeros((len(q), len(rows))))
-        if lighter is not None:
-            base[-1][:] = [pin.rnea(lighter, lighter_data, *each)[rows] for each in zip(q, v, a[chosen], strict=True)]
-        pulled.append(np.zeros((len(q), len(rows), 3)))
-        for axis, world in enumerate(falling):
-            pulled[-1][:, :, axis] = [pin.computeGeneralizedGravity(world, data, q_k)[rows] for q_k in q]
+        moved = zip(q, v, a[chosen], strict=True)
+        base.append(np.array([pin.rnea(lighter, lighter_data, *each)[rows] for each in moved]))
     if not projects:
         return None
     instants = np.repeat(np.arange(len(projects)), [len(part) for part in projects])
     project, (effort, rates, bends) = np.concatenate(projects), np.concatenate(motion, axis=1)
-    b, heavier, weights = (
-        np.einsum("nr,nr...->n...", project, np.concatenate(part)[instants]) for part in (needed, base, pulled)
-    )
-
-    def of_body(joint: int) -> Array:
-        first = 10 * joint - 10
-        parts = [pin.computeJointTorqueRegressor(model, data, *each)[rows, first + 1 : first + 4] for each in moved]
-        return np.asarray(np.einsum("nr,nrk->nk", project, np.array(parts)[instants]))
+    b, heavier = (np.einsum("nr,nr->n", project, np.concatenate(part)[instants]) for part in (needed, base))
 
     def measured(by: float) -> Array:
         return np.concatenate([record.means("joints.effort", time + by)[chosen] for time, chosen in seen])
@@ -164,14 +148,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
         return np.asarray(measured(by) * np.sum(now * effort, axis=0) / np.maximum(np.sum(now**2, axis=0), 1e-300))
 
     span = len(projects) * step * record.dt
-    return Balance(b, project @ unit, heavier, weights, instants, effort, rates, bends, span, of_body, later)
-
-
-def under_gravity(model: pin.Model, gravity: Array) -> pin.Model:
-    """Return a model with another gravity (3,) [m/s2], in the axes of its root."""
-    copy = model.copy()
-    copy.gravity.linear = gravity
-    return copy
+    return Balance(b, project @ unit, heavier, instants, effort, rates, bends, span, later)
 
 
 def _heavier_base(model: pin.Model) -> pin.Model:
@@ -180,6 +157,20 @@ def _heavier_base(model: pin.Model) -> pin.Model:
     for k in range(2, model.njoints):
         alone.inertias[k] = pin.Inertia.Zero()
     return alone
+
+
+def limb_pairs(record: Record) -> list[Exchange]:
+    """Return pairs of limbs, chains of joints without a branch, with equally many efforts, two or more."""
+    model, limbs = record.robot.model, dict[int, list[int]]()
+    parents = model.parents.tolist()
+    first = list(range(model.njoints))
+    for k in range(2, model.njoints):
+        if parents.count(parents[k]) == 1:
+            first[k] = first[parents[k]]
+    for column, joint in enumerate(record.driven):
+        limbs.setdefault(first[model.getJointId(joint)], []).append(column)
+    pairs = itertools.combinations([tuple(limb) for limb in limbs.values()], 2)
+    return [pair for pair in pairs if len(pair[0]) == len(pair[1]) > 1]
 
 
 def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], weight: Array) -> list[Array]:

@@ -1,330 +1,331 @@
-"""Check the efforts against what the motion and the weight need: units, signs, swapped joints and limbs, wrong masses.
+"""Check the efforts against what the motion and the weight need: units, signs, places, delays, mounting, zeros, loads.
 
-The factors of the efforts (and of the base link's mass) follow from the balance by least squares: 1 for each effort and
-0 for the mass if map and robot are right. But noise and friction of an effort make its factor too small. So an effort
-is named only if also the other way round, beside friction and a rotor, what is measured of it is not what is needed:
-
-    x = g y + c1 + c2 tanh(v / v_s) + c3 v + c4 a + e,     c ~ N(0, t^2)
-
-where t is what is left of the typical joint, at most the whole effort, and y takes the other efforts as mapped, but for
-their signs. Where a joint carries less than its noise, or friction and rotor turn g round, it is unknown, and nothing
-is said.
+What forces, friction and constants leave of a fixed robot's rows is explained by one change of the map or of the robot,
+if any: the one that makes the rows most likely (`explanations`). Feet of a free robot carry more than its motion needs,
+so that a factor of all efforts looks like other forces: there `free_efforts` compares what no force explains.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.balance import RANK, Balance, Exchange, InputsBetween, balance_of, with_exchanged
-from aerobat_pin.estimation.checks.late_efforts import late_efforts
+from aerobat_pin.estimation.checks.balance import Exchange, InputsBetween, limb_pairs, with_exchanged
+from aerobat_pin.estimation.checks.explanations import EffortRows, Explanation, effort_rows, explained, screened
+from aerobat_pin.estimation.checks.free_efforts import (
+    GOOD,
+    NAMED,
+    left_unexplained,
+    of_all,
+    of_free,
+    reversed_effort,
+    swapped,
+    wrong_effort,
+)
 from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.forces import SLIDES_AT, WEIGHED, FittedValues, Instants, expected_of, looked_at, row_scale
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import SMOOTH_RATE
-from aerobat_pin.records import Record
+from aerobat_pin.observers import Expected
+from aerobat_pin.records import LARGEST_DELAY, PlainRobot, Record
 
-ERRORS_LAST = 0.2  # [s]: instants farther apart have independent errors, those of friction and model
-NAMED, NAMED_MASS = 0.1, 0.05  # deviation of a factor from 1 that is named
-SAME_FACTOR = 0.15  # deviation from their mean by which factors are all the same
-SURE = 4.0  # in standard deviations
-EXPLAINED = 0.5  # share of the imbalance that the factors must explain before they are named
-UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
-CLEAR = 0.9  # share of the imbalance that is explained, from which they are named all the same
-SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
-WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
-RIGHT_PLACES = 0.25  # of the needed square sum, that joints or limbs in the right places leave at most
-LEAST_TILT = np.radians(5.0)  # by which a robot must be mounted otherwise than believed before that is said
+SURE, PRICE = 6.0, 2.0  # gain of the log-likelihood from which a change is named, and what each of its numbers costs
+FACTOR = 4.0  # what factors of efforts cost more, as rows of joints that hardly carry anything look like some
+AS_LIKELY = 3.0  # loss of it with which a change explains about as well as the likeliest
+TRIED = 6  # changes of which the likelihood is found, after a first look at all
+ANY_FORCE = 10.0  # times what is expected of a force: no change need explain a steady one
+GROSS = 5.0  # a factor that no stiction looks like
+CLEARLY = 4.0  # standard deviations by which a factor is told from 1, and its inverse from 0
+SWAP = 0.5  # of what is left, in squares, if joints or limbs change places, or efforts come at another time
+LEAST_TILT = np.radians(3.0)  # by which a robot must be mounted otherwise than believed before that is said
 SAME_SIZE = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
-ABOVE_NOISE = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
-WORTH_SIGNS = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
-WHITE_SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
-MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if for A and N m
+TURNED, SLID = (0.05, 0.5), (0.02, 0.3)  # least and largest zero of a joint that is named [rad], [m]
+LEAST_MOMENT = 0.005  # [m] times the mass that moves: a load whose moment about a point is smaller is not named
+UNEXPLAINED = 0.25  # share of what is needed, in squares, that is left of no good record
+WHITE = 0.5  # share of instants that are independent, from which what is left is noise
 HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some ms
     "unit of joints.effort, held channel, interpolated channel, late channel, gap, repeated stamps, time goes back, "
     "recorder clock, duplicate file, accelerometer against gravity".split(", ")
 )
 
 
-def effort_findings(record: Record, inputs: InputsBetween, before: Sequence[Finding]) -> Iterator[Finding]:
-    """Yield factors of the efforts, columns that are exchanged, and the base's mass, as far as the rows show them.
+@dataclass(frozen=True)
+class Change:
+    """A change of the map or the robot.
+
+    Attributes:
+        told: what is found, of what is likely with it and what that leaves: nothing if it is too small, None if it
+            cannot be.
+        columns: (m, k, p) what it does to the rows for h = 1.
+        shift: (m, k) what it does to the rows, where it has no coefficient.
+        doubt: what it costs beside its coefficients.
+        leaves: share of what is left, in squares, that it must leave at most.
+    """
+
+    told: Callable[[Explanation, str], Sequence[Finding] | None]
+    columns: Array | None = None
+    shift: Array | None = None
+    doubt: float = 0.0
+    leaves: float = np.inf
+
+    @property
+    def price(self) -> float:
+        """What its coefficients cost."""
+        return self.doubt + PRICE * (1 if self.columns is None else self.columns.shape[2])
+
+    def explained(self, rows: EffortRows, without: Explanation) -> Explanation:
+        """Return what is most likely with it."""
+        return explained(rows if self.shift is None else replace(rows, y=rows.y - self.shift), self.columns, without)
+
+
+def effort_findings(
+    record: Record,
+    inputs: InputsBetween,
+    before: Sequence[Finding],
+    instants: Instants | None = None,
+    expected: Expected | None = None,
+) -> Iterator[Finding]:
+    """Yield how well efforts fit the motion, and what change of the map or the robot explains what they leave.
 
     Args:
         record: the record.
         inputs: what an observer is given between two indices of the common times.
         before: what was found before; efforts are not compared with a motion that is misread.
+        instants: of the record, if it was looked at.
+        expected: what is expected of it, if that is known.
     """
     misread = [each for each in before if each.warns and each.check not in HARMLESS]
     beyond = bool(misread) and all(each.check == "joint limits" and each.verdict == "warning" for each in misread)
     if "joints.effort" not in record.channels or (misread and not beyond):
         return
-    balance = balance_of(record, inputs)
-    if balance is None:
-        free = "" if record.map.use.free else "; use.free names a stretch without contact"
-        yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{free}")
+    if record.robot.free:
+        yield from of_free(record, inputs, beyond=beyond)
         return
-    share, (factors, least) = balance.imbalance(), _least_squares(balance)
-    idle = UNFIT * share > 1.0 and float(least @ least) > UNFIT * balance.size
-    text = (
-        f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
-        "efforts and known forces"
-    )
-    if idle:
-        text = "in the rows that unknown forces leave, weight and motion need next to nothing beside what efforts give"
+    free, chosen = record.map.use.free, record.map.robot
+    rows = None
+    if free is not None or chosen.points or chosen.wrenches:  # else a force that is not sought may be in every row
+        instants = looked_at(record, inputs, FittedValues(), between=free) if free or instants is None else instants
+        rows, instants = (None, None) if instants is None else _rows_of(record, instants, expected)
+    if instants is None or rows is None or rows.forces.shape[1] >= rows.y.shape[1]:
+        how = "" if free else "; use.free names a stretch without contact"
+        yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{how}")
+        return
+    without, scale = explained(rows), row_scale(record.robot.model)[instants.kept]
+    needed = max(float(np.sum((rows.needed / scale) ** 2)), 1e-300)
+
+    def left(explanation: Explanation) -> float:
+        return float(np.sum((explanation.errors / scale) ** 2)) / needed
+
+    share = left(without)
+    text = f"forces and friction leave {100.0 * np.sqrt(share):.1f} % of what weight and motion need"
     if beyond and share < GOOD:
         text += ": they fit the angles as they are, also those of joints beyond their limits"
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
     if beyond:  # whose efforts say nothing of factors or places before that is settled
         return
-    limbs, signs = _limb_pairs(record), _best_signs(balance)
-    joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
-    least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
-    turned = balance.imbalance(signs=signs)
-    late = late_efforts(record, balance, min(turned, float(least @ least) / balance.size))
-    if late is not None:
-        yield late
+    changes = [*_of_efforts(record, instants, rows, without), *_of_robot(record, instants)]
+    told = []
+    for gain, found, change in _likely(rows, without, changes):
+        after = left(found)
+        findings = change.told(found, _shares(after, share))
+        if findings is not None and after < change.leaves * share:
+            told.append((gain, findings))
+    most = max((gain for gain, _ in told), default=SURE)
+    if told:
+        yield from next((findings for gain, findings in told if findings and gain > most - AS_LIKELY), ())
         return
-    mounting = None if record.robot.free else _mounting(record, balance, min(turned, least_share))
-    if mounting is not None:
-        yield mounting
-    if mounting is not None or idle:
+    if share < UNEXPLAINED or without.independent > WHITE:
         return
-    by_factors = float(least @ least) / (SWAP * balance.size)
-    if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors):
-        yield _swap(record, "efforts", pair, least_share, share)
-        return
-    if share > GOOD:
-        others = ((pair, balance_of(record, with_exchanged(record, inputs, pair))) for pair in limbs)
-        sizes = ((other.imbalance(), pair) for pair, other in others if other is not None)
-        least_share, pair = min(sizes, default=(np.inf, ((), ())))
-        if least_share < min(SWAP * share, turned, RIGHT_PLACES):
-            yield _swap(record, "all columns", pair, least_share, share)
+    for pair in limb_pairs(record):
+        seen = looked_at(record, with_exchanged(record, inputs, pair), FittedValues(), between=free)
+        after = 1.0 if seen is None else left(explained(_rows_of(record, seen, None)[0]))
+        if after < SWAP * share:
+            yield swapped(record.driven, "all columns", pair, _shares(after, share))
             return
-    doubts = list(_factors(record, balance, signs, factors, least))
-    yield from (_loads(record, balance) if doubts and not record.robot.free else []) or doubts
+    yield left_unexplained("nothing simple", 100.0 * share**0.5)
 
 
-def _loads(record: Record, balance: Balance) -> list[Finding]:
-    """Return that a load beside a point, and friction, explain the efforts far better than friction, and none is off.
+def _shares(after: float, before: float) -> str:
+    return f"{100.0 * after**0.5:.1f} % of what is needed, as mapped {100.0 * before**0.5:.1f} %"
 
-    A force is sought at the point: the weight passes for one, its moment about the point is left. A factor that all
-    efforts share, which scales this moment, too, explains less.
-    """
-    model, rubs, signs = record.robot.model, balance.rubbing, np.ones(len(record.driven))
-    before = replace(balance, needed=balance.needed + rubs @ balance.explained_by(rubs)).imbalance()
-    by_factor = _left_by(balance, np.column_stack([balance.given.sum(axis=1), rubs]))
+
+def _in_motion(instants: Instants) -> Instants:
+    """Return instants without the rows of joints that never slide, which stiction holds, if others do."""
+    slide = np.abs(instants.sliding).max(axis=0, initial=0.0) > SLIDES_AT
+    if not slide.any():
+        return instants
+    kept = [row for row, each in zip(instants.kept, slide.tolist(), strict=True) if each]
+    sliding, columns, rates = instants.sliding[:, slide], instants.columns[:, :, slide], instants.rates[:, slide]
+    return replace(instants, kept=kept, sliding=sliding, columns=columns, rates=rates)
+
+
+def _rows_of(record: Record, instants: Instants, expected: Expected | None) -> tuple[EffortRows, Instants]:
+    expected = expected_of(record, instants, FittedValues()) if expected is None else expected
+    instants = _in_motion(instants)
+    driven = [place for _, place in _driven(record, instants)]
+    return effort_rows(instants, expected, driven, forces=0.0 if record.map.use.free else ANY_FORCE), instants
+
+
+def _likely(
+    rows: EffortRows, without: Explanation, changes: list[Change]
+) -> Iterator[tuple[float, Explanation, Change]]:
+    """Yield the changes that make the rows far more likely, in their order: by how much, and what is likely then."""
+    changes = sorted(changes, key=lambda each: each.shift is not None)
+    columns = [each.columns for each in changes if each.columns is not None]
+    gains = screened(rows, without, columns, [each.shift for each in changes if each.shift is not None])
+    order = np.argsort([each.price - gain for each, gain in zip(changes, gains.tolist(), strict=True)])
+    tried = [(changes[k].explained(rows, without), changes[k]) for k in sorted(order[:TRIED].tolist())]
+    independent = min(tried, key=lambda pair: pair[0].loss)[0].independent
+    for found, change in tried:
+        gain = (without.loss - found.loss) * independent - change.price
+        if gain > SURE:
+            yield gain, found, change
+
+
+def _driven(record: Record, instants: Instants) -> list[tuple[str, int]]:
+    """Return driven joints whose rows are believed, and which of these they are."""
+    rows = [(joint, record.robot.v_index(joint)) for joint in record.driven]
+    return [(joint, instants.kept.index(row)) for joint, row in rows if row in instants.kept]
+
+
+def _of_efforts(record: Record, instants: Instants, rows: EffortRows, without: Explanation) -> Iterator[Change]:
+    """Yield factors of efforts, their delay, and exchanged ones."""
+    driven = _driven(record, instants)
+    names, at = [joint for joint, _ in driven], [place for _, place in driven]
+    one, slides = np.eye(len(instants.kept))[:, at], np.abs(instants.sliding[:, at]).max(axis=0) > SLIDES_AT
+    for true in (rows.needed, rows.needed - without.around):  # forces that wrong efforts show are wrong, too
+        needed = true[:, :, None] * one
+        yield Change(partial(_common, record, names, slides), needed.sum(axis=2, keepdims=True), doubt=FACTOR)
+        yield Change(partial(_factors, names, slides), needed, doubt=FACTOR)
+        for k, name in enumerate(names):
+            yield Change(partial(_factors, [name], slides[[k]]), needed[:, :, [k]], doubt=FACTOR)
+    late = (rows.rates[:, :, None] * one).sum(axis=2, keepdims=True)
+    yield Change(partial(_late, record), late, leaves=SWAP)
+    pairs: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(names)), 2)]
+    for pair in [*pairs, *(limb_pairs(record) if len(names) == len(record.driven) else [])]:
+        shift = np.zeros_like(rows.y)
+        for j, k in zip(*pair, strict=True):
+            apart = rows.effort[:, at[k]] - rows.effort[:, at[j]]
+            shift[:, at[j]], shift[:, at[k]] = apart, -apart
+        yield Change(partial(_exchanged, names, pair), shift=shift, leaves=SWAP)
+
+
+def _of_robot(record: Record, instants: Instants) -> Iterator[Change]:
+    """Yield gravity of another direction, rotors, zeros of the joints, and loads beside the points."""
+    model, kept = record.robot.model, instants.kept
+    data, rest, pulls, pulling = model.createData(), np.zeros(model.nv), [], model.copy()
+    q = instants.q[:: max(1, len(instants.rows) // WEIGHED)]
+    for axis in np.eye(3):
+        pulling.gravity.linear = axis
+        pulls.append([pin.computeGeneralizedGravity(pulling, data, each)[kept] for each in q])
+    yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1))
+    slopes = np.array([pin.computeGeneralizedGravityDerivatives(model, data, each).copy() for each in q])
+    slopes = slopes.reshape(len(q), model.nv, model.nv)[:, kept]
+    bends = instants.columns[2, :: max(1, len(instants.rows) // WEIGHED)]
+    yield Change(_fitted, bends[:, :, None] * np.eye(len(kept)))
+    slides = dict(zip(kept, np.abs(instants.sliding).max(axis=0) > SLIDES_AT, strict=True))
+    for joint in (each for each in record.driven if slides.get(record.robot.v_index(each))):
+        yield Change(partial(_zero, record.robot, joint), slopes[:, :, [record.robot.v_index(joint)]])
     for name in (*record.map.robot.points, *record.map.robot.wrenches):
-        table = np.column_stack([balance.of_body(model.frames[model.getFrameId(name)].parentJoint), rubs])
-        fitted = balance.explained_by(table)
-        loaded = replace(balance, needed=balance.needed + table @ fitted)
-        explains = loaded.imbalance() < min(SWAP * before, RIGHT_PLACES) and _left_by(balance, table) < by_factor
-        if explains and not any(_factors(record, loaded, signs, *_least_squares(loaded))):
-            moment, left, mapped = np.linalg.norm(fitted[:3]), 100.0 * loaded.imbalance() ** 0.5, 100.0 * before**0.5
-            what = f"a load beside {name}, mass times distance {moment:.2g} kg m, leaves {left:.1f} % of what is needed"
-            what += f", as mapped {mapped:.1f} %: does the robot carry what its file lacks ([payload] in the map)?"
-            return [Finding("load", "warning", what, float(moment), "kg m")]
+        first = 10 * model.frames[model.getFrameId(name)].parentJoint - 10
+        weighs = np.array([pin.computeJointTorqueRegressor(model, data, each, rest, rest).copy() for each in q])
+        weighs = weighs.reshape(len(q), model.nv, -1)[:, kept, first : first + 4]
+        yield Change(partial(_load, record.robot, name), weighs)
+
+
+def _common(record: Record, names: Sequence[str], slides: Array, found: Explanation, _: str) -> Sequence[Finding]:
+    factor = float(_factor_of(found.size)[0])
+    if not _told_apart(np.array([factor]), np.array([slides.any()]))[0]:
+        return []
+    return [of_all(record, names, factor)]
+
+
+def _factors(names: Sequence[str], slides: Array, found: Explanation, _: str) -> Sequence[Finding]:
+    """Return the efforts that would have to be larger or smaller by a factor of their own, or reversed."""
+    clearly = CLEARLY * found.deviation * found.independent**-0.5
+    sure = (np.abs(found.size) > clearly) & (np.abs(1.0 - found.size) > clearly)  # neither 1 nor of any size
+    factors = _factor_of(found.size)
+    wrong = np.flatnonzero(sure & _told_apart(factors, slides)).tolist()
+    return [(reversed_effort if factors[k] < 0.0 else wrong_effort)(names[k], float(factors[k])) for k in wrong]
+
+
+def _told_apart(factors: Array, slides: Array) -> NDArray[np.bool_]:
+    """Return which factors are worth naming: of a joint at rest, which stiction holds, only those that are gross."""
+    gross = (factors < 0.0) | (np.abs(np.log(np.maximum(np.abs(factors), 1e-300))) > np.log(GROSS))
+    return np.asarray(np.where(slides, np.abs(factors - 1.0) > NAMED, gross))
+
+
+def _factor_of(size: Array) -> Array:
+    """Return the factors of efforts of which rows are off by a share h of what is needed."""
+    return np.asarray(1.0 / np.where(size == 1.0, 1e-9, 1.0 - size))
+
+
+def _late(record: Record, found: Explanation, left: str) -> Sequence[Finding]:
+    by = float(found.size[0])
+    if abs(by) < max(LARGEST_DELAY, record.dt):
+        return []
+    early, late, parts = "the motion", "joints.effort", "effort"
+    if by < 0.0:
+        early, late, parts = late, early, "position and joints.velocity"
+    text = (
+        f"{late} comes {1e3 * abs(by):.0f} ms after {early}: shifted by that, it leaves {left}: a clock, a filter or a "
+        f"slow sensor (in a map: delay = {abs(by):.3f} under joints.{parts})"
+    )
+    return [Finding("late efforts", "warning", text, by, "s")]
+
+
+def _exchanged(names: Sequence[str], pair: Exchange, _: Explanation, left: str) -> Sequence[Finding]:
+    return [swapped(names, "efforts", pair, left)]
+
+
+def _fitted(_: Explanation, __: str) -> Sequence[Finding]:
+    """Return nothing of rotors that the robot's file lacks: they are found beside the forces."""
     return []
 
 
-def _left_by(balance: Balance, table: Array) -> float:
-    """Return the sum of squares that columns (n, k) leave of the equations at best."""
-    return float(np.sum((balance.residual + table @ balance.explained_by(table)) ** 2))
-
-
-def _mounting(record: Record, balance: Balance, least: float) -> Finding | None:
-    """Return that gravity of another direction, beside friction, explains the efforts far better than friction alone.
-
-    And better than what leaves the share `least`; it keeps its size, which by wrong masses or factors seems another.
-    """
-    residual, believed, rubs = balance.residual, record.robot.model.gravity.linear, balance.rubbing
-    if np.linalg.norm(balance.weight, axis=0).max() < RANK * np.sqrt(balance.size):
-        return None  # no row feels gravity
-    table = np.column_stack([balance.weight, rubs])
-    fitted, friction = balance.explained_by(table), balance.explained_by(rubs)
-    gravity = believed + fitted[:3]
-    down, moved = gravity / max(float(np.linalg.norm(gravity)), 1e-300), balance.weight @ fitted[:3]
-    before, after = (float(np.sum((residual + fit) ** 2)) for fit in (rubs @ friction, table @ fitted))
-    needed = float(np.sum((balance.needed + moved) ** 2))
-    g = float(np.linalg.norm(believed))
-    turned_only = g == 0.0 or abs(float(np.linalg.norm(gravity)) - g) < SAME_SIZE * g
-    tilted = turned_only and float(down @ believed) <= np.cos(LEAST_TILT) * g
-    share = SWAP if before > GOOD * needed else 1.0 - CLEAR  # a little is also explained by wrong factors
-    if not tilted or after > min(share * before, least * balance.size, RIGHT_PLACES * needed):
+def _mounting(model: pin.Model, found: Explanation, left: str) -> Sequence[Finding] | None:
+    believed = model.gravity.linear
+    gravity, g = believed - found.size, float(np.linalg.norm(believed))
+    size = max(float(np.linalg.norm(gravity)), 1e-300)
+    if g > 0.0 and abs(size - g) > SAME_SIZE * g:
         return None
-    x, y, z = down
-    what = (
-        f"gravity along ({x:.2f}, {y:.2f}, {z:.2f}) leaves {100.0 * np.sqrt(after / needed):.1f} % of what is "
-        f"needed, as mapped {100.0 * np.sqrt(before / needed):.1f} %: is the robot mounted so (robot.down), or are its "
+    if float(gravity @ believed) > np.cos(LEAST_TILT) * g * size:
+        return None if abs(size - g) > NAMED * g else []
+    x, y, z = gravity / size
+    text = (
+        f"gravity along ({x:.2f}, {y:.2f}, {z:.2f}) leaves {left}: is the robot mounted so (robot.down), or are its "
         "first joints off?"
     )
-    return Finding("mounting", "warning", what, float(np.sqrt(after / needed)), "1")
+    return [Finding("mounting", "warning", text)]
 
 
-def _swap(record: Record, columns: str, pair: Exchange, share_after: float, share: float) -> Finding:
-    names = " and ".join(", ".join(record.driven[k] for k in limb) for limb in pair)
-    what = (
-        f"{columns} of {names} in exchanged places leave {100.0 * np.sqrt(share_after):.1f} %, as mapped "
-        f"{100.0 * np.sqrt(share):.1f} %"
-    )
-    return Finding("swapped joints", "warning", what, float(np.sqrt(share_after)), "1")
-
-
-def _limb_pairs(record: Record) -> list[Exchange]:
-    """Return pairs of limbs, chains of joints without a branch, with equally many efforts, two or more."""
-    model, limbs = record.robot.model, dict[int, list[int]]()
-    parents = model.parents.tolist()
-    first = list(range(model.njoints))
-    for k in range(2, model.njoints):
-        if parents.count(parents[k]) == 1:
-            first[k] = first[parents[k]]
-    for column, joint in enumerate(record.driven):
-        limbs.setdefault(first[model.getJointId(joint)], []).append(column)
-    pairs = itertools.combinations([tuple(limb) for limb in limbs.values()], 2)
-    return [pair for pair in pairs if len(pair[0]) == len(pair[1]) > 1]
-
-
-def _best_signs(balance: Balance) -> Array:
-    """Return signs of the efforts (joints,), +1 or -1, of which no other single one leaves less.
-
-    Efforts that hold each other leave as little with all signs changed: the change must be worth what they give.
-    """
-    gram, along = balance.given.T @ balance.given, balance.given.T @ balance.needed
-    best, most = np.ones(len(along)), 0.0
-    for start in (1.0, -1.0):
-        signs = np.full(len(along), start)
-        while np.any((worse := signs * (along - gram @ signs) + np.diag(gram)) < -1e-9 * np.trace(gram)):
-            signs[np.argmin(worse)] *= -1.0
-        gained = 2.0 * along @ (signs - 1.0) - signs @ gram @ signs + np.sum(gram)
-        if gained > max(most, WORTH_SIGNS * np.diag(gram)[signs < 0.0].sum()):
-            best, most = signs, float(gained)
-    return best
-
-
-def _least_squares(balance: Balance) -> tuple[Array, Array]:
-    """Return the factors of the efforts and the change of the base's mass (joints + 1,), and what they leave (n,)."""
-    table = np.column_stack([balance.given, -balance.base])
-    scale = np.linalg.norm(table, axis=0)
-    seen = scale > 1e-6 * max(float(scale.max()), 1e-300)
-    fitted = np.append(np.ones(table.shape[1] - 1), 0.0)
-    fitted[seen] = np.linalg.lstsq(table[:, seen] / scale[seen], balance.needed, rcond=1e-6)[0] / scale[seen]
-    return fitted, balance.needed - table @ fitted
-
-
-def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, residual: Array) -> Iterator[Finding]:
-    """Yield efforts that are reversed, and factors of efforts and of the base's mass that the map does not say."""
-    n = len(record.driven)
-    gain, unsure = _measured_per_needed(balance, signs, balance.needed - balance.given @ signs)
-    if np.any(turned := gain + SURE * unsure < 0.0):
-        rubs, other = balance.rubbing, balance.needed - balance.given @ np.where(turned, -1.0, 1.0)
-        left, before = (each - rubs @ np.linalg.lstsq(rubs, each, rcond=RANK)[0] for each in (other, balance.residual))
-        if left @ left < RIGHT_PLACES * (before @ before):
-            yield from _reversed(record, gain, np.flatnonzero(turned))
-        elif balance.imbalance() > 1.0:  # more is left than is needed
-            yield _left_unexplained("no signs", 100.0 * float(np.sqrt(balance.imbalance())))
-        return
-    explained = 1.0 - float(residual @ residual) / max(balance.imbalance() * balance.size, 1e-300)
-    if explained < EXPLAINED or balance.imbalance() < ABOVE_NOISE * _white_share(balance):
-        return
-    if float(residual @ residual) > UNFIT * balance.size and explained < CLEAR:
-        if balance.imbalance() * balance.size < UNFIT * float(np.sum(balance.given**2)):
-            return  # what is needed is small beside efforts that hold each other
-        yield _left_unexplained("no factors", 100.0 * float(np.sqrt(residual @ residual / balance.size)))
-        return
-    alone = -float(balance.base @ balance.residual)
-    alone /= max(float(balance.base @ balance.base), 1e-300)
-    heavier, given = balance.residual + balance.base * alone, balance.given.sum(axis=1)
-    common = float(given @ balance.needed) / max(float(given @ given), 1e-300)
-    stronger, by_mass = balance.needed - common * given, float(heavier @ heavier)
-    share = by_mass / max(float(stronger @ stronger), 1e-300)  # left by one mass, over what one factor leaves
-    explains = fitted[n] > -1.0 and by_mass < EXPLAINED * float(balance.residual @ balance.residual)
-    agree = fitted[n] * alone > 0.0 and share < EXPLAINED
-    if explains and agree and min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
-        what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link, or a force on it"
-        yield Finding("mass", "warning", what, 1.0 + float(fitted[n]), "1")
-    shown, deviation = _measured_per_needed(balance, fitted[:n], residual)
-    factors = 1.0 / np.where(shown == 0.0, np.inf, shown)
-    sure = deviation * SURE < np.abs(shown) * np.minimum(1.0, np.maximum(np.abs(1.0 - shown), NAMED))
-    off = np.flatnonzero(sure & (np.abs(factors - 1.0) > NAMED))
-    c = float(np.mean(factors[off])) if len(off) else 1.0
-    alike = bool(np.all(np.abs(c * shown - 1.0) < SAME_FACTOR + SURE * abs(c) * deviation))
-    if len(off) and alike and c * common > 0.0 and abs(common - 1.0) > NAMED:
-        if c < 0.0:
-            yield from _reversed(record, shown, off)
-            return
-        what, effort = f"all efforts would have to be {common:.3g} times as large: ", record.map.joints.effort
-        milli = abs(np.log(1e3 * c)) < SAME_FACTOR
-        if milli and effort is not None and effort.torque_per_unit and effort.unit in MILLI:
-            what += f"torque_per_unit counts for each {effort.unit}, as the map states: a thousandth was expected"
-            yield Finding("effort unit or mass", "refused", what, c, "1")
-        else:
-            what += f"their unit (A, N m), or all masses {1.0 / common:.3g} times what is believed"
-            if abs(alone) > NAMED_MASS and share * EXPLAINED < 1.0:
-                what += "; or a force or a load on the base link: the record does not tell which"
-            yield Finding("effort unit or mass", "warning", what, common, "1")
-        return
-    gain, unsure = _measured_per_needed(balance, np.ones(n), balance.residual)
-    off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]
-    yield from _reversed(record, shown, off[factors[off] < 0.0])
-    for k in off[factors[off] > 0.0]:
-        what = f"the effort of {record.driven[k]} would have to be {factors[k]:.3g} times as large: its unit (A, N m)"
-        friction = "; or friction: joints.friction" if factors[k] < 1.0 else ""
-        yield Finding("effort unit", "warning", f"{what}: torque_per_unit{friction}", float(factors[k]), "1")
-
-
-def _left_unexplained(what: str, percent: float) -> Finding:
+def _zero(robot: PlainRobot, joint: str, found: Explanation, left: str) -> Sequence[Finding] | None:
+    """Return another zero of a joint; its value is how much farther than its position says the joint stands."""
+    off, slides = -float(found.size[0]), robot.slides(joint)
+    low, high = SLID if slides else TURNED
+    if not low < abs(off) < high:
+        return [] if abs(off) < high else None
+    words = f"{1e3 * off:.0f} mm" if slides else f"{np.degrees(off):.1f} deg"
     text = (
-        f"{what} of the efforts explain it ({percent:.0f} % left): friction of the joints, a load or push "
-        "elsewhere, known forces of another size, other axes, another order of joints, another robot"
+        f"{joint} seems to stand {words} farther than its position says, which leaves {left}: its encoder's zero "
+        "(joints.offset), or a centre of mass that lies aside"
     )
-    return Finding("effort against motion", "warning", text, percent, "%")
+    return [Finding("joint zero", "warning", text, off, "m" if slides else "rad")]
 
 
-def _reversed(record: Record, gain: Array, which: NDArray[np.intp]) -> Iterator[Finding]:
-    """Yield efforts that show the opposite of what is needed, `gain` (joints,) times it."""
-    names = [record.driven[k] for k in which]
-    if len(names) == len(record.driven) > 1:
-        what = f"all efforts are reversed ({', '.join(names)}): torque_per_unit"
-        yield Finding("effort sign", "warning", what, float(1.0 / np.median(gain)), "1")
-        return
-    for k, name in zip(which, names, strict=True):
-        factor = float(1.0 / gain[k])
-        what = f"the effort of {name} is reversed: it would have to be {factor:.3g} times as large: torque_per_unit"
-        yield Finding("effort sign", "warning", what, factor, "1")
-
-
-def _measured_per_needed(balance: Balance, factors: Array, residual: Array) -> tuple[Array, Array]:
-    """Return what is measured of each effort per what the rows need of it, g (joints,), and its standard deviation.
-
-    `factors` (joints,) are those of the other efforts, `residual` (n,) is what all together leave.
-    """
-    remainder, weight = balance.of_joints(residual)
-    weight = weight / np.maximum(weight.sum(axis=0), 1e-300)
-    needed, count = balance.effort * factors + remainder, max(1.0, balance.span / ERRORS_LAST)
-    whole = np.sqrt(np.mean(balance.effort**2, axis=0))
-    priors = np.minimum(np.median(np.sqrt(np.sum(weight * remainder**2, axis=0))), whole)  # no joint is all friction
-    gain, deviation = np.zeros((2, len(factors)))
-    for k, x in enumerate(balance.effort.T):
-        v, a, w = balance.v[:, k], balance.a[:, k], weight[:, k]
-        v_size, a_size = (max(float(np.sqrt(np.mean(values**2))), 1e-12) for values in (v, a))
-        X = np.column_stack([needed[:, k], np.ones_like(v), np.tanh(v / SMOOTH_RATE), v / v_size, a / a_size])
-        noise = x - X @ np.linalg.lstsq(X * np.sqrt(w)[:, None], x * np.sqrt(w), rcond=1e-9)[0]
-        least = 1e-12 + 1e-12 * float(w @ x**2)
-        share = count / (float(w @ noise**2) + least)
-        prior = np.diag([0.0, *(4 * [1.0 / (priors[k] ** 2 + least)])])
-        inverse = np.linalg.pinv(share * (X.T * w) @ X + prior, rcond=1e-18)
-        gain[k], deviation[k] = (inverse @ (share * (X.T * w) @ x))[0], np.sqrt(max(inverse[0, 0], 0.0))
-        if gain[k] * ((w * x) @ needed[:, k]) < 0.0:
-            deviation[k] = np.inf
-    return gain, deviation
-
-
-def _white_share(balance: Balance) -> float:
-    """Return the square sum of what is white in the efforts, over the needed one."""
-    x = balance.effort  # means over intervals, of which only every other one has noise of its own
-    if len(x) < 5:
-        return 0.0
-    white = np.median(np.abs(x[4:] - 2.0 * x[2:-2] + x[:-4]), axis=0) / WHITE_SECOND_DIFFERENCE
-    return float(np.sum((balance.reach * white) ** 2)) / balance.size
+def _load(robot: PlainRobot, name: str, found: Explanation, left: str) -> Sequence[Finding]:
+    """Return a load beside a point: its weight passes for a force there, its moment about it is left."""
+    frame = robot.model.frames[robot.model.getFrameId(name)]
+    moment = float(np.linalg.norm(found.size[1:] - found.size[0] * frame.placement.translation))
+    if moment < LEAST_MOMENT * robot.mass:
+        return []
+    text = (
+        f"a load beside {name}, mass times distance {moment:.2g} kg m, leaves {left}: does the robot carry what its "
+        "file lacks ([payload] in the map)?"
+    )
+    return [Finding("load", "warning", text, moment, "kg m")]

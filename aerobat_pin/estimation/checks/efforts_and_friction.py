@@ -1,4 +1,4 @@
-"""Check the efforts without friction, as a fit of it takes up reversed ones, and drop what friction explains."""
+"""Check the efforts, with what was found of friction beside the forces, and drop what friction explains."""
 
 from __future__ import annotations
 
@@ -6,20 +6,29 @@ from collections.abc import Sequence
 
 from aerobat_pin.estimation.checks.efforts import effort_findings
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import KnownForces, inputs_between
+from aerobat_pin.forces import Instants, KnownForces, inputs_between
+from aerobat_pin.observers import Expected
 
 
-def efforts_and_friction(given: KnownForces, forces: KnownForces, before: Sequence[Finding]) -> list[Finding]:
+def efforts_and_friction(
+    given: KnownForces,
+    forces: KnownForces,
+    before: Sequence[Finding],
+    instants: Instants | None = None,
+    expected: Expected | None = None,
+) -> list[Finding]:
     """Return findings about efforts; without those that name friction, if with it they are gone.
 
     Args:
-        given: the known forces without the friction that was found.
+        given: the known forces without the friction that was found, which takes up a reversed effort.
         forces: those with it.
         before: what was found before.
+        instants: of the record, if it was looked at.
+        expected: what is expected of it, if that is known.
     """
     record = forces.record
-    doubts = list(effort_findings(record, inputs_between(record, given), before))
-    if forces is given or not any(map(_names_friction, doubts)):
+    doubts = list(effort_findings(record, inputs_between(record, given), before, instants, expected))
+    if forces is given or not record.robot.free or not any(map(_names_friction, doubts)):
         return doubts
     with_friction = effort_findings(record, inputs_between(record, forces), before)
     remaining = {finding.check for finding in with_friction if finding.warns}

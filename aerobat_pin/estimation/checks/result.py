@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
-from aerobat_pin.estimation.checks.joint_zeros import zero_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.checks.push_elsewhere import elsewhere_findings
 from aerobat_pin.estimation.checks.thrust_order import thrust_order_findings
@@ -16,7 +15,6 @@ from aerobat_pin.estimation.findings import Finding, FindingVerdict
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.forces import (
     BESIDE,
-    Instants,
     KnownForces,
     PairedEstimate,
     StoredEstimate,
@@ -47,9 +45,7 @@ FAINT_LEVER = 0.1  # lever of a direction over the largest one, below which the 
 FAR = 0.3  # of the farthest joint's distance: joints nearer to the force have little lever anyhow
 
 
-def result_findings(
-    result: Result, expected: Expected | None = None, instants: Instants | None = None
-) -> Iterator[Finding]:
+def result_findings(result: Result, expected: Expected | None = None) -> Iterator[Finding]:
     """Yield what the estimate itself shows, and the sensor beside it."""
     record, forces, estimates = result.record, result.forces, result.stored
     assert record is not None
@@ -57,8 +53,6 @@ def result_findings(
     yield from fit_findings(forces)
     yield from _check_commands(record, forces)
     yield from thrust_order_findings(record, forces)
-    if expected is not None and instants is not None:
-        yield from zero_findings(record, instants, expected)
     estimate = next(iter(estimates.values()))
     for side in next(iter(result.compared.values())):
         yield from _sensor_findings(record, side, estimate)

@@ -1,0 +1,168 @@
+"""How likely a change of the map, or of the robot, makes a record's efforts.
+
+    y = J^T f + X b + H h + e,    f ~ N(0, S^2),    b ~ N(0, B^2),    e ~ N(0, R)
+
+y are the rows at some instants behind the observer's low-pass, X b friction of each driven joint and a constant
+that stiction or a sensor may hold, H h what a change does. Its columns follow from motion and model, not from the
+efforts: noise of a regressor would make its factor too small. R is scaled row by row as makes y most likely, by
+expectation maximisation (Dempster, Laird and Rubin 1977), with the change and without it; and what that gains counts
+for as many instants as are independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerobat_pin.forces import SLIDES_AT, WEIGHED, Instants, column_rms, independent
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Expected
+
+FIRST_ROUNDS, ROUNDS = 12, 4  # of expectation and maximisation, and from what is likely with another change
+LEAST_SPARE = 1e-3  # share of a row's error that no force takes up
+ALIKE = 0.01  # of the middle one of the driven rows' squared errors: forces, which fit some rows, make none exact
+HELD = 0.1  # of a row's effort, rms: what a sensor's offset may be
+LEAST_SIZE = 1e-4  # of what is expected of a row's squared errors: none has smaller ones
+SMALLEST = 1e-12  # of the largest eigenvalue: what no row shows is 0
+
+
+@dataclass(frozen=True)
+class EffortRows:
+    """Rows of a record at some instants.
+
+    Attributes:
+        y: (m, k) rows [N, N m].
+        effort: (m, k) efforts.
+        needed: (m, k) what motion and weight need, but for what the forces give.
+        rates: (m, k) how fast the efforts change [1/s].
+        forces: (m, c, k) S J.
+        own: (m, k, p) friction and constants of the driven joints' rows.
+        prior: (p,) B^-2.
+        variance: (m, k) what is expected of R.
+        driven: the rows of driven joints.
+    """
+
+    y: Array
+    effort: Array
+    needed: Array
+    rates: Array
+    forces: Array
+    own: Array
+    prior: Array
+    variance: Array
+    driven: Sequence[int]
+
+    @property
+    def mean_variance(self) -> Array:
+        """(k,) of R."""
+        return np.asarray(np.mean(self.variance, axis=0))
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What is most likely with a change.
+
+    Attributes:
+        loss: minus the logarithm of the likelihood, but for a constant.
+        size: (p,) h.
+        deviation: (p,) its standard deviation, if all instants were independent.
+        errors: (m, k) e.
+        around: (m, k) what the mean force of the instants before and after does, whose noise is not that of this one.
+        precision: (m, k, k) inverse of the covariance of the rows.
+        row_size: (k,) of R over what is expected.
+    """
+
+    loss: float
+    size: Array
+    deviation: Array
+    errors: Array
+    around: Array
+    precision: Array
+    row_size: Array
+
+    @property
+    def independent(self) -> float:
+        """Share of the instants that are independent, of the middle one of the rows."""
+        return float(np.median(independent(self.errors))) / len(self.errors)
+
+
+def effort_rows(instants: Instants, expected: Expected, driven: Sequence[int], *, forces: float) -> EffortRows:
+    """Return the rows at `WEIGHED` of some instants; without forces if nothing touches the robot there.
+
+    Args:
+        instants: of the record.
+        expected: what is expected of the record.
+        driven: which of the believed rows are those of driven joints.
+        forces: how many times as large as expected they may be, at no cost; 0 where nothing touches the robot.
+    """
+    kept, some = instants.kept, slice(None, None, max(1, len(instants.rows) // WEIGHED))
+    y, (coulomb, viscous, _, effort) = instants.rows[some][:, kept], instants.columns[:, some]
+    J = forces * expected.force[:, None] * instants.jacobians[some][:, :, kept]
+    one = np.eye(len(kept))[:, driven]
+    own = np.concatenate([x[:, :, None] * one for x in (coulomb, viscous, np.ones_like(y))], axis=2)
+    rests = np.abs(instants.sliding[:, driven]).max(axis=0) < SLIDES_AT
+    stiction = np.where(rests, expected.stiction[np.array(kept)[driven]], 0.0)
+    held = np.maximum(np.maximum(HELD * column_rms(effort)[driven], stiction), 1e-9)
+    prior = np.concatenate([np.zeros(2 * len(driven)), held**-2.0])
+    variance = expected.row_deviation(instants.v[some])[:, kept] ** 2
+    J = J if forces else J[:, :0]
+    return EffortRows(y, effort, y + effort, instants.rates[some], J, own, prior, variance, driven)
+
+
+def explained(rows: EffortRows, columns: Array | None = None, start: Explanation | None = None) -> Explanation:
+    """Return what is most likely if a change does h times columns (m, k, p).
+
+    Args:
+        rows: the rows.
+        columns: what the change does; no change when omitted.
+        start: what was most likely with another change, of whose errors it begins.
+    """
+    y, x = rows.y, rows.own if columns is None else np.concatenate([rows.own, columns], axis=2)
+    prior = np.concatenate([rows.prior, np.zeros(x.shape[2] - len(rows.prior))])
+    at, reached = range(y.shape[1]), np.swapaxes(rows.forces, 1, 2) @ rows.forces
+    size, flat = np.ones(y.shape[1]) if start is None else start.row_size, x.reshape(y.size, -1)
+    for _ in range(FIRST_ROUNDS if start is None else ROUNDS):
+        row_size, R = size, size * rows.variance
+        cov = reached.copy()
+        cov[:, at, at] += R
+        W = np.linalg.inv(cov)
+        normal = flat.T @ (W @ x).reshape(y.size, -1) + np.diag(prior)
+        scale = np.maximum(np.diag(normal), np.finfo(float).tiny) ** -0.5
+        inverse = (
+            np.linalg.pinv(normal * scale * scale[:, None], rcond=SMALLEST, hermitian=True) * scale * scale[:, None]
+        )
+        b = inverse @ (flat.T @ (W @ y[..., None]).ravel())
+        remainder = y - x @ b
+        white = (W @ remainder[..., None])[..., 0]
+        loss = 0.5 * (np.sum(np.linalg.slogdet(cov)[1]) + np.sum(remainder * white) + prior @ b**2)
+        errors = R * white
+        spare = np.maximum(np.mean(R * np.diagonal(W, axis1=1, axis2=2), axis=0), LEAST_SPARE)
+        size = np.maximum(np.mean(errors**2 / rows.variance, axis=0) / spare, LEAST_SIZE)
+        means = size * rows.mean_variance
+        size = np.maximum(means, ALIKE * np.median(means[rows.driven])) / rows.mean_variance
+    deviation = np.sqrt(np.maximum(np.diag(inverse), 0.0))
+    n = len(rows.prior)
+    force = np.pad((rows.forces @ white[..., None])[..., 0], ((1, 1), (0, 0)), mode="reflect")
+    around = np.einsum("mck,mc->mk", rows.forces, 0.5 * (force[:-2] + force[2:]))
+    return Explanation(float(loss), b[n:], deviation[n:], errors, around, W, row_size)
+
+
+def screened(rows: EffortRows, without: Explanation, columns: Sequence[Array], shifts: Sequence[Array]) -> Array:
+    """Return about how much each of some columns (m, k, p), and of some shifts (m, k), gains: with R as without it."""
+    parts = [rows.own, *columns, *(shift[..., None] for shift in shifts)]
+    x = np.concatenate([*parts, rows.y[..., None]], axis=2)
+    gram = x.reshape(rows.y.size, -1).T @ (without.precision @ x).reshape(rows.y.size, -1)
+    n = len(rows.prior)
+    gram[range(n), range(n)] += rows.prior
+    own = np.linalg.pinv(gram[:n, :n], rcond=SMALLEST, hermitian=True)
+    gram = gram[n:, n:] - gram[n:, :n] @ own @ gram[:n, n:]  # what friction and constants leave
+    gains, at = [], 0
+    for part in columns:
+        chosen = slice(at, at + part.shape[2])
+        at += part.shape[2]
+        t = gram[chosen, -1]
+        gains.append(0.5 * float(t @ np.linalg.pinv(gram[chosen, chosen], rcond=SMALLEST, hermitian=True) @ t))
+    alone = gram[range(at, len(gram) - 1), range(at, len(gram) - 1)]
+    return np.array([*gains, *(gram[at:-1, -1] - 0.5 * alone)])

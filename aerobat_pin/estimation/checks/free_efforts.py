@@ -1,0 +1,273 @@
+"""Check the efforts against what the motion and the weight need: units, signs, swapped joints and limbs, wrong masses.
+
+The factors of the efforts (and of the base link's mass) follow from the balance by least squares: 1 for each effort and
+0 for the mass if map and robot are right. But noise and friction of an effort make its factor too small. So an effort
+is named only if also the other way round, beside friction and a rotor, what is measured of it is not what is needed:
+
+    x = g y + c1 + c2 tanh(v / v_s) + c3 v + c4 a + e,     c ~ N(0, t^2)
+
+where t is what is left of the typical joint, at most the whole effort, and y takes the other efforts as mapped, but for
+their signs. Where a joint carries less than its noise, or friction and rotor turn g round, it is unknown, and nothing
+is said.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aerobat_pin.estimation.checks.balance import (
+    RANK,
+    Balance,
+    Exchange,
+    InputsBetween,
+    balance_of,
+    limb_pairs,
+    with_exchanged,
+)
+from aerobat_pin.estimation.checks.late_efforts import late_efforts
+from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import SMOOTH_RATE
+from aerobat_pin.records import Record
+
+ERRORS_LAST = 0.2  # [s]: instants farther apart have independent errors, those of friction and model
+NAMED, NAMED_MASS = 0.1, 0.05  # deviation of a factor from 1 that is named
+SAME_FACTOR = 0.15  # deviation from their mean by which factors are all the same
+SURE = 4.0  # in standard deviations
+EXPLAINED = 0.5  # share of the imbalance that the factors must explain before they are named
+UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
+CLEAR = 0.9  # share of the imbalance that is explained, from which they are named all the same
+SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
+WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
+RIGHT_PLACES = 0.25  # of the needed square sum, that joints or limbs in the right places leave at most
+LEAST_TILT = np.radians(5.0)  # by which a robot must be mounted otherwise than believed before that is said
+SAME_SIZE = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
+ABOVE_NOISE = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
+WORTH_SIGNS = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
+WHITE_SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
+MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if for A and N m
+
+
+def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[Finding]:
+    """Yield factors of a free robot's efforts, columns that are exchanged, and its base's mass, as the rows show them.
+
+    Args:
+        record: the record.
+        inputs: what an observer is given between two indices of the common times.
+        beyond: whether joints are beyond their limits; before that is settled efforts say nothing of factors or places.
+    """
+    balance = balance_of(record, inputs)
+    if balance is None:
+        free = "" if record.map.use.free else "; use.free names a stretch without contact"
+        yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{free}")
+        return
+    share, (factors, least) = balance.imbalance(), _least_squares(balance)
+    idle = UNFIT * share > 1.0 and float(least @ least) > UNFIT * balance.size
+    text = (
+        f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
+        "efforts and known forces"
+    )
+    if idle:
+        text = "in the rows that unknown forces leave, weight and motion need next to nothing beside what efforts give"
+    if beyond and share < GOOD:
+        text += ": they fit the angles as they are, also those of joints beyond their limits"
+    yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
+    if beyond:
+        return
+    limbs, signs = limb_pairs(record), _best_signs(balance)
+    joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
+    least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
+    turned = balance.imbalance(signs=signs)
+    late = late_efforts(record, balance, min(turned, float(least @ least) / balance.size))
+    if late is not None:
+        yield late
+        return
+    if idle:
+        return
+    by_factors = float(least @ least) / (SWAP * balance.size)
+    if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors):
+        yield swapped(record.driven, "efforts", pair, _shares(least_share, share))
+        return
+    if share > GOOD:
+        others = ((pair, balance_of(record, with_exchanged(record, inputs, pair))) for pair in limbs)
+        sizes = ((other.imbalance(), pair) for pair, other in others if other is not None)
+        least_share, pair = min(sizes, default=(np.inf, ((), ())))
+        if least_share < min(SWAP * share, turned, RIGHT_PLACES):
+            yield swapped(record.driven, "all columns", pair, _shares(least_share, share))
+            return
+    yield from _factors(record, balance, signs, factors, least)
+
+
+def swapped(names: Sequence[str], columns: str, pair: Exchange, left: str) -> Finding:
+    """Return that columns of joints or limbs are exchanged."""
+    both = " and ".join(", ".join(names[k] for k in limb) for limb in pair)
+    return Finding("swapped joints", "warning", f"{columns} of {both} in exchanged places leave {left}")
+
+
+def _shares(after: float, before: float) -> str:
+    return f"{100.0 * after**0.5:.1f} %, as mapped {100.0 * before**0.5:.1f} %"
+
+
+def _best_signs(balance: Balance) -> Array:
+    """Return signs of the efforts (joints,), +1 or -1, of which no other single one leaves less.
+
+    Efforts that hold each other leave as little with all signs changed: the change must be worth what they give.
+    """
+    gram, along = balance.given.T @ balance.given, balance.given.T @ balance.needed
+    best, most = np.ones(len(along)), 0.0
+    for start in (1.0, -1.0):
+        signs = np.full(len(along), start)
+        while np.any((worse := signs * (along - gram @ signs) + np.diag(gram)) < -1e-9 * np.trace(gram)):
+            signs[np.argmin(worse)] *= -1.0
+        gained = 2.0 * along @ (signs - 1.0) - signs @ gram @ signs + np.sum(gram)
+        if gained > max(most, WORTH_SIGNS * np.diag(gram)[signs < 0.0].sum()):
+            best, most = signs, float(gained)
+    return best
+
+
+def _least_squares(balance: Balance) -> tuple[Array, Array]:
+    """Return the factors of the efforts and the change of the base's mass (joints + 1,), and what they leave (n,)."""
+    table = np.column_stack([balance.given, -balance.base])
+    scale = np.linalg.norm(table, axis=0)
+    seen = scale > 1e-6 * max(float(scale.max()), 1e-300)
+    fitted = np.append(np.ones(table.shape[1] - 1), 0.0)
+    fitted[seen] = np.linalg.lstsq(table[:, seen] / scale[seen], balance.needed, rcond=1e-6)[0] / scale[seen]
+    return fitted, balance.needed - table @ fitted
+
+
+def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, residual: Array) -> Iterator[Finding]:
+    """Yield efforts that are reversed, and factors of efforts and of the base's mass that the map does not say."""
+    n = len(record.driven)
+    gain, unsure = _measured_per_needed(balance, signs, balance.needed - balance.given @ signs)
+    if np.any(turned := gain + SURE * unsure < 0.0):
+        rubs, other = balance.rubbing, balance.needed - balance.given @ np.where(turned, -1.0, 1.0)
+        left, before = (each - rubs @ np.linalg.lstsq(rubs, each, rcond=RANK)[0] for each in (other, balance.residual))
+        if left @ left < RIGHT_PLACES * (before @ before):
+            yield from _reversed(record, gain, np.flatnonzero(turned))
+        elif balance.imbalance() > 1.0:  # more is left than is needed
+            yield left_unexplained("no signs", 100.0 * float(np.sqrt(balance.imbalance())))
+        return
+    explained = 1.0 - float(residual @ residual) / max(balance.imbalance() * balance.size, 1e-300)
+    if explained < EXPLAINED or balance.imbalance() < ABOVE_NOISE * _white_share(balance):
+        return
+    if float(residual @ residual) > UNFIT * balance.size and explained < CLEAR:
+        if balance.imbalance() * balance.size < UNFIT * float(np.sum(balance.given**2)):
+            return  # what is needed is small beside efforts that hold each other
+        yield left_unexplained("no factors", 100.0 * float(np.sqrt(residual @ residual / balance.size)))
+        return
+    alone = -float(balance.base @ balance.residual)
+    alone /= max(float(balance.base @ balance.base), 1e-300)
+    heavier, given = balance.residual + balance.base * alone, balance.given.sum(axis=1)
+    common = float(given @ balance.needed) / max(float(given @ given), 1e-300)
+    stronger, by_mass = balance.needed - common * given, float(heavier @ heavier)
+    share = by_mass / max(float(stronger @ stronger), 1e-300)  # left by one mass, over what one factor leaves
+    explains = fitted[n] > -1.0 and by_mass < EXPLAINED * float(balance.residual @ balance.residual)
+    agree = fitted[n] * alone > 0.0 and share < EXPLAINED
+    if explains and agree and min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
+        what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link, or a force on it"
+        yield Finding("mass", "warning", what, 1.0 + float(fitted[n]), "1")
+    shown, deviation = _measured_per_needed(balance, fitted[:n], residual)
+    factors = 1.0 / np.where(shown == 0.0, np.inf, shown)
+    sure = deviation * SURE < np.abs(shown) * np.minimum(1.0, np.maximum(np.abs(1.0 - shown), NAMED))
+    off = np.flatnonzero(sure & (np.abs(factors - 1.0) > NAMED))
+    c = float(np.mean(factors[off])) if len(off) else 1.0
+    alike = bool(np.all(np.abs(c * shown - 1.0) < SAME_FACTOR + SURE * abs(c) * deviation))
+    if len(off) and alike and c * common > 0.0 and abs(common - 1.0) > NAMED:
+        if c < 0.0:
+            yield from _reversed(record, shown, off)
+            return
+        told = of_all(record, record.driven, common)
+        if told.verdict == "warning" and abs(alone) > NAMED_MASS and share * EXPLAINED < 1.0:
+            told = replace(
+                told, text=f"{told.text}; or a force or a load on the base link: the record does not tell which"
+            )
+        yield told
+        return
+    gain, unsure = _measured_per_needed(balance, np.ones(n), balance.residual)
+    off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]
+    yield from _reversed(record, shown, off[factors[off] < 0.0])
+    yield from (wrong_effort(record.driven[k], float(factors[k])) for k in off[factors[off] > 0.0])
+
+
+def of_all(record: Record, names: Sequence[str], factor: float) -> Finding:
+    """Return that all efforts are wrong by a factor."""
+    if factor < 0.0:
+        what = f"all efforts are reversed ({', '.join(names)}): torque_per_unit"
+        return Finding("effort sign", "warning", what, factor, "1")
+    what, effort = f"all efforts would have to be {factor:.3g} times as large: ", record.map.joints.effort
+    milli = abs(np.log(1e3 * factor)) < SAME_FACTOR
+    if milli and effort is not None and effort.torque_per_unit and effort.unit in MILLI:
+        what += f"torque_per_unit counts for each {effort.unit}, as the map states: a thousandth was expected"
+        return Finding("effort unit or mass", "refused", what, factor, "1")
+    what += f"their unit (A, N m), or all masses {1.0 / factor:.3g} times what is believed"
+    return Finding("effort unit or mass", "warning", what, factor, "1")
+
+
+def reversed_effort(name: str, factor: float) -> Finding:
+    """Return that an effort is reversed."""
+    what = f"the effort of {name} is reversed: it would have to be {factor:.3g} times as large: torque_per_unit"
+    return Finding("effort sign", "warning", what, factor, "1")
+
+
+def wrong_effort(name: str, factor: float) -> Finding:
+    """Return that an effort is wrong by a factor."""
+    friction = "; or friction: joints.friction" if factor < 1.0 else ""
+    what = f"the effort of {name} would have to be {factor:.3g} times as large: its unit (A, N m): torque_per_unit"
+    return Finding("effort unit", "warning", f"{what}{friction}", factor, "1")
+
+
+def left_unexplained(what: str, percent: float) -> Finding:
+    """Return that no change explains what is left."""
+    text = (
+        f"{what} of the efforts explain it ({percent:.0f} % left): friction of the joints, a load or push "
+        "elsewhere, known forces of another size, other axes, another order of joints, another robot"
+    )
+    return Finding("effort against motion", "warning", text, percent, "%")
+
+
+def _reversed(record: Record, gain: Array, which: NDArray[np.intp]) -> Iterator[Finding]:
+    """Yield efforts that show the opposite of what is needed, `gain` (joints,) times it."""
+    if len(which) == len(record.driven) > 1:
+        yield of_all(record, record.driven, float(1.0 / np.median(gain)))
+        return
+    yield from (reversed_effort(record.driven[k], float(1.0 / gain[k])) for k in which)
+
+
+def _measured_per_needed(balance: Balance, factors: Array, residual: Array) -> tuple[Array, Array]:
+    """Return what is measured of each effort per what the rows need of it, g (joints,), and its standard deviation.
+
+    `factors` (joints,) are those of the other efforts, `residual` (n,) is what all together leave.
+    """
+    remainder, weight = balance.of_joints(residual)
+    weight = weight / np.maximum(weight.sum(axis=0), 1e-300)
+    needed, count = balance.effort * factors + remainder, max(1.0, balance.span / ERRORS_LAST)
+    whole = np.sqrt(np.mean(balance.effort**2, axis=0))
+    priors = np.minimum(np.median(np.sqrt(np.sum(weight * remainder**2, axis=0))), whole)  # no joint is all friction
+    gain, deviation = np.zeros((2, len(factors)))
+    for k, x in enumerate(balance.effort.T):
+        v, a, w = balance.v[:, k], balance.a[:, k], weight[:, k]
+        v_size, a_size = (max(float(np.sqrt(np.mean(values**2))), 1e-12) for values in (v, a))
+        X = np.column_stack([needed[:, k], np.ones_like(v), np.tanh(v / SMOOTH_RATE), v / v_size, a / a_size])
+        noise = x - X @ np.linalg.lstsq(X * np.sqrt(w)[:, None], x * np.sqrt(w), rcond=1e-9)[0]
+        least = 1e-12 + 1e-12 * float(w @ x**2)
+        share = count / (float(w @ noise**2) + least)
+        prior = np.diag([0.0, *(4 * [1.0 / (priors[k] ** 2 + least)])])
+        inverse = np.linalg.pinv(share * (X.T * w) @ X + prior, rcond=1e-18)
+        gain[k], deviation[k] = (inverse @ (share * (X.T * w) @ x))[0], np.sqrt(max(inverse[0, 0], 0.0))
+        if gain[k] * ((w * x) @ needed[:, k]) < 0.0:
+            deviation[k] = np.inf
+    return gain, deviation
+
+
+def _white_share(balance: Balance) -> float:
+    """Return the square sum of what is white in the efforts, over the needed one."""
+    x = balance.effort  # means over intervals, of which only every other one has noise of its own
+    if len(x) < 5:
+        return 0.0
+    white = np.median(np.abs(x[4:] - 2.0 * x[2:-2] + x[:-4]), axis=0) / WHITE_SECOND_DIFFERENCE
+    return float(np.sum((balance.reach * white) ** 2)) / balance.size
