@@ -106,7 +106,7 @@ def looked_at(
         chosen = settled_instants(stretch.time, gain)[::every]
         table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, -a, stretch.tau))])
         parts.append(table[:, chosen])
-        rates.append(_rate_of(table[-1], round(0.5 / share))[chosen] / typical_step(stretch.time))
+        rates.append(_rate_over(table[-1], round(0.5 / share))[chosen] / typical_step(stretch.time))
         moments.append((stretch.time[chosen], stretch.q[chosen + 1], stretch.v[chosen + 1]))
         block = Block(stretch.time, stretch.q, stretch.v, stretch.tau)
         needed.append(required_torque(record, block, accelerations(block, record), slice(None, None, every)))
@@ -121,7 +121,7 @@ def looked_at(
     return Instants(time, q, v, y, jacobians, kept, joints, at, sliding[:, kept], x, rate, every, effort, need)
 
 
-def _rate_of(values: Array, apart: int) -> Array:
+def _rate_over(values: Array, apart: int) -> Array:
     """Return how much values (m, k) change an interval, over as many before and after each."""
     index = np.arange(len(values))
     later, earlier = np.minimum(index + max(apart, 1), len(values) - 1), np.maximum(index - max(apart, 1), 0)

@@ -4,9 +4,9 @@
 
 y are the rows at some instants behind the observer's low-pass, X b friction of each driven joint and a constant
 that stiction or a sensor may hold, H h what a change does. Its columns follow from motion and model, not from the
-efforts: noise of a regressor would make its factor too small. R is scaled row by row as makes y most likely, by
-expectation maximisation (Dempster, Laird and Rubin 1977), with the change and without it; and what that gains counts
-for as many instants as are independent.
+efforts: noise of a regressor would make its factor too small. R is scaled row by row as makes y most likely (MacKay
+1992: squared errors over the share of them that no force takes up), with the change and without it; what that gains
+counts for as many instants as are independent.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from aerobat_pin.forces import SLIDES_AT, WEIGHED, Instants, column_rms, indepen
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected
 
-FIRST_ROUNDS, ROUNDS = 12, 4  # of expectation and maximisation, and from what is likely with another change
-LEAST_SPARE = 1e-3  # share of a row's error that no force takes up
-ALIKE = 0.01  # of the middle one of the driven rows' squared errors: forces, which fit some rows, make none exact
-HELD = 0.1  # of a row's effort, rms: what a sensor's offset may be
-LEAST_SIZE = 1e-4  # of what is expected of a row's squared errors: none has smaller ones
-SMALLEST = 1e-12  # of the largest eigenvalue: what no row shows is 0
+ROUNDS_AT_FIRST, ROUNDS_AFTER = 12, 4  # in which R is found, and from what is likely with another change
+SPARE_AT_LEAST = 1e-3  # share of a row's error that no force takes up
+NO_BETTER = 0.01  # of the middle one of the driven rows' squared errors: forces, which fit some rows, make none exact
+OFFSET = 0.1  # of a row's effort, rms: what a sensor's offset may be
+SMALLEST_SIZE = 1e-4  # of what is expected of a row's squared errors: none has smaller ones
+RANK_OF_ROWS = 1e-12  # of the largest eigenvalue: what no row shows is 0
 
 
 @dataclass(frozen=True)
@@ -104,14 +104,14 @@ def effort_rows(instants: Instants, expected: Expected, driven: Sequence[int], *
     own = np.concatenate([x[:, :, None] * one for x in (coulomb, viscous, np.ones_like(y))], axis=2)
     rests = np.abs(instants.sliding[:, driven]).max(axis=0) < SLIDES_AT
     stiction = np.where(rests, expected.stiction[np.array(kept)[driven]], 0.0)
-    held = np.maximum(np.maximum(HELD * column_rms(effort)[driven], stiction), 1e-9)
+    held = np.maximum(np.maximum(OFFSET * column_rms(effort)[driven], stiction), 1e-9)
     prior = np.concatenate([np.zeros(2 * len(driven)), held**-2.0])
     variance = expected.row_deviation(instants.v[some])[:, kept] ** 2
     J = J if forces else J[:, :0]
     return EffortRows(y, effort, y + effort, instants.rates[some], J, own, prior, variance, driven)
 
 
-def explained(rows: EffortRows, columns: Array | None = None, start: Explanation | None = None) -> Explanation:
+def most_likely_with(rows: EffortRows, columns: Array | None = None, start: Explanation | None = None) -> Explanation:
     """Return what is most likely if a change does h times columns (m, k, p).
 
     Args:
@@ -123,25 +123,24 @@ def explained(rows: EffortRows, columns: Array | None = None, start: Explanation
     prior = np.concatenate([rows.prior, np.zeros(x.shape[2] - len(rows.prior))])
     at, reached = range(y.shape[1]), np.swapaxes(rows.forces, 1, 2) @ rows.forces
     size, flat = np.ones(y.shape[1]) if start is None else start.row_size, x.reshape(y.size, -1)
-    for _ in range(FIRST_ROUNDS if start is None else ROUNDS):
+    for _ in range(ROUNDS_AT_FIRST if start is None else ROUNDS_AFTER):
         row_size, R = size, size * rows.variance
         cov = reached.copy()
         cov[:, at, at] += R
         W = np.linalg.inv(cov)
         normal = flat.T @ (W @ x).reshape(y.size, -1) + np.diag(prior)
-        scale = np.maximum(np.diag(normal), np.finfo(float).tiny) ** -0.5
-        inverse = (
-            np.linalg.pinv(normal * scale * scale[:, None], rcond=SMALLEST, hermitian=True) * scale * scale[:, None]
-        )
+        unit = np.maximum(np.diag(normal), np.finfo(float).tiny) ** -0.5
+        unit = unit * unit[:, None]
+        inverse = np.linalg.pinv(normal * unit, rcond=RANK_OF_ROWS, hermitian=True) * unit
         b = inverse @ (flat.T @ (W @ y[..., None]).ravel())
         remainder = y - x @ b
         white = (W @ remainder[..., None])[..., 0]
         loss = 0.5 * (np.sum(np.linalg.slogdet(cov)[1]) + np.sum(remainder * white) + prior @ b**2)
         errors = R * white
-        spare = np.maximum(np.mean(R * np.diagonal(W, axis1=1, axis2=2), axis=0), LEAST_SPARE)
-        size = np.maximum(np.mean(errors**2 / rows.variance, axis=0) / spare, LEAST_SIZE)
+        spare = np.maximum(np.mean(R * np.diagonal(W, axis1=1, axis2=2), axis=0), SPARE_AT_LEAST)
+        size = np.maximum(np.mean(errors**2 / rows.variance, axis=0) / spare, SMALLEST_SIZE)
         means = size * rows.mean_variance
-        size = np.maximum(means, ALIKE * np.median(means[rows.driven])) / rows.mean_variance
+        size = np.maximum(means, NO_BETTER * np.median(means[rows.driven])) / rows.mean_variance
     deviation = np.sqrt(np.maximum(np.diag(inverse), 0.0))
     n = len(rows.prior)
     force = np.pad((rows.forces @ white[..., None])[..., 0], ((1, 1), (0, 0)), mode="reflect")
@@ -156,13 +155,13 @@ def screened(rows: EffortRows, without: Explanation, columns: Sequence[Array], s
     gram = x.reshape(rows.y.size, -1).T @ (without.precision @ x).reshape(rows.y.size, -1)
     n = len(rows.prior)
     gram[range(n), range(n)] += rows.prior
-    own = np.linalg.pinv(gram[:n, :n], rcond=SMALLEST, hermitian=True)
+    own = np.linalg.pinv(gram[:n, :n], rcond=RANK_OF_ROWS, hermitian=True)
     gram = gram[n:, n:] - gram[n:, :n] @ own @ gram[:n, n:]  # what friction and constants leave
     gains, at = [], 0
     for part in columns:
         chosen = slice(at, at + part.shape[2])
         at += part.shape[2]
         t = gram[chosen, -1]
-        gains.append(0.5 * float(t @ np.linalg.pinv(gram[chosen, chosen], rcond=SMALLEST, hermitian=True) @ t))
+        gains.append(0.5 * float(t @ np.linalg.pinv(gram[chosen, chosen], rcond=RANK_OF_ROWS, hermitian=True) @ t))
     alone = gram[range(at, len(gram) - 1), range(at, len(gram) - 1)]
     return np.array([*gains, *(gram[at:-1, -1] - 0.5 * alone)])

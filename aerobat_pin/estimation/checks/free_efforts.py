@@ -45,8 +45,6 @@ CLEAR = 0.9  # share of the imbalance that is explained, from which they are nam
 SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
 WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
 RIGHT_PLACES = 0.25  # of the needed square sum, that joints or limbs in the right places leave at most
-LEAST_TILT = np.radians(5.0)  # by which a robot must be mounted otherwise than believed before that is said
-SAME_SIZE = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
 ABOVE_NOISE = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
 WORTH_SIGNS = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
 WHITE_SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
@@ -91,14 +89,14 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
         return
     by_factors = float(least @ least) / (SWAP * balance.size)
     if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors):
-        yield swapped(record.driven, "efforts", pair, _shares(least_share, share))
+        yield swapped(record.driven, "efforts", pair, _share_words(least_share, share))
         return
     if share > GOOD:
         others = ((pair, balance_of(record, with_exchanged(record, inputs, pair))) for pair in limbs)
         sizes = ((other.imbalance(), pair) for pair, other in others if other is not None)
         least_share, pair = min(sizes, default=(np.inf, ((), ())))
         if least_share < min(SWAP * share, turned, RIGHT_PLACES):
-            yield swapped(record.driven, "all columns", pair, _shares(least_share, share))
+            yield swapped(record.driven, "all columns", pair, _share_words(least_share, share))
             return
     yield from _factors(record, balance, signs, factors, least)
 
@@ -109,7 +107,7 @@ def swapped(names: Sequence[str], columns: str, pair: Exchange, left: str) -> Fi
     return Finding("swapped joints", "warning", f"{columns} of {both} in exchanged places leave {left}")
 
 
-def _shares(after: float, before: float) -> str:
+def _share_words(after: float, before: float) -> str:
     return f"{100.0 * after**0.5:.1f} %, as mapped {100.0 * before**0.5:.1f} %"
 
 

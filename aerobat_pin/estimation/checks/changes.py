@@ -1,0 +1,210 @@
+"""What may be wrong with the efforts of a fixed robot, and what each does to its rows.
+
+Factors of efforts, a delay, exchanged columns; gravity of another direction, a joint's zero, a load beside a point.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from aerobat_pin.estimation.checks.balance import Exchange, limb_pairs
+from aerobat_pin.estimation.checks.explanations import EffortRows, Explanation, most_likely_with
+from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_effort, swapped, wrong_effort
+from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.forces import SLIDES_AT, WEIGHED, Instants
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import LARGEST_DELAY, PlainRobot, Record
+
+PRICE = 2.0  # in the logarithm of the likelihood: what each number of a change costs
+FACTOR = 4.0  # what factors of efforts cost more, as rows of joints that hardly carry anything look like some
+GROSS = 5.0  # a factor that no stiction looks like
+CLEARLY = 4.0  # standard deviations by which a factor is told from 1, and its inverse from 0
+LEFT_BY_CHANGE = 0.5  # of what is left, in squares, if columns change places, or efforts come at another time
+LEAST_TURN = np.radians(3.0)  # by which a robot must be mounted otherwise than believed before that is said
+SIZE_OF_GRAVITY = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
+TURNED, SLID = (0.05, 0.5), (0.02, 0.3)  # least and largest zero of a joint that is named [rad], [m]
+LEAST_MOMENT = 0.005  # [m] times the mass that moves: a load whose moment about a point is smaller is not named
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of the map or the robot.
+
+    Attributes:
+        told: what is found, of what is likely with it and what that leaves: nothing if it is too small, None if it
+            cannot be.
+        columns: (m, k, p) what it does to the rows for h = 1.
+        shift: (m, k) what it does to the rows, where it has no coefficient.
+        doubt: what it costs beside its coefficients.
+        leaves: share of what is left, in squares, that it must leave at most.
+    """
+
+    told: Callable[[Explanation, str], Sequence[Finding] | None]
+    columns: Array | None = None
+    shift: Array | None = None
+    doubt: float = 0.0
+    leaves: float = np.inf
+
+    @property
+    def price(self) -> float:
+        """What its coefficients cost."""
+        return self.doubt + PRICE * (1 if self.columns is None else self.columns.shape[2])
+
+    def explained(self, rows: EffortRows, without: Explanation) -> Explanation:
+        """Return what is most likely with it."""
+        return most_likely_with(
+            rows if self.shift is None else replace(rows, y=rows.y - self.shift), self.columns, without
+        )
+
+
+def sliding_rows(instants: Instants) -> NDArray[np.bool_]:
+    """Return which believed rows are those of joints that slide."""
+    return np.asarray(np.abs(instants.sliding).max(axis=0, initial=0.0) > SLIDES_AT)
+
+
+def driven_rows(record: Record, instants: Instants) -> list[tuple[str, int]]:
+    """Return driven joints whose rows are believed, and which of these they are."""
+    rows = [(joint, record.robot.v_index(joint)) for joint in record.driven]
+    return [(joint, instants.kept.index(row)) for joint, row in rows if row in instants.kept]
+
+
+def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, without: Explanation) -> Iterator[Change]:
+    """Yield factors of efforts, their delay, and exchanged ones."""
+    driven = driven_rows(record, instants)
+    names, at = [joint for joint, _ in driven], [place for _, place in driven]
+    one, moving = np.eye(len(instants.kept))[:, at], bool(sliding_rows(instants).any())
+    for true in (rows.needed, rows.needed - without.around):  # forces that wrong efforts show are wrong, too
+        needed = true[:, :, None] * one
+        yield Change(partial(_common, record, names, moving), needed.sum(axis=2, keepdims=True), doubt=FACTOR)
+        yield Change(partial(_own_factors, names, moving), needed, doubt=FACTOR)
+        for k, name in enumerate(names):
+            yield Change(partial(_own_factors, [name], moving), needed[:, :, [k]], doubt=FACTOR)
+    late = (rows.rates[:, :, None] * one).sum(axis=2, keepdims=True)
+    yield Change(partial(_late_efforts, record), late, leaves=LEFT_BY_CHANGE)
+    pairs: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(names)), 2)]
+    for pair in [*pairs, *(limb_pairs(record) if len(names) == len(record.driven) else [])]:
+        shift = np.zeros_like(rows.y)
+        for j, k in zip(*pair, strict=True):
+            apart = rows.effort[:, at[k]] - rows.effort[:, at[j]]
+            shift[:, at[j]], shift[:, at[k]] = apart, -apart
+        yield Change(partial(_exchanged, names, pair), shift=shift, leaves=LEFT_BY_CHANGE)
+
+
+def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
+    """Yield gravity of another direction, rotors, zeros of the joints, and loads beside the points."""
+    model, kept = record.robot.model, instants.kept
+    data, rest, pulls, pulling = model.createData(), np.zeros(model.nv), [], model.copy()
+    q = instants.q[:: max(1, len(instants.rows) // WEIGHED)]
+    for axis in np.eye(3):
+        pulling.gravity.linear = axis
+        pulls.append([pin.computeGeneralizedGravity(pulling, data, each)[kept] for each in q])
+    yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1))
+    slopes = np.array([pin.computeGeneralizedGravityDerivatives(model, data, each).copy() for each in q])
+    slopes = slopes.reshape(len(q), model.nv, model.nv)[:, kept]
+    bends = instants.columns[2, :: max(1, len(instants.rows) // WEIGHED)]
+    yield Change(_rotors, bends[:, :, None] * np.eye(len(kept)))
+    for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
+        yield Change(partial(_zero, record.robot, joint), slopes[:, :, [record.robot.v_index(joint)]])
+    for name in (*record.map.robot.points, *record.map.robot.wrenches):
+        first = 10 * model.frames[model.getFrameId(name)].parentJoint - 10
+        weighs = np.array([pin.computeJointTorqueRegressor(model, data, each, rest, rest).copy() for each in q])
+        weighs = weighs.reshape(len(q), model.nv, -1)[:, kept, first : first + 4]
+        yield Change(partial(_load, record.robot, name), weighs)
+
+
+def _common(record: Record, names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:
+    factor = float(_factor_of(found.size)[0])
+    return [of_all(record, names, factor)] if _worth_naming(np.array([factor]), moving)[0] else []
+
+
+def _own_factors(names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:
+    """Return the efforts that would have to be larger or smaller by a factor of their own, or reversed."""
+    clearly = CLEARLY * found.deviation * found.independent**-0.5
+    sure = (np.abs(found.size) > clearly) & (np.abs(1.0 - found.size) > clearly)  # neither 1 nor of any size
+    factors = _factor_of(found.size)
+    wrong = np.flatnonzero(sure & _worth_naming(factors, moving)).tolist()
+    return [(reversed_effort if factors[k] < 0.0 else wrong_effort)(names[k], float(factors[k])) for k in wrong]
+
+
+def _worth_naming(factors: Array, moving: bool) -> NDArray[np.bool_]:
+    """Return which factors are worth naming: of joints at rest, which stiction holds, only those that are gross."""
+    gross = (factors < 0.0) | (np.abs(np.log(np.maximum(np.abs(factors), 1e-300))) > np.log(GROSS))
+    return np.asarray(np.abs(factors - 1.0) > NAMED) if moving else np.asarray(gross)
+
+
+def _factor_of(size: Array) -> Array:
+    """Return the factors of efforts of which rows are off by a share h of what is needed."""
+    return np.asarray(1.0 / np.where(size == 1.0, 1e-9, 1.0 - size))
+
+
+def _late_efforts(record: Record, found: Explanation, left: str) -> Sequence[Finding]:
+    by = float(found.size[0])
+    if abs(by) < max(LARGEST_DELAY, record.dt):
+        return []
+    early, late, parts = "the motion", "joints.effort", "effort"
+    if by < 0.0:
+        early, late, parts = late, early, "position and joints.velocity"
+    text = (
+        f"{late} comes {1e3 * abs(by):.0f} ms after {early}: shifted by that, it leaves {left}: a clock, a filter or a "
+        f"slow sensor (in a map: delay = {abs(by):.3f} under joints.{parts})"
+    )
+    return [Finding("late efforts", "warning", text, by, "s")]
+
+
+def _exchanged(names: Sequence[str], pair: Exchange, _: Explanation, left: str) -> Sequence[Finding]:
+    return [swapped(names, "efforts", pair, left)]
+
+
+def _rotors(_: Explanation, __: str) -> Sequence[Finding]:
+    """Return nothing of rotors that the robot's file lacks: they are found beside the forces."""
+    return []
+
+
+def _mounting(model: pin.Model, found: Explanation, left: str) -> Sequence[Finding] | None:
+    believed = model.gravity.linear
+    gravity, g = believed - found.size, float(np.linalg.norm(believed))
+    size = max(float(np.linalg.norm(gravity)), 1e-300)
+    if g > 0.0 and abs(size - g) > SIZE_OF_GRAVITY * g:
+        return None
+    if float(gravity @ believed) > np.cos(LEAST_TURN) * g * size:
+        return None if abs(size - g) > NAMED * g else []
+    x, y, z = gravity / size
+    text = (
+        f"gravity along ({x:.2f}, {y:.2f}, {z:.2f}) leaves {left}: is the robot mounted so (robot.down), or are its "
+        "first joints off?"
+    )
+    return [Finding("mounting", "warning", text)]
+
+
+def _zero(robot: PlainRobot, joint: str, found: Explanation, left: str) -> Sequence[Finding] | None:
+    """Return another zero of a joint; its value is how much farther than its position says the joint stands."""
+    off, slides = -float(found.size[0]), robot.slides(joint)
+    low, high = SLID if slides else TURNED
+    if not low < abs(off) < high:
+        return [] if abs(off) < high else None
+    words = f"{1e3 * off:.0f} mm" if slides else f"{np.degrees(off):.1f} deg"
+    text = (
+        f"{joint} seems to stand {words} farther than its position says, which leaves {left}: its encoder's zero "
+        "(joints.offset), or a centre of mass that lies aside"
+    )
+    return [Finding("joint zero", "warning", text, off, "m" if slides else "rad")]
+
+
+def _load(robot: PlainRobot, name: str, found: Explanation, left: str) -> Sequence[Finding]:
+    """Return a load beside a point: its weight passes for a force there, its moment about it is left."""
+    frame = robot.model.frames[robot.model.getFrameId(name)]
+    moment = float(np.linalg.norm(found.size[1:] - found.size[0] * frame.placement.translation))
+    if moment < LEAST_MOMENT * robot.mass:
+        return []
+    text = (
+        f"a load beside {name}, mass times distance {moment:.2g} kg m, leaves {left}: does the robot carry what its "
+        "file lacks ([payload] in the map)?"
+    )
+    return [Finding("load", "warning", text, moment, "kg m")]
