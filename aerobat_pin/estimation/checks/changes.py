@@ -25,7 +25,9 @@ from aerobat_pin.records import LARGEST_DELAY, PlainRobot, Record
 PRICE = 2.0  # in the logarithm of the likelihood: what each number of a change costs
 FACTOR = 4.0  # what factors of efforts cost more, as rows of joints that hardly carry anything look like some
 GROSS = 5.0  # a factor that no stiction looks like
+MOST_WRONG = 2  # efforts, each by a factor of its own
 CLEARLY = 4.0  # standard deviations by which a factor is told from 1, and its inverse from 0
+LEFT_BY_ROBOT = 1.1  # of what is left, in squares, with a robot that stands, turns or weighs otherwise: hardly more
 LEFT_BY_CHANGE = 0.5  # of what is left, in squares, if columns change places, or efforts come at another time
 LEAST_TURN = np.radians(3.0)  # by which a robot must be mounted otherwise than believed before that is said
 SIZE_OF_GRAVITY = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
@@ -105,18 +107,20 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
     for axis in np.eye(3):
         pulling.gravity.linear = axis
         pulls.append([pin.computeGeneralizedGravity(pulling, data, each)[kept] for each in q])
-    yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1))
+    yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1), leaves=LEFT_BY_ROBOT)
     slopes = np.array([pin.computeGeneralizedGravityDerivatives(model, data, each).copy() for each in q])
     slopes = slopes.reshape(len(q), model.nv, model.nv)[:, kept]
     bends = instants.columns[2, :: max(1, len(instants.rows) // WEIGHED)]
     yield Change(_rotors, bends[:, :, None] * np.eye(len(kept)))
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
-        yield Change(partial(_zero, record.robot, joint), slopes[:, :, [record.robot.v_index(joint)]])
+        yield Change(
+            partial(_zero, record.robot, joint), slopes[:, :, [record.robot.v_index(joint)]], leaves=LEFT_BY_ROBOT
+        )
     for name in (*record.map.robot.points, *record.map.robot.wrenches):
         first = 10 * model.frames[model.getFrameId(name)].parentJoint - 10
         weighs = np.array([pin.computeJointTorqueRegressor(model, data, each, rest, rest).copy() for each in q])
         weighs = weighs.reshape(len(q), model.nv, -1)[:, kept, first : first + 4]
-        yield Change(partial(_load, record.robot, name), weighs)
+        yield Change(partial(_load, record.robot, name), weighs, leaves=LEFT_BY_ROBOT)
 
 
 def _common(record: Record, names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:
@@ -125,11 +129,16 @@ def _common(record: Record, names: Sequence[str], moving: bool, found: Explanati
 
 
 def _own_factors(names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:
-    """Return the efforts that would have to be larger or smaller by a factor of their own, or reversed."""
+    """Return the efforts that would have to be larger or smaller by a factor of their own, or reversed.
+
+    Not if they are many: then it is the model that is wrong, or what pushes.
+    """
     clearly = CLEARLY * found.deviation * found.independent**-0.5
     sure = (np.abs(found.size) > clearly) & (np.abs(1.0 - found.size) > clearly)  # neither 1 nor of any size
     factors = _factor_of(found.size)
     wrong = np.flatnonzero(sure & _worth_naming(factors, moving)).tolist()
+    if len(wrong) > MOST_WRONG:
+        return []
     return [(reversed_effort if factors[k] < 0.0 else wrong_effort)(names[k], float(factors[k])) for k in wrong]
 
 

@@ -96,7 +96,8 @@ def effort_findings(
             told.append((gain, findings))
     most = max((gain for gain, _ in told), default=ENOUGH)
     if told:
-        yield from next((findings for gain, findings in told if findings and gain > most - AS_LIKELY), ())
+        likeliest = [findings for gain, findings in told if gain > most - AS_LIKELY]
+        yield from likeliest[0] if all(likeliest) else ()
         return
     if share < UNEXPLAINED or without.independent > WHITE:
         return
