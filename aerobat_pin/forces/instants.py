@@ -41,7 +41,7 @@ class Instants:
         sliding: (m, k) tanh(v / v_s) of the believed rows; 1 for those without friction.
         columns: (4, m, k) what Coulomb and viscous friction and a rotor's inertia of size 1, and the effort, do in each
             believed row.
-        rates: (m, k) how fast the efforts change [1/s].
+        rates: (m, k) how fast the efforts change [N/s or N m/s].
         every: intervals of the record from one instant to the next.
         effort: (nv,) rms of the joint torques [N or N m].
         needed: (nv,) rms of what motion and weight need.
@@ -106,7 +106,7 @@ def looked_at(
         chosen = settled_instants(stretch.time, gain)[::every]
         table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, -a, stretch.tau))])
         parts.append(table[:, chosen])
-        rates.append(_rate_over(table[-1], round(0.5 / share))[chosen] / typical_step(stretch.time))
+        rates.append(_change_at(chosen, table[-1], max(round(0.5 / share), 1)) / typical_step(stretch.time))
         moments.append((stretch.time[chosen], stretch.q[chosen + 1], stretch.v[chosen + 1]))
         block = Block(stretch.time, stretch.q, stretch.v, stretch.tau)
         needed.append(required_torque(record, block, accelerations(block, record), slice(None, None, every)))
@@ -121,10 +121,9 @@ def looked_at(
     return Instants(time, q, v, y, jacobians, kept, joints, at, sliding[:, kept], x, rate, every, effort, need)
 
 
-def _rate_over(values: Array, apart: int) -> Array:
-    """Return how much values (m, k) change an interval, over as many before and after each."""
-    index = np.arange(len(values))
-    later, earlier = np.minimum(index + max(apart, 1), len(values) - 1), np.maximum(index - max(apart, 1), 0)
+def _change_at(chosen: NDArray[np.intp], values: Array, apart: int) -> Array:
+    """Return how much values (m, k) change an interval, over `apart` before and after each of some (n,)."""
+    later, earlier = np.minimum(chosen + apart, len(values) - 1), np.maximum(chosen - apart, 0)
     return np.asarray((values[later] - values[earlier]) / np.maximum(later - earlier, 1)[:, None])
 
 

@@ -1,6 +1,6 @@
 """What explains the efforts of an arm that swings, beside friction that nobody knows and a push at its hand.
 
-Before changes were compared by likelihood, two of three good logs of lighter arms were told wrong signs or units, and a
+Before changes were compared by likelihood, one in six good logs of light arms was told a wrong sign or unit, and a
 factor of all efforts, whose forces are wrong by as much, was found in one of three.
 """
 

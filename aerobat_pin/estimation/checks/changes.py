@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from aerobat_pin.estimation.checks.balance import Exchange, limb_pairs
 from aerobat_pin.estimation.checks.explanations import EffortRows, Explanation, most_likely_with
 from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_effort, swapped, wrong_effort
+from aerobat_pin.estimation.checks.late_efforts import late_finding
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import SLIDES_AT, WEIGHED, Instants
 from aerobat_pin.numerics import Array
@@ -61,9 +62,8 @@ class Change:
 
     def explained(self, rows: EffortRows, without: Explanation) -> Explanation:
         """Return what is most likely with it."""
-        return most_likely_with(
-            rows if self.shift is None else replace(rows, y=rows.y - self.shift), self.columns, without
-        )
+        shifted = rows if self.shift is None else replace(rows, y=rows.y - self.shift)
+        return most_likely_with(shifted, self.columns, without)
 
 
 def sliding_rows(instants: Instants) -> NDArray[np.bool_]:
@@ -113,9 +113,8 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
     bends = instants.columns[2, :: max(1, len(instants.rows) // WEIGHED)]
     yield Change(_rotors, bends[:, :, None] * np.eye(len(kept)))
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
-        yield Change(
-            partial(_zero, record.robot, joint), slopes[:, :, [record.robot.v_index(joint)]], leaves=LEFT_BY_ROBOT
-        )
+        slope = slopes[:, :, [record.robot.v_index(joint)]]
+        yield Change(partial(_zero, record.robot, joint), slope, leaves=LEFT_BY_ROBOT)
     for name in (*record.map.robot.points, *record.map.robot.wrenches):
         first = 10 * model.frames[model.getFrameId(name)].parentJoint - 10
         weighs = np.array([pin.computeJointTorqueRegressor(model, data, each, rest, rest).copy() for each in q])
@@ -155,16 +154,7 @@ def _factor_of(size: Array) -> Array:
 
 def _late_efforts(record: Record, found: Explanation, left: str) -> Sequence[Finding]:
     by = float(found.size[0])
-    if abs(by) < max(LARGEST_DELAY, record.dt):
-        return []
-    early, late, parts = "the motion", "joints.effort", "effort"
-    if by < 0.0:
-        early, late, parts = late, early, "position and joints.velocity"
-    text = (
-        f"{late} comes {1e3 * abs(by):.0f} ms after {early}: shifted by that, it leaves {left}: a clock, a filter or a "
-        f"slow sensor (in a map: delay = {abs(by):.3f} under joints.{parts})"
-    )
-    return [Finding("late efforts", "warning", text, by, "s")]
+    return [] if abs(by) < max(LARGEST_DELAY, record.dt) else [late_finding(by, left)]
 
 
 def _exchanged(names: Sequence[str], pair: Exchange, _: Explanation, left: str) -> Sequence[Finding]:
@@ -177,6 +167,7 @@ def _rotors(_: Explanation, __: str) -> Sequence[Finding]:
 
 
 def _mounting(model: pin.Model, found: Explanation, left: str) -> Sequence[Finding] | None:
+    """Return gravity of another direction: what is believed, less h [m/s2], in the axes of the root."""
     believed = model.gravity.linear
     gravity, g = believed - found.size, float(np.linalg.norm(believed))
     size = max(float(np.linalg.norm(gravity)), 1e-300)

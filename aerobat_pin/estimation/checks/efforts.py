@@ -67,9 +67,8 @@ def effort_findings(
     rows = None
     if free is not None or chosen.points or chosen.wrenches:  # else a force that is not sought may be in every row
         instants = looked_at(record, inputs, FittedValues(), between=free) if free or instants is None else instants
-        rows, instants = (
-            (None, None) if instants is None or not len(instants.rows) else _effort_rows(record, instants, expected)
-        )
+        if instants is not None and len(instants.rows):
+            rows, instants = _effort_rows(record, instants, expected)
     if instants is None or rows is None or not rows.driven or rows.forces.shape[1] >= rows.y.shape[1]:
         how = "" if free else "; use.free names a stretch without contact"
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{how}")
@@ -78,6 +77,7 @@ def effort_findings(
     needed = max(float(np.sum((rows.needed / scale) ** 2)), 1e-300)
 
     def left(explanation: Explanation) -> float:
+        """Return the share of what is needed that is left, in squares; moments count over the robot's length."""
         return float(np.sum((explanation.errors / scale) ** 2)) / needed
 
     share = left(without)
@@ -94,8 +94,8 @@ def effort_findings(
         findings = change.told(found, _leaves(after, share))
         if findings is not None and after < change.leaves * share:
             told.append((gain, findings))
-    most = max((gain for gain, _ in told), default=ENOUGH)
     if told:
+        most = max(gain for gain, _ in told)
         likeliest = [findings for gain, findings in told if gain > most - AS_LIKELY]
         yield from likeliest[0] if all(likeliest) else ()
         return
@@ -103,13 +103,13 @@ def effort_findings(
         return
     for pair in limb_pairs(record):
         seen = looked_at(record, with_exchanged(record, inputs, pair), FittedValues(), between=free)
-        after = (
-            1.0 if seen is None or not len(seen.rows) else left(most_likely_with(_effort_rows(record, seen, None)[0]))
-        )
+        if seen is None or not len(seen.rows):
+            continue
+        after = left(most_likely_with(_effort_rows(record, seen, None)[0]))
         if after < LEFT_BY_CHANGE * share:
             yield swapped(record.driven, "all columns", pair, _leaves(after, share))
             return
-    yield left_unexplained("nothing simple", 100.0 * share**0.5)
+    yield left_unexplained("no factors, delay or places", 100.0 * share**0.5)
 
 
 def _leaves(after: float, before: float) -> str:

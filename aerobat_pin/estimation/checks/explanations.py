@@ -36,8 +36,8 @@ class EffortRows:
         y: (m, k) rows [N, N m].
         effort: (m, k) efforts.
         needed: (m, k) what motion and weight need, but for what the forces give.
-        rates: (m, k) how fast the efforts change [1/s].
-        forces: (m, c, k) S J.
+        rates: (m, k) how fast the efforts change [N/s, N m/s].
+        forces: (m, c, k) S J, of forces of the size expected, or so many times that.
         own: (m, k, p) friction and constants of the driven joints' rows.
         prior: (p,) B^-2.
         variance: (m, k) what is expected of R.

@@ -1,4 +1,4 @@
-"""Check the efforts against what the motion and the weight need: units, signs, swapped joints and limbs, wrong masses.
+"""Check a free robot's efforts against what motion and weight need: units, signs, swapped joints and limbs, masses.
 
 The factors of the efforts (and of the base link's mass) follow from the balance by least squares: 1 for each effort and
 0 for the mass if map and robot are right. But noise and friction of an effort make its factor too small. So an effort

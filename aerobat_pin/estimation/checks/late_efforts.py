@@ -37,13 +37,18 @@ def late_efforts(record: Record, balance: Balance, least: float) -> Finding | No
         by += step
     if left > min(LEFT_BY_SHIFT * before, least) or abs(by) < max(LARGEST_DELAY, record.dt):
         return None
+    leaves = f"{100.0 * left**0.5:.2g} % of what weight and motion need, as mapped {100.0 * before**0.5:.2g} %"
+    return late_finding(by, leaves)
+
+
+def late_finding(by: float, leaves: str) -> Finding:
+    """Return that efforts come a time [s] after the motion, or, if it is negative, the motion after them."""
     early, late, parts = "the motion", "joints.effort", "effort"
     if by < 0.0:
         early, late, parts = late, early, "position and joints.velocity"
     text = (
-        f"{late} comes {1e3 * abs(by):.0f} ms after {early}: shifted by that, friction and rotors leave "
-        f"{100.0 * left**0.5:.2g} % of what weight and motion need, as mapped {100.0 * before**0.5:.2g} %: a clock, a "
-        f"filter or a slow sensor (in a map: delay = {abs(by):.3f} under joints.{parts})"
+        f"{late} comes {1e3 * abs(by):.0f} ms after {early}: shifted by that, beside friction, it leaves {leaves}: a "
+        f"clock, a filter or a slow sensor (in a map: delay = {abs(by):.3f} under joints.{parts})"
     )
     return Finding("late efforts", "warning", text, by, "s")
 
