@@ -36,7 +36,7 @@ TURNED, SLID = (0.05, 0.5), (0.02, 0.3)  # least and largest zero of a joint tha
 LEAST_MOMENT = 0.005  # [m] times the mass that moves: a load whose moment about a point is smaller is not named
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Change:
     """A change of the map or the robot.
 
@@ -47,6 +47,7 @@ class Change:
         shift: (m, k) what it does to the rows, where it has no coefficient.
         doubt: what it costs beside its coefficients.
         leaves: share of what is left, in squares, that it must leave at most.
+        cases: changes that it contains: it counts only if it is likelier than each.
     """
 
     told: Callable[[Explanation, str], Sequence[Finding] | None]
@@ -54,6 +55,7 @@ class Change:
     shift: Array | None = None
     doubt: float = 0.0
     leaves: float = np.inf
+    cases: Sequence[Change] = ()
 
     @property
     def price(self) -> float:
@@ -84,10 +86,14 @@ def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, wit
     one, moving = np.eye(len(instants.kept))[:, at], bool(sliding_rows(instants).any())
     for true in (rows.needed, rows.needed - without.around):  # forces that wrong efforts show are wrong, too
         needed = true[:, :, None] * one
-        yield Change(partial(_common, record, names, moving), needed.sum(axis=2, keepdims=True), doubt=FACTOR)
-        yield Change(partial(_own_factors, names, moving), needed, doubt=FACTOR)
-        for k, name in enumerate(names):
-            yield Change(partial(_own_factors, [name], moving), needed[:, :, [k]], doubt=FACTOR)
+        common = Change(partial(_common, record, names, moving), needed.sum(axis=2, keepdims=True), doubt=FACTOR)
+        single = [
+            Change(partial(_own_factors, [name], moving), needed[:, :, [k]], doubt=FACTOR)
+            for k, name in enumerate(names)
+        ]
+        yield common
+        yield Change(partial(_own_factors, names, moving), needed, doubt=FACTOR, cases=(common, *single))
+        yield from single
     late = (rows.rates[:, :, None] * one).sum(axis=2, keepdims=True)
     yield Change(partial(_late_efforts, record), late, leaves=LEFT_BY_CHANGE)
     pairs: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(names)), 2)]

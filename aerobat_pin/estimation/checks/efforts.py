@@ -97,7 +97,8 @@ def effort_findings(
     if told:
         most = max(gain for gain, _ in told)
         likeliest = [findings for gain, findings in told if gain > most - AS_LIKELY]
-        yield from likeliest[0] if all(likeliest) else ()
+        named = next((findings for findings in likeliest if findings), ())
+        yield from named if all(likeliest) else map(_in_doubt, named)
         return
     if share < UNEXPLAINED or without.independent > WHITE:
         return
@@ -110,6 +111,11 @@ def effort_findings(
             yield swapped(record.driven, "all columns", pair, _leaves(after, share))
             return
     yield left_unexplained("no factors, delay or places", 100.0 * share**0.5)
+
+
+def _in_doubt(finding: Finding) -> Finding:
+    text = f"perhaps, as errors too small to name explain the efforts about as well: {finding.text}"
+    return replace(finding, verdict="note", text=text)
 
 
 def _leaves(after: float, before: float) -> str:
@@ -143,7 +149,8 @@ def _likely(
     order = np.argsort([each.price - gain for each, gain in zip(changes, gains.tolist(), strict=True)])
     tried = [(changes[k].explained(rows, without), changes[k]) for k in sorted(order[:TRIED].tolist())]
     independent = min(tried, key=lambda pair: pair[0].loss)[0].independent
+    gains_of = {change: (without.loss - found.loss) * independent - change.price for found, change in tried}
     for found, change in tried:
-        gain = (without.loss - found.loss) * independent - change.price
-        if gain > ENOUGH:
+        gain = gains_of[change]
+        if gain > max([ENOUGH, *(gains_of.get(case, ENOUGH) for case in change.cases)]):
             yield gain, found, change
