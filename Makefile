@@ -68,6 +68,7 @@ reliability: $(VENV)/.installed-test
 
 # Counts that take an hour: pages with a date; each script ends with an error if a figure is not reached.
 evidence: $(VENV)/.installed-test
+	$(BIN)/python -m pytest $(PARALLEL) -m evidence
 	PYTHONPATH=tests $(BIN)/python benchmarks/broken_runs.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/learnt_error.py
 	PYTHONPATH=tests $(BIN)/python benchmarks/legs.py

@@ -125,7 +125,7 @@ class AerobatEnv(gymnasium.Env[Array, Array]):
             lost = True
         self._done += 1
         seen, info = self._observation()
-        miss = [float(part @ part) for part in np.split(seen[:12], 4)]
+        miss = [float(part @ part) for part in seen[:12].reshape(4, 3)]
         reward = 1.0 - sum(weight * part for weight, part in zip(MISS, miss, strict=True))
         x, y = info["q"][3:5]
         lost = lost or miss[0] > FARTHEST_OFF**2 or 1.0 - 2.0 * (x * x + y * y) < np.cos(np.radians(TILTED))

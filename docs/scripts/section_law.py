@@ -137,18 +137,18 @@ def flights() -> tuple[list[list[str]], list[list[str]]]:
 
 
 def quick() -> Values:
-    """Return the tables that no flight is needed for."""
+    """Return the table that takes no time."""
     names = " | ".join(law.name for law in section.LAWS)
-    plates = table(f"plate | incidence [deg] | {names}", steady_rows())
-    return {"docs/section_law.md": {"plates": plates, **moving()[1]}}
+    return {"docs/section_law.md": {"plates": table(f"plate | incidence [deg] | {names}", steady_rows())}}
 
 
 def find() -> Values:
-    """Draw the figures, and return the tables on flights."""
-    save({"steady": steady_figure(), "moving": moving()[0]}, ROOT / "docs" / "figures" / "section_law")
+    """Draw the figures, and return the tables on motions and flights."""
+    picture, motions = moving()
+    save({"steady": steady_figure(), "moving": picture}, ROOT / "docs" / "figures" / "section_law")
     shares, means = flights()
     beyond = " | ".join(f"beyond {b:.0f} deg" for b in BEYOND)
-    tables = {
+    tables = motions | {
         "shares": table(f"flight | {beyond} | largest [deg]", shares),
         "forces": table("flight | limit | lift | thrust", means),
     }

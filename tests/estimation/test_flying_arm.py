@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.flying_arm import RATE, THRUST, fly, flying_map, pushed
+from support.further import further
 from support.recorded import recorded
 
 from aerobat_pin.errors import MapError
@@ -42,7 +43,7 @@ def test_thrusts_that_are_to_be_fitted_in_different_parts_are_refused(tmp_path: 
         fitted_forces(recorded(tmp_path / "free.csv", chosen))
 
 
-@pytest.mark.parametrize("seed", [24, 25, 26])
+@pytest.mark.parametrize("seed", [24, *further(25, 26)])
 def test_rotors_in_another_order_are_named(seed: int, tmp_path: Path) -> None:
     """In any of three orders, which made up to 12 N with no word; not said of the right one."""
     table = fly(seed, pushed)[0]
@@ -60,7 +61,7 @@ def test_rotors_in_another_order_are_named(seed: int, tmp_path: Path) -> None:
                 assert f"known.rotor_{order[k] + 1} of known.rotor_{k + 1}" in one.text
 
 
-@pytest.mark.parametrize("seed", [27, 28])
+@pytest.mark.parametrize("seed", [27, *further(28)])
 def test_a_calibration_in_which_the_arm_rests_knows_nothing_of_its_friction(seed: int, tmp_path: Path) -> None:
     """Noise of rates passed for motion, and errors of joints at rest for those of joints that move."""
     fly(seed, swings=False)[0].to_csv(tmp_path / "hover.csv", index=False)

@@ -13,6 +13,7 @@ import pytest
 import tomli_w
 import xarray as xr
 from support.commands import call
+from support.further import further
 from support.recorded import recorded
 from support.strange_arm import COULOMB, JOINTS, RATE, URDF, arm_map, nothing, pushed, write_log
 
@@ -46,7 +47,7 @@ def test_a_calibration_does_not_warn_of_efforts_by_friction_that_it_found(tmp_pa
     assert calibrate([record]).warnings == ()
 
 
-@pytest.mark.parametrize("seed", [51, 52, 53])
+@pytest.mark.parametrize("seed", [51, *further(52, 53)])
 def test_late_efforts_are_named_with_the_delay_that_mends_the_estimate(seed: int, tmp_path: Path) -> None:
     """Of an arm that rubs little and is pushed: 60 ms, that made up to 13 N with no word; not said of a good log."""
     force = write_log(tmp_path / "late.csv", seed, pushed, pace=2.0, rubs=0.2, late=0.06)
@@ -70,7 +71,10 @@ def test_late_efforts_are_named_with_the_delay_that_mends_the_estimate(seed: int
 
 @pytest.mark.parametrize(
     ("seed", "pace", "load", "known"),
-    [*((*case, "another log") for case in CASES), *((*case, "nothing") for case in CASES[1::2])],
+    [
+        *((*case, known) for case in CASES[2:4] for known in ("another log", "nothing")),
+        *further(*((*case, known) for case in (*CASES[:2], *CASES[4:]) for known in ("another log", "nothing"))),
+    ],
 )
 def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(
     seed: int, pace: float, load: dict[str, Any] | None, known: str, tmp_path: Path
@@ -331,7 +335,7 @@ def a_blow(time: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("force", [nothing, a_blow])
-@pytest.mark.parametrize("seed", [82, 83])
+@pytest.mark.parametrize("seed", [82, *further(83)])
 def test_bursts_are_no_push_unless_one_is_a_blow(seed: int, force: Callable[..., np.ndarray], tmp_path: Path) -> None:
     """400 bursts of 10 ms, as of gears: "a push of 34.7 +-34 N" was made of them, which its own deviation denied."""
     write_log(tmp_path / "log.csv", seed, force, rate=500.0, rubs=0.05)

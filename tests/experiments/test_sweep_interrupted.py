@@ -23,6 +23,7 @@ import pytest
 from distributed import LocalCluster
 from support.bad_folders import FORGED
 from support.commands import aerobat
+from support.further import further
 
 from aerobat_pin.errors import OutputError, ScenarioError, SweepError
 from aerobat_pin.experiments import load_sweep, run_sweep
@@ -127,7 +128,7 @@ def test_a_sweep_killed_twice_ends_as_if_it_had_not_been(file: Path, uninterrupt
     same_tables(tmp_path, uninterrupted)
 
 
-@pytest.mark.parametrize("count", [0, 3])
+@pytest.mark.parametrize("count", [3, *further(0)])
 def test_ctrl_c_says_how_to_go_on(count: int, file: Path, uninterrupted: Path, tmp_path: Path) -> None:
     """Exit code 130, one line and no traceback of a worker, not even of one that is just starting; and it goes on."""
     command = [*PROGRAM, str(file), "--jobs", "2", "--out", str(tmp_path)]

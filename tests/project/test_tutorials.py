@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from nbclient import NotebookClient
 from support.commands import call
+from support.further import further
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
@@ -26,17 +27,24 @@ CHECKS = {
     "05-a-sweep": "r2.loc[0.0, 1000.0] > r2.loc[0.01, 1000.0]",
     "06-closing-the-loop": 'sideways["gust_closed_loop"] < timid < sideways["without"] < 0.1 and not roll.stable',
     "07-your-simulator": "0.0 < apart[-1] < 5e-3",
-    "08-a-law-that-learns": "returns[-1] > 3.0 * returns[0] and returns[-1] > 300.0",
+    "08-a-law-that-learns": "returns[-1] > (1.5 if len(returns) < 40 else 4.0) * returns[0]",
 }
 
 
 @pytest.mark.usefixtures("unrendered")
-@pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
-def test_a_tutorial_does_what_it_says(page: Path, monkeypatch: pytest.MonkeyPatch, here: Path) -> None:
-    """Commands end with code 0, Python runs through, and files appear; `console` shows what needs several machines."""
+@pytest.mark.parametrize(
+    ("page", "steps"),
+    [*((page, "12") for page in TUTORIALS), *further((TUTORIALS[-1], "40"))],
+    ids=lambda one: Path(one).stem,
+)
+def test_a_tutorial_does_what_it_says(page: Path, steps: str, monkeypatch: pytest.MonkeyPatch, here: Path) -> None:
+    """Commands end with code 0, Python runs through, and files appear; `console` shows what needs several machines.
+
+    The law that learns takes 12 steps in place of 40, after which it is hardly twice as good as at first.
+    """
     monkeypatch.setenv("MPLBACKEND", "agg")
     names: dict[str, Any] = {"np": np}
-    for language, text in BLOCK.findall(page.read_text("utf-8")):
+    for language, text in BLOCK.findall(page.read_text("utf-8").replace("range(40)", f"range({steps})")):
         if language == "sh":
             for line in text.replace("\\\n", " ").splitlines():
                 program, *words = shlex.split(line, comments=True)

@@ -13,6 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
+from support.further import further
 from support.lowest import lowest
 
 from aerobat_pin.visualization.template import viewer_script
@@ -179,7 +180,7 @@ print(json.dumps({"file": hold.__file__, "refused": refused, "wrench": wrench.to
 """
 
 
-@pytest.mark.parametrize("writable", [True, False])
+@pytest.mark.parametrize("writable", [False, *further(True)])
 def test_it_works_where_no_cache_can_be_written(writable: bool, installed: Path, tmp_path: Path) -> None:
     """A read-only installation and no home: numba finds no folder, and the kernels are compiled without one.
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from support.browser import PATIENCE, frames, needs_browser, opened, pixels
 from support.commands import aerobat
+from support.further import further
 
 from aerobat_description.morphology import Morphology
 from aerobat_description.position_closure import ClosureError, close_linkage
@@ -50,7 +51,7 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @needs_browser
-@pytest.mark.parametrize("lengths", [{}, {"L3b": 7.2e-3, "L5b": 9.3e-3}, {"L5a": 12.4e-3, "L5b": 10.8e-3}])
+@pytest.mark.parametrize("lengths", [{"L3b": 7.2e-3, "L5b": 9.3e-3}, *further({}, {"L5a": 12.4e-3, "L5b": 10.8e-3})])
 def test_it_draws_every_pin_where_python_closes_the_linkage(
     lengths: dict[str, float], page_file: Path, browser: Any
 ) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.browser import SEEK_AND_DRAW, at, needs_browser, node, opened, pixels, ready, resized
+from support.further import further
 
 from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.errors import FrameNotFoundError, ShapeError
@@ -181,7 +182,7 @@ def test_what_is_no_motion_is_refused() -> None:
 
 
 @needs_browser
-@pytest.mark.parametrize(("width", "height"), [(1280, 720), (420, 800)])
+@pytest.mark.parametrize(("width", "height"), [(420, 800), *further((1280, 720))])
 def test_the_opening_shows_robot_and_ground(browser: Any, tmp_path: Path, width: int, height: int) -> None:
     """The ground before the robot as behind it, nothing of the robot under the controls."""
     model, parts, q = humanoid()

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.browser import frames, needs_browser, opened, pixels, ready, resized
+from support.further import further
 
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
@@ -126,7 +127,7 @@ def test_the_replay_is_dark_by_night(page: Any) -> None:
 
 @needs_browser
 @pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", *further("dark")])
 def test_the_report_fits_every_screen(paper_folder: Path, browser: Any, size: tuple[int, int], scheme: str) -> None:
     """The page does not scroll sideways, wide tables do; blocks do not overlap; the replay is linked."""
     with opened(browser, (paper_folder / "report.html").as_uri()) as page:

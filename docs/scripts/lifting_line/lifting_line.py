@@ -75,17 +75,15 @@ def runge_kutta_limit(matrix: np.ndarray) -> float:
 
 
 def quick() -> Values:
-    """Return the tables that no flight of a robot is needed for."""
-    tables = {"fit": moments.fit_table(), "cases": moments.cases()[1], "steps": stable_steps()}
-    return {"docs/lifting_line.md": tables}
+    """Return the tables that take no time."""
+    return {"docs/lifting_line.md": {"fit": moments.fit_table(), "steps": stable_steps()}}
 
 
 def find() -> Values:
-    """Draw every rung, and return the tables on flights."""
-    figures = {draw.__name__: draw() for draw in (*ladder.FIGURES, moments.pitch)}
-    save(figures | {"cases": moments.cases()[0]}, ROOT / "docs" / "figures" / "lifting_line")
-    flights = {"robot": robot_errors(), "flights": free_flights()}
-    return {"docs/lifting_line.md": flights}
+    """Draw every rung, and return the tables on flights and cases."""
+    figures, (picture, cases) = {draw.__name__: draw() for draw in (*ladder.FIGURES, moments.pitch)}, moments.cases()
+    save(figures | {"cases": picture}, ROOT / "docs" / "figures" / "lifting_line")
+    return {"docs/lifting_line.md": {"cases": cases, "robot": robot_errors(), "flights": free_flights()}}
 
 
 if __name__ == "__main__":
