@@ -49,6 +49,7 @@ DOUBTFUL_CHECKS = (  # a warning of theirs may make up a force
     "swapped joints",
     "mounting",
     "joint zero",
+    "joint sense",
     "load",
     "mass",
     "effort unit or mass",

@@ -56,6 +56,7 @@ NAMED = {
     "effort unit",
     "effort sign",
     "joint zero",
+    "joint sense",
     "mounting",
     "swapped joints",
     "mass",
@@ -72,8 +73,12 @@ def told(
     tilt: float = 0.0,
     still: Sequence[int] = (),
     arm: Arm = PANDA,
+    other_way: int | None = None,
+    exchanged: Sequence[int] = (),
 ) -> list[Finding]:
     """Return what is said of an arm's efforts, times factors, of which a joint's zero [rad] and its base may be off.
+
+    One joint's columns may count the other way, or two have each other's.
 
     Joints that stand still are held by half of their friction, or less where the rest of what they need is less.
     """
@@ -104,6 +109,11 @@ def told(
             row[0] = held = float(np.clip(held, row[0] - rub, row[0] + rub))
     tau += rubs * coulomb * (np.tanh(v[:, :n] / 0.008) + 0.6 * v[:, :n]) + 0.1 * rng.standard_normal(tau.shape)
     q[:, zero[0]] += zero[1]
+    if other_way is not None:
+        for values in (q, v, tau):
+            values[:, other_way] *= -1.0
+    for values in (q, v, tau):
+        values[:, exchanged] = values[:, exchanged[::-1]]
     columns = {"t": time}
     for k, (name, factor) in enumerate(zip(arm.joints, np.broadcast_to(factors, n), strict=True)):
         columns |= {f"{name}_q": q[:, k], f"{name}_v": v[:, k], f"{name}_tau": factor * tau[:, k]}
@@ -155,6 +165,40 @@ def test_the_zero_of_a_joint_is_told_and_is_no_factor(joint: int, off: float, tm
     [one] = told(tmp_path, 10 + joint, 0.3, zero=(joint, off))
     assert (one.check, one.text.split()[0]) == ("joint zero", JOINTS[joint])
     assert one.value == pytest.approx(-off, rel=0.25)
+
+
+@pytest.mark.parametrize(
+    ("joint", "off", "arm"), [(1, -90.0, PANDA), (2, 90.0, PANDA), (3, 130.0, PANDA), (1, 180.0, KINOVA)]
+)
+def test_quite_another_zero_is_told_and_is_no_wrong_unit(joint: int, off: float, arm: Arm, tmp_path: Path) -> None:
+    """A quarter or half a turn, as conventions differ, was silent or called a wrong unit; also beyond the limits."""
+    [one] = told(tmp_path, 40 + joint, 0.3, zero=(joint, np.radians(off)), arm=arm)
+    assert (one.check, one.text.split()[0]) == ("joint zero", arm.joints[joint])
+    assert np.cos(one.value + np.radians(off)) > np.cos(np.radians(3.0))
+
+
+@pytest.mark.parametrize(("joint", "arm"), [(0, PANDA), (3, PANDA), (1, KINOVA)])
+def test_a_joint_that_counts_the_other_way_is_told(joint: int, arm: Arm, tmp_path: Path) -> None:
+    """Position, rate and effort together, also of a shoulder that turns about gravity."""
+    [one] = told(tmp_path, 40 + joint, 0.3, other_way=joint, arm=arm)
+    assert one.check == "joint sense"
+    assert one.text.startswith(f"{arm.joints[joint]} seems to turn the other way than its columns say, which leaves ")
+    assert f"joints.factor = {{{arm.joints[joint]} = -1}}" in one.text
+
+
+@pytest.mark.parametrize(("pair", "arm"), [((0, 2), PANDA), ((2, 3), PANDA), ((0, 2), KINOVA)])
+def test_joints_in_another_order_are_told(pair: tuple[int, int], arm: Arm, tmp_path: Path) -> None:
+    """As where a log sorts them by their names: nothing was said, or a wrong unit."""
+    [one] = told(tmp_path, 40 + pair[1], 0.3, exchanged=pair, arm=arm)
+    first, second = (arm.joints[k] for k in pair)
+    assert one.text.startswith(f"all columns of {first} and {second} in exchanged places leave ")
+
+
+def test_of_two_joints_that_may_be_wrong_both_are_said(tmp_path: Path) -> None:
+    """Half a turn of the forearm is the elbow the other way, as the shoulder's own angle does not matter."""
+    [one] = told(tmp_path, 42, 0.3, zero=(2, np.pi))
+    for what in ("panda_joint2 seems to turn the other way", "panda_joint3 seems to stand 180 deg farther"):
+        assert what in one.text
 
 
 def test_a_base_that_is_tilted_is_told_and_no_zero(tmp_path: Path) -> None:

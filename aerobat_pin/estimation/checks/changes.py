@@ -45,6 +45,7 @@ class Change:
             cannot be.
         columns: (m, k, p) what it does to the rows for h = 1.
         shift: (m, k) what it does to the rows, where it has no coefficient.
+        anew: returns rows and columns as they would be, where neither says what it does.
         doubt: what it costs beside its coefficients.
         leaves: share of what is left, in squares, that it must leave at most.
         cases: changes that it contains: it counts only if it is likelier than each.
@@ -53,6 +54,7 @@ class Change:
     told: Callable[[Explanation, str], Sequence[Finding] | None]
     columns: Array | None = None
     shift: Array | None = None
+    anew: Callable[[], tuple[EffortRows, Array | None]] | None = None
     doubt: float = 0.0
     leaves: float = np.inf
     cases: Sequence[Change] = ()
@@ -64,6 +66,8 @@ class Change:
 
     def explained(self, rows: EffortRows, without: Explanation) -> Explanation:
         """Return what is most likely with it."""
+        if self.anew is not None:
+            return most_likely_with(*self.anew(), without)
         shifted = rows if self.shift is None else replace(rows, y=rows.y - self.shift)
         return most_likely_with(shifted, self.columns, without)
 
@@ -114,8 +118,7 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         pulling.gravity.linear = axis
         pulls.append([pin.computeGeneralizedGravity(pulling, data, each)[kept] for each in q])
     yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1), leaves=LEFT_BY_ROBOT)
-    slopes = np.array([pin.computeGeneralizedGravityDerivatives(model, data, each).copy() for each in q])
-    slopes = slopes.reshape(len(q), model.nv, model.nv)[:, kept]
+    slopes = slopes_of_weight(model, q)[:, kept]
     bends = instants.columns[2, :: max(1, len(instants.rows) // WEIGHED)]
     yield Change(_rotors, bends[:, :, None] * np.eye(len(kept)))
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
@@ -126,6 +129,13 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         weighs = np.array([pin.computeJointTorqueRegressor(model, data, each, rest, rest).copy() for each in q])
         weighs = weighs.reshape(len(q), model.nv, -1)[:, kept, first : first + 4]
         yield Change(partial(_load, record.robot, name), weighs, leaves=LEFT_BY_ROBOT)
+
+
+def slopes_of_weight(model: pin.Model, q: Array) -> Array:
+    """Return (m, nv, nv) how the weight changes with each coordinate at configurations q (m, nq)."""
+    data = model.createData()
+    slopes = np.array([pin.computeGeneralizedGravityDerivatives(model, data, each).copy() for each in q])
+    return slopes.reshape(len(q), model.nv, model.nv)
 
 
 def _common(record: Record, names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:

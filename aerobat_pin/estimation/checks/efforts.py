@@ -12,9 +12,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.balance import InputsBetween, limb_pairs, with_exchanged
+from aerobat_pin.estimation.checks.balance import InputsBetween
 from aerobat_pin.estimation.checks.changes import (
-    LEFT_BY_CHANGE,
     Change,
     changes_of_efforts,
     changes_of_robot,
@@ -22,7 +21,8 @@ from aerobat_pin.estimation.checks.changes import (
     sliding_rows,
 )
 from aerobat_pin.estimation.checks.explanations import EffortRows, Explanation, effort_rows, most_likely_with, screened
-from aerobat_pin.estimation.checks.free_efforts import GOOD, left_unexplained, of_free, swapped
+from aerobat_pin.estimation.checks.free_efforts import GOOD, left_unexplained, of_free
+from aerobat_pin.estimation.checks.misread_joints import changes_of_reading
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import FittedValues, Instants, expected_of, looked_at, row_scale
 from aerobat_pin.observers import Expected
@@ -32,7 +32,9 @@ ENOUGH = 6.0  # gain of the logarithm of the likelihood from which a change is n
 AS_LIKELY = 3.0  # loss of it with which a change explains about as well as the likeliest
 TRIED = 6  # changes of which the likelihood is found, after a first look at all
 ANY_FORCE = 10.0  # times what is expected of a force: no change need explain a steady one
+MISPLACED = 0.05**2  # share of what is needed, in squares, from which joints may have another zero or sense
 UNEXPLAINED = 0.25  # share of what is needed, in squares, that is left of no good record
+READINGS = {"joint zero", "joint sense", "swapped joints"}
 WHITE = 0.5  # share of instants that are independent, from which what is left is noise
 HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some ms
     "unit of joints.effort, held channel, interpolated channel, late channel, gap, repeated stamps, time goes back, "
@@ -68,12 +70,26 @@ def effort_findings(
     if free is not None or chosen.points or chosen.wrenches:  # else a force that is not sought may be in every row
         instants = looked_at(record, inputs, FittedValues(), between=free) if free or instants is None else instants
         if instants is not None and len(instants.rows):
+            expected = expected_of(record, instants, FittedValues()) if expected is None else expected
             rows, instants = _effort_rows(record, instants, expected)
-    if instants is None or rows is None or not rows.driven or rows.forces.shape[1] >= rows.y.shape[1]:
+    if (
+        instants is None
+        or rows is None
+        or expected is None
+        or not rows.driven
+        or rows.forces.shape[1] >= rows.y.shape[1]
+    ):
         how = "" if free else "; use.free names a stretch without contact"
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{how}")
         return
     without, scale = most_likely_with(rows), row_scale(record.robot.model)[instants.kept]
+
+    def formed(inputs: InputsBetween, expected: Expected = expected) -> tuple[EffortRows, Instants]:
+        """Return the rows of other inputs."""
+        seen = looked_at(record, inputs, FittedValues(), between=free)
+        assert seen is not None  # as the record was
+        return _effort_rows(record, seen, expected)
+
     needed = max(float(np.sum((rows.needed / scale) ** 2)), 1e-300)
 
     def left(explanation: Explanation) -> float:
@@ -85,9 +101,11 @@ def effort_findings(
     if beyond and share < GOOD:
         text += ": they fit the angles as they are, also those of joints beyond their limits"
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
-    if beyond:  # whose efforts say nothing of factors or places before that is settled
-        return
-    changes = [*changes_of_efforts(record, instants, rows, without), *changes_of_robot(record, instants)]
+    changes = list[Change]()
+    if not beyond:  # whose efforts say nothing of factors or places before that is settled
+        changes += [*changes_of_efforts(record, instants, rows, without), *changes_of_robot(record, instants)]
+    if share > MISPLACED:
+        changes += changes_of_reading(record, inputs, instants, rows, without, formed)
     told = []
     for gain, found, change in _likely(rows, without, changes):
         after = left(found)
@@ -97,20 +115,21 @@ def effort_findings(
     if told:
         most = max(gain for gain, _ in told)
         likeliest = [findings for gain, findings in told if gain > most - AS_LIKELY]
-        named = next((findings for findings in likeliest if findings), ())
+        named = _as_likely(next((findings for findings in likeliest if findings), ()), likeliest)
         yield from named if all(likeliest) else map(_in_doubt, named)
         return
-    if share < UNEXPLAINED or without.independent > WHITE:
+    if beyond or share < UNEXPLAINED or without.independent > WHITE:
         return
-    for pair in limb_pairs(record):
-        seen = looked_at(record, with_exchanged(record, inputs, pair), FittedValues(), between=free)
-        if seen is None or not len(seen.rows):
-            continue
-        after = left(most_likely_with(_effort_rows(record, seen, None)[0]))
-        if after < LEFT_BY_CHANGE * share:
-            yield swapped(record.driven, "all columns", pair, _leaves(after, share))
-            return
     yield left_unexplained("no factors, delay or places", 100.0 * share**0.5)
+
+
+def _as_likely(named: Sequence[Finding], likeliest: Sequence[Sequence[Finding]]) -> Sequence[Finding]:
+    """Return what is named, with how else the joints may have to be read: two such mistakes can be the same."""
+    read = [finding for findings in likeliest for finding in findings[:1] if finding.check in READINGS]
+    _, *others = dict.fromkeys(finding.text.partition(", which")[0] for finding in read) or [""]
+    if others and named[0] == read[0]:
+        return [replace(named[0], text=f"{named[0].text}; or {', or '.join(others)}")]
+    return named
 
 
 def _in_doubt(finding: Finding) -> Finding:
@@ -132,8 +151,7 @@ def _in_motion(instants: Instants) -> Instants:
     return replace(instants, kept=kept, sliding=sliding, columns=columns, rates=rates)
 
 
-def _effort_rows(record: Record, instants: Instants, expected: Expected | None) -> tuple[EffortRows, Instants]:
-    expected = expected_of(record, instants, FittedValues()) if expected is None else expected
+def _effort_rows(record: Record, instants: Instants, expected: Expected) -> tuple[EffortRows, Instants]:
     instants = _in_motion(instants)
     driven = [place for _, place in driven_rows(record, instants)]
     return effort_rows(instants, expected, driven, forces=0.0 if record.map.use.free else ANY_FORCE), instants
@@ -143,11 +161,15 @@ def _likely(
     rows: EffortRows, without: Explanation, changes: list[Change]
 ) -> Iterator[tuple[float, Explanation, Change]]:
     """Yield the changes that make the rows far more likely, in their order: by how much, and what is likely then."""
-    changes = sorted(changes, key=lambda each: each.shift is not None)
-    columns = [each.columns for each in changes if each.columns is not None]
-    gains = screened(rows, without, columns, [each.shift for each in changes if each.shift is not None])
-    order = np.argsort([each.price - gain for each, gain in zip(changes, gains.tolist(), strict=True)])
-    tried = [(changes[k].explained(rows, without), changes[k]) for k in sorted(order[:TRIED].tolist())]
+    anew = [each for each in changes if each.anew is not None]
+    first = sorted((each for each in changes if each.anew is None), key=lambda each: each.shift is not None)
+    columns = [each.columns for each in first if each.columns is not None]
+    gains = screened(rows, without, columns, [each.shift for each in first if each.shift is not None])
+    order = np.argsort([each.price - gain for each, gain in zip(first, gains.tolist(), strict=True)])
+    chosen = [*(first[k] for k in sorted(order[:TRIED].tolist())), *anew]
+    tried = [(each.explained(rows, without), each) for each in chosen]
+    if not tried:
+        return
     independent = min(tried, key=lambda pair: pair[0].loss)[0].independent
     gains_of = {change: (without.loss - found.loss) * independent - change.price for found, change in tried}
     for found, change in tried:
