@@ -104,7 +104,7 @@ def effort_findings(
     changes = list[Change]()
     if not beyond:  # whose efforts say nothing of factors or places before that is settled
         changes += [*changes_of_efforts(record, instants, rows, without), *changes_of_robot(record, instants)]
-    if share > MISPLACED:
+    if share > MISPLACED and sliding_rows(instants).any():  # one pose fits many
         changes += changes_of_reading(record, inputs, instants, rows, without, formed)
     told = []
     for gain, found, change in _likely(rows, without, changes):

@@ -30,6 +30,7 @@ LIKELIEST = 6  # of which the rows are formed anew
 REST_AT_MOST = np.radians(20.0)  # from a turn that was tried to the one that is found: within it the weight is linear
 UPRIGHT = 1e-6  # of the largest change of the weight: an axis along gravity
 LEFT_BY_JOINTS = 0.1  # of what is left, in squares: the rows are exact
+SMALLEST_TURN = 0.5 * TURNS_TRIED[0]
 AS_QUARTERS = np.radians(5.0)  # so near to quarters a turn is one
 Formed = Callable[[InputsBetween], tuple[EffortRows, Instants]]  # the rows of other inputs
 
@@ -72,6 +73,8 @@ class Turned:
         quarters = QUARTER * round(turn / QUARTER)
         turn = quarters if abs(turn - quarters) < AS_QUARTERS else turn
         turn = float(np.pi - np.remainder(np.pi - turn, 2.0 * np.pi))  # beyond -180 deg, up to 180
+        if self.sense > 0.0 and abs(turn) < SMALLEST_TURN:  # of which a column says what it does
+            return None
         offset = turn + self.sense * table.offset.get(joint, 0.0)
         what = f"stand {np.degrees(turn):.0f} deg farther than its position says"
         keys = f"joints.offset = {{{joint} = {offset:.4g}}}"
