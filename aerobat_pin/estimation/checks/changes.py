@@ -15,11 +15,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.balance import Exchange, limb_pairs
-from aerobat_pin.estimation.checks.explanations import EffortRows, Explanation, most_likely_with
 from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_effort, swapped, wrong_effort
 from aerobat_pin.estimation.checks.late_efforts import late_finding
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import SLIDES_AT, WEIGHED, Instants
+from aerobat_pin.forces import SLIDES_AT, WEIGHED, EffortRows, Explanation, Instants, most_likely_with
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import LARGEST_DELAY, PlainRobot, Record
 

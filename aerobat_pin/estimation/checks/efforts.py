@@ -20,11 +20,21 @@ from aerobat_pin.estimation.checks.changes import (
     driven_rows,
     sliding_rows,
 )
-from aerobat_pin.estimation.checks.explanations import EffortRows, Explanation, effort_rows, most_likely_with, screened
 from aerobat_pin.estimation.checks.free_efforts import GOOD, left_unexplained, of_free
 from aerobat_pin.estimation.checks.misread_joints import changes_of_reading
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import FittedValues, Instants, expected_of, looked_at, row_scale
+from aerobat_pin.forces import (
+    EffortRows,
+    Explanation,
+    FittedValues,
+    Instants,
+    effort_rows,
+    expected_of,
+    looked_at,
+    most_likely_with,
+    row_scale,
+    screened,
+)
 from aerobat_pin.observers import Expected
 from aerobat_pin.records import Record
 

@@ -16,10 +16,9 @@ import pinocchio as pin
 
 from aerobat_pin.estimation.checks.balance import Exchange, InputsBetween, limb_pairs
 from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, driven_rows, slopes_of_weight
-from aerobat_pin.estimation.checks.explanations import EffortRows, Explanation, most_likely_with
 from aerobat_pin.estimation.checks.free_efforts import reversed_effort, swapped
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import WEIGHED, Instants, KnownInputs
+from aerobat_pin.forces import WEIGHED, EffortRows, Explanation, Instants, KnownInputs, most_likely_with
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record
 

@@ -16,7 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.forces import SLIDES_AT, WEIGHED, Instants, column_rms, independent
+from aerobat_pin.forces.coefficient_errors import independent
+from aerobat_pin.forces.expected_of_record import SLIDES_AT
+from aerobat_pin.forces.instants import WEIGHED, Instants, column_rms
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected
 
