@@ -376,7 +376,7 @@ one_unit rotation_matrices force_size said_unit
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew
 SeriesSculpture scenario_of_run changed_keys changes_text differing_keys keys_text blocks_of component_sizes
 found_contacts belief_of described flight_log_of log_with_motion shipped_description
-AerobatRobot filled flight_channels flight_record effort_rows most_likely_with screened"""
+AerobatRobot filled flight_channels flight_record"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv Simulator"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed
