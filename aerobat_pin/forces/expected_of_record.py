@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.forces.contacts import END_SHARE, walks_on
-from aerobat_pin.forces.instants import WEIGHED, Instants, column_rms
+from aerobat_pin.forces.instants import Instants, column_rms
 from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.forces.run_observers import points_of, rows_of
 from aerobat_pin.numerics import Array
@@ -57,7 +57,7 @@ def expected_of(record: Record, instants: Instants, values: FittedValues) -> Exp
         return expected
     if values.friction is None and not values.row_noise and instants.jacobians.shape[1] >= len(instants.kept):
         expected = replace(expected, row_error=np.hypot(expected.row_error, _rubbed(robot, instants)))
-    some = slice(None, None, max(1, len(instants.rows) // WEIGHED))
+    some = instants.weighed
     v, residual, jacobians = instants.v[some], instants.rows[some], instants.jacobians[some]
     if walks_on(robot, record.map) and not values.row_noise:
         lifted = lifted_errors(residual, jacobians, robot.weight)

@@ -18,7 +18,7 @@ import numpy as np
 
 from aerobat_pin.forces.coefficient_errors import independent
 from aerobat_pin.forces.expected_of_record import SLIDES_AT
-from aerobat_pin.forces.instants import WEIGHED, Instants, column_rms
+from aerobat_pin.forces.instants import Instants, column_rms
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected
 
@@ -99,7 +99,7 @@ def effort_rows(instants: Instants, expected: Expected, driven: Sequence[int], *
         driven: which of the believed rows are those of driven joints.
         forces: how many times as large as expected they may be, at no cost; 0 where nothing touches the robot.
     """
-    kept, some = instants.kept, slice(None, None, max(1, len(instants.rows) // WEIGHED))
+    kept, some = instants.kept, instants.weighed
     y, (coulomb, viscous, _, effort) = instants.rows[some][:, kept], instants.columns[:, some]
     J = forces * expected.force[:, None] * instants.jacobians[some][:, :, kept]
     one = np.eye(len(kept))[:, driven]

@@ -62,6 +62,11 @@ class Instants:
     effort: Array
     needed: Array
 
+    @property
+    def weighed(self) -> slice:
+        """Those of the instants that are weighed."""
+        return slice(None, None, max(1, len(self.rows) // WEIGHED))
+
     def without(self, b: Array) -> Instants:
         """Return the instants without b (4, n) times `columns` of the joints."""
         rows = self.rows.copy()

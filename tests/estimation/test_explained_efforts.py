@@ -17,6 +17,9 @@ from support.recorded import recorded
 from support.robot_parts import channels, efforts
 
 from aerobat_pin.estimation import Finding, estimate
+from aerobat_pin.estimation.checks.changes import Change
+from aerobat_pin.estimation.checks.efforts import _likely
+from aerobat_pin.forces import EffortRows, most_likely_with
 
 ROBOTS = Path(sysconfig.get_path("purelib"), "cmeel.prefix", "share", "example-robot-data", "robots")
 pytestmark = pytest.mark.skipif(not ROBOTS.is_dir(), reason="pip install 'aerobat-pinocchio[robots]' brings the arms")
@@ -147,6 +150,21 @@ def test_what_small_errors_explain_as_well_is_said_and_is_not_certain(seed: int,
     assert (one.check, one.verdict) == ("effort unit or mass", "note")
     assert one.text.startswith(f"{PERHAPS}all efforts would have to be")
     assert one.value == pytest.approx(1.0 / given, rel=0.1)
+
+
+@pytest.mark.parametrize(("factors", "alone"), [((0.5, 0.5, 0.5), True), ((0.5, 0.5, -0.5), False)])
+def test_a_change_counts_only_if_it_is_likelier_than_what_it_contains(factors: Sequence[float], alone: bool) -> None:
+    """Factors of their own of three efforts contain one of all, which explains as much if they are alike."""
+    rng, one = np.random.default_rng(1), np.eye(3)
+    needed = rng.standard_normal((200, 3))
+    y = needed * (1.0 - np.array(factors)) + 0.05 * rng.standard_normal((200, 3))
+    own, forces = np.broadcast_to(one, (200, 3, 3)), np.zeros((200, 0, 3))
+    rows = EffortRows(y, needed - y, needed, 0.0 * y, forces, own, np.ones(3), np.ones((200, 3)), [0, 1, 2])
+    of_all = Change(lambda *_: [], needed[:, :, None])
+    of_each = Change(lambda *_: [], needed[:, :, None] * one, cases=(of_all,))
+    counted = [change for _, _, change in _likely(rows, most_likely_with(rows), [of_all, of_each])]
+    assert (of_each in counted) == (not alone)
+    assert not alone or counted == [of_all]
 
 
 @pytest.mark.parametrize(("joint", "rubs", "given"), [(1, 0.3, 0.7), (3, 1.0, 1.4), (5, 0.0, 2.0), (5, 1.0, -1.0)])

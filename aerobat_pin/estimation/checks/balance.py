@@ -185,16 +185,21 @@ def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], we
     return [basis[:, rank:] for basis, rank in zip(u, ranks, strict=True)]
 
 
+def in_each_others_place(record: Record, pair: Exchange, q: Array, *others: Array) -> list[Array]:
+    """Return copies of positions (m, nq), and of rates or efforts (n, nv), in which two limbs have each other's."""
+    robot, there = record.robot, [values.copy() for values in (q, *others)]
+    for values, index in zip(there, [robot.q_index, *(len(others) * [robot.v_index])], strict=True):
+        ours, theirs = ([index(record.driven[k]) for k in places] for places in pair)
+        values[:, [*ours, *theirs]] = values[:, [*theirs, *ours]]
+    return there
+
+
 def with_exchanged(record: Record, inputs: InputsBetween, pair: Exchange) -> InputsBetween:
     """Return inputs in which two limbs have each other's motion and efforts."""
-    robot, to, origin = record.robot, [*pair[0], *pair[1]], [*pair[1], *pair[0]]
-    at_q, at_v = (np.array([index(joint) for joint in record.driven]) for index in (robot.q_index, robot.v_index))
 
     def between(first: int, last: int) -> KnownInputs:
         given = inputs(first, last)
-        q, v, tau = given.q.copy(), given.v.copy(), given.tau.copy()
-        for values, at in ((q, at_q), (v, at_v), (tau, at_v)):
-            values[:, at[to]] = values[:, at[origin]]
+        q, v, tau = in_each_others_place(record, pair, given.q, given.v, given.tau)
         return replace(given, q=q, v=v, tau=tau)
 
     return between

@@ -18,7 +18,7 @@ from aerobat_pin.estimation.checks.balance import Exchange, limb_pairs
 from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_effort, swapped, wrong_effort
 from aerobat_pin.estimation.checks.late_efforts import late_finding
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import SLIDES_AT, WEIGHED, EffortRows, Explanation, Instants, most_likely_with
+from aerobat_pin.forces import SLIDES_AT, EffortRows, Explanation, Instants, most_likely_with
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import LARGEST_DELAY, PlainRobot, Record
 
@@ -112,13 +112,13 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
     """Yield gravity of another direction, rotors, zeros of the joints, and loads beside the points."""
     model, kept = record.robot.model, instants.kept
     data, rest, pulls, pulling = model.createData(), np.zeros(model.nv), [], model.copy()
-    q = instants.q[:: max(1, len(instants.rows) // WEIGHED)]
+    q = instants.q[instants.weighed]
     for axis in np.eye(3):
         pulling.gravity.linear = axis
         pulls.append([pin.computeGeneralizedGravity(pulling, data, each)[kept] for each in q])
     yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1), leaves=LEFT_BY_ROBOT)
     slopes = slopes_of_weight(model, q)[:, kept]
-    bends = instants.columns[2, :: max(1, len(instants.rows) // WEIGHED)]
+    bends = instants.columns[2, instants.weighed]
     yield Change(_rotors, bends[:, :, None] * np.eye(len(kept)))
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
         slope = slopes[:, :, [record.robot.v_index(joint)]]

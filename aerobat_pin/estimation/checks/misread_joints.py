@@ -14,11 +14,11 @@ from functools import cache, partial
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.checks.balance import Exchange, InputsBetween, limb_pairs
+from aerobat_pin.estimation.checks.balance import Exchange, InputsBetween, in_each_others_place, limb_pairs
 from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, driven_rows, slopes_of_weight
 from aerobat_pin.estimation.checks.free_efforts import reversed_effort, swapped
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import WEIGHED, EffortRows, Explanation, Instants, KnownInputs, most_likely_with
+from aerobat_pin.forces import EffortRows, Explanation, Instants, KnownInputs, most_likely_with
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record
 
@@ -29,7 +29,7 @@ LIKELIEST = 6  # of which the rows are formed anew
 REST_AT_MOST = np.radians(20.0)  # from a turn that was tried to the one that is found: within it the weight is linear
 UPRIGHT = 1e-6  # of the largest change of the weight: an axis along gravity
 LEFT_BY_JOINTS = 0.1  # of what is left, in squares: the rows are exact
-SMALLEST_TURN = 0.5 * TURNS_TRIED[0]
+SMALLEST_TURN = 0.5 * TURNS_TRIED[0]  # that is said; a column says what smaller ones do
 AS_QUARTERS = np.radians(5.0)  # so near to quarters a turn is one
 Formed = Callable[[InputsBetween], tuple[EffortRows, Instants]]  # the rows of other inputs
 
@@ -40,7 +40,7 @@ class Turned:
 
     Attributes:
         joint: its name.
-        turn: [rad].
+        turn: [rad], positive in the joint's own sense.
         sense: 1, or -1 of a joint that turns the other way.
         effort: 1, or -1 if its effort's sign is the other one; a joint that turns the other way has both.
     """
@@ -51,7 +51,7 @@ class Turned:
     effort: float = 1.0
 
     def of_motion(self, record: Record, q: Array, *rates: Array, effort: Array) -> list[Array]:
-        """Return positions (m, nq), rates and accelerations (m, nv), and efforts (n, nv), as they would be."""
+        """Return positions (m, nq), rates and accelerations (m, nv), efforts (n, nv), so read [rad, m, s, N, N m]."""
         at_q, at_v = record.robot.q_index(self.joint), record.robot.v_index(self.joint)
         there = [values.copy() for values in (q, *rates, effort)]
         there[0][:, at_q] = self.turn + self.sense * q[:, at_q]
@@ -72,7 +72,7 @@ class Turned:
         quarters = QUARTER * round(turn / QUARTER)
         turn = quarters if abs(turn - quarters) < AS_QUARTERS else turn
         turn = float(np.pi - np.remainder(np.pi - turn, 2.0 * np.pi))  # beyond -180 deg, up to 180
-        if self.sense > 0.0 and abs(turn) < SMALLEST_TURN:  # of which a column says what it does
+        if self.sense > 0.0 and abs(turn) < SMALLEST_TURN:
             return None
         offset = turn + self.sense * table.offset.get(joint, 0.0)
         what = f"stand {np.degrees(turn):.0f} deg farther than its position says"
@@ -92,12 +92,8 @@ class Exchanged:
     pair: Exchange
 
     def of_motion(self, record: Record, q: Array, *rates: Array, effort: Array) -> list[Array]:
-        """Return positions (m, nq), rates and accelerations (m, nv), and efforts (n, nv), as they would be."""
-        robot, there = record.robot, [values.copy() for values in (q, *rates, effort)]
-        for values, index in zip(there, [robot.q_index, *(len(there) - 1) * [robot.v_index]], strict=True):
-            ours, theirs = ([index(record.driven[k]) for k in places] for places in self.pair)
-            values[:, [*ours, *theirs]] = values[:, [*theirs, *ours]]
-        return there
+        """Return positions (m, nq), rates and accelerations (m, nv), efforts (n, nv), so read [rad, m, s, N, N m]."""
+        return in_each_others_place(record, self.pair, q, *rates, effort)
 
     def told(self, record: Record, _: Explanation, left: str) -> Sequence[Finding]:
         """Return what is found."""
@@ -122,7 +118,7 @@ def changes_of_reading(
         without: what is likely as the joints are mapped.
         formed: returns the rows of other inputs.
     """
-    model, kept, some = record.robot.model, instants.kept, _weighed(instants)
+    model, kept, some = record.robot.model, instants.kept, instants.weighed
     q, v = instants.q[some], instants.v[some]
     a, effort = np.zeros((2, len(q), model.nv))
     a[:, kept], effort[:, kept] = -instants.columns[2, some], instants.columns[3, some]
@@ -160,10 +156,6 @@ def changes_of_reading(
     yield from map(change_to, dict.fromkeys([*([] if best is None else [best]), *chosen]))
 
 
-def _weighed(instants: Instants) -> slice:
-    return slice(None, None, max(1, len(instants.rows) // WEIGHED))
-
-
 def _left(model: pin.Model, q: Array, v: Array, a: Array, effort: Array) -> Array:
     """Return what efforts leave of what motion and weight need."""
     data = model.createData()
@@ -183,5 +175,5 @@ def _anew(
     rows, instants = formed(between)
     if isinstance(read, Exchanged):
         return rows, None
-    slopes = slopes_of_weight(record.robot.model, instants.q[_weighed(instants)])
+    slopes = slopes_of_weight(record.robot.model, instants.q[instants.weighed])
     return rows, slopes[:, instants.kept][:, :, [record.robot.v_index(read.joint)]]
