@@ -148,7 +148,9 @@ def changes_of_reading(
     pairs: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(places, 2)]
     pairs += [pair for pair in limb_pairs(record) if {*pair[0], *pair[1]} <= set(places)]
     kinds += [[Exchanged(pair)] for pair in pairs]
-    chosen = sorted((min(kind, key=at_first) for kind in kinds if kind), key=at_first)[:LIKELIEST]
+    first = sorted((min(kind, key=at_first) for kind in kinds if kind), key=at_first)[:LIKELIEST]
+    # What no force could make likely enough to be named is not formed anew.
+    chosen = [read for read in first if at_first(read) < without.loss + FACTOR + PRICE]
     best = min(chosen, key=loss, default=None)
     if isinstance(best, Turned) and best.turn:  # downhill
         for step in DOWNHILL:
