@@ -18,7 +18,7 @@ from aerobat_pin.estimation.checks.balance import Exchange, InputsBetween, in_ea
 from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, driven_rows, slopes_of_weight
 from aerobat_pin.estimation.checks.free_efforts import reversed_effort, swapped
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import EffortRows, Explanation, Instants, KnownInputs, most_likely_with
+from aerobat_pin.forces import EffortRows, Explanation, Instants, KnownInputs, most_likely_with, screened
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record
 
@@ -124,10 +124,8 @@ def changes_of_reading(
     a[:, kept], effort[:, kept] = -instants.columns[2, some], instants.columns[3, some]
     left = _left(model, q, v, a, effort)
 
-    @cache
-    def at_first(read: Turned | Exchanged) -> float:
-        shift = (_left(model, *read.of_motion(record, q, v, a, effort=effort)) - left)[:, kept]
-        return most_likely_with(replace(rows, y=rows.y + shift), None, without).loss
+    def shift(read: Turned | Exchanged) -> Array:
+        return (left - _left(model, *read.of_motion(record, q, v, a, effort=effort)))[:, kept]
 
     @cache
     def change_to(read: Turned | Exchanged) -> Change:
@@ -148,9 +146,13 @@ def changes_of_reading(
     pairs: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(places, 2)]
     pairs += [pair for pair in limb_pairs(record) if {*pair[0], *pair[1]} <= set(places)]
     kinds += [[Exchanged(pair)] for pair in pairs]
-    first = sorted((min(kind, key=at_first) for kind in kinds if kind), key=at_first)[:LIKELIEST]
+    shifts = {read: shift(read) for read in itertools.chain(*kinds)}
+    gain = dict(zip(shifts, screened(rows, without, [], list(shifts.values())).tolist(), strict=True))
+    likeliest = [max(kind, key=gain.__getitem__) for kind in kinds if kind]
+    losses = {read: most_likely_with(replace(rows, y=rows.y - shifts[read]), None, without).loss for read in likeliest}
     # What no force could make likely enough to be named is not formed anew.
-    chosen = [read for read in first if at_first(read) < without.loss + FACTOR + PRICE]
+    first = sorted((read for read in likeliest if losses[read] < without.loss + FACTOR + PRICE), key=losses.__getitem__)
+    chosen = first[:LIKELIEST]
     best = min(chosen, key=loss, default=None)
     if isinstance(best, Turned) and best.turn:  # downhill
         for step in DOWNHILL:
