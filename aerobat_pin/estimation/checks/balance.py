@@ -6,15 +6,15 @@ Projected on the directions that A does not reach, f disappears.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from aerobat_pin.estimation.checks.readings import Exchange
 from aerobat_pin.forces import KnownInputs, accelerations, ignored_rows, required_torque
 from aerobat_pin.numerics import Array, frame_jacobian
 from aerobat_pin.observers import MOMENT_ARM, SMOOTH_RATE, AllBut
@@ -24,7 +24,6 @@ INSTANTS = 400  # of the record that are looked at
 COMPARED_FOR = 3.0  # [s] of the record, in stretches
 FEWEST_COMPARED, SHORTEST = 240, 10  # intervals together, and of a stretch
 RANK = 1e-6
-Exchange = tuple[tuple[int, ...], tuple[int, ...]]  # columns of two joints, or of two limbs, that may be exchanged
 InputsBetween = Callable[[int, int], KnownInputs]  # of first and last index of the common times
 
 
@@ -97,7 +96,7 @@ class Balance:
         return np.divide(effort, weight, out=np.zeros_like(effort), where=weight > 0.0), weight
 
 
-def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
+def balance_of(record: Record, inputs: InputsBetween, instants: int = INSTANTS) -> Balance | None:
     """Return a free robot's equations at instants spread over its record; None if unknown forces leave no row."""
     robot, model, free = record.robot, record.robot.model, record.map.use.free
     if free is None and not (record.map.robot.points or record.map.robot.wrenches):
@@ -112,7 +111,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
     projects, needed, motion, base = list[Array](), list[Array](), list[Array](), list[Array]()
     seen = list[tuple[Array, slice]]()
     most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
-    step = max(1, most // INSTANTS)
+    step = max(1, most // instants)
     for stretch in record.spread(most, *(free or ())):
         if stretch[1] - stretch[0] < SHORTEST:
             continue
@@ -136,9 +135,9 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
         base.append(np.array([pin.rnea(lighter, lighter_data, *each)[rows] for each in moved]))
     if not projects:
         return None
-    instants = np.repeat(np.arange(len(projects)), [len(part) for part in projects])
+    instant = np.repeat(np.arange(len(projects)), [len(part) for part in projects])
     project, (effort, rates, bends) = np.concatenate(projects), np.concatenate(motion, axis=1)
-    b, heavier = (np.einsum("nr,nr->n", project, np.concatenate(part)[instants]) for part in (needed, base))
+    b, heavier = (np.einsum("nr,nr->n", project, np.concatenate(part)[instant]) for part in (needed, base))
 
     def measured(by: float) -> Array:
         return np.concatenate([record.means("joints.effort", time + by)[chosen] for time, chosen in seen])
@@ -148,7 +147,7 @@ def balance_of(record: Record, inputs: InputsBetween) -> Balance | None:
         return np.asarray(measured(by) * np.sum(now * effort, axis=0) / np.maximum(np.sum(now**2, axis=0), 1e-300))
 
     span = len(projects) * step * record.dt
-    return Balance(b, project @ unit, heavier, instants, effort, rates, bends, span, later)
+    return Balance(b, project @ unit, heavier, instant, effort, rates, bends, span, later)
 
 
 def _heavier_base(model: pin.Model) -> pin.Model:
@@ -157,20 +156,6 @@ def _heavier_base(model: pin.Model) -> pin.Model:
     for k in range(2, model.njoints):
         alone.inertias[k] = pin.Inertia.Zero()
     return alone
-
-
-def limb_pairs(record: Record) -> list[Exchange]:
-    """Return pairs of limbs, chains of joints without a branch, with equally many efforts, two or more."""
-    model, limbs = record.robot.model, dict[int, list[int]]()
-    parents = model.parents.tolist()
-    first = list(range(model.njoints))
-    for k in range(2, model.njoints):
-        if parents.count(parents[k]) == 1:
-            first[k] = first[parents[k]]
-    for column, joint in enumerate(record.driven):
-        limbs.setdefault(first[model.getJointId(joint)], []).append(column)
-    pairs = itertools.combinations([tuple(limb) for limb in limbs.values()], 2)
-    return [pair for pair in pairs if len(pair[0]) == len(pair[1]) > 1]
 
 
 def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], weight: Array) -> list[Array]:
@@ -183,23 +168,3 @@ def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], we
     u, values, _ = np.linalg.svd(np.swapaxes(A, 1, 2))
     ranks = np.sum(values > RANK * np.maximum(values.max(axis=1, keepdims=True), 1e-300), axis=1)
     return [basis[:, rank:] for basis, rank in zip(u, ranks, strict=True)]
-
-
-def in_each_others_place(record: Record, pair: Exchange, q: Array, *others: Array) -> list[Array]:
-    """Return copies of positions (m, nq), and of rates or efforts (n, nv), in which two limbs have each other's."""
-    robot, there = record.robot, [values.copy() for values in (q, *others)]
-    for values, index in zip(there, [robot.q_index, *(len(others) * [robot.v_index])], strict=True):
-        ours, theirs = ([index(record.driven[k]) for k in places] for places in pair)
-        values[:, [*ours, *theirs]] = values[:, [*theirs, *ours]]
-    return there
-
-
-def with_exchanged(record: Record, inputs: InputsBetween, pair: Exchange) -> InputsBetween:
-    """Return inputs in which two limbs have each other's motion and efforts."""
-
-    def between(first: int, last: int) -> KnownInputs:
-        given = inputs(first, last)
-        q, v, tau = in_each_others_place(record, pair, given.q, given.v, given.tau)
-        return replace(given, q=q, v=v, tau=tau)
-
-    return between

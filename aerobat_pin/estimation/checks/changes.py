@@ -14,9 +14,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.balance import Exchange, limb_pairs
-from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_effort, swapped, wrong_effort
+from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_effort, wrong_effort
 from aerobat_pin.estimation.checks.late_efforts import late_finding
+from aerobat_pin.estimation.checks.readings import Exchange, limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import SLIDES_AT, EffortRows, Explanation, Instants, most_likely_with
 from aerobat_pin.numerics import Array

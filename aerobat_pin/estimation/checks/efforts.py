@@ -20,7 +20,7 @@ from aerobat_pin.estimation.checks.changes import (
     driven_rows,
     sliding_rows,
 )
-from aerobat_pin.estimation.checks.free_efforts import GOOD, left_unexplained, of_free
+from aerobat_pin.estimation.checks.free_efforts import GOOD, UNEXPLAINED, left_unexplained, of_free
 from aerobat_pin.estimation.checks.misread_joints import changes_of_reading
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
@@ -43,7 +43,6 @@ AS_LIKELY = 3.0  # loss of it with which a change explains about as well as the 
 TRIED = 6  # changes of which the likelihood is found, after a first look at all
 ANY_FORCE = 10.0  # times what is expected of a force: no change need explain a steady one
 MISPLACED = 0.05**2  # share of what is needed, in squares, from which joints may have another zero or sense
-UNEXPLAINED = 0.25  # share of what is needed, in squares, that is left of no good record
 READINGS = {"joint zero", "joint sense", "swapped joints"}
 WHITE = 0.5  # share of instants that are independent, from which what is left is noise
 HARMLESS = frozenset(  # warnings that leave the motion as it is, but for some ms

@@ -23,13 +23,12 @@ from numpy.typing import NDArray
 from aerobat_pin.estimation.checks.balance import (
     RANK,
     Balance,
-    Exchange,
     InputsBetween,
     balance_of,
-    limb_pairs,
-    with_exchanged,
 )
 from aerobat_pin.estimation.checks.late_efforts import late_efforts
+from aerobat_pin.estimation.checks.misread_limbs import reading_of
+from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, Exchange, limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE
@@ -46,6 +45,7 @@ SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
 WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
 RIGHT_PLACES = 0.25  # of the needed square sum, that joints or limbs in the right places leave at most
 ABOVE_NOISE = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
+UNEXPLAINED = 0.25  # share of what is needed, in squares, that is left of no good record
 WORTH_SIGNS = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
 WHITE_SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of white noise, over its deviation
 MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if for A and N m
@@ -75,36 +75,36 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
     if beyond and share < GOOD:
         text += ": they fit the angles as they are, also those of joints beyond their limits"
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
+    least_left = float(least @ least) / balance.size
     if beyond:
+        yield from _read_otherwise(record, inputs, share, share)
         return
     limbs, signs = limb_pairs(record), _best_signs(balance)
     joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
     turned = balance.imbalance(signs=signs)
-    late = late_efforts(record, balance, min(turned, float(least @ least) / balance.size))
+    late = late_efforts(record, balance, min(turned, least_left))
     if late is not None:
         yield late
         return
     if idle:
         return
-    by_factors = float(least @ least) / (SWAP * balance.size)
-    if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors):
+    if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, least_left / SWAP):
         yield swapped(record.driven, "efforts", pair, _share_words(least_share, share))
         return
+    told = list(_read_otherwise(record, inputs, share, min(turned, least_left / SWAP)))
+    told = told or list(_factors(record, balance, signs, factors, least))
+    if not told and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
+        told = [left_unexplained("no factors, places or zeros", 100.0 * float(np.sqrt(share)))]
+    yield from told
+
+
+def _read_otherwise(record: Record, inputs: InputsBetween, share: float, by_efforts: float) -> Iterator[Finding]:
+    """Yield how joints may have to be read otherwise, if that leaves far less than other efforts do."""
     if share > GOOD:
-        others = ((pair, balance_of(record, with_exchanged(record, inputs, pair))) for pair in limbs)
-        sizes = ((other.imbalance(), pair) for pair, other in others if other is not None)
-        least_share, pair = min(sizes, default=(np.inf, ((), ())))
-        if least_share < min(SWAP * share, turned, RIGHT_PLACES):
-            yield swapped(record.driven, "all columns", pair, _share_words(least_share, share))
-            return
-    yield from _factors(record, balance, signs, factors, least)
-
-
-def swapped(names: Sequence[str], columns: str, pair: Exchange, left: str) -> Finding:
-    """Return that columns of joints or limbs are exchanged."""
-    both = " and ".join(", ".join(names[k] for k in limb) for limb in pair)
-    return Finding("swapped joints", "warning", f"{columns} of {both} in exchanged places leave {left}")
+        reading, left = reading_of(record, inputs, share)
+        if left < min(LEFT_BY_JOINTS * share, RIGHT_PLACES, by_efforts):
+            yield from reading.told(record, _share_words(left, share))
 
 
 def _share_words(after: float, before: float) -> str:

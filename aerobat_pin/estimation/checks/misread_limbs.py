@@ -1,0 +1,101 @@
+"""How the joints of a free robot may have to be read, if what its efforts leave shows that it is misread.
+
+Of a walking robot a wrong order of legs, or another convention of zeros and senses, is the same mistake at several
+joints: of one place in all limbs, or in two of them. One such change at a time is taken, the one that leaves least of
+what weight and motion need, as long as each leaves far less than the one before.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from aerobat_pin.estimation.checks.balance import InputsBetween, balance_of
+from aerobat_pin.estimation.checks.readings import QUARTER, Reading, limbs_of
+from aerobat_pin.forces import KnownInputs
+from aerobat_pin.records import Record
+
+INSTANTS = 24  # of the record, at which each reading is looked at
+MOST = 4  # changes, one after the other
+FAR_LESS = 0.6  # of what was left before, in squares
+WELL = 0.002  # of what is needed, in squares, that a robot read right may leave
+TURNS_TRIED = np.radians([*range(30, 360, 30), -12, 12])
+DOWNHILL = np.radians([15.0, 7.5, 4.0, 2.0])  # from the best of them
+LIMBS_IN_ANY_ORDER = 4  # so many at most
+
+
+def reading_of(record: Record, inputs: InputsBetween, share: float) -> tuple[Reading, float]:
+    """Return the reading that leaves least, and that share of what is needed, in squares.
+
+    Args:
+        record: of a free robot.
+        inputs: what an observer is given between two indices of the common times.
+        share: what is left as the joints are mapped.
+    """
+    given, reading = cache(inputs), Reading.as_mapped(record)
+    limbs = [limb for limb in limbs_of(record) if len(limb) > 1]
+    limbs = [limb for limb in limbs if len(limb) == len(limbs[0])]
+    alone = [(k,) for k in range(len(record.driven)) if not record.robot.slides(record.driven[k])]
+    turning: list[Sequence[int]] = [*alone, *zip(*limbs, strict=True)]
+    either, orders = [*((k,) for k in range(len(record.driven))), *_groups(limbs)], _orders(limbs)
+
+    @cache
+    def left_by(reading: Reading, **of: int) -> float:
+        def between(first: int, last: int) -> KnownInputs:
+            values = given(first, last)
+            q, v, tau = reading.of_motion(record, values.q, values.v, effort=values.tau)
+            return replace(values, q=q, v=v, tau=tau)
+
+        balance = balance_of(record, between, **of)
+        return np.inf if balance is None else balance.imbalance()
+
+    def left(reading: Reading) -> float:
+        return left_by(reading, instants=INSTANTS)
+
+    def changes(reading: Reading) -> Iterator[tuple[Sequence[int], Reading]]:
+        for group in turning:
+            yield from ((group, reading.otherwise(group, turn)) for turn in TURNS_TRIED.tolist())
+            yield from ((group, reading.otherwise(group, k * QUARTER, -1.0, -1.0)) for k in range(1, 4))
+        for group in either:
+            yield group, reading.otherwise(group, 0.0, -1.0, -1.0)
+        yield from (((), reading.moved(*order)) for order in orders)
+
+    for _ in range(MOST):
+        group, best = min(changes(reading), key=lambda change: left(change[1]))
+        for step in DOWNHILL.tolist() if any(best.turn[k] for k in group) else ():
+            best = min((best, *(best.otherwise(group, sign * step) for sign in (1.0, -1.0))), key=left)
+        if left(best) > FAR_LESS * left(reading):
+            break
+        reading = best
+        if left(reading) < WELL:
+            break
+    return reading, left_by(reading)
+
+
+def _groups(limbs: list[tuple[int, ...]]) -> list[list[int]]:
+    """Return joints that may turn the other way together: of some places in two limbs, or in all."""
+    of = range(len(limbs[0]) if limbs else 0)
+    places = [chosen for n in (1, 2, len(of)) for chosen in itertools.combinations(of, n)]
+    return [
+        [limb[k] for limb in some for k in chosen]
+        for some in (*itertools.combinations(limbs, 2), limbs)
+        for chosen in places
+    ]
+
+
+def _orders(limbs: list[tuple[int, ...]]) -> list[tuple[list[int], list[int]]]:
+    """Return joints, and others whose columns they may have: of limbs, of places within them, or place by place."""
+    if len(limbs) < 2:
+        return []
+    whole, by_place = list(itertools.chain(*limbs)), list(itertools.chain(*zip(*limbs, strict=True)))
+    orders = itertools.permutations(limbs) if len(limbs) <= LIMBS_IN_ANY_ORDER else ()
+    moved = [(whole, list(itertools.chain(*order))) for order in orders]
+    for j, k in itertools.combinations(range(len(limbs[0])), 2):
+        ours, theirs = [limb[j] for limb in limbs], [limb[k] for limb in limbs]
+        moved += [([*ours, *theirs], [*theirs, *ours])]
+        moved += [([one, other], [other, one]) for one, other in zip(ours, theirs, strict=True)]
+    return [*moved, (whole, by_place), (by_place, whole)]

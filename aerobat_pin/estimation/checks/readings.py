@@ -1,0 +1,133 @@
+"""How a log's joints may have to be read: whose columns each has, from which zero, and which way it turns."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import Record
+
+QUARTER = 0.5 * np.pi
+LEFT_BY_JOINTS = 0.1  # of what is left, in squares, that a right reading leaves at most: it makes the rows exact
+AS_QUARTERS = np.radians(5.0)  # so near to quarters a turn is one
+Exchange = tuple[tuple[int, ...], tuple[int, ...]]  # columns of two joints, or of two limbs, that may be exchanged
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How the n driven joints may have to be read, each: q = turn + sense times what the columns of one of them say.
+
+    Attributes:
+        order: (n,) whose columns each has.
+        turn: (n,) [rad], positive in the joint's own sense.
+        sense: (n,) 1, or -1 of a joint that turns the other way.
+        effort: (n,) 1, or -1 if its effort's sign is the other one; a joint that turns the other way has both.
+    """
+
+    order: tuple[int, ...]
+    turn: tuple[float, ...]
+    sense: tuple[float, ...]
+    effort: tuple[float, ...]
+
+    @classmethod
+    def as_mapped(cls, record: Record) -> Reading:
+        """Return how they are read."""
+        n = len(record.driven)
+        return cls(tuple(range(n)), n * (0.0,), n * (1.0,), n * (1.0,))
+
+    def otherwise(self, joints: Iterable[int], turn: float = 0.0, sense: float = 1.0, effort: float = 1.0) -> Reading:
+        """Return the same, some joints turned by an angle [rad], the other way round, or their efforts."""
+        turns, senses, efforts = list(self.turn), list(self.sense), list(self.effort)
+        for k in joints:
+            turns[k] = float(np.pi - np.remainder(np.pi - turn - sense * turns[k], 2.0 * np.pi))  # beyond -180 deg
+            senses[k] *= sense
+            efforts[k] *= effort
+        return replace(self, turn=tuple(turns), sense=tuple(senses), effort=tuple(efforts))
+
+    def exchanged(self, pair: Exchange) -> Reading:
+        """Return the same, with the columns of two joints, or limbs, in each other's place."""
+        return self.moved([*pair[0], *pair[1]], [*pair[1], *pair[0]])
+
+    def moved(self, joints: Iterable[int], others: Iterable[int]) -> Reading:
+        """Return the same, some joints having the columns that others have."""
+        order = list(self.order)
+        for k, other in zip(joints, others, strict=True):
+            order[k] = self.order[other]
+        return replace(self, order=tuple(order))
+
+    def of_motion(self, record: Record, q: Array, *rates: Array, effort: Array) -> list[Array]:
+        """Return positions (m, nq), rates and accelerations (m, nv), efforts (n, nv), so read [rad, m, s, N, N m]."""
+        robot, there = record.robot, [values.copy() for values in (q, *rates, effort)]
+        at_q, at_v = (np.array([index(joint) for joint in record.driven]) for index in (robot.q_index, robot.v_index))
+        order = list(self.order)
+        there[0][:, at_q] = np.array(self.turn) + self.sense * q[:, at_q[order]]
+        for ours, values in zip(there[1:-1], rates, strict=True):
+            ours[:, at_v] = self.sense * values[:, at_v[order]]
+        there[-1][:, at_v] = self.effort * effort[:, at_v[order]]
+        return there
+
+    def told(self, record: Record, left: str) -> list[Finding]:
+        """Return what that says of the map, and what it leaves."""
+        names, table = record.driven, record.map.joints
+        found, alike = list[Finding](), dict[tuple[float, float], list[str]]()
+        moved = [k for k, other in enumerate(self.order) if k != other]
+        if moved and all(self.order[self.order[k]] == k for k in moved):
+            first = tuple(k for k in moved if k < self.order[k])
+            found.append(swapped(names, "all columns", (first, tuple(self.order[k] for k in first)), left))
+        elif moved:
+            ours, theirs = (", ".join(names[k] for k in places) for places in (moved, (self.order[k] for k in moved)))
+            found.append(Finding("swapped joints", "warning", f"{ours} with all columns of {theirs} leave {left}"))
+        for joint, turn, sense in zip(names, self.turn, self.sense, strict=True):
+            quarters = QUARTER * round(turn / QUARTER)
+            near = quarters if abs(turn - quarters) < AS_QUARTERS else turn
+            near = float(np.pi - np.remainder(np.pi - near, 2.0 * np.pi))  # beyond -180 deg, up to 180
+            if near or sense < 0.0:
+                alike.setdefault((near, sense), []).append(joint)
+        for (turn, sense), joints in alike.items():
+            offset = {joint: turn + sense * table.offset.get(joint, 0.0) for joint in joints}
+            seem, its = ("seems", "its") if len(joints) == 1 else ("seem", "their")
+            says = f"position{' says' if len(joints) == 1 else 's say'}"
+            what = f"stand {np.degrees(turn):.0f} deg farther than {its} {says}"
+            keys = f"joints.offset = {_table(offset)}"
+            if sense < 0.0:
+                zero = f", from a zero {np.degrees(turn):.0f} deg away" if turn else ""
+                what = f"turn the other way than {its} columns say{zero}"
+                factors = {joint: -table.factor.get(joint, 1.0) for joint in joints}
+                keys = f"joints.factor = {_table(factors)}{f' and {keys}' if any(offset.values()) else ''}"
+            text = f"{', '.join(joints)} {seem} to {what}, which leaves {left}: {keys}"
+            found.append(Finding("joint zero" if sense > 0.0 else "joint sense", "warning", text, turn, "rad"))
+        return found
+
+
+def swapped(names: Sequence[str], columns: str, pair: Exchange, left: str) -> Finding:
+    """Return that columns of joints or limbs are exchanged."""
+    both = " and ".join(", ".join(names[k] for k in limb) for limb in pair)
+    return Finding("swapped joints", "warning", f"{columns} of {both} in exchanged places leave {left}")
+
+
+def limbs_of(record: Record) -> list[tuple[int, ...]]:
+    """Return the driven joints of each limb, a chain of joints without a branch."""
+    model, limbs = record.robot.model, dict[int, list[int]]()
+    parents = model.parents.tolist()
+    first = list(range(model.njoints))
+    for k in range(2, model.njoints):
+        if parents.count(parents[k]) == 1:
+            first[k] = first[parents[k]]
+    for column, joint in enumerate(record.driven):
+        limbs.setdefault(first[model.getJointId(joint)], []).append(column)
+    return [tuple(limb) for limb in limbs.values()]
+
+
+def limb_pairs(record: Record) -> list[Exchange]:
+    """Return pairs of limbs with equally many driven joints, two or more."""
+    pairs = itertools.combinations(limbs_of(record), 2)
+    return [pair for pair in pairs if len(pair[0]) == len(pair[1]) > 1]
+
+
+def _table(values: dict[str, float]) -> str:
+    return f"{{{', '.join(f'{joint} = {value:.4g}' for joint, value in values.items())}}}"
