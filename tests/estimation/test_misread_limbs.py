@@ -18,12 +18,12 @@ COLUMNS = ("pos", "vel", "tau")
 
 @pytest.fixture(scope="module")
 def noisy() -> pd.DataFrame:
-    """Return a walk with friction of 2 % of the efforts and noise of all channels."""
+    """Return a walk with friction of 20 % of the efforts and noise of all channels."""
     log, rng = table(walk()), np.random.default_rng(3)
     for joint in JOINTS:
         q, v, tau = (log[f"{joint}_{column}"] for column in COLUMNS)
         size = np.sqrt(np.mean(tau**2))
-        log[f"{joint}_tau"] = tau + size * (0.02 * np.tanh(v / 0.05) + 0.01 * rng.standard_normal(len(log)))
+        log[f"{joint}_tau"] = tau + size * (0.2 * np.tanh(v / 0.05) + 0.01 * rng.standard_normal(len(log)))
         log[f"{joint}_pos"] = q + 1e-4 * rng.standard_normal(len(log))
         log[f"{joint}_vel"] = v + 5e-3 * rng.standard_normal(len(log))
     return log

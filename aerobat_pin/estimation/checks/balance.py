@@ -74,6 +74,11 @@ class Balance:
         v = self.v[self.at]
         return np.column_stack([self.reach * np.tanh(v / SMOOTH_RATE), self.reach * v])
 
+    def beside_friction(self, residual: Array | None = None) -> Array:
+        """Return what friction of the joints cannot make up of a residual (n,), of the efforts if none is given."""
+        residual = self.residual if residual is None else residual
+        return np.asarray(residual - self.rubbing @ np.linalg.lstsq(self.rubbing, residual, rcond=RANK)[0])
+
     def explained_by(self, table: Array) -> Array:
         """Return how much (k,) of each column (n, k) makes up best for what the efforts leave."""
         size = np.linalg.norm(table, axis=0)

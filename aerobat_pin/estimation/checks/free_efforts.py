@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.balance import (
-    RANK,
     Balance,
     InputsBetween,
     balance_of,
@@ -44,6 +43,7 @@ CLEAR = 0.9  # share of the imbalance that is explained, from which they are nam
 SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
 WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
 RIGHT_PLACES = 0.25  # of the needed square sum, that joints or limbs in the right places leave at most
+NO_NUMBERS = 4.0  # times what factors of all efforts and frictions leave: a reading has no numbers to fit
 ABOVE_NOISE = 1.5  # times what is white in the efforts, from which an imbalance is more than noise
 UNEXPLAINED = 0.25  # share of what is needed, in squares, that is left of no good record
 WORTH_SIGNS = 0.25  # of the square sum of what efforts give: what other signs must gain, 4 if none holds another
@@ -75,36 +75,39 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
     if beyond and share < GOOD:
         text += ": they fit the angles as they are, also those of joints beyond their limits"
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
-    least_left = float(least @ least) / balance.size
     if beyond:
-        yield from _read_otherwise(record, inputs, share, share)
+        yield from _read_otherwise(record, inputs, balance, np.ones(len(record.driven)))
         return
     limbs, signs = limb_pairs(record), _best_signs(balance)
     joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
     turned = balance.imbalance(signs=signs)
-    late = late_efforts(record, balance, min(turned, least_left))
+    late = late_efforts(record, balance, min(turned, float(least @ least) / balance.size))
     if late is not None:
         yield late
         return
     if idle:
         return
-    if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, least_left / SWAP):
+    by_factors = float(least @ least) / (SWAP * balance.size)
+    if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors):
         yield swapped(record.driven, "efforts", pair, _share_words(least_share, share))
         return
-    told = list(_read_otherwise(record, inputs, share, min(turned, least_left / SWAP)))
+    told = list(_read_otherwise(record, inputs, balance, signs))
     told = told or list(_factors(record, balance, signs, factors, least))
     if not told and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
         told = [left_unexplained("no factors, places or zeros", 100.0 * float(np.sqrt(share)))]
     yield from told
 
 
-def _read_otherwise(record: Record, inputs: InputsBetween, share: float, by_efforts: float) -> Iterator[Finding]:
-    """Yield how joints may have to be read otherwise, if that leaves far less than other efforts do."""
+def _read_otherwise(record: Record, inputs: InputsBetween, balance: Balance, signs: Array) -> Iterator[Finding]:
+    """Yield how joints may have to be read, if that leaves far less beside friction than other efforts do."""
+    reversed_, as_mapped = balance.beside_friction(balance.needed - balance.given @ signs), balance.beside_friction()
+    _, least = _least_squares(balance, balance.rubbing)
+    turned, share, least_left = (float(left @ left) / balance.size for left in (reversed_, as_mapped, least))
     if share > GOOD:
         reading, left = reading_of(record, inputs, share)
-        if left < min(LEFT_BY_JOINTS * share, RIGHT_PLACES, by_efforts):
-            yield from reading.told(record, _share_words(left, share))
+        if left < min(LEFT_BY_JOINTS * share, RIGHT_PLACES, turned, NO_NUMBERS * least_left):
+            yield from reading.told(record, f"{_share_words(left, share)} beside friction")
 
 
 def _share_words(after: float, before: float) -> str:
@@ -128,12 +131,15 @@ def _best_signs(balance: Balance) -> Array:
     return best
 
 
-def _least_squares(balance: Balance) -> tuple[Array, Array]:
-    """Return the factors of the efforts and the change of the base's mass (joints + 1,), and what they leave (n,)."""
-    table = np.column_stack([balance.given, -balance.base])
+def _least_squares(balance: Balance, *more: Array) -> tuple[Array, Array]:
+    """Return the factors of the efforts and the change of the base's mass (joints + 1,), and what they leave (n,).
+
+    Columns (n, k) of `more` may make up for some of it.
+    """
+    table = np.column_stack([balance.given, -balance.base, *more])
     scale = np.linalg.norm(table, axis=0)
     seen = scale > 1e-6 * max(float(scale.max()), 1e-300)
-    fitted = np.append(np.ones(table.shape[1] - 1), 0.0)
+    fitted = np.pad(np.ones(balance.given.shape[1]), (0, table.shape[1] - balance.given.shape[1]))
     fitted[seen] = np.linalg.lstsq(table[:, seen] / scale[seen], balance.needed, rcond=1e-6)[0] / scale[seen]
     return fitted, balance.needed - table @ fitted
 
@@ -143,8 +149,8 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     n = len(record.driven)
     gain, unsure = _measured_per_needed(balance, signs, balance.needed - balance.given @ signs)
     if np.any(turned := gain + SURE * unsure < 0.0):
-        rubs, other = balance.rubbing, balance.needed - balance.given @ np.where(turned, -1.0, 1.0)
-        left, before = (each - rubs @ np.linalg.lstsq(rubs, each, rcond=RANK)[0] for each in (other, balance.residual))
+        left = balance.beside_friction(balance.needed - balance.given @ np.where(turned, -1.0, 1.0))
+        before = balance.beside_friction()
         if left @ left < RIGHT_PLACES * (before @ before):
             yield from _reversed(record, gain, np.flatnonzero(turned))
         elif balance.imbalance() > 1.0:  # more is left than is needed

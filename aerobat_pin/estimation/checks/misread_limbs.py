@@ -19,7 +19,7 @@ from aerobat_pin.estimation.checks.readings import QUARTER, Reading, limbs_of
 from aerobat_pin.forces import KnownInputs
 from aerobat_pin.records import Record
 
-INSTANTS = 24  # of the record, at which each reading is looked at
+INSTANTS = 36  # of the record, at which each reading is looked at
 MOST = 4  # changes, one after the other
 FAR_LESS = 0.6  # of what was left before, in squares
 WELL = 0.002  # of what is needed, in squares, that a robot read right may leave
@@ -29,7 +29,7 @@ LIMBS_IN_ANY_ORDER = 4  # so many at most
 
 
 def reading_of(record: Record, inputs: InputsBetween, share: float) -> tuple[Reading, float]:
-    """Return the reading that leaves least, and that share of what is needed, in squares.
+    """Return the reading that leaves least beside friction, and that share of what is needed, in squares.
 
     Args:
         record: of a free robot.
@@ -51,7 +51,7 @@ def reading_of(record: Record, inputs: InputsBetween, share: float) -> tuple[Rea
             return replace(values, q=q, v=v, tau=tau)
 
         balance = balance_of(record, between, **of)
-        return np.inf if balance is None else balance.imbalance()
+        return np.inf if balance is None else float(np.sum(balance.beside_friction() ** 2)) / balance.size
 
     def left(reading: Reading) -> float:
         return left_by(reading, instants=INSTANTS)
