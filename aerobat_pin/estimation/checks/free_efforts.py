@@ -107,7 +107,7 @@ def _read_otherwise(record: Record, inputs: InputsBetween, balance: Balance, sig
     if share > GOOD:
         reading, left = reading_of(record, inputs, share)
         if left < min(LEFT_BY_JOINTS * share, RIGHT_PLACES, turned, NO_NUMBERS * least_left):
-            yield from reading.told(record, f"{_share_words(left, share)} beside friction")
+            yield from reading.told(record, _share_words(left, share))
 
 
 def _share_words(after: float, before: float) -> str:
