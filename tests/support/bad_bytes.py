@@ -4,15 +4,13 @@ import re
 import shutil
 from pathlib import Path
 
-import numpy as np
 import tomli_w
 
 from support.bad_robots import ARM, COLLADA, SHAPE, stl
 from support.bad_strangers import ARM_MJCF
-from support.bad_texts import FORMATS, SHORT
+from support.bad_texts import FORMATS, SHORT, WITH_MAP, Rng
 
-Rng = np.random.Generator
-WITH_MAP, SUGGESTED = ["--map", "map.toml", "--out", "out"], ["--suggest"]
+SUGGESTED = ["--suggest"]
 PLAY = ["play", "--from-csv", "motion.csv", "--urdf", "arm.urdf", "--out", "out.html"]
 PLAY_RUN, SWEEP = ["play", "run", "--out", "out.html"], ["sweep", "s.toml", "--out", "out", "--jobs", "1"]
 CHECK = ["check", "flight.nc", "--calibration", "c.h5", "--out", "out.png"]

@@ -42,10 +42,10 @@ from support import bad_recordings
 from support.bad_bytes import READERS, changed_bytes, readable, write_readable
 from support.bad_folders import SWEEP, bad_comparison, bad_run, bad_sweep
 from support.bad_logs import HARMLESS, KINDS, write_kind
-from support.bad_maps import WITH_MAP, by_map, changes_nothing, drawn_map, says_more
+from support.bad_maps import by_map, changes_nothing, drawn_map, says_more
 from support.bad_robots import FOREIGN, ROBOT
 from support.bad_strangers import STRANGERS
-from support.bad_texts import SHORT, SIZES, TEXT, Kind
+from support.bad_texts import SHORT, SIZES, TEXT, WITH_MAP, Kind
 from support.bench import Bench
 from support.broken_runs import CASES
 from support.damaged_kernels import damaged_case

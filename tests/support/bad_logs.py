@@ -22,7 +22,6 @@ import xarray as xr
 
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.tables import write_csv
-from support.contradictory_logs import CONTRADICTIONS
 
 Rng = np.random.Generator
 Cells = list[list[str]]
@@ -296,6 +295,61 @@ def _wrong_column_unit(rng: Rng, rows: Cells) -> None:
     rows[0][k] = f"{rows[0][k].partition('[')[0].strip()} [{some(rng, ('mm', 'deg', '°', 'furlong', ''))}]"
 
 
+def off_the_linkage(rng: Rng, data: xr.Dataset) -> None:
+    """One joint angle with an offset of 2 to 10 deg, or both joints of a wing swapped."""
+    q = data["q"].values
+    if rng.random() < 0.3:
+        q[:, 7:9] = q[:, [8, 7]]
+    else:
+        q[:, rng.integers(7, 11)] += rng.choice([-1.0, 1.0]) * rng.uniform(0.035, 0.17)
+
+
+def gyro_in_degrees(rng: Rng, data: xr.Dataset) -> None:
+    """A gyro in deg/s."""
+    data["v"].values[:, 3:6] *= 180.0 / np.pi
+
+
+def height_in_millimetres(rng: Rng, data: xr.Dataset) -> None:
+    """The height z in mm."""
+    data["q"].values[:, 2] *= 1000.0
+
+
+def held(rng: Rng, data: xr.Dataset) -> None:
+    """A channel of 60 to 500 Hz that repeats its last sample at the log's rate."""
+    rate = 1.0 / float(np.median(np.diff(data["time"].values)))
+    every = max(2, round(rate / rng.choice([60.0, 100.0, 200.0, 500.0])))
+    parts = (("q", slice(0, 3)), ("q", slice(3, 7)), ("v", slice(3, 6)), ("v", slice(0, 3)))
+    _repeat(data, *parts[rng.integers(4)], np.arange(data.sizes["time"]) // every * every)
+
+
+def w_first(rng: Rng, data: xr.Dataset) -> None:
+    """Quaternions written as w, x, y, z."""
+    data["q"].values[:, 3:7] = data["q"].values[:, [6, 3, 4, 5]]
+
+
+def late(rng: Rng, data: xr.Dataset) -> None:
+    """Gyro, velocity, pose or joints that are 4 to 15 ms late."""
+    step = float(np.median(np.diff(data["time"].values)))
+    behind = np.arange(data.sizes["time"]) - round(rng.uniform(0.004, 0.015) / step)
+    parts = (("q", slice(0, 7)), ("v", slice(0, 6)), ("q", slice(7, 11)))
+    _repeat(data, *parts[rng.integers(3)], np.maximum(behind, 0))
+
+
+def _repeat(data: xr.Dataset, name: str, columns: slice, index: np.ndarray) -> None:
+    """Put earlier samples in the place of some columns of a channel."""
+    values = data[name].values
+    values[:, columns] = values[index, columns]
+
+
+# Logs that contradict themselves, by the name of the warning that they must cause.
+CONTRADICTIONS: dict[str, Callable[[Rng, xr.Dataset], None]] = {
+    "joints off the linkage": off_the_linkage,
+    "gyro against attitude": gyro_in_degrees,
+    "position against velocity": height_in_millimetres,
+    "held channel": held,
+    "quaternion order": w_first,
+    "late channel": late,
+}
 KINDS = [
     Kind(2, "cut file", "bytes", lambda rng, data: data[: rng.integers(len(data) - 8)]),
     Kind(2, "damaged start of the file", "bytes", lambda rng, data: rng.bytes(64) + data[64:]),

@@ -1,19 +1,14 @@
 """Bad recordings, maps and calibrations, drawn at random: each kind writes its files and returns a command line."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import tomli_w
 
-from support.bad_texts import SHORT
+from support.bad_texts import SHORT, WITH_MAP, Kind, Rng
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
-Rng = np.random.Generator
-Kind = Callable[[Rng, Path], list[str]]
-WITH_MAP = ["--map", "map.toml", "--out", "out"]
 WRONG: tuple[Any, ...] = ("", "²", 300 * "n", -1, 0, True, [], [[]], {}, ["px"], {"columns": "px"}, 1e300, "/", "../x")
 MJCF = """<mujoco model="leg"><worldbody><body name="trunk"><freejoint/><geom size=".1" mass="1"/></body></worldbody>
 </mujoco>"""

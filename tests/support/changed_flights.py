@@ -164,11 +164,9 @@ def estimated(settings: tuple[str, ...], calibration: Calibration, observers: Se
 
 def judged(result: Result, log: FlightLog, scenario: Scenario) -> Verdict:
     """Compare an estimate with the force of its flight, and its noise; that of `force_level` behind its low-pass."""
-    pushed = {force.frame for force in scenario.unknown_force}
     estimates = result.estimates
     count = len(estimates[OBSERVERS[0]].force)
-    none = np.zeros((count, 3))
-    truth = np.stack([true_force(log, name)[0] if name in pushed else none for name in FORCE_POINTS], axis=1)
+    truth = np.stack([true_force(log, name)[0] for name in FORCE_POINTS], axis=1)
     given = result.record.map.observer.gain
     seen = low_passed(truth.reshape(count, -1), -np.expm1(-given * result.record.dt)).reshape(truth.shape)
     errors = {name: found.force - (seen if name == "force_level" else truth) for name, found in estimates.items()}
