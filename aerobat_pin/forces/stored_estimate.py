@@ -37,7 +37,7 @@ class StoredEstimate:
         self._columns: dict[str, Series] = {}
         self._counts: list[int] = []
         self._blocks: list[Redundancy] = []
-        self._innovations: list[InnovationScore] = []
+        self._innovations: list[tuple[float, float]] = []  # mean and whiteness
         self.head: Estimate
 
     @classmethod
@@ -69,7 +69,7 @@ class StoredEstimate:
         self._counts.append(len(block.components))
         self._blocks.append(block.redundancy)
         if block.innovation is not None:
-            self._innovations.append(InnovationScore(block.innovation.mean, block.innovation.whiteness))
+            self._innovations.append((block.innovation.mean, block.innovation.whiteness))
         shown = block.shown
         self._shown += shown.sum(axis=0)
         self._least = np.minimum(self._least, np.where(shown, block.components, np.inf).min(axis=0))
@@ -192,12 +192,8 @@ class StoredEstimate:
     @property
     def innovation(self) -> InnovationScore | None:
         """How well a filter predicts the samples; None for other observers."""
-        scores = self._innovations
-        if not scores:
-            return None
-        return InnovationScore(
-            self._average([score.nis for score in scores]), self._average([score.whiteness for score in scores])
-        )
+        parts = zip(*self._innovations, strict=True)
+        return InnovationScore(*(self._average(list(part)) for part in parts)) if self._innovations else None
 
     def component_sizes(self) -> tuple[ComponentSize, ...]:
         """Return size and deviation of each component."""
