@@ -516,10 +516,8 @@ def test_an_angle_that_starts_again_after_a_turn_goes_on(
         table[COLUMNS] = np.degrees(table[COLUMNS])
     table["turn_q"] = read(turning.turn_q)
     if "factor" in joints:  # which rates and torques have, too
-        table["turn_v"], table["turn_i"] = (
-            table.turn_v / joints["factor"]["turn"],
-            table.turn_i * joints["factor"]["turn"],
-        )
+        table["turn_v"] /= joints["factor"]["turn"]
+        table["turn_i"] *= joints["factor"]["turn"]
     jumps = int(np.sum(np.abs(np.diff(table.turn_q)) > 0.5 * np.ptp(table.turn_q)))
     record = opened(table, tmp_path, **joints, **more)
     assert jumps >= 2
