@@ -39,7 +39,7 @@ from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.replay.serve import serve
 from support import bad_recordings
-from support.bad_bytes import READERS, changed_bytes, readable, write_readable
+from support.bad_bytes import READERS, changed_bytes, write_readable
 from support.bad_folders import SWEEP, bad_comparison, bad_run, bad_sweep
 from support.bad_logs import HARMLESS, KINDS, write_kind
 from support.bad_maps import by_map, changes_nothing, drawn_map, says_more
@@ -213,7 +213,7 @@ class Doors:
         write_readable(good, self.run, self.swept)
         for name, words, others in READERS:
             with tempfile.TemporaryDirectory(dir=good) as place:
-                readable(name, others, good, Path(place))
+                bad_recordings.copied(good, Path(place), *others, name)
                 code = self.bench.forks.warm(words, Path(place))
                 assert code == 0 or name == "robot.mjcf", (words, code)  # no table of that robot is there
         return good
@@ -333,8 +333,7 @@ class Doors:
     def _drawn_map(self, rng: np.random.Generator, place: Path) -> Attempt:
         """Estimate by a map with one drawn value: it is refused, or it changes nothing, or a finding says what."""
         name, values, bad = drawn_map(rng)
-        for file in ("robot.urdf", "log.csv"):
-            shutil.copy(self.walk / file, place)
+        bad_recordings.copied(self.walk, place, "robot.urdf", "log.csv")
         (place / "map.toml").write_text(tomli_w.dumps(values))
         if bad:
             return Attempt(13, name, self._refused(rng, ["estimate", "log.csv", *WITH_MAP], place))
