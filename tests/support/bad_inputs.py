@@ -70,15 +70,7 @@ CLASSES = {  # number -> what is bad
 SHARES = (8, 24, 10, 0, 0, 0, 8, 2, 10, 0, 4, 10, 12, 12)  # of the classes beyond their least number, in per cent
 FAULTS = ("traceback", "hang", "half-written result", "silent acceptance", "wrong message")
 RUNS = {4: "replaced", 5: "disk", 6: "signals", 10: "diverged"}
-OTHER_DOORS = {
-    4: "run",
-    5: "run",
-    6: "run",
-    8: "cache of kernels",
-    9: "functions of Python",
-    10: "run",
-    13: "estimate --map",
-}
+OTHER_DOORS = {**dict.fromkeys(RUNS, "run"), 8: "cache of kernels", 9: "functions of Python", 13: "estimate --map"}
 OWN_FOLDERS = {"bench", "run", "swept", "walk", "good.nc", "good.csv"}  # which are made when they are first needed
 LONGEST = 20.0  # [s]
 MORE_MEMORY = 300_000_000  # bytes beyond those of a process that has imported everything: some 200 MB
