@@ -93,7 +93,8 @@ def _check_of(hint: Any, rule: Rule | None = None) -> ArgumentCheck:
     if rule == "free" or hint is Any:
         return _anything
     if hint is float:
-        return partial(_number, rule=rule)
+        sign: Any = rule
+        return lambda value, name, _: number(value, name, sign)
     if hint is _Numbers or kind is np.ndarray:
         return partial(_array, shape=rule)
     if kind is Literal:
@@ -130,10 +131,6 @@ def _wrong(name: str, value: Any, expected: str) -> ArgumentError:
 
 def _anything(value: Any, name: str, sizes: dict[Any, Any]) -> Any:
     return value
-
-
-def _number(value: Any, name: str, sizes: dict[Any, Any], rule: Any = None) -> Any:
-    return number(value, name, rule)
 
 
 def number(value: Any, name: str, sign: Literal["positive", "not negative", "any"] | None = None) -> float:

@@ -156,9 +156,8 @@ def test_dynamics_are_the_derivative_of_what_they_linearise() -> None:
     def accelerations(motion: NominalMotion) -> tuple[np.ndarray, np.ndarray]:
         made = smoother.dynamics(motion, held, known, force)
         rows = made.acceleration
-        return made.push + np.einsum(
-            "kij,kj->ki", rows[:, :, smoother.layout.white], force.reshape(10, -1)
-        ), rows @ state
+        by_force = np.einsum("kij,kj->ki", rows[:, :, smoother.layout.white], force.reshape(10, -1))
+        return made.push + by_force, rows @ state
 
     (here, change), (there, _) = accelerations(part), accelerations(part.moved(x))
     np.testing.assert_allclose(there - here, change, atol=0.02 * np.abs(change).max())

@@ -94,8 +94,3 @@ def changes_nothing(good: Any, found: Any) -> bool:
     if one.components.shape != other.components.shape:
         return False
     return bool(np.allclose(one.components, other.components, rtol=1e-6, atol=1e-6, equal_nan=True))
-
-
-def says_more(good: Any, found: Any) -> bool:
-    """Return whether an estimate has a finding that the good one does not have."""
-    return bool({str(one) for one in found.findings} - {str(one) for one in good.findings})
