@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import support.broken_runs as broken
-from support.bench import NEW, RUN, Bench, content
+from support.bench import HANGS, NEW, RUN, Bench, content
 from support.pages import fill, table
 
 SIGNALS = {signal.SIGKILL: 1, signal.SIGTERM: 2, signal.SIGINT: 2}  # signal -> at every which moment it is sent
@@ -36,7 +36,7 @@ def interrupt(bench: Bench, number: signal.Signals, moment: float) -> tuple[str,
     process = subprocess.Popen(COMMAND, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     time.sleep(moment)
     process.send_signal(number)
-    _, said = process.communicate(timeout=broken.HANGS)
+    _, said = process.communicate(timeout=HANGS)
     found = content(folder / "result")
     wrong = bench.wrong(folder, left=number == signal.SIGKILL)
     new = found["metrics.json"] == bench.new["metrics.json"]

@@ -7,6 +7,7 @@ follows from the force's deviation: Phi((Fz - LIKELY_SHARE W) / sigma).
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
@@ -90,10 +91,9 @@ class ContactWatch:
 
 def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
     """Return the contacts of every point, in blocks of an estimate in order; none where these are no world forces."""
-    edges: dict[str, tuple[list[float], list[float]]] = {}
-    state: dict[str, bool] = {}
-    sums: dict[str, tuple[float, float]] = {}
-    count = 0
+    onsets, ends = defaultdict[str, list[float]](list), defaultdict[str, list[float]](list)
+    touched, sure = defaultdict[str, float](float), defaultdict[str, float](float)
+    standing, count = defaultdict[str, bool](bool), 0
     for block in blocks:
         if not block.are_world_forces:
             return ()
@@ -101,27 +101,23 @@ def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
         force, deviation = block.force, block.standard_deviation
         for k, point in enumerate(block.frames):
             up = force[:, k, 2]
-            on = touching(up, weight, state.get(point, False))
-            onset, end = edges.setdefault(point, ([], []))
-            change = np.diff(np.concatenate([[int(state.get(point, False))], on.astype(int)]))
-            onset += block.time[:-1][change > 0].tolist()
-            end += block.time[:-1][change < 0].tolist()
-            sure = np.nan
-            if deviation is not None:
+            on = touching(up, weight, standing[point])
+            change = np.diff(on.astype(int), prepend=int(standing[point]))
+            onsets[point] += block.time[:-1][change > 0].tolist()
+            ends[point] += block.time[:-1][change < 0].tolist()
+            touched[point] += float(on.sum())
+            if deviation is None:
+                sure[point] = np.nan
+            else:
                 likely = contact_probability(up, deviation[:, 3 * k + 2], weight)
-                sure = float(np.sum(np.abs(likely - 0.5) >= 0.45))
-            before = sums.get(point, (0.0, 0.0))
-            sums[point] = (before[0] + float(on.sum()), before[1] + sure)
-            state[point] = bool(on[-1]) if len(on) else state.get(point, False)
+                sure[point] += float(np.sum(np.abs(likely - 0.5) >= 0.45))
+            standing[point] = bool(on[-1]) if len(on) else standing[point]
+    for point in onsets:
+        ends[point] += [np.nan] * (len(onsets[point]) - len(ends[point]))
+    whole = max(count, 1)
     return tuple(
-        Stance(
-            point,
-            np.array(onset),
-            np.array(end + [np.nan] * (len(onset) - len(end))),
-            sums[point][0] / max(count, 1),
-            sums[point][1] / max(count, 1),
-        )
-        for point, (onset, end) in edges.items()
+        Stance(point, np.array(onset), np.array(ends[point]), touched[point] / whole, sure[point] / whole)
+        for point, onset in onsets.items()
     )
 
 

@@ -89,9 +89,7 @@ def fit_learnt_error(
         terms[rows, count + width * j : count + width * (j + 1)] = one.terms[:, :width]
         at += len(one.slope)
     terms *= np.sqrt(prior)
-    target, doubted = (
-        np.concatenate(parts) for parts in zip(*((one.target, one.doubted) for one in flights), strict=True)
-    )
+    target, doubted = (np.concatenate([getattr(one, name) for one in flights]) for name in ("target", "doubted"))
     share = _share(target, doubted, size)
     target -= share * doubted
     mean, covariance = np.zeros((count, len(size))), np.zeros((len(size), count, count))

@@ -146,13 +146,6 @@ class KnownForces:
             forces[FRICTION] = friction
         return forces
 
-    def thrust(self, name: str, block: Block) -> Array:
-        """Return the size (m,) of a thrust [N], interval means."""
-        commands = command_sum(self.record, name, block.time)
-        section = self.record.map.known[name]
-        terms = zip(self.values.coefficients[name], section.powers, strict=True)
-        return sum((c * commands**p for c, p in terms), 0.0 * commands)
-
     @property
     def _rows(self) -> list[int]:
         return [self.record.robot.v_index(joint) for joint in self.values.joints]
@@ -161,7 +154,10 @@ class KnownForces:
         """Return the generalised force (m, nv) of one of the map's known forces, interval means."""
         wrench: Array = np.zeros((len(block.tau), 6))
         if section.powers:
-            wrench[:, :3] = self.thrust(name, block)[:, None] * unit_direction(section)
+            commands = command_sum(self.record, name, block.time)
+            terms = zip(self.values.coefficients[name], section.powers, strict=True)
+            size = sum((c * commands**p for c, p in terms), 0.0 * commands)
+            wrench[:, :3] = size[:, None] * unit_direction(section)
         else:
             values = section.sign * (self.record.means(f"known.{name}", block.time) - self.tare.get(name, 0.0))
             wrench[:, : values.shape[1]] = values

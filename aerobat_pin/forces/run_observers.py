@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import cache
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.forces.deviations import rows_as_components, tilt_of, with_belief_error, with_expected, with_tilt
 from aerobat_pin.forces.inputs import KnownInputs, inputs_of, with_zeroed_velocity
 from aerobat_pin.forces.known_forces import KnownForces
-from aerobat_pin.forces.stored_estimate import ROWS_READ, TIME_CONSTANTS_TO_SETTLE, StoredEstimate
+from aerobat_pin.forces.stored_estimate import ROWS_READ, TIME_CONSTANTS_TO_SETTLE, StoredEstimate, some_intervals
 from aerobat_pin.forces.trust import NOISE_STRETCH
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
@@ -182,7 +182,7 @@ def run_observers(
                 if progress is not None:
                     progress(done / total)
                 estimate = _estimate_of(observer, record, inputs, sampled, expected, model)
-                estimates[observer.name].append(_some_intervals(estimate, kept))
+                estimates[observer.name].append(some_intervals(estimate, kept))
                 done += end - begin
     if progress is not None:
         progress(1.0)
@@ -262,16 +262,3 @@ def rms_in(record: Record, estimate: StoredEstimate, stretch: tuple[float, float
         count += shown.sum(axis=0)
     means = np.divide(squares, count, out=np.full_like(squares, np.nan), where=count > 0.0)
     return np.sqrt(means) if count.any() else None
-
-
-def _some_intervals(estimate: Estimate, inside: slice) -> Estimate:
-    innovation = estimate.innovation
-    names = ("components", "residual", "unexplained", "standard_deviation", "seen", "doubt")
-    given = {name: getattr(estimate, name) for name in names}
-    columns: dict[str, Any] = {name: None if rows is None else rows[inside].copy() for name, rows in given.items()}
-    return replace(
-        estimate,
-        **columns,
-        time=estimate.time[inside.start : inside.stop + 1],
-        innovation=None if innovation is None else replace(innovation, nis=innovation.nis[inside].copy()),
-    )

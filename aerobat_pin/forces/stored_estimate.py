@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.forces.trust import ComponentSize, InnovationScore, innovation_score, worst_stretch
+from aerobat_pin.forces.trust import ComponentSize, InnovationScore, worst_stretch
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, Redundancy
 from aerobat_pin.records import MOST_SAMPLED, Series, Spool, spread_stretches
@@ -37,7 +37,7 @@ class StoredEstimate:
         self._columns: dict[str, Series] = {}
         self._counts: list[int] = []
         self._blocks: list[Redundancy] = []
-        self._innovations: list[InnovationScore | None] = []
+        self._innovations: list[tuple[float, float]] = []  # mean and whiteness
         self.head: Estimate
 
     @classmethod
@@ -53,24 +53,23 @@ class StoredEstimate:
         nis = None if block.innovation is None else block.innovation.nis
         optional = {name: getattr(block, name) for name in ("standard_deviation", "seen", "doubt")} | {"nis": nis}
         columns |= {name: rows for name, rows in optional.items() if rows is not None}
+        empty = some_intervals(block, slice(0, 0))
         if not self._counts:
             self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
             self._sum, self._squares, self._shown = np.zeros((3, block.components.shape[1]))
             self._doubt, self._judged, self._worst = 0.0, 0, (0.0, float(block.time[0]))
             self._columns = {name: Series(self._spool, *rows.shape[1:]) for name, rows in columns.items()}
-        worse = not self._counts or _severity(block) < _severity(self.head)
-        self.head = replace(
-            block if not self._counts else self.head,
-            **_rows_of(np.empty(0), np.empty(0), {name: rows[:0] for name, rows in columns.items()}, block),
-            identifiability=block.identifiability if worse else self.head.identifiability,
-        )
+            self.head = empty
+        worst = min(self.head, block, key=_severity).identifiability
+        self.head = replace(self.head, innovation=empty.innovation, identifiability=worst)
         for name, series in self._columns.items():
             series.append(columns[name])
         self.start.append(block.time[:-1])
         self._end.append(block.time[1:])
         self._counts.append(len(block.components))
         self._blocks.append(block.redundancy)
-        self._innovations.append(innovation_score(block))
+        if block.innovation is not None:
+            self._innovations.append((block.innovation.mean, block.innovation.whiteness))
         shown = block.shown
         self._shown += shown.sum(axis=0)
         self._least = np.minimum(self._least, np.where(shown, block.components, np.inf).min(axis=0))
@@ -99,8 +98,10 @@ class StoredEstimate:
     def between(self, first: int, last: int) -> Estimate:
         """Return the intervals from `first` to `last` (exclusive)."""
         rows = slice(first, last)
-        columns = {name: series[rows] for name, series in self._columns.items()}
-        return replace(self.head, **_rows_of(self.start[rows], self._end[rows], columns, self.head))
+        columns: dict[str, Any] = {name: series[rows] for name, series in self._columns.items()}
+        if self.head.innovation is not None:
+            columns["innovation"] = replace(self.head.innovation, nis=columns.pop("nis"))
+        return replace(self.head, time=np.concatenate([self.start[rows], self._end[rows][-1:]]), **columns)
 
     def blocks(self) -> Iterator[Estimate]:
         """Yield all intervals, at most `ROWS_READ` at once."""
@@ -191,12 +192,8 @@ class StoredEstimate:
     @property
     def innovation(self) -> InnovationScore | None:
         """How well a filter predicts the samples; None for other observers."""
-        scores = [score for score in self._innovations if score is not None]
-        if not scores:
-            return None
-        return InnovationScore(
-            self._average([score.nis for score in scores]), self._average([score.whiteness for score in scores])
-        )
+        parts = zip(*self._innovations, strict=True)
+        return InnovationScore(*(self._average(list(part)) for part in parts)) if self._innovations else None
 
     def component_sizes(self) -> tuple[ComponentSize, ...]:
         """Return size and deviation of each component."""
@@ -221,14 +218,15 @@ def _severity(estimate: Estimate) -> tuple[int, float]:
     return estimate.identifiability.rank, -estimate.identifiability.condition
 
 
-def _rows_of(start: Array, end: Array, columns: dict[str, Array], like: Estimate) -> dict[str, Any]:
-    """Return the fields of an estimate that have a row for each interval."""
-    nis = columns.get("nis")
-    return {
-        "time": np.concatenate([start, end[-1:]]),
-        "components": columns["components"],
-        "residual": columns["residual"],
-        "unexplained": columns["unexplained"],
-        **{name: columns.get(name) for name in ("standard_deviation", "seen", "doubt")},
-        "innovation": None if nis is None or like.innovation is None else replace(like.innovation, nis=nis),
-    }
+def some_intervals(estimate: Estimate, inside: slice) -> Estimate:
+    """Return some intervals of an estimate, as arrays of their own."""
+    innovation = estimate.innovation
+    names = ("components", "residual", "unexplained", "standard_deviation", "seen", "doubt")
+    given = {name: getattr(estimate, name) for name in names}
+    columns: dict[str, Any] = {name: None if rows is None else rows[inside].copy() for name, rows in given.items()}
+    return replace(
+        estimate,
+        **columns,
+        time=estimate.time[inside.start : inside.stop + 1],
+        innovation=None if innovation is None else replace(innovation, nis=innovation.nis[inside].copy()),
+    )

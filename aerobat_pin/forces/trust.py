@@ -62,12 +62,6 @@ class InnovationScore:
     whiteness: float
 
 
-def innovation_score(estimate: Estimate) -> InnovationScore | None:
-    """Return the summary of a filter's innovations; None for other observers."""
-    innovation = estimate.innovation
-    return None if innovation is None else InnovationScore(innovation.mean, innovation.whiteness)
-
-
 def sample_noise(components: Array) -> Array:
     """Return the standard deviation (c,) of what changes from sample to sample in series (m, c); 0 for short ones.
 

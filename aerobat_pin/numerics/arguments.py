@@ -29,7 +29,7 @@ class _Numbers:
 
 
 ALIASES = {"Array": _Numbers, "ArrayLike": _Numbers, "AlongSpan": Any}  # the last is checked where it is read
-WORDS: dict[Any, str] = {str: "text", Path: "a path", int: "a whole number", float: "a number", Mapping: "a mapping"}
+WORDS: dict[Any, str] = {str: "text", Path: "a path", float: "a number", Mapping: "a mapping"}
 
 
 def guarded(**rules: Rule) -> Callable[[Target], Target]:
@@ -93,11 +93,14 @@ def _check_of(hint: Any, rule: Rule | None = None) -> ArgumentCheck:
     if rule == "free" or hint is Any:
         return _anything
     if hint is float:
-        return partial(_number, rule=rule)
+        sign: Any = rule
+        return lambda value, name, _: number(value, name, sign)
     if hint is _Numbers or kind is np.ndarray:
         return partial(_array, shape=rule)
     if kind is Literal:
-        return partial(_choice, choices=parts)
+        return _only(
+            lambda value: isinstance(value, str | int) and value in parts, f"one of {', '.join(map(str, parts))}"
+        )
     if kind in (Union, UnionType):
         return _one_of(parts, rule)
     if kind is tuple and parts and set(parts) <= {float, Ellipsis}:
@@ -111,10 +114,15 @@ def _check_of(hint: Any, rule: Rule | None = None) -> ArgumentCheck:
             _table, key=parts[0] if parts else object, item=_check_of(parts[1], rule) if parts else _anything
         )
     if kind is type:
-        return partial(_subclass, base=parts[0])
+        base = parts[0]
+        return _only(lambda value: isinstance(value, type) and issubclass(value, base), f"a class of {base.__name__}")
     if kind is Callable or inspect.isfunction(kind):
-        return _callable
-    return partial(_instance, kind=kind) if isinstance(kind, type) else _anything
+        return _only(callable, "a function")
+    if kind is int:
+        return _whole_number
+    if not isinstance(kind, type):
+        return _anything
+    return _only(lambda value: isinstance(value, kind), WORDS.get(kind, f"a {kind.__name__}"))
 
 
 def _wrong(name: str, value: Any, expected: str) -> ArgumentError:
@@ -123,10 +131,6 @@ def _wrong(name: str, value: Any, expected: str) -> ArgumentError:
 
 def _anything(value: Any, name: str, sizes: dict[Any, Any]) -> Any:
     return value
-
-
-def _number(value: Any, name: str, sizes: dict[Any, Any], rule: Any = None) -> Any:
-    return number(value, name, rule)
 
 
 def number(value: Any, name: str, sign: Literal["positive", "not negative", "any"] | None = None) -> float:
@@ -151,12 +155,6 @@ def _array(value: Any, name: str, sizes: dict[Any, Any], shape: Any = None, keep
             f"{name} holds NaN, infinity or a number beyond {LARGEST_REAL:g}: finite numbers were expected"
         )
     return value if keep else array
-
-
-def _choice(value: Any, name: str, sizes: dict[Any, Any], choices: tuple[Any, ...] = ()) -> Any:
-    if not (isinstance(value, str | int) and value in choices):
-        raise ArgumentError(f"{name} = {shown(value)}: one of {', '.join(map(str, choices))} was expected")
-    return value
 
 
 def _one_of(parts: tuple[Any, ...], rule: Rule | None) -> ArgumentCheck:
@@ -201,22 +199,21 @@ def _table(value: Any, name: str, _: dict[Any, Any], key: Any, item: ArgumentChe
     return {entry: item(inside, f"{name}[{entry!r}]", {}) for entry, inside in value.items()}
 
 
-def _subclass(value: Any, name: str, sizes: dict[Any, Any], base: type = object) -> Any:
-    if not (isinstance(value, type) and issubclass(value, base)):
-        raise _wrong(name, value, f"a class of {base.__name__}")
-    return value
+def _only(fits: Callable[[Any], bool], expected: str) -> ArgumentCheck:
+    """Return the check that a value fits, and stays as it is."""
+
+    def check(value: Any, name: str, _: dict[Any, Any]) -> Any:
+        if not fits(value):
+            raise _wrong(name, value, expected)
+        return value
+
+    return check
 
 
-def _callable(value: Any, name: str, sizes: dict[Any, Any]) -> Any:
-    if not callable(value):
-        raise _wrong(name, value, "a function")
-    return value
-
-
-def _instance(value: Any, name: str, sizes: dict[Any, Any], kind: type = object) -> Any:
-    fits = isinstance(value, (int, np.integer)) if kind is int else isinstance(value, kind)
-    if kind is int and isinstance(value, float):
+def _whole_number(value: Any, name: str, _: dict[Any, Any]) -> Any:
+    if isinstance(value, float):
         raise ShapeError(f"{name} = {value}: a whole number was expected")
-    if not fits or (kind is int and (isinstance(value, bool) or abs(value) >= 2**63)):
-        raise _wrong(name, value, WORDS.get(kind, f"a {kind.__name__}"))
+    whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not whole or abs(value) >= 2**63:
+        raise _wrong(name, value, "a whole number")
     return value

@@ -46,7 +46,7 @@ def test_a_bad_log_is_refused_at_every_door(
     """Eight kinds, by number of the message alone: the readers have their own tests."""
     rng = np.random.default_rng(3)
     for kind in [kind for kind in KINDS if kind.number == 2][:: 4 if door == "estimate" else 6]:
-        path, *_ = write_kind(kind, rng, short.log, here)
+        path = write_kind(kind, rng, short.log, here)
         words = [door, path.name, *(["--out", "page.html"] if door == "play" else [])]
         refused(capsys, *words)
         path.unlink()

@@ -166,10 +166,8 @@ def test_trains_of_contacts_are_counted_with_their_spacing() -> None:
         watch = CalibrationWatch(free)
         watch._contacts = [Contact("left_force_point", onset, onset, onset + 0.01) for onset in onsets.tolist()]
         watch._turns = [(time, 5.0 * time)]
-        assert (
-            any("10 contacts at left_force_point, one every 0.50 cycles" in line for line in watch.use().warnings)
-            == told
-        )
+        words = "10 contacts at left_force_point, one every 0.50 cycles"
+        assert any(words in line for line in watch.use().warnings) == told
 
 
 def test_a_robot_knows_no_causes_unless_it_says_so() -> None:

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.bad_logs import CONTRADICTIONS, height_in_millimetres
 from support.commands import call
-from support.contradictory_logs import CONTRADICTIONS, height_in_millimetres
-from support.flights import flight_findings
 
-from aerobat_pin.aerobat import Aerobat, AerobatRobot
+from aerobat_pin.aerobat import Aerobat, AerobatRobot, flight_record
 from aerobat_pin.aerobat.aerobat import believed_robot, flown_robot
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.tables import write_csv
 from aerobat_pin.control import Controller
+from aerobat_pin.estimation import record_findings
 from aerobat_pin.experiments import write as write_results
 from aerobat_pin.experiments.experiment import Experiment, run_recorded
 from aerobat_pin.flight.simulate import simulate
@@ -31,7 +31,7 @@ def recorded() -> FlightLog:
 
 def warned(log: FlightLog, robot: Aerobat) -> list[str]:
     """Return what the checks of a log warn of; its torques are not compared."""
-    found = flight_findings(log, AerobatRobot.of(robot, AirSection()))
+    found = record_findings(flight_record(log, AerobatRobot.of(robot, AirSection())))
     return [str(one) for one in found if one.verdict in ("warning", "refused")]
 
 
@@ -72,7 +72,8 @@ def test_each_contradiction_is_named(name: str, recorded: FlightLog) -> None:
     """Ten variants each, with the noise of real sensors; no other kind of warning comes with them."""
     robot = flown_robot(load_scenario("real_log_demo"))
     for seed in range(10):
-        wrong = CONTRADICTIONS[name](np.random.default_rng(seed), recorded.measured.copy(deep=True))
+        wrong = recorded.measured.copy(deep=True)
+        CONTRADICTIONS[name](np.random.default_rng(seed), wrong)
         found = warned(FlightLog(wrong), robot)
         assert name in kinds(found), seed
         # a held channel is also late, by half of its period; wrong joint angles do not follow from their rates either
@@ -167,5 +168,6 @@ def test_a_short_or_uneven_log_is_no_reason_to_fail(recorded: FlightLog) -> None
     measured = recorded.measured.drop_dims("interval")
     for rows in (np.arange(3), np.arange(9), np.sort(np.append(np.arange(300), 10)), np.r_[0:100, 200:300]):
         assert warned(FlightLog(measured.isel(time=rows)), robot) == []
-    wrong = height_in_millimetres(np.random.default_rng(1), measured.isel(time=np.r_[0:100, 200:300]).copy(deep=True))
+    wrong = measured.isel(time=np.r_[0:100, 200:300]).copy(deep=True)
+    height_in_millimetres(np.random.default_rng(1), wrong)
     assert kinds(warned(FlightLog(wrong), robot)) == ["position against velocity"]

@@ -87,12 +87,8 @@ def told(
     Joints that stand still are held by half of their friction, or less where the rest of what they need is less.
     """
     urdf = str(ROBOTS / arm.urdf)
-    model, rng, n, coulomb = (
-        pin.buildModelFromUrdf(urdf),
-        np.random.default_rng(seed),
-        len(arm.joints),
-        np.array(arm.coulomb),
-    )
+    model, rng = pin.buildModelFromUrdf(urdf), np.random.default_rng(seed)
+    n, coulomb = len(arm.joints), np.array(arm.coulomb)
     model.gravity.linear = 9.81 * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
     time, size = np.arange(2400) / 200.0, np.array(arm.size)
     size[list(still)] = 0.0

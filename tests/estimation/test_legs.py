@@ -13,6 +13,7 @@ import tomli_w
 from support.commands import call
 from support.drone import MAP as DRONE
 from support.drone import flight
+from support.observer_twins import point_jacobian
 from support.recorded import recorded
 from support.walking_log import FEET, bag, bag_map, table, table_map, urdf, walk
 
@@ -86,14 +87,13 @@ def test_a_push_at_the_trunk_is_said_and_factors_are_none(folder: Path) -> None:
     walked, log = walk(), table(walk())
     model = pin.buildModelFromUrdf(str(folder / "quadruped.urdf"), pin.JointModelFreeFlyer())
     values = {**table_map(folder / "quadruped.urdf"), "log": {"time": {"column": "t"}}}
-    data, rng = model.createData(), np.random.default_rng(17)
+    rng = np.random.default_rng(17)
     error = walked.tau * 0.03 * rng.standard_normal(12) + 0.1 * rng.standard_normal(walked.tau.shape)
     error += 0.15 * np.tanh(walked.v[:, 6:] / 0.02)
     for push in (0.0, 20.0):
         tau = walked.tau + error
         for k in np.flatnonzero((walked.time > 1.5) & (walked.time < 1.8)):
-            frames, axes = [model.getFrameId(foot) for foot in FEET], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-            J = np.vstack([pin.computeFrameJacobian(model, data, walked.q[k], frame, axes)[:3] for frame in frames])
+            J = point_jacobian(model, FEET, walked.q[k])
             trunk = pin.Quaternion(walked.q[k, 3:7]).matrix().T @ [0.0, push, 0.0]  # at its origin, in its axes
             tau[k] += (J.T @ np.linalg.pinv(J[:, :6].T) @ [*trunk, 0.0, 0.0, 0.0])[6:]  # which the feet bear
         log[[f"{joint}_tau" for joint in walked.joints]] = tau
@@ -110,11 +110,10 @@ def test_a_lasting_push_at_the_trunk_is_no_certain_error_of_mass_or_units(
     """20 N downward as long as it walks: lighter efforts and a heavier trunk explain it alike, and that is said."""
     walked, log, rng = walk(), table(walk()), np.random.default_rng(17)
     model = pin.buildModelFromUrdf(str(folder / "quadruped.urdf"), pin.JointModelFreeFlyer())
-    values, data = {**table_map(folder / "quadruped.urdf"), "log": {"time": {"column": "t"}}}, model.createData()
+    values = {**table_map(folder / "quadruped.urdf"), "log": {"time": {"column": "t"}}}
     tau = walked.tau * (1.0 + 0.03 * rng.standard_normal(12)) + 0.1 * rng.standard_normal(walked.tau.shape)
-    frames, axes = [model.getFrameId(foot) for foot in FEET], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     for k, q in enumerate(walked.q):
-        J = np.vstack([pin.computeFrameJacobian(model, data, q, frame, axes)[:3] for frame in frames])
+        J = point_jacobian(model, FEET, q)
         trunk = pin.Quaternion(q[3:7]).matrix().T @ [0.0, 0.0, push]
         tau[k] += (J.T @ np.linalg.pinv(J[:, :6].T) @ [*trunk, 0.0, 0.0, 0.0])[6:]
     log[[f"{joint}_tau" for joint in walked.joints]] = tau
@@ -185,9 +184,7 @@ def test_contacts_begin_and_end_where_the_weight_says(folder: Path) -> None:
     np.testing.assert_array_equal(touching(up, 100.0), [0, 1, 1, 1, 1, 0, 1, 1, 1, 1])
     np.testing.assert_array_equal(touching(up[3:5], 100.0, before=True), [1, 1])
     np.testing.assert_array_equal(touching(up[:2], 100.0, before=True), [0, 0])
-    assert contact_probability(np.array([3.0, 6.0]), np.array([1.0, 1.0]), 100.0) == pytest.approx(
-        [0.5, 0.99865], abs=1e-5
-    )
+    assert contact_probability(np.array([3.0, 6.0]), np.ones(2), 100.0) == pytest.approx([0.5, 0.99865], abs=1e-5)
     record = recorded(folder / "log.csv", mapped(folder, "imu"))
     whole = estimate(record).stored["force_level"]
     for weight, least in ((record.robot.weight, 1), (1e9, 0)):

@@ -34,12 +34,12 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     return pd.read_csv(folder / "swing.csv")
 
 
-def opened(table: pd.DataFrame | str, folder: Path, **joints: Any) -> Record:
-    """Return the record of a table of the arm, or of its text."""
+def opened(table: pd.DataFrame | str, folder: Path, tables: dict[str, Any] | None = None, **joints: Any) -> Record:
+    """Return the record of a table of the arm, or of its text; its map has further tables, and entries of joints."""
     (folder / "arm.urdf").write_text(arm())
     text = table if isinstance(table, str) else table.to_csv(index=False)
     (folder / "log.csv").write_text(text)
-    values = arm_map()
+    values = arm_map() | (tables or {})
     values["joints"] = {key: value for key, value in values["joints"].items() if key != "friction"} | joints
     return recorded(folder / "log.csv", values)
 
@@ -115,20 +115,12 @@ def test_a_slow_channel_is_not_split(swing: pd.DataFrame, tmp_path: Path) -> Non
     rows = np.arange(len(swing))
     force = swing[["fx", "fy", "fz"]].copy()
     force[rows % 100 != 0] = np.nan
-    check = {"wrench": {"columns": ["fx", "fy", "fz"], "point": "tool"}}
-    (tmp_path / "arm.urdf").write_text(arm())
-    values = arm_map() | {"check": check}
-    del values["joints"]["friction"]
-
-    def read(name: str, table: pd.DataFrame) -> Record:
-        table.to_csv(tmp_path / name, index=False)
-        return recorded(tmp_path / name, values)
-
-    slow = read("slow.csv", swing.assign(**force))
+    check = {"check": {"wrench": {"columns": ["fx", "fy", "fz"], "point": "tool"}}}
+    slow = opened(swing.assign(**force), tmp_path, check)
     assert counts(slow) == [901]
     assert any("check.wrench: a sample every 0.2 s" in note for note in slow.notes)
     force[(rows > 350) & (rows < 650)] = np.nan
-    assert len(read("lost.csv", swing.assign(**force)).parts) == 2
+    assert len(opened(swing.assign(**force), tmp_path, check).parts) == 2
 
 
 @pytest.mark.parametrize("cut", [1, 3, 30, 80])
@@ -434,10 +426,8 @@ def test_a_robot_without_a_mass_is_refused_by_name(swing: pd.DataFrame, tmp_path
 
 def test_a_point_that_no_joint_moves_is_not_said_to_be_unsure(swing: pd.DataFrame, tmp_path: Path) -> None:
     """No calibration would tell the force on a link's origin that lies on the axes of all joints that move it."""
-    opened(swing, tmp_path)
-    values = arm_map() | {"robot": ROBOT | {"points": ["turn_link"]}}
-    del values["joints"]["friction"]
-    words = str(estimate(recorded(tmp_path / "log.csv", values), trust=True))
+    record = opened(swing, tmp_path, {"robot": ROBOT | {"points": ["turn_link"]}})
+    words = str(estimate(record, trust=True))
     assert "it cannot see turn_link.Fx" in words
     assert "would state it" not in words
 
@@ -447,11 +437,8 @@ def test_forces_that_no_robot_stands_are_doubted(swing: pd.DataFrame, tmp_path: 
     degrees = swing.assign(
         **{f"{joint}_{part}": np.degrees(swing[f"{joint}_{part}"]) for joint in JOINTS for part in "qv"}
     )
-    values = arm_map()
-    del values["joints"]["friction"]
     for table, doubted in ((swing, False), (degrees, True)):
-        opened(table, tmp_path)
-        result = estimate(recorded(tmp_path / "log.csv", values), trust=True)
+        result = estimate(opened(table, tmp_path), trust=True)
         assert any(finding.check == "size of forces" for finding in result.findings) is doubted
 
 
@@ -516,10 +503,8 @@ def test_an_angle_that_starts_again_after_a_turn_goes_on(
         table[COLUMNS] = np.degrees(table[COLUMNS])
     table["turn_q"] = read(turning.turn_q)
     if "factor" in joints:  # which rates and torques have, too
-        table["turn_v"], table["turn_i"] = (
-            table.turn_v / joints["factor"]["turn"],
-            table.turn_i * joints["factor"]["turn"],
-        )
+        table["turn_v"] /= joints["factor"]["turn"]
+        table["turn_i"] *= joints["factor"]["turn"]
     jumps = int(np.sum(np.abs(np.diff(table.turn_q)) > 0.5 * np.ptp(table.turn_q)))
     record = opened(table, tmp_path, **joints, **more)
     assert jumps >= 2

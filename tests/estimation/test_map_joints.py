@@ -230,13 +230,9 @@ def limits(folder: Path, urdf: str, change: float = 1.0, shift: float = 0.0, uni
     table["lift_q"] += shift
     table.to_csv(folder / "limits.csv", index=False)
     (folder / "limited.urdf").write_text(urdf)
-    position, velocity = (
-        {"columns": [f"{joint}_{what}" for joint in JOINTS], "unit": own}
-        for what, own in (("q", unit), ("v", f"{unit}/s"))
-    )
-    values = changed(position=position, velocity=velocity) | {
-        "robot": {"urdf": "limited.urdf", "root": "fixed", "points": ["tool"]}
-    }
+    joints = channels(JOINTS, position="{}_q", velocity="{}_v")
+    joints["position"]["unit"], joints["velocity"]["unit"] = unit, f"{unit}/s"
+    values = changed(**joints) | {"robot": {"urdf": "limited.urdf", "root": "fixed", "points": ["tool"]}}
     found = record_findings(recorded(folder / "limits.csv", values))
     return [f"{one.verdict} {one}" for one in found if one.check == "joint limits"]
 

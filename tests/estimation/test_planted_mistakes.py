@@ -41,13 +41,15 @@ def planted(record: Record, change: Change) -> Record:
     return replace(record, channels=channels)
 
 
-def times(key: str, factor: float, *columns: int) -> Change:
+def planting(change: Callable[..., None]) -> Callable[..., Change]:
+    """Let a function that changes columns, by further arguments, take these alone and return the change."""
+    return lambda *how, **more: lambda data: change(data, *how, **more)
+
+
+@planting
+def times(data: Columns, key: str, factor: float, *columns: int) -> None:
     """Multiply some columns, or all."""
-
-    def change(data: Columns) -> None:
-        data[key][:, list(columns) or slice(None)] *= factor
-
-    return change
+    data[key][:, list(columns) or slice(None)] *= factor
 
 
 def in_degrees(data: Columns) -> None:
@@ -56,72 +58,51 @@ def in_degrees(data: Columns) -> None:
         data[key] *= DEGREES
 
 
-def swapped(key: str, first: int, second: int, count: int = 1) -> Change:
+@planting
+def swapped(data: Columns, key: str, first: int, second: int, count: int = 1) -> None:
     """Let two columns change places, or two groups of some columns side by side."""
-
-    def change(data: Columns) -> None:
-        one, other = (np.arange(begin, begin + count) for begin in (first, second))
-        data[key][:, [*one, *other]] = data[key][:, [*other, *one]]
-
-    return change
+    one, other = (np.arange(begin, begin + count) for begin in (first, second))
+    data[key][:, [*one, *other]] = data[key][:, [*other, *one]]
 
 
-def late(by: float, *keys: str) -> Change:
+@planting
+def late(data: Columns, by: float, *keys: str) -> None:
     """Let channels be late [s], by whole samples."""
-
-    def change(data: Columns) -> None:
-        for key in keys:
-            rows = round(by / float(np.median(np.diff(data[f"time of {key}"]))))
-            data[key][:] = data[key][np.maximum(np.arange(len(data[key])) - rows, 0)]
-
-    return change
+    for key in keys:
+        rows = round(by / float(np.median(np.diff(data[f"time of {key}"]))))
+        data[key][:] = data[key][np.maximum(np.arange(len(data[key])) - rows, 0)]
 
 
-def held(key: str) -> Change:
+@planting
+def held(data: Columns, key: str) -> None:
     """Let a channel keep each value for three samples."""
-
-    def change(data: Columns) -> None:
-        data[key][:] = data[key][np.arange(len(data[key])) // 3 * 3]
-
-    return change
+    data[key][:] = data[key][np.arange(len(data[key])) // 3 * 3]
 
 
-def off(key: str, by: float, column: int) -> Change:
+@planting
+def off(data: Columns, key: str, by: float, column: int) -> None:
     """Add a constant to a column."""
-
-    def change(data: Columns) -> None:
-        data[key][:, column] += by
-
-    return change
+    data[key][:, column] += by
 
 
-def noisy(share: float) -> Change:
+@planting
+def noisy(data: Columns, share: float) -> None:
     """Add white noise to the efforts, a share of their rms."""
-
-    def change(data: Columns) -> None:
-        size = share * np.sqrt(np.mean(data[EFFORTS] ** 2))
-        data[EFFORTS][:] += size * np.random.default_rng(1).standard_normal(data[EFFORTS].shape)
-
-    return change
+    size = share * np.sqrt(np.mean(data[EFFORTS] ** 2))
+    data[EFFORTS][:] += size * np.random.default_rng(1).standard_normal(data[EFFORTS].shape)
 
 
-def rubbing(share: float) -> Change:
+@planting
+def rubbing(data: Columns, share: float) -> None:
     """Add Coulomb friction to the efforts, a share of each joint's rms."""
-
-    def change(data: Columns) -> None:
-        data[EFFORTS][:] += share * np.sqrt(np.mean(data[EFFORTS] ** 2, axis=0)) * np.tanh(data[RATES] / 0.02)
-
-    return change
+    data[EFFORTS][:] += share * np.sqrt(np.mean(data[EFFORTS] ** 2, axis=0)) * np.tanh(data[RATES] / 0.02)
 
 
-def together(*changes: Change) -> Change:
+@planting
+def together(data: Columns, *changes: Change) -> None:
     """Make several changes, one after the other."""
-
-    def change(data: Columns) -> None:
-        for one in changes:
-            one(data)
-
-    return change
+    for one in changes:
+        one(data)
 
 
 def wxyz(data: Columns) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import xarray as xr
-from support.flights import flight_findings
 from support.own_model import own_model_errors
 
 from aerobat_pin.aerobat import (
@@ -20,6 +19,7 @@ from aerobat_pin.aerobat import (
     believed_robot,
     estimate_flight,
     flight_channels,
+    flight_record,
     free_record,
 )
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
@@ -31,7 +31,7 @@ from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
 from aerobat_pin.aerobat.raw.results import notes_of, warnings_of
 from aerobat_pin.aerobat.raw.tuning import Tuning
 from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
-from aerobat_pin.estimation import calibrate, calibration_bytes, read_calibration
+from aerobat_pin.estimation import calibrate, calibration_bytes, read_calibration, record_findings
 from aerobat_pin.experiments import write_flight_mcap
 from aerobat_pin.flight import simulate
 from aerobat_pin.forces import r_squared
@@ -156,9 +156,8 @@ def test_dynamics_are_the_derivative_of_what_they_linearise() -> None:
     def accelerations(motion: NominalMotion) -> tuple[np.ndarray, np.ndarray]:
         made = smoother.dynamics(motion, held, known, force)
         rows = made.acceleration
-        return made.push + np.einsum(
-            "kij,kj->ki", rows[:, :, smoother.layout.white], force.reshape(10, -1)
-        ), rows @ state
+        by_force = np.einsum("kij,kj->ki", rows[:, :, smoother.layout.white], force.reshape(10, -1))
+        return made.push + by_force, rows @ state
 
     (here, change), (there, _) = accelerations(part), accelerations(part.moved(x))
     np.testing.assert_allclose(there - here, change, atol=0.02 * np.abs(change).max())
@@ -289,9 +288,8 @@ def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight()
     assert np.all(np.abs(np.degrees(pin.log3(true.T @ mount.turn))) < 0.3)
     pushed, robot = unaware()
     record = raw_record(pushed.time, flight_channels(pushed, robot), robot, "measured", GIVEN)
-    found = JointSmoother(robot, air, FRAMES, GIVEN.model_copy(update={"offset_error": 0.0})).run(
-        mounted(record, mount)
-    )
+    smoother = JointSmoother(robot, air, FRAMES, GIVEN.model_copy(update={"offset_error": 0.0}))
+    found = smoother.run(mounted(record, mount))
     _, _, exact = smoothed("measured")
     assert worst_r2(found.force, truth(pushed))[0] > worst_r2(exact.force, truth(flight()[0]))[0] - 0.01
     with pytest.raises(CalibrationError, match="'mass' cannot be learnt from these records: only accelerometer_place"):
@@ -347,7 +345,7 @@ def test_misread_and_held_samples_are_named() -> None:
     log, robot = flight()
 
     def warned(flown: FlightLog) -> list[str]:
-        found = flight_findings(flown, AerobatRobot.of(robot, load_scenario("raw_sensors").believed_air))
+        found = record_findings(flight_record(flown, AerobatRobot.of(robot, load_scenario("raw_sensors").believed_air)))
         return [str(one) for one in found if one.verdict in ("warning", "refused")]
 
     def changed(name: str, values: np.ndarray) -> str:

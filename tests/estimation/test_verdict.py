@@ -122,11 +122,8 @@ def test_contacts_are_the_pushes_where_they_are_sought(paper: Experiment) -> Non
     assert f" +-10 mN downward, {first} and left (up to 2" in found.verdict
     assert f" +-10 mN upward, {second}; +- is one standard deviation at that time" in found.verdict
     assert "no push" in replace(found, calibration=CalibrationUse("calibration: of the test", ())).verdict
-    told = contacts[0].told(0.25)
-    assert (
-        f"from {ends[0][0] - 0.25:.3f} s to {ends[0][1] - 0.25:.3f} s (by the log's stamps from {ends[0][0]:.3f} s"
-        in told
-    )
+    told, (begin, end) = contacts[0].told(0.25), ends[0]
+    assert f"from {begin - 0.25:.3f} s to {end - 0.25:.3f} s (by the log's stamps from {begin:.3f} s" in told
 
 
 def test_what_cannot_be_seen_is_said(paper: Experiment) -> None:

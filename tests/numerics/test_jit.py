@@ -25,16 +25,18 @@ from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 # ------------------------------------------------------------------------------------------------- Pinocchio's memory
 
 
+def views_of(data: pin.Data) -> list[np.ndarray]:
+    """Return views of a data's placements oMi and liMi, and of its velocities."""
+    placements = [pinocchio_views.placements(vector) for vector in (data.oMi, data.liMi)]
+    return [*placements, pinocchio_views.motions(data.v)]
+
+
 @pytest.mark.parametrize("name", MODELS)
 def test_views_share_memory_with_pinocchio_and_change_with_it(name: str) -> None:
     """Placements, velocities, and matrices by address."""
     model, _ = MODELS[name]
     data, rng = model.createData(), np.random.default_rng(6)
-    oMi, liMi, v = (
-        pinocchio_views.placements(data.oMi),
-        pinocchio_views.placements(data.liMi),
-        pinocchio_views.motions(data.v),
-    )
+    oMi, liMi, v = views_of(data)
     M = pinocchio_views.doubles_at(int(pinocchio_views.addresses(data.M)[0]), model.nv, model.nv)
     assert np.shares_memory(M, data.M)
     for _ in range(2):
@@ -63,20 +65,13 @@ def test_views_that_do_not_follow_pinocchio_are_refused() -> None:
     model = MODELS["aerobat"][0]
     for copied in (None, 0, 1, 2):
         data = model.createData()
-        views = [
-            pinocchio_views.placements(data.oMi),
-            pinocchio_views.placements(data.liMi),
-            pinocchio_views.motions(data.v),
-        ]
+        views = views_of(data)
         if copied is None:
             pinocchio_views.check_views(model, data, *views)
             continue
         views[copied] = views[copied].copy()
         with pytest.raises(RuntimeError, match="do not lie in memory"):
             pinocchio_views.check_views(model, data, *views)
-    for bad in (np.zeros(3, dtype=int), np.zeros((4, 4))[::2, ::2]):
-        with pytest.raises(RuntimeError, match="contiguous arrays of doubles"):
-            pinocchio_views.addresses(bad)
 
 
 @pytest.mark.parametrize("way", COPIES)

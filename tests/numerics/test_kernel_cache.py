@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.damaged_kernels import DAMAGES, ENDS, SOURCE, damage, damaged_case, small_kernel
+from support.damaged_kernels import DAMAGES, ENDS, SOURCE, damage, small_kernel
 from support.kernel_cases import compiled_only
 
 from aerobat_pin.numerics import jit, kernel_cache
@@ -62,12 +62,6 @@ def test_a_process_does_not_wait_for_itself_nor_for_ever(tmp_path: Path, monkeyp
         assert kernel(np.ones(4), 0.5) == 2.0
         monkeypatch.setattr(kernel_cache, "LONGEST_WAIT", 0.05)
         assert small_kernel(tmp_path)(np.ones(4, np.float32), 0.5) == 2.0
-
-
-def test_random_damage_is_repaired(tmp_path: Path) -> None:
-    """The cases that the generator of bad inputs draws."""
-    rng = np.random.default_rng(2)
-    assert [damaged_case(rng, tmp_path / f"{k}") for k in range(6)] == [""] * 6
 
 
 def test_a_whole_file_under_a_wrong_name_is_not_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,15 +4,14 @@ import re
 import shutil
 from pathlib import Path
 
-import numpy as np
 import tomli_w
 
+from support.bad_recordings import copied
 from support.bad_robots import ARM, COLLADA, SHAPE, stl
 from support.bad_strangers import ARM_MJCF
-from support.bad_texts import FORMATS, SHORT
+from support.bad_texts import FORMATS, SHORT, WITH_MAP, Rng
 
-Rng = np.random.Generator
-WITH_MAP, SUGGESTED = ["--map", "map.toml", "--out", "out"], ["--suggest"]
+SUGGESTED = ["--suggest"]
 PLAY = ["play", "--from-csv", "motion.csv", "--urdf", "arm.urdf", "--out", "out.html"]
 PLAY_RUN, SWEEP = ["play", "run", "--out", "out.html"], ["sweep", "s.toml", "--out", "out", "--jobs", "1"]
 CHECK = ["check", "flight.nc", "--calibration", "c.h5", "--out", "out.png"]
@@ -103,20 +102,11 @@ def _as_databases(bag: Path, folder: Path) -> None:
                 old_writer.write(kept[connection.id], time, bytes(old.serialize_ros1(message, connection.msgtype)))
 
 
-def readable(name: str, others: tuple[str, ...], good: Path, place: Path) -> Path:
-    """Copy a good file, and those that are read with it, to a folder; return where it is."""
-    for other in (*others, name):
-        if (good / other).is_dir():
-            shutil.copytree(good / other, place / other)
-        else:
-            shutil.copy(good / other, place / other)
-    return place / name
-
-
 def changed_bytes(rng: Rng, good: Path, place: Path) -> tuple[str, list[str]]:
     """Write one changed file, and those that are read with it; return its name and the words that read it."""
     name, words, others = READERS[rng.integers(len(READERS))]
-    path = readable(name, others, good, place)
+    copied(good, place, *others, name)
+    path = place / name
     path.write_bytes(changed(rng, path.read_bytes()))
     return name, list(words)
 

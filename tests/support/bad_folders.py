@@ -14,6 +14,20 @@ Change = Callable[[dict[str, Any]], object]
 SWEEP = 'name = "s"\nbase = "paper"\nseeds = 2\n[set]\n"simulation.duration" = 0.01\n"air.warm_up_cycles" = 1\n'
 
 
+def no_file(rng: Rng, path: Path) -> None:
+    """Put where a file is expected what is none: a pipe, a folder, a link to what never ends, a terabyte of zeros."""
+    choice = rng.integers(4)
+    if choice == 0:
+        os.mkfifo(path)
+    elif choice == 1:
+        path.mkdir()
+    elif choice == 2:
+        path.symlink_to("/dev/zero")
+    else:
+        path.touch()
+        os.truncate(path, 10**12)
+
+
 def bad_run(rng: Rng, place: Path, run: Path) -> list[str]:
     """Damage a file of a run's folder.
 
@@ -38,10 +52,8 @@ def bad_run(rng: Rng, place: Path, run: Path) -> list[str]:
     elif choice == 2:
         other = {"estimate.nc": "flight.nc", "flight.nc": "estimate.nc", "scenario.toml": "metrics.json"}[name]
         file.write_bytes((run / other).read_bytes())
-    elif choice == 3:
-        os.mkfifo(file)
-    elif choice == 4:
-        file.mkdir()
+    elif choice in (3, 4):
+        no_file(rng, file)
     elif choice == 5:
         file.write_bytes(b"name = 1" if name == "scenario.toml" else good[:1000] + bytes(len(good) - 1000))
     if name == "scenario.toml":
@@ -83,7 +95,7 @@ def bad_comparison(rng: Rng, place: Path, run: Path) -> list[str]:
         scores.write_bytes(METRICS[rng.integers(len(METRICS))])
     elif choice == 3:
         scores.unlink()
-        (scores.mkdir, lambda: os.mkfifo(scores), lambda: scores.symlink_to("/dev/zero"))[rng.integers(3)]()
+        no_file(rng, scores)
     elif choice == 4:
         figure.symlink_to(place / "private.png")
     elif choice == 5:
@@ -151,16 +163,7 @@ def bad_sweep(rng: Rng, place: Path, swept: Path) -> list[str]:
         finished.write_bytes(FORGED[name][0](finished.read_bytes()))
     elif choice == 3:
         finished.unlink()
-        kind = rng.integers(4)
-        if kind == 0:
-            os.mkfifo(finished)
-        elif kind == 1:
-            finished.mkdir()
-        elif kind == 2:
-            finished.symlink_to("/dev/zero")
-        else:
-            with finished.open("wb") as file:
-                file.truncate(10**12)
+        no_file(rng, finished)
     elif choice == 4:
         manifest.write_bytes([b"", b"{}", 9000 * b"[", rng.bytes(100), b'{"name": "other"}'][rng.integers(5)])
     else:

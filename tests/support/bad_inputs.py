@@ -20,11 +20,11 @@ import time
 import urllib.request
 import warnings
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn, Self
+from typing import Any, NamedTuple, NoReturn, Self
 
 import numpy as np
 import tomli_w
@@ -39,14 +39,15 @@ from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.replay.serve import serve
 from support import bad_recordings
-from support.bad_bytes import READERS, changed_bytes, readable, write_readable
+from support.bad_bytes import READERS, changed_bytes, write_readable
 from support.bad_folders import SWEEP, bad_comparison, bad_run, bad_sweep
-from support.bad_logs import HARMLESS, bad_log
-from support.bad_maps import WITH_MAP, by_map, changes_nothing, drawn_map, says_more
+from support.bad_logs import HARMLESS, KINDS, write_kind
+from support.bad_maps import by_map, changes_nothing, drawn_map
 from support.bad_robots import FOREIGN, ROBOT
 from support.bad_strangers import STRANGERS
-from support.bad_texts import SHORT, SIZES, TEXT, Kind
-from support.broken_runs import Bench, random_case
+from support.bad_texts import SHORT, SIZES, TEXT, WITH_MAP, Kind
+from support.bench import Bench
+from support.broken_runs import CASES
 from support.damaged_kernels import damaged_case
 from support.wrong_values import api_case, environment_case
 
@@ -69,15 +70,7 @@ CLASSES = {  # number -> what is bad
 SHARES = (8, 24, 10, 0, 0, 0, 8, 2, 10, 0, 4, 10, 12, 12)  # of the classes beyond their least number, in per cent
 FAULTS = ("traceback", "hang", "half-written result", "silent acceptance", "wrong message")
 RUNS = {4: "replaced", 5: "disk", 6: "signals", 10: "diverged"}
-OTHER_DOORS = {
-    4: "run",
-    5: "run",
-    6: "run",
-    8: "cache of kernels",
-    9: "functions of Python",
-    10: "run",
-    13: "estimate --map",
-}
+OTHER_DOORS = {**dict.fromkeys(RUNS, "run"), 8: "cache of kernels", 9: "functions of Python", 13: "estimate --map"}
 OWN_FOLDERS = {"bench", "run", "swept", "walk", "good.nc", "good.csv"}  # which are made when they are first needed
 LONGEST = 20.0  # [s]
 MORE_MEMORY = 300_000_000  # bytes beyond those of a process that has imported everything: some 200 MB
@@ -89,8 +82,7 @@ class Hang(BaseException):
     """A command took longer than `Doors.patience`."""
 
 
-@dataclass(frozen=True)
-class Attempt:
+class Attempt(NamedTuple):
     """One bad input: number of its class, its name, and the fault that it found, which begins with one of `FAULTS`."""
 
     number: int
@@ -98,8 +90,7 @@ class Attempt:
     fault: str
 
 
-@dataclass(frozen=True)
-class Said:
+class Said(NamedTuple):
     """How a command ended: its exit code, or None with the error that left it; and what it printed."""
 
     code: int | None
@@ -193,20 +184,13 @@ class Doors:
                     return self._bad_log(rng, number, place)
                 if number == 7 and rng.random() < 0.3:
                     return self._asked(rng)
-                if number == 12:
-                    name = str(rng.choice(list(STRANGERS)))
-                    return Attempt(number, name, self._refused(rng, STRANGERS[name](rng, place), place, limited=True))
                 if number == 13:
                     return self._drawn_map(rng, place)
                 if number == 14:
                     return self._changed_bytes(rng, place)
-                name, write = self._kind(rng, number)
-                return Attempt(number, name, self._refused(rng, write(rng, place), place))
-
-    def _kind(self, rng: np.random.Generator, number: int) -> tuple[str, Kind]:
-        kinds = {2: TEXT | ROBOT | self._folders | self.recordings, 3: SIZES, 7: FOREIGN}[number]
-        name = str(rng.choice(list(kinds)))
-        return name, kinds[name]
+                kinds = {2: TEXT | ROBOT | self.results, 3: SIZES, 7: FOREIGN, 12: STRANGERS}[number]
+                name = str(rng.choice(list(kinds)))
+                return Attempt(number, name, self._refused(rng, kinds[name](rng, place), place, limited=number == 12))
 
     @cached_property
     def walk(self) -> Path:
@@ -221,43 +205,55 @@ class Doors:
         write_readable(good, self.run, self.swept)
         for name, words, others in READERS:
             with tempfile.TemporaryDirectory(dir=good) as place:
-                readable(name, others, good, Path(place))
+                bad_recordings.copied(good, Path(place), *others, name)
                 code = self.bench.forks.warm(words, Path(place))
                 assert code == 0 or name == "robot.mjcf", (words, code)  # no table of that robot is there
         return good
 
     @cached_property
-    def recordings(self) -> dict[str, Kind]:
-        """The kinds of bad recordings, with good ones behind them."""
-        return bad_recordings.recordings(self.walk, self.walk / "free" / "flight.nc", self.walk / "c.nc")
-
-    @property
-    def _folders(self) -> dict[str, Kind]:
-        return {
+    def results(self) -> dict[str, Kind]:
+        """The kinds of bad recordings and of bad folders of results, with good ones behind them."""
+        recordings = bad_recordings.recordings(self.walk, self.walk / "free" / "flight.nc", self.walk / "c.nc")
+        return recordings | {
             "folder of a run": lambda rng, place: bad_run(rng, place, self.run),
             "folder of a sweep": lambda rng, place: bad_sweep(rng, place, self.swept),
             "run to compare": lambda rng, place: bad_comparison(rng, place, self.run),
         }
 
+    @contextlib.contextmanager
+    def _in_time(self) -> Iterator[None]:
+        """Raise Hang if a `with` block takes longer than `patience`."""
+        before = signal.signal(signal.SIGALRM, _hang)
+        signal.setitimer(signal.ITIMER_REAL, self.patience)
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, before)
+
+    def _fault_of(self, error: BaseException) -> str:
+        """Return the fault that an error is which should not have come."""
+        hang = isinstance(error, Hang)
+        return f"hang: more than {self.patience:g} s" if hang else f"traceback: {type(error).__name__}: {error}"[:300]
+
     def called(self, words: list[str], place: Path) -> Said:
         """Run `aerobat` with these words in this process, in a folder."""
         out, error = io.StringIO(), io.StringIO()
         before, sys.argv, start = sys.argv, ["aerobat", *words], time.monotonic()
-        handler = signal.signal(signal.SIGALRM, _hang)
-        signal.setitimer(signal.ITIMER_REAL, self.patience)
         code: int | None = 0
         try:
-            with contextlib.chdir(place), contextlib.redirect_stdout(out), contextlib.redirect_stderr(error):
+            with (
+                self._in_time(),
+                contextlib.chdir(place),
+                contextlib.redirect_stdout(out),
+                contextlib.redirect_stderr(error),
+            ):
                 cli.main()
         except SystemExit as end:
             code = end.code if isinstance(end.code, int) else 0
-        except Hang:
-            return Said(None, f"hang: more than {self.patience:g} s", out.getvalue())
-        except Exception as caught:
-            return Said(None, f"traceback: {type(caught).__name__}: {str(caught)[:300]}", out.getvalue())
+        except (Exception, Hang) as caught:
+            return Said(None, self._fault_of(caught), out.getvalue())
         finally:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-            signal.signal(signal.SIGALRM, handler)
             sys.argv = before
             self.longest = max(self.longest, time.monotonic() - start)
         return Said(code, error.getvalue(), out.getvalue())
@@ -306,16 +302,19 @@ class Doors:
         return "" if said.code == 2 and told else f"wrong message: {what}code {said.code}, {last[0][:300]}"
 
     def _bad_log(self, rng: np.random.Generator, number: int, place: Path) -> Attempt:
-        path, _, name = bad_log(rng, self.log, place, (number,))
+        kinds = [kind for kind in KINDS if kind.number == number]
+        kind = kinds[rng.integers(len(kinds))]
+        path, name = write_kind(kind, rng, self.log, place), kind.name
         if number != 11 and name not in HARMLESS:
             out = {"estimate": ["--out", "out"], "play": ["--out", "out.html"], "calibrate": ["--out", "out.nc"]}
             door = str(rng.choice(list(out)))
             return Attempt(number, name, self._refused(rng, [door, path.name, *out[door]], place))
         try:
             read = _estimated(path)
+        except AerobatError as error:
+            return Attempt(number, name, f"wrong message: refused: {error}")
         except Exception as error:
-            kind = "wrong message: refused" if isinstance(error, AerobatError) else f"traceback: {type(error).__name__}"
-            return Attempt(number, name, f"{kind}: {error}")
+            return Attempt(number, name, self._fault_of(error))
         if number == 11:
             warned = read.get("warnings", [])
             told = any(text.startswith(name) for text in warned)
@@ -326,25 +325,19 @@ class Doors:
     def _drawn_map(self, rng: np.random.Generator, place: Path) -> Attempt:
         """Estimate by a map with one drawn value: it is refused, or it changes nothing, or a finding says what."""
         name, values, bad = drawn_map(rng)
-        for file in ("robot.urdf", "log.csv"):
-            shutil.copy(self.walk / file, place)
+        bad_recordings.copied(self.walk, place, "robot.urdf", "log.csv")
         (place / "map.toml").write_text(tomli_w.dumps(values))
         if bad:
             return Attempt(13, name, self._refused(rng, ["estimate", "log.csv", *WITH_MAP], place))
-        before = signal.signal(signal.SIGALRM, _hang)
-        signal.setitimer(signal.ITIMER_REAL, self.patience)
         try:
-            found = by_map(place)
+            with self._in_time():
+                found = by_map(place)
         except AerobatError:
             return Attempt(13, name, "")
-        except Hang:
-            return Attempt(13, name, f"hang: more than {self.patience:g} s")
-        except Exception as error:
-            return Attempt(13, name, f"traceback: {type(error).__name__}: {str(error)[:300]}")
-        finally:
-            signal.setitimer(signal.ITIMER_REAL, 0.0)
-            signal.signal(signal.SIGALRM, before)
-        fine = name.startswith("choice") or changes_nothing(self.by_map, found) or says_more(self.by_map, found)
+        except (Exception, Hang) as error:
+            return Attempt(13, name, self._fault_of(error))
+        more = {str(one) for one in found.findings} - {str(one) for one in self.by_map.findings}
+        fine = name.startswith("choice") or more or changes_nothing(self.by_map, found)
         return Attempt(13, name, "" if fine else "silent acceptance: other forces without a finding")
 
     @cached_property
@@ -385,7 +378,7 @@ class Doors:
 
     def _broken(self, rng: np.random.Generator, number: int) -> Attempt:
         """Play a case of a broken run."""
-        case = random_case(rng, RUNS[number])
+        case = CASES[RUNS[number]](rng)
         place = self.bench.new_folder()
         wrong = "; ".join(case.play(self.bench, place))
         shutil.rmtree(place, ignore_errors=True)

@@ -1,6 +1,6 @@
 """Bad flight logs, one mistake each, drawn at random: files from strangers, damaged files, and contradictions.
 
-`bad_log` writes one file. What a program must do with it follows from its class:
+`write_kind` writes one file. What a program must do with it follows from its class:
 
 | class | a program must |
 |---|---|
@@ -10,10 +10,11 @@
 """
 
 import csv
+import io
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -21,113 +22,64 @@ import xarray as xr
 
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.tables import write_csv
-from support.contradictory_logs import CONTRADICTIONS
 
 Rng = np.random.Generator
 Cells = list[list[str]]
-Write = Callable[[Rng, FlightLog, Path], None]
 HARMLESS = ("columns in another order", "dimensions in another order")
 AXES = ("q_axis", "v_axis")
+WRONG_NAMES = ("crank_angel", "angle", "²")  # of a crank angle
 PARTS_OF_TRUTH = ("force_W", "force_noise_free_W", "aerodynamic", "strip_force_z", "motor_power")
 TIME_UNITS = ("ms", "minutes", "days since 2000-01-01")
 
 
-@dataclass(frozen=True)
-class Kind:
-    """One kind of bad log: its class, its name, and how to write it."""
+class Kind(NamedTuple):
+    """One kind of bad log: its class, its name, what is changed of a good log, and a function that changes it.
+
+    That is the `file`, as h5py opens it, or its `bytes`; the `channels`, before they are written as they are, or by the
+    log itself to a file that is otherwise whole (`.nc`, `.csv`); the `cells` of a table, of which row 0 is the header,
+    or its `text`. Bytes and text are returned, channels may be.
+    """
 
     number: int
     name: str
-    suffix: str
-    write: Write
+    part: str
+    change: Callable[[Rng, Any], Any]
 
 
-def bad_log(rng: Rng, log: FlightLog, folder: Path, numbers: tuple[int, ...] = (1, 2, 11)) -> tuple[Path, int, str]:
-    """Write a bad log of a random kind.
+def write_kind(kind: Kind, rng: Rng, log: FlightLog, folder: Path) -> Path:
+    """Write a bad log.
 
     Args:
+        kind: what is bad.
         rng: source of all random choices.
         log: a good simulated log of half a second or more, with its truth and exact sensors.
-        folder: existing folder for the file, and for a second file where the mistake needs one.
-        numbers: classes to choose from.
-
-    Returns:
-        The file, the number of its class, and what is wrong in a few words.
+        folder: existing folder for the file.
     """
-    chosen = [kind for kind in KINDS if kind.number in numbers]
-    kind = chosen[rng.integers(len(chosen))]
-    return write_kind(kind, rng, log, folder)
-
-
-def write_kind(kind: Kind, rng: Rng, log: FlightLog, folder: Path) -> tuple[Path, int, str]:
-    """Write a bad log of one kind; arguments and result are those of `bad_log`."""
-    path = folder / f"bad_{kind.number}_{rng.integers(10**9)}{kind.suffix}"
-    kind.write(rng, log, path)
-    return path, kind.number, kind.name
-
-
-def of_bytes(number: int, name: str, change: Callable[[Rng, bytes], bytes]) -> Kind:
-    """Return a kind that changes the file of a saved log."""
-
-    def write(rng: Rng, log: FlightLog, path: Path) -> None:
-        save(log, path)
-        path.write_bytes(change(rng, path.read_bytes()))
-
-    return Kind(number, name, ".nc", write)
-
-
-def of_hdf5(number: int, name: str, change: Callable[[Rng, h5py.File], object]) -> Kind:
-    """Return a kind that changes a saved log through h5py."""
-
-    def write(rng: Rng, log: FlightLog, path: Path) -> None:
-        save(log, path)
-        with h5py.File(path, "r+") as file:
-            change(rng, file)
-
-    return Kind(number, name, ".nc", write)
-
-
-def of_channels(number: int, name: str, change: Callable[[Rng, xr.Dataset], xr.Dataset | None]) -> Kind:
-    """Return a kind that changes the measured channels in place, or returns others, before they are written."""
-
-    def write(rng: Rng, log: FlightLog, path: Path) -> None:
+    suffix = ".csv" if kind.part in ("text", "cells", ".csv") else ".nc"
+    path = folder / f"bad_{kind.number}_{rng.integers(10**9)}{suffix}"
+    if kind.part in ("channels", ".nc", ".csv"):
         data = log.measured.copy(deep=True)
-        found = change(rng, data)
-        (data if found is None else found).to_netcdf(path, engine="h5netcdf")
-
-    return Kind(number, name, ".nc", write)
-
-
-def of_text(number: int, name: str, change: Callable[[Rng, bytes], bytes]) -> Kind:
-    """Return a kind that changes the text of a table."""
-
-    def write(rng: Rng, log: FlightLog, path: Path) -> None:
-        table(log, path)
-        path.write_bytes(change(rng, path.read_bytes()))
-
-    return Kind(number, name, ".csv", write)
-
-
-def of_cells(number: int, name: str, change: Callable[[Rng, Cells], None]) -> Kind:
-    """Return a kind that changes the cells of a table; row 0 is the header."""
-
-    def write(rng: Rng, log: FlightLog, path: Path) -> None:
+        found = kind.change(rng, data)
+        data = data if found is None else found
+    if kind.part == "channels":
+        data.to_netcdf(path, engine="h5netcdf")
+    elif kind.part == ".nc":
+        FlightLog(data).save(path)
+    elif kind.part == ".csv":
+        write_csv(FlightLog(data), path)
+    elif kind.part == "cells":
         rows = table(log, path)
-        change(rng, rows)
+        kind.change(rng, rows)
         with path.open("w", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows(rows)
-
-    return Kind(number, name, ".csv", write)
-
-
-def contradiction(name: str, suffix: str) -> Kind:
-    """Return a kind that contradicts itself, as a NetCDF file or as a table."""
-
-    def write(rng: Rng, log: FlightLog, path: Path) -> None:
-        wrong = FlightLog(CONTRADICTIONS[name](rng, log.measured.copy(deep=True)))
-        wrong.save(path) if suffix == ".nc" else write_csv(wrong, path)
-
-    return Kind(11, name, suffix, write)
+    elif kind.part == "file":
+        save(log, path)
+        with h5py.File(path, "r+") as file:
+            kind.change(rng, file)
+    else:
+        (table if kind.part == "text" else save)(log, path)
+        path.write_bytes(kind.change(rng, path.read_bytes()))
+    return path
 
 
 _SAVED: list[tuple[FlightLog, bytes]] = []  # the last good log and its file: saving takes longest
@@ -153,24 +105,17 @@ def some(rng: Rng, names: Any) -> str:
     return str(rng.choice(sorted(map(str, names))))
 
 
-def _damaged_start(rng: Rng, data: bytes) -> bytes:
-    return bytes(rng.integers(0, 256, 64, dtype=np.uint8)) + data[64:]
-
-
 def _other_file(rng: Rng, data: bytes) -> bytes:
     return [b"", b"a note\n", b"\x89PNG\r\n\x1a\n" + data[:500], b"CDF\x01" + data[4:], b"\0" * 4096][rng.integers(5)]
 
 
-def _damaged_numbers(rng: Rng, log: FlightLog, path: Path) -> None:
-    save(log, path)
-    with h5py.File(path) as file:
-        item = file[some(rng, log.measured.data_vars)].id
+def _damaged_numbers(rng: Rng, data: bytes) -> bytes:
+    with h5py.File(io.BytesIO(data)) as file:
+        item = file[some(rng, ("q", "v", "airspeed", "crank_angle", "motor_torque"))].id
         chunk = item.get_chunk_info(0) if item.get_num_chunks() else None
         start, size = (chunk.byte_offset, chunk.size) if chunk else (item.get_offset(), item.get_storage_size())
-    data = bytearray(path.read_bytes())
     at = start + int(rng.integers(size - 8))
-    data[at : at + 4] = bytes(byte ^ 0x55 for byte in data[at : at + 4])
-    path.write_bytes(data)
+    return data[:at] + bytes(byte ^ 0x55 for byte in data[at : at + 4]) + data[at + 4 :]
 
 
 def _foreign_group(rng: Rng, file: h5py.File) -> None:
@@ -350,53 +295,106 @@ def _wrong_column_unit(rng: Rng, rows: Cells) -> None:
     rows[0][k] = f"{rows[0][k].partition('[')[0].strip()} [{some(rng, ('mm', 'deg', '°', 'furlong', ''))}]"
 
 
+def off_the_linkage(rng: Rng, data: xr.Dataset) -> None:
+    """One joint angle with an offset of 2 to 10 deg, or both joints of a wing swapped."""
+    q = data["q"].values
+    if rng.random() < 0.3:
+        q[:, 7:9] = q[:, [8, 7]]
+    else:
+        q[:, rng.integers(7, 11)] += rng.choice([-1.0, 1.0]) * rng.uniform(0.035, 0.17)
+
+
+def gyro_in_degrees(rng: Rng, data: xr.Dataset) -> None:
+    """A gyro in deg/s."""
+    data["v"].values[:, 3:6] *= 180.0 / np.pi
+
+
+def height_in_millimetres(rng: Rng, data: xr.Dataset) -> None:
+    """The height z in mm."""
+    data["q"].values[:, 2] *= 1000.0
+
+
+def held(rng: Rng, data: xr.Dataset) -> None:
+    """A channel of 60 to 500 Hz that repeats its last sample at the log's rate."""
+    rate = 1.0 / float(np.median(np.diff(data["time"].values)))
+    every = max(2, round(rate / rng.choice([60.0, 100.0, 200.0, 500.0])))
+    parts = (("q", slice(0, 3)), ("q", slice(3, 7)), ("v", slice(3, 6)), ("v", slice(0, 3)))
+    _repeat(data, *parts[rng.integers(4)], np.arange(data.sizes["time"]) // every * every)
+
+
+def w_first(rng: Rng, data: xr.Dataset) -> None:
+    """Quaternions written as w, x, y, z."""
+    data["q"].values[:, 3:7] = data["q"].values[:, [6, 3, 4, 5]]
+
+
+def late(rng: Rng, data: xr.Dataset) -> None:
+    """Gyro, velocity, pose or joints that are 4 to 15 ms late."""
+    step = float(np.median(np.diff(data["time"].values)))
+    behind = np.arange(data.sizes["time"]) - round(rng.uniform(0.004, 0.015) / step)
+    parts = (("q", slice(0, 7)), ("v", slice(0, 6)), ("q", slice(7, 11)))
+    _repeat(data, *parts[rng.integers(3)], np.maximum(behind, 0))
+
+
+def _repeat(data: xr.Dataset, name: str, columns: slice, index: np.ndarray) -> None:
+    """Put earlier samples in the place of some columns of a channel."""
+    values = data[name].values
+    values[:, columns] = values[index, columns]
+
+
+# Logs that contradict themselves, by the name of the warning that they must cause.
+CONTRADICTIONS: dict[str, Callable[[Rng, xr.Dataset], None]] = {
+    "joints off the linkage": off_the_linkage,
+    "gyro against attitude": gyro_in_degrees,
+    "position against velocity": height_in_millimetres,
+    "held channel": held,
+    "quaternion order": w_first,
+    "late channel": late,
+}
 KINDS = [
-    of_bytes(2, "cut file", lambda rng, data: data[: rng.integers(len(data) - 8)]),
-    of_bytes(
-        2, "damaged start of the file", lambda rng, data: rng.integers(0, 256, 64, np.uint8).tobytes() + data[64:]
-    ),
-    of_bytes(2, "other kind of file", _other_file),
-    Kind(2, "damaged numbers", ".nc", _damaged_numbers),
-    of_hdf5(2, "foreign group", _foreign_group),
-    of_hdf5(2, "truth that is none", lambda rng, file: file["truth"].pop(some(rng, PARTS_OF_TRUTH))),
-    of_hdf5(2, "unknown channel", lambda rng, file: file.move("crank_angle", some(rng, ("crank_angel", "angle", "²")))),
-    of_hdf5(2, "no clock", lambda rng, file: file.pop(some(rng, ("time", "interval")))),
-    of_hdf5(2, "link to another place", _link),
-    of_hdf5(2, "values in another file", _external),
-    of_hdf5(2, "absurd size", _absurd),
-    of_hdf5(2, "type without numbers", _compound),
-    of_hdf5(2, "packed numbers", _packed),
-    of_channels(2, "channel of another length", _other_length),
-    of_channels(2, "text or dates for numbers", _text),
-    of_channels(2, "not a number", _nan),
-    of_channels(2, "fill values", _fill),
-    of_channels(2, "time that is none", _time),
-    of_channels(2, "quaternion of another length", _length),
-    of_channels(2, "joints in degrees", _degrees),
-    of_channels(2, "no configuration", lambda rng, data: data.drop_vars(["q", "q_axis"])),
-    of_channels(2, "wrong attribute", _attribute),
-    of_channels(2, "huge attribute", lambda rng, data: data.assign_attrs(notes=np.zeros(200_000))),
-    of_text(2, "other kind of table", _other_table),
-    of_cells(2, "cell without a number", _cell),
-    of_cells(2, "row of another length", _row),
-    of_cells(2, "time that does not rise", _time_cell),
-    of_cells(2, "degrees in a table", _degrees_cells),
-    of_cells(2, "quaternion of another length in a table", _length_cells),
-    of_cells(2, "milliseconds", _milliseconds),
-    of_channels(1, HARMLESS[0], lambda rng, data: data.isel({dim: rng.permutation(data.sizes[dim]) for dim in AXES})),
-    of_channels(1, HARMLESS[1], lambda rng, data: data.transpose("v_axis", "q_axis", "interval", "time")),
-    of_channels(1, "unknown label", _unknown_label),
-    of_channels(1, "doubled label", _doubled_label),
-    of_channels(1, "missing label", _missing_label),
-    of_channels(1, "no labels", lambda rng, data: data.drop_vars(some(rng, AXES))),
-    of_channels(1, "numbers for labels", _numbered),
-    of_channels(1, "wrong unit", _wrong_unit),
-    of_channels(1, "no unit", _no_unit),
-    of_channels(1, "unit that is no text", _number_unit),
-    of_channels(1, "unit of time", lambda rng, data: data["time"].attrs.update(units=some(rng, TIME_UNITS))),
-    of_cells(1, "unknown column", _unknown_column),
-    of_cells(1, "doubled column", _doubled_column),
-    of_cells(1, "missing column", _missing_column),
-    of_cells(1, "wrong unit of a column", _wrong_column_unit),
-    *(contradiction(name, suffix) for name in CONTRADICTIONS for suffix in (".nc", ".csv")),
+    Kind(2, "cut file", "bytes", lambda rng, data: data[: rng.integers(len(data) - 8)]),
+    Kind(2, "damaged start of the file", "bytes", lambda rng, data: rng.bytes(64) + data[64:]),
+    Kind(2, "other kind of file", "bytes", _other_file),
+    Kind(2, "damaged numbers", "bytes", _damaged_numbers),
+    Kind(2, "foreign group", "file", _foreign_group),
+    Kind(2, "truth that is none", "file", lambda rng, file: file["truth"].pop(some(rng, PARTS_OF_TRUTH))),
+    Kind(2, "unknown channel", "file", lambda rng, file: file.move("crank_angle", some(rng, WRONG_NAMES))),
+    Kind(2, "no clock", "file", lambda rng, file: file.pop(some(rng, ("time", "interval")))),
+    Kind(2, "link to another place", "file", _link),
+    Kind(2, "values in another file", "file", _external),
+    Kind(2, "absurd size", "file", _absurd),
+    Kind(2, "type without numbers", "file", _compound),
+    Kind(2, "packed numbers", "file", _packed),
+    Kind(2, "channel of another length", "channels", _other_length),
+    Kind(2, "text or dates for numbers", "channels", _text),
+    Kind(2, "not a number", "channels", _nan),
+    Kind(2, "fill values", "channels", _fill),
+    Kind(2, "time that is none", "channels", _time),
+    Kind(2, "quaternion of another length", "channels", _length),
+    Kind(2, "joints in degrees", "channels", _degrees),
+    Kind(2, "no configuration", "channels", lambda rng, data: data.drop_vars(["q", "q_axis"])),
+    Kind(2, "wrong attribute", "channels", _attribute),
+    Kind(2, "huge attribute", "channels", lambda rng, data: data.assign_attrs(notes=np.zeros(200_000))),
+    Kind(2, "other kind of table", "text", _other_table),
+    Kind(2, "cell without a number", "cells", _cell),
+    Kind(2, "row of another length", "cells", _row),
+    Kind(2, "time that does not rise", "cells", _time_cell),
+    Kind(2, "degrees in a table", "cells", _degrees_cells),
+    Kind(2, "quaternion of another length in a table", "cells", _length_cells),
+    Kind(2, "milliseconds", "cells", _milliseconds),
+    Kind(1, HARMLESS[0], "channels", lambda rng, data: data[{dim: rng.permutation(data.sizes[dim]) for dim in AXES}]),
+    Kind(1, HARMLESS[1], "channels", lambda rng, data: data.transpose("v_axis", "q_axis", "interval", "time")),
+    Kind(1, "unknown label", "channels", _unknown_label),
+    Kind(1, "doubled label", "channels", _doubled_label),
+    Kind(1, "missing label", "channels", _missing_label),
+    Kind(1, "no labels", "channels", lambda rng, data: data.drop_vars(some(rng, AXES))),
+    Kind(1, "numbers for labels", "channels", _numbered),
+    Kind(1, "wrong unit", "channels", _wrong_unit),
+    Kind(1, "no unit", "channels", _no_unit),
+    Kind(1, "unit that is no text", "channels", _number_unit),
+    Kind(1, "unit of time", "channels", lambda rng, data: data["time"].attrs.update(units=some(rng, TIME_UNITS))),
+    Kind(1, "unknown column", "cells", _unknown_column),
+    Kind(1, "doubled column", "cells", _doubled_column),
+    Kind(1, "missing column", "cells", _missing_column),
+    Kind(1, "wrong unit of a column", "cells", _wrong_column_unit),
+    *(Kind(11, name, suffix, change) for name, change in CONTRADICTIONS.items() for suffix in (".nc", ".csv")),
 ]

@@ -14,10 +14,9 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 
 from aerobat_pin.estimation import estimate
 from aerobat_pin.records import Map, open_record
+from support.bad_texts import Rng
 from support.walking_log import table_map
 
-Rng = np.random.Generator
-WITH_MAP = ["--map", "map.toml", "--out", "out"]
 VALUES: tuple[Any, ...] = (
     *(0, 1, -1, 0.5, 1e-300, 1e-15, 1e-6, 1e3, 1e6, 1e12, 1e300, float("nan"), float("inf"), True, False),
     *("", "x", "px", "FL_FOOT", "FL_HAA", "\\s+", "$\\frac$", 300 * "n", "/etc/passwd", "../x", "²", "deg", "momentum"),
@@ -95,8 +94,3 @@ def changes_nothing(good: Any, found: Any) -> bool:
     if one.components.shape != other.components.shape:
         return False
     return bool(np.allclose(one.components, other.components, rtol=1e-6, atol=1e-6, equal_nan=True))
-
-
-def says_more(good: Any, found: Any) -> bool:
-    """Return whether an estimate has a finding that the good one does not have."""
-    return bool({str(one) for one in found.findings} - {str(one) for one in good.findings})

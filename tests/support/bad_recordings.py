@@ -1,19 +1,14 @@
 """Bad recordings, maps and calibrations, drawn at random: each kind writes its files and returns a command line."""
 
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import tomli_w
 
-from support.bad_texts import SHORT
+from support.bad_texts import SHORT, WITH_MAP, Kind, Rng
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
-Rng = np.random.Generator
-Kind = Callable[[Rng, Path], list[str]]
-WITH_MAP = ["--map", "map.toml", "--out", "out"]
 WRONG: tuple[Any, ...] = ("", "²", 300 * "n", -1, 0, True, [], [[]], {}, ["px"], {"columns": "px"}, 1e300, "/", "../x")
 MJCF = """<mujoco model="leg"><worldbody><body name="trunk"><freejoint/><geom size=".1" mass="1"/></body></worldbody>
 </mujoco>"""
@@ -29,6 +24,12 @@ def write_good(place: Path) -> None:
         (place / name).write_text(tomli_w.dumps(made(Path("robot.urdf"))))
 
 
+def copied(good: Path, place: Path, *names: str) -> None:
+    """Copy good files and folders to another place."""
+    for name in names:
+        (shutil.copytree if (good / name).is_dir() else shutil.copy)(good / name, place / name)
+
+
 def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
     """Return the kinds by name.
 
@@ -38,14 +39,9 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
         calibration: what `aerobat calibrate` learnt from it.
     """
 
-    def copied(place: Path, *names: str) -> None:
-        for name in names:
-            source = good / name
-            shutil.copytree(source, place / name) if source.is_dir() else shutil.copy(source, place)
-
     def mapped(rng: Rng, place: Path) -> list[str]:
         """Damage one entry of a map."""
-        copied(place, "robot.urdf", "log.csv")
+        copied(good, place, "robot.urdf", "log.csv")
         read = table_map(Path("robot.urdf"))
         _damage(rng, read)
         (place / "map.toml").write_text(tomli_w.dumps(read))
@@ -53,7 +49,7 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
 
     def map_text(rng: Rng, place: Path) -> list[str]:
         """Give a map that is none."""
-        copied(place, "robot.urdf", "log.csv")
+        copied(good, place, "robot.urdf", "log.csv")
         text = (good / "map.toml").read_bytes()
         cut = text[: int(rng.integers(1, len(text) // 3))]
         others = (b"", b"[robot", b"\xff" + text, text.decode().encode("utf-16"), 9000 * b"[", b"x = " + 5000 * b"9")
@@ -68,7 +64,7 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
 
     def robot(rng: Rng, place: Path) -> list[str]:
         """Give a robot that is none, or another one than the map's."""
-        copied(place, "log.csv")
+        copied(good, place, "log.csv")
         text = (good / "robot.urdf").read_text()
         broken = (
             b"",
@@ -86,7 +82,7 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
 
     def rows(rng: Rng, place: Path) -> list[str]:
         """Damage the table that a map reads."""
-        copied(place, "robot.urdf", "map.toml")
+        copied(good, place, "robot.urdf", "map.toml")
         lines = (good / "log.csv").read_text().splitlines()
         k, cells = int(rng.integers(1, len(lines))), []
         choice = rng.integers(7)
@@ -111,7 +107,7 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
 
     def messages(rng: Rng, place: Path) -> list[str]:
         """Damage a bag: its description, its file, or the map's topics."""
-        copied(place, "robot.urdf", "bag")
+        copied(good, place, "robot.urdf", "bag")
         text = (good / "bag.toml").read_text()
         file = next((place / "bag").glob("*.mcap"))
         data, choice = file.read_bytes(), rng.integers(5)
@@ -139,7 +135,7 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
         others += (data[:at] + rng.bytes(64) + data[at + 64 :],)
         (place / "c.nc").write_bytes(others[rng.integers(len(others))])
         shutil.copy(free, place / "free.nc")
-        copied(place, "bag.toml", "robot.urdf")
+        copied(good, place, "bag.toml", "robot.urdf")
         doors = (
             ["run", "paper", *SHORT, "--out", "out"],
             ["estimate", "free.nc", "--out", "out"],

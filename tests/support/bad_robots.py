@@ -2,13 +2,12 @@
 
 import os
 import struct
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-Rng = np.random.Generator
-Kind = Callable[[Rng, Path], list[str]]
+from support.bad_texts import Kind, Rng
+
 HINGE = """<joint name="hinge" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 1 0"/>
 <limit lower="-3" upper="3" effort="1" velocity="1"/></joint>"""
 SHAPE = '<box size="1 1 1"/>'

@@ -7,18 +7,15 @@ have, and from the keys that `numerics/foreign_robots.py` knows.
 import os
 import sqlite3
 import struct
-from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
-import numpy as np
 import tomli_w
 
+from support.bad_texts import WITH_MAP, Kind, Rng
+from support.foreign_channels import mcap_record, mcap_texts
 from support.walking_log import bag_map, table_map, urdf
 
-Rng = np.random.Generator
-Kind = Callable[[Rng, Path], list[str]]
-WITH_MAP = ["--map", "map.toml", "--out", "out"]
 BOMB = 300_000_000  # bytes
 LINK = (
     '<link name="l{}"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -36,14 +33,6 @@ ARM_MJCF = (
 )
 
 
-def _record(opcode: int, content: bytes) -> bytes:
-    return bytes([opcode]) + struct.pack("<Q", len(content)) + content
-
-
-def _text(text: str) -> bytes:
-    return struct.pack("<I", len(text)) + text.encode()
-
-
 def mcap_bomb(compression: str, stated: int | None = None, chunks: int = 1, size: int = BOMB) -> bytes:
     """Return an MCAP file of zeros whose chunk unpacks to `size` bytes, listed `chunks` times in its index.
 
@@ -56,21 +45,22 @@ def mcap_bomb(compression: str, stated: int | None = None, chunks: int = 1, size
     from lz4.frame import compress
     from rosbags.rosbag2.storage_mcap import zstd
 
-    message = _record(5, struct.pack("<HIQQ", 1, 0, 0, 0) + bytes(10_000))
+    message = mcap_record(5, struct.pack("<HIQQ", 1, 0, 0, 0) + bytes(10_000))
     raw = message * (size // len(message))
     packed = (compress if compression == "lz4" else zstd.compress)(raw)
-    head = b"\x89MCAP0\r\n" + _record(1, _text("ros2") + _text("x"))
-    made = _record(3, struct.pack("<H", 1) + _text("sensor_msgs/msg/JointState") + _text("ros2msg") + _text(""))
-    made += _record(4, struct.pack("<HH", 1, 1) + _text("/joint_states") + _text("cdr") + _text(""))
+    head = b"\x89MCAP0\r\n" + mcap_record(1, mcap_texts(b"ros2", b"x"))
+    made = mcap_record(3, struct.pack("<H", 1) + mcap_texts(b"sensor_msgs/msg/JointState", b"ros2msg", b""))
+    made += mcap_record(4, struct.pack("<HH", 1, 1) + mcap_texts(b"/joint_states", b"cdr", b""))
     stated = len(raw) if stated is None else stated
-    chunk = struct.pack("<QQQI", 0, 9, stated, 0) + _text(compression) + struct.pack("<Q", len(packed)) + packed
-    body = head + made + _record(6, chunk)
+    how, size_packed = mcap_texts(compression.encode()), struct.pack("<Q", len(packed))
+    chunk = struct.pack("<QQQI", 0, 9, stated, 0) + how + size_packed + packed
+    body = head + made + mcap_record(6, chunk)
     index = struct.pack("<QQQQ", 0, 9, len(head) + len(made), 9 + len(chunk)) + struct.pack("<IHQ", 10, 1, len(body))
-    index += struct.pack("<Q", 31) + _text(compression) + struct.pack("<QQ", len(packed), stated)
-    body += _record(7, struct.pack("<HI", 1, 16) + bytes(16)) + _record(15, bytes(4))
+    index += struct.pack("<Q", 31) + how + size_packed + struct.pack("<Q", stated)
+    body += mcap_record(7, struct.pack("<HI", 1, 16) + bytes(16)) + mcap_record(15, bytes(4))
     start = len(body) if chunks else 0
-    body += (made + chunks * _record(8, index)) if chunks else b""
-    return body + _record(2, struct.pack("<QQI", start, 0, 0)) + b"\x89MCAP0\r\n"
+    body += (made + chunks * mcap_record(8, index)) if chunks else b""
+    return body + mcap_record(2, struct.pack("<QQI", start, 0, 0)) + b"\x89MCAP0\r\n"
 
 
 def _mapped(place: Path, **changes: object) -> list[str]:

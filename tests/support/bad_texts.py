@@ -14,6 +14,7 @@ from aerobat_description import PACKAGE_PATH
 Rng = np.random.Generator
 Kind = Callable[[Rng, Path], list[str]]
 SHIPPED = Path(__file__).parents[2] / "aerobat_pin"
+WITH_MAP = ["--map", "map.toml", "--out", "out"]
 SHORT = ["--no-report", "--set", "simulation.duration=0.01", "--set", "air.warm_up_cycles=0"]
 FORMATS = {  # door -> a good file, numbers in it, keys that it must have
     "run": (
@@ -35,8 +36,6 @@ FORMATS = {  # door -> a good file, numbers in it, keys that it must have
 FORMATS["urdf"] = FORMATS["mjcf"] = FORMATS["crank"] = FORMATS["linkage"]
 FORMATS["trim"] = FORMATS["live"] = FORMATS["run"]
 WRONG_VALUES = ('"text"', "true", "1979-05-27", "[[1]]", "{a = 1}", "nan", "inf", "-inf", "-1e400", "-7", '""', "[]")
-TEXT: dict[str, Kind] = {}
-SIZES: dict[str, Kind] = {}
 KEYS = ("flight.gravity", "simulation.dt", "air.density", "crank.frequency", "observers.gain", "sensors.gyro.rate")
 AT_LEAST = 33  # levels that are too many
 
@@ -50,36 +49,27 @@ def words_for(door: str, file: str) -> list[str]:
     return [door, file, "--out", out, *(SHORT if door == "run" else ["--jobs", "1"] if door == "sweep" else [])]
 
 
-def _some_door(rng: Rng) -> str:
-    return str(rng.choice(list(FORMATS)))
+def _written(change: Callable[[Rng, str], str | bytes]) -> Kind:
+    """Return a kind that changes the text of a good file of a random format."""
 
+    def write(rng: Rng, place: Path) -> list[str]:
+        door = str(rng.choice(list(FORMATS)))
+        made = change(rng, door)
+        (place / "file.toml").write_bytes(made if isinstance(made, bytes) else made.encode())
+        return words_for(door, "file.toml")
 
-def _file(name: str) -> Callable[[Callable[[Rng, str], str | bytes]], None]:
-    """Register a kind that changes the text of a good file of a random format."""
-
-    def register(change: Callable[[Rng, str], str | bytes]) -> None:
-        def write(rng: Rng, place: Path) -> list[str]:
-            door = _some_door(rng)
-            made = change(rng, door)
-            (place / "file.toml").write_bytes(made if isinstance(made, bytes) else made.encode())
-            return words_for(door, "file.toml")
-
-        TEXT[name] = write
-
-    return register
+    return write
 
 
 def _deep(rng: Rng) -> int:
     return int(rng.integers(AT_LEAST, 9000))
 
 
-@_file("nested lists")
 def _lists(rng: Rng, door: str) -> str:
     depth = _deep(rng)
     return f"{FORMATS[door][0]}\nmore = {depth * '['}{rng.choice(['', depth * ']'])}\n"
 
 
-@_file("nested tables")
 def _tables(rng: Rng, door: str) -> str:
     depth = _deep(rng)
     return str(
@@ -93,14 +83,12 @@ def _tables(rng: Rng, door: str) -> str:
     )
 
 
-@_file("long word")
 def _word(rng: Rng, door: str) -> str:
     sign = str(rng.choice(["9", "k", "0x" + "f", "1_"]))
     key, value = (int(rng.integers(256, 5000)) * sign, "1") if rng.integers(2) else ("more", 5000 * sign + "1")
     return f"{key} = {value}\n{FORMATS[door][0]}"
 
 
-@_file("not UTF-8")
 def _encoding(rng: Rng, door: str) -> bytes:
     good = FORMATS[door][0]
     at = int(rng.integers(len(good.encode())))
@@ -108,43 +96,28 @@ def _encoding(rng: Rng, door: str) -> bytes:
     return choices[rng.integers(len(choices))]
 
 
-@_file("other bytes")
-def _bytes(rng: Rng, door: str) -> bytes:
-    return b"\x80" + rng.bytes(int(rng.integers(1, 5000)))
-
-
-@_file("too large")
-def _large(rng: Rng, door: str) -> str:
-    return FORMATS[door][0] + "\n#" + int(rng.integers(1_000_000, 3_000_000)) * "x"
-
-
-@_file("unknown key")
 def _unknown(rng: Rng, door: str) -> str:
     name = str(rng.choice(["nmae", "²", "a b", "name ", "Name", "", "é", "name\\u0000", "a.b", "__class__"]))
     return f'"{name}" = 1\n{FORMATS[door][0]}'
 
 
-@_file("wrong value")
 def _value(rng: Rng, door: str) -> str:
     key, value = str(rng.choice(FORMATS[door][1])), str(rng.choice(WRONG_VALUES))
     table, _, last = key.rpartition(".")
     kept = [line for line in FORMATS[door][0].splitlines() if not line.startswith(f"{last} =")]
     if not table:
         return f"{last} = {value}\n" + "\n".join(kept)
-    at = next((k for k, line in enumerate(kept) if line.strip() == f"[{table}]"), None)
-    kept[len(kept) if at is None else at + 1 : 0 if at is None else at + 1] = (
-        [f"[{table}]", f"{last} = {value}"] if at is None else [f"{last} = {value}"]
-    )
+    if f"[{table}]" not in kept:
+        kept.append(f"[{table}]")
+    kept.insert(kept.index(f"[{table}]") + 1, f"{last} = {value}")
     return "\n".join(kept) + "\n"
 
 
-@_file("missing key")
 def _missing(rng: Rng, door: str) -> str:
     key = str(rng.choice(FORMATS[door][2]))
     return "\n".join(line for line in FORMATS[door][0].splitlines() if not line.startswith(f"{key} ="))
 
 
-@_file("broken syntax")
 def _syntax(rng: Rng, door: str) -> str:
     good = FORMATS[door][0]
     broken = (
@@ -163,7 +136,6 @@ def _syntax(rng: Rng, door: str) -> str:
     return f"{good}\n{line}" if rng.integers(2) else f"{line}\n{good}"
 
 
-@_file("wrong name")
 def _name(rng: Rng, door: str) -> str:
     name = str(rng.choice(["a/b", "", "..", "a b", "/etc/passwd", 300 * "n", "é/", "a\\n", "x\\u0000"]))
     rest = [line for line in FORMATS[door][0].splitlines() if not line.startswith("name =")]
@@ -243,17 +215,23 @@ def _recorded(rng: Rng, place: Path) -> list[str]:
     return ["run", "paper", "--out", "out", *SHORT, "--set", f"unknown_force={force}"]
 
 
+CHANGES: dict[str, Callable[[Rng, str], str | bytes]] = {
+    "nested lists": _lists,
+    "nested tables": _tables,
+    "long word": _word,
+    "not UTF-8": _encoding,
+    "other bytes": lambda rng, door: b"\x80" + rng.bytes(int(rng.integers(1, 5000))),
+    "too large": lambda rng, door: FORMATS[door][0] + "\n#" + int(rng.integers(1_000_000, 3_000_000)) * "x",
+    "unknown key": _unknown,
+    "wrong value": _value,
+    "missing key": _missing,
+    "broken syntax": _syntax,
+    "wrong name": _name,
+}
+TEXT: dict[str, Kind] = {name: _written(change) for name, change in CHANGES.items()}
 TEXT |= {"setting": _setting, "path": _path, "recorded force": _recorded}
 
 
-def _sized(name: str) -> Callable[[Kind], None]:
-    def register(kind: Kind) -> None:
-        SIZES[name] = kind
-
-    return register
-
-
-@_sized("long or fine flight")
 def _flight(rng: Rng, place: Path) -> list[str]:
     """Ask for more steps than fit."""
     settings = (
@@ -270,7 +248,6 @@ def _flight(rng: Rng, place: Path) -> list[str]:
     return [*door, *(word for setting in chosen for word in ("--set", setting))]
 
 
-@_sized("many runs")
 def _runs(rng: Rng, place: Path) -> list[str]:
     """Ask for more runs than a sweep may have, or for runs that are too long together."""
     count = int(10.0 ** rng.uniform(5.1, 18.0))
@@ -285,7 +262,6 @@ def _runs(rng: Rng, place: Path) -> list[str]:
     return words_for("sweep", "s.toml")
 
 
-@_sized("name or label of a dimension")
 def _dimension(rng: Rng, place: Path) -> list[str]:
     """Vary a quantity whose name or labels no table can hold."""
     name = str(rng.choice(["a/b", "/", "", " ", ".", "..", "a\\n", 256 * "é", "r2", "observer", "a\\u0000"]))
@@ -299,7 +275,6 @@ def _dimension(rng: Rng, place: Path) -> list[str]:
     return words_for("sweep", "s.toml")
 
 
-@_sized("large table")
 def _table(rng: Rng, place: Path) -> list[str]:
     """Give a table of hundreds of megabytes, which is sparse here."""
     with (place / "log.csv").open("wb") as file:
@@ -317,3 +292,11 @@ def _table(rng: Rng, place: Path) -> list[str]:
         ["run", "paper", "--out", "out", *SHORT, "--set", force],
     )
     return list(doors[rng.integers(len(doors))])
+
+
+SIZES: dict[str, Kind] = {
+    "long or fine flight": _flight,
+    "many runs": _runs,
+    "name or label of a dimension": _dimension,
+    "large table": _table,
+}

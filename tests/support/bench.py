@@ -4,14 +4,15 @@ import shutil
 import time
 from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
-from support.forks import Forks
+from support.forks import Forks, Running
 
 SHORT = ["--set", "simulation.duration=0.02", "--set", "air.warm_up_cycles=1", "--no-report"]
 RUN = ["run", "paper", "--out", "result", "--force", *SHORT]
 OLD, NEW = ["--seed", "1"], ["--seed", "2"]
 OWN = {"notes.txt": b"mine", "figures/mine.png": b"my picture", "deep/er/data.csv": b"1,2\n"}
+HANGS = 180  # [s]: a program that runs longer hangs, on a busy machine too
 Content = dict[str, bytes]
 
 
@@ -43,6 +44,10 @@ class Bench:
             (folder / "result" / name).write_bytes(content)
         return folder
 
+    def start(self, folder: Path, *more: str, **how: Any) -> Running:
+        """Start the new run over the result in a folder, with more words; `how` is that of `Forks.start`."""
+        return self.forks.start([*RUN, *NEW, *more], folder, patience=HANGS, **how)
+
     @cached_property
     def old(self) -> Content:
         """The files of the old result."""
@@ -58,7 +63,7 @@ class Bench:
         """How long an undisturbed run takes."""
         assert self.new
         folder, start = self.new_folder(), time.monotonic()
-        self.forks.start([*RUN, *NEW], folder).result()
+        self.start(folder).result()
         return time.monotonic() - start
 
     def _made(self, name: str, seed: list[str]) -> Content:

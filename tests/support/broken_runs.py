@@ -1,7 +1,7 @@
 """Runs that are killed, interrupted, short of disk, two at once, or that diverge: random cases, and what must hold.
 
     with Bench(tmp_path) as bench:
-        case = random_case(rng, "signals")
+        case = CASES["signals"](rng)
         assert case.play(bench, bench.new_folder()) == []
 
 A case starts `aerobat run --force` over a good result. Whatever happens, the folder must then hold that result or the
@@ -16,38 +16,23 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from support.bench import NEW, OWN, RUN, SHORT, Bench, content
-from support.forks import Running
+from support.bench import OWN, Bench, content
 
 FULL = r"error: (output|standard output).*(No space left on device|File too large|Disk quota exceeded)"
-HANGS = 180.0  # [s]: a program that runs longer hangs, on a busy machine too
 
 
-@dataclass(frozen=True)
-class Case:
-    """A case to play.
-
-    Attributes:
-        name: what is done.
-        kind: `replaced` (item 4 of what must not break), `disk` (5), `signals` (6) or `diverged` (10).
-        play: plays the case in a folder that `Bench.new_folder` returned, and returns what was wrong, if anything.
-    """
+class Case(NamedTuple):
+    """A case: what is done, and a function that plays it in a `Bench.new_folder` and returns what was wrong, if any."""
 
     name: str
-    kind: str
     play: Callable[[Bench, Path], list[str]]
-
-
-def random_case(rng: np.random.Generator, kind: str) -> Case:
-    """Draw a case of a kind."""
-    return KINDS[kind](rng)
 
 
 def said_wrong(done: subprocess.CompletedProcess[str], codes: tuple[int, ...], line: str) -> list[str]:
@@ -59,35 +44,24 @@ def said_wrong(done: subprocess.CompletedProcess[str], codes: tuple[int, ...], l
     return wrong
 
 
-def ended(running: Running) -> subprocess.CompletedProcess[str]:
-    """Wait for a program; one that hangs is killed, and its exit code then is -9."""
-    alarm = subprocess.Popen(["sh", "-c", f"sleep {HANGS}; kill -9 {running.pid}"], start_new_session=True)
-    try:
-        return running.result()
-    finally:
-        with suppress(ProcessLookupError):
-            os.killpg(alarm.pid, signal.SIGKILL)
-        alarm.wait()
-
-
 def killed(share: float, number: signal.Signals) -> Case:
     """End a run by a signal after a share of its time, then run it once more."""
 
     def play(bench: Bench, folder: Path) -> list[str]:
         assert bench.seconds
-        running = bench.forks.start([*RUN, *NEW], folder)
+        running = bench.start(folder)
         time.sleep(share * bench.seconds)
         running.send(number)
-        done = ended(running)
+        done = running.result()
         code = -9 if number == signal.SIGKILL else 128 + number
         wrong = said_wrong(done, (0, code), INTERRUPTED) + bench.wrong(folder, left=number == signal.SIGKILL)
         here = content(folder / "result")["metrics.json"] == bench.new["metrics.json"]
         if "nothing was written" in done.stderr and here:
             wrong.append("it says that nothing was written, but the new result is there")
-        again = ended(bench.forks.start([*RUN, *NEW], folder))
+        again = bench.start(folder).result()
         return wrong + said_wrong(again, (0,), "") + bench.wrong(folder)
 
-    return Case(f"{number.name} after {share:.0%} of the time", "signals", play)
+    return Case(f"{number.name} after {share:.0%} of the time", play)
 
 
 INTERRUPTED = r"interrupted: (nothing was written|.* had been written and is whole)"
@@ -97,23 +71,23 @@ def ignored(share: float) -> Case:
     """Send a run in the background a Ctrl-C that it was started to ignore."""
 
     def play(bench: Bench, folder: Path) -> list[str]:
-        running = bench.forks.start([*RUN, *NEW], folder, ignored=[signal.SIGINT])
+        running = bench.start(folder, ignored=[signal.SIGINT])
         time.sleep(share * bench.seconds)
         running.send(signal.SIGINT)
-        return said_wrong(ended(running), (0,), "") + bench.wrong(folder)
+        return said_wrong(running.result(), (0,), "") + bench.wrong(folder)
 
-    return Case(f"ignored SIGINT after {share:.0%} of the time", "signals", play)
+    return Case(f"ignored SIGINT after {share:.0%} of the time", play)
 
 
 def limited(size: int) -> Case:
     """Let no file grow beyond a size [bytes]."""
 
     def play(bench: Bench, folder: Path) -> list[str]:
-        done = ended(bench.forks.start([*RUN, *NEW], folder, largest_file=size))
+        done = bench.start(folder, largest_file=size).result()
         fits = max(map(len, bench.new.values())) <= size
         return said_wrong(done, (0,) if fits else (2,), FULL) + bench.wrong(folder)
 
-    return Case(f"no file beyond {size} bytes", "disk", play)
+    return Case(f"no file beyond {size} bytes", play)
 
 
 def can_mount() -> bool:
@@ -145,13 +119,13 @@ def full_disk(free: int) -> Case:
         disk.mkdir()
         with small_disk(disk, used + free):
             shutil.copytree(folder, disk, dirs_exist_ok=True)
-            done = ended(bench.forks.start([*RUN, *NEW], disk))
+            done = bench.start(disk).result()
             fits = done.returncode == 0
             wrong = said_wrong(done, (0, 2), FULL) + bench.wrong(disk)
             here = content(disk / "result")["metrics.json"]
             return wrong + ([] if (here == bench.new["metrics.json"]) == fits else ["exit code and result disagree"])
 
-    return Case(f"{free} bytes free", "disk", play)
+    return Case(f"{free} bytes free", play)
 
 
 def at_once(count: int) -> Case:
@@ -159,13 +133,13 @@ def at_once(count: int) -> Case:
 
     def play(bench: Bench, folder: Path) -> list[str]:
         bench.new  # noqa: B018
-        running = [bench.forks.start([*RUN, *NEW], folder) for _ in range(count)]
-        done = [ended(one) for one in running]
+        running = [bench.start(folder) for _ in range(count)]
+        done = [one.result() for one in running]
         refused = r"error: output folder .*/result: another process \(\d+\) writes into it"
         wrong = [text for one in done for text in said_wrong(one, (0, 2), refused)] + bench.wrong(folder)
         return wrong + (["all were refused"] if all(one.returncode for one in done) else [])
 
-    return Case(f"{count} at once", "replaced", play)
+    return Case(f"{count} at once", play)
 
 
 def in_the_way(name: str, is_folder: bool) -> Case:
@@ -182,12 +156,12 @@ def in_the_way(name: str, is_folder: bool) -> Case:
             shutil.rmtree(place, ignore_errors=True)
             place.write_bytes(b"in the way")
             before = {**{path: kept for path, kept in before.items() if not path.startswith(name)}, name: b"in the way"}
-        done = ended(bench.forks.start([*RUN, *NEW], folder))
+        done = bench.start(folder).result()
         wrong = said_wrong(done, (2,), "error: output folder .* is a (file|folder); a (folder|file) was expected")
         wrong += [] if content(folder / "result") == before else ["something was changed"]
         return wrong + [f"left behind: {path}" for path in folder.iterdir() if path.name != "result"]
 
-    return Case(f"{'folder' if is_folder else 'file'} {name} in the way", "replaced", play)
+    return Case(f"{'folder' if is_folder else 'file'} {name} in the way", play)
 
 
 def left_by_a_killed_run(name: str, text: bytes) -> Case:
@@ -198,9 +172,9 @@ def left_by_a_killed_run(name: str, text: bytes) -> Case:
         (work / "new" / "figures").mkdir(parents=True)
         (work / "new" / "flight.nc").write_bytes(b"half")
         (work / "lock").write_bytes(text)
-        return said_wrong(ended(bench.forks.start([*RUN, *NEW], folder)), (0,), "") + bench.wrong(folder)
+        return said_wrong(bench.start(folder).result(), (0,), "") + bench.wrong(folder)
 
-    return Case(f"leftover .aerobat-{name}", "replaced", play)
+    return Case(f"leftover .aerobat-{name}", play)
 
 
 def from_inside(below: bool) -> Case:
@@ -208,13 +182,12 @@ def from_inside(below: bool) -> Case:
 
     def play(bench: Bench, folder: Path) -> list[str]:
         out, here = ("..", folder / "result" / "figures") if below else (".", folder / "result")
-        words = ["run", "paper", "--out", out, "--force", *SHORT, *NEW]
-        done = ended(bench.forks.start(words, here))
+        done = bench.start(here, "--out", out).result()
         wrong = said_wrong(done, (0,), "") + bench.wrong(folder)
         told = "it is or holds the current folder; so its files are replaced one by one" in done.stderr
         return wrong + ([] if told else [f"it does not say how it writes: {done.stderr}"])
 
-    return Case(f"into the current folder{' from below' * below}", "replaced", play)
+    return Case(f"into the current folder{' from below' * below}", play)
 
 
 def diverging(start: float, height: float) -> Case:
@@ -222,7 +195,7 @@ def diverging(start: float, height: float) -> Case:
 
     def play(bench: Bench, folder: Path) -> list[str]:
         push = f"unknown_force=[{{frame='left_force_point', signal='step', start={start}, height={height}}}]"
-        done = ended(bench.forks.start([*RUN, *NEW, "--set", push], folder))
+        done = bench.start(folder, "--set", push).result()
         line = r"error: scenario paper: the flight diverged at t = (?P<time>[\d.]+) s: .* is beyond the limit of .*"
         wrong = said_wrong(done, (2,), line)
         if (told := re.search(line, done.stderr)) is None:
@@ -236,7 +209,7 @@ def diverging(start: float, height: float) -> Case:
         wrong += [] if all(np.isfinite(flight[name]).all() for name in ("q", "v")) else ["the log is not finite"]
         return wrong + ([] if "DIVERGED" in scores["note"] else ["the note does not tell"])
 
-    return Case(f"push of {height:.0f} N at {start:.4f} s", "diverged", play)
+    return Case(f"push of {height:.0f} N at {start:.4f} s", play)
 
 
 def _replaced(rng: np.random.Generator) -> Case:
@@ -266,7 +239,7 @@ def _diverged(rng: np.random.Generator) -> Case:
     return diverging(float(rng.uniform(0.002, 0.01)), float(10.0 ** rng.uniform(3.5, 9.0)))
 
 
-KINDS: dict[str, Callable[[np.random.Generator], Case]] = {
+CASES: dict[str, Callable[[np.random.Generator], Case]] = {  # kind -> a random case of it
     "replaced": _replaced,
     "disk": _disk,
     "signals": _signals,

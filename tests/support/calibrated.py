@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -19,11 +18,11 @@ from aerobat_pin.aerobat import (
     true_force,
 )
 from aerobat_pin.aerobat.torque import Torque
-from aerobat_pin.estimation import Calibration, calibrate
+from aerobat_pin.estimation import Calibration, CalibrationWatch, calibrate
+from aerobat_pin.forces import KnownForces, KnownInputs, inputs_of
 from aerobat_pin.records import Record
 from aerobat_pin.scenario import AirSection, load_scenario
 from support.detection_bound import detectability, earliest
-from support.flights import flight_inputs
 from support.mismatch import MISMATCHES, Seen, flown, heavier, shifted
 
 STEEP = (  # a push of 50 ms that is there at once; those of `PUSHES` are an impulse, a soft push and a step
@@ -69,23 +68,21 @@ class FreeFlight:
         return free_record(self.log, self.plugged(), label="free")
 
 
-def believed(
-    log: FlightLog, settings: Sequence[str], change: Callable[[pin.Model], None] | None = None, torque: Any = "measured"
-) -> FreeFlight:
+def believed(log: FlightLog, settings: Sequence[str], change: Callable[[pin.Model], None] | None = None) -> FreeFlight:
     """Return a flight of `paper` with a belief: settings, and a change of the model."""
     scenario = load_scenario("paper", ["unknown_force=[]", *settings])
     robot: Aerobat = believed_robot(scenario)
     if change is not None:
         robot = replace(robot, model=robot.model.copy())
         change(robot.model)
-    return FreeFlight(log, robot, scenario.believed_air, torque)
+    return FreeFlight(log, robot, scenario.believed_air)
 
 
 @cache
-def free_flight(row: str, sensors: tuple[str, ...] = (), seed: int = 101, more: tuple[str, ...] = ()) -> FreeFlight:
+def free_flight(row: str, sensors: tuple[str, ...] = (), seed: int = 101) -> FreeFlight:
     """Return 4 s of free flight with one of the beliefs of `MISMATCHES`."""
     wrong = MISMATCHES[row]
-    log, _ = flown("no force", seed, (*FREE, *wrong.true, *more, *sensors))
+    log, _ = flown("no force", seed, (*FREE, *wrong.true, *sensors))
     return believed(log, wrong.believed, wrong.change)
 
 
@@ -95,16 +92,27 @@ def learnt(row: str, sensors: tuple[str, ...] = (), seed: int = 101) -> Calibrat
     return calibrate([free_flight(row, sensors, seed).record()], parameters=[])
 
 
+def flight_inputs(record: Record, calibration: Calibration | None) -> KnownInputs:
+    """Return the inputs of an observer of a whole flight, with a calibration that was `applied` to it, or without."""
+    forces, rows = KnownForces(record) if calibration is None else calibration.forces(record), record.robot.rows()
+    assert rows is not None
+    inputs = inputs_of(record, *record.parts[0], forces, rows)
+    if calibration is None:
+        return inputs
+    watch = CalibrationWatch(calibration)
+    watch.take(record, inputs, slice(0, len(inputs.tau)), ends=True)
+    return replace(inputs, calibration=watch.use())
+
+
 def seen_with(
     calibration: Calibration, free: FreeFlight, flight: str, seed: int = 1, more: tuple[str, ...] = ()
 ) -> Seen:
     """Return a flight as observers with the belief of a free flight, and a calibration, see it."""
-    log, scenario = flown(flight, seed, more)
+    log, _ = flown(flight, seed, more)
     record = calibration.applied(flight_record(log, free.plugged()))
     inputs = flight_inputs(record, calibration)
-    pushed = {force.frame for force in scenario.unknown_force}
-    truth = [true_force(log, name)[1] if name in pushed else np.zeros((len(inputs.tau), 3)) for name in FORCE_POINTS]
-    return Seen(record.robot.model, inputs, np.stack(truth, axis=1))
+    truth = np.stack([true_force(log, name)[1] for name in FORCE_POINTS], axis=1)
+    return Seen(record.robot.model, inputs, truth)
 
 
 def latencies(calibration: Calibration, free: FreeFlight, seed: int, noise: tuple[str, ...]) -> np.ndarray:

@@ -45,20 +45,14 @@ def _push(axis: str, signal: str) -> str:
     return f'{{frame="left_force_point", axes="world", direction={axis}, {signal}}}'
 
 
-PUSH = (  # on the left wing: a soft push along each axis, and 0.3 s of a steady force downward
-    "unknown_force=["
-    + ", ".join(
-        [
-            *(
-                _push(axis, f'signal="one_cosine", amplitude=0.2, duration=0.2, start={start}')
-                for axis, start in (("[1,0,0]", 0.3), ("[0,1,0]", 0.7), ("[0,0,1]", 1.1))
-            ),
-            _push("[0,0,-1]", 'signal="step", height=0.1, start=1.5, end=1.8'),
-        ]
-    )
-    + "]",
-)
-CONTACTS = 4  # of PUSH
+PUSHES = [  # on the left wing: a soft push along each axis, and 0.3 s of a steady force downward
+    *(
+        _push(axis, f'signal="one_cosine", amplitude=0.2, duration=0.2, start={start}')
+        for axis, start in (("[1,0,0]", 0.3), ("[0,1,0]", 0.7), ("[0,0,1]", 1.1))
+    ),
+    _push("[0,0,-1]", 'signal="step", height=0.1, start=1.5, end=1.8'),
+]
+PUSH, CONTACTS = (f"unknown_force=[{', '.join(PUSHES)}]",), len(PUSHES)
 FLIGHTS: dict[str, tuple[str, ...]] = {"push": PUSH, "paper": (), "no force": ("unknown_force=[]",)}
 STARTED = 0.25  # [s]: by then a rate of roll or yaw at the start has gone, and the air has forgotten it
 ELBOW = ("plant.elbow.stiffness=0.2", "plant.elbow.damping=2e-3")  # lags by 10 ms; with less it rings at 19 Hz
@@ -164,11 +158,9 @@ def estimated(settings: tuple[str, ...], calibration: Calibration, observers: Se
 
 def judged(result: Result, log: FlightLog, scenario: Scenario) -> Verdict:
     """Compare an estimate with the force of its flight, and its noise; that of `force_level` behind its low-pass."""
-    pushed = {force.frame for force in scenario.unknown_force}
     estimates = result.estimates
     count = len(estimates[OBSERVERS[0]].force)
-    none = np.zeros((count, 3))
-    truth = np.stack([true_force(log, name)[0] if name in pushed else none for name in FORCE_POINTS], axis=1)
+    truth = np.stack([true_force(log, name)[0] for name in FORCE_POINTS], axis=1)
     given = result.record.map.observer.gain
     seen = low_passed(truth.reshape(count, -1), -np.expm1(-given * result.record.dt)).reshape(truth.shape)
     errors = {name: found.force - (seen if name == "force_level" else truth) for name, found in estimates.items()}

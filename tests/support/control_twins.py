@@ -89,8 +89,6 @@ class Law:
         self.slow = slow + (1.0 - np.exp(-pilot.dt * pilot.control.lead / believed.lag)) * (wrench - slow)
         then = crank + rate * (believed.delay + 0.5 * pilot.dt)
         cosine, sine = np.cos(then), np.sin(then)
-        moment, its_rate = (
-            pilot.nominal.steering @ [cosine, sine],
-            pilot.nominal.steering @ [-rate * sine, rate * cosine],
-        )
+        moment = pilot.nominal.steering @ [cosine, sine]
+        its_rate = pilot.nominal.steering @ [-rate * sine, rate * cosine]
         return ahead + np.array([0.0, 0.0, 0.0, 0.0, moment + believed.lag * its_rate, 0.0])

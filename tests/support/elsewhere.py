@@ -6,8 +6,7 @@ import numpy as np
 
 from aerobat_pin.aerobat import FlightLog, belief_about, believed_robot, flight_record
 from aerobat_pin.estimation import Calibration
-from support.calibrated import FreeFlight
-from support.flights import flight_inputs
+from support.calibrated import FreeFlight, flight_inputs
 from support.mismatch import Seen
 from support.other_plant import ELBOW, SHOULDER, Push, crank_at, fly_elsewhere, series_at
 

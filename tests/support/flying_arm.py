@@ -9,6 +9,8 @@ import pandas as pd
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
+from support.robot_parts import channels
+
 RATE, STEP = 200, 0.001  # [Hz] of the table, [s] of the simulation
 THRUST, LATE = 12.0, 0.03  # [N] of a rotor at full speed, times the square of its command, which it follows so late [s]
 YAWS = 0.016  # [m] moment about its axis over the thrust of a rotor
@@ -132,12 +134,7 @@ def flying_map(folder: Path, points: list[str]) -> dict[str, Any]:
             "velocity": {"from": "pose", "window": 0.05},
             "rate": {"columns": ["wx", "wy", "wz"]},
         },
-        "joints": {
-            "names": JOINTS,
-            "position": {"columns": [f"{joint}_q" for joint in JOINTS]},
-            "velocity": {"columns": [f"{joint}_v" for joint in JOINTS]},
-            "effort": {"columns": [f"{joint}_tau" for joint in JOINTS]},
-        },
+        "joints": {"names": JOINTS, **channels(JOINTS, position="{}_q", velocity="{}_v", effort="{}_tau")},
         "check": {"specific_force": {"columns": ["ax", "ay", "az"]}},
         "known": {f"rotor_{k}": {"columns": [f"m{k}"], "frame": f"rotor_{k}", **rotor} for k in range(1, 5)},
         "observer": {"names": ["force_level"], "gain": 30.0},

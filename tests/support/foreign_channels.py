@@ -8,11 +8,13 @@ from aerobat_pin.records.bag_columns import MAGIC, RECORD_HEAD, mcap_records
 DATA_END = 0x0F  # opcode
 
 
-def _text(text: bytes) -> bytes:
-    return struct.pack("<I", len(text)) + text
+def mcap_texts(*contents: bytes) -> bytes:
+    """Return texts as MCAP has them, one behind the other."""
+    return b"".join(struct.pack("<I", len(content)) + content for content in contents)
 
 
-def _written(opcode: int, content: bytes) -> bytes:
+def mcap_record(opcode: int, content: bytes) -> bytes:
+    """Return a record of MCAP."""
     return struct.pack("<BQ", opcode, len(content)) + content
 
 
@@ -26,15 +28,14 @@ def with_foreign_channels(source: Path, target: Path) -> None:
         ((b"/status", b"json", b"jsonschema"), (b"/blob", b"protobuf", b"protobuf"), (b"/bare", b"json", b"")), 901
     ):
         if language:
-            schema = struct.pack("<H", number) + _text(b"Status") + _text(language) + _text(b"\n\xff\x80{}")
-            more += _written(0x03, schema)
-        more += _written(
-            0x04, struct.pack("<HH", number, number if language else 0) + _text(topic) + _text(encoding) + _text(b"")
-        )
-        more += _written(0x05, struct.pack("<HIQQ", number, 0, 1, 1) + b"{}")
+            schema = struct.pack("<H", number) + mcap_texts(b"Status", language, b"\n\xff\x80{}")
+            more += mcap_record(0x03, schema)
+        described = struct.pack("<HH", number, number if language else 0) + mcap_texts(topic, encoding, b"")
+        more += mcap_record(0x04, described)
+        more += mcap_record(0x05, struct.pack("<HIQQ", number, 0, 1, 1) + b"{}")
     data = source.read_bytes()
     with source.open("rb") as file:
         records = list(mcap_records(file))
     head, end = records[0][2], next(begin for opcode, begin, _ in records if opcode == DATA_END) - RECORD_HEAD
-    last = _written(DATA_END, bytes(4)) + _written(0x02, bytes(20)) + MAGIC
+    last = mcap_record(DATA_END, bytes(4)) + mcap_record(0x02, bytes(20)) + MAGIC
     target.write_bytes(data[:head] + more + data[head:end] + last)

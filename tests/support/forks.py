@@ -106,17 +106,11 @@ class Forks:
         return answer
 
 
-def fork(
-    said: Path,
-    words: list[str],
-    cwd: str,
-    largest_file: int | None,
-    ignored: list[int],
-    more_memory: int | None,
-    patience: int | None,
-    pages: bool,
-) -> int:
-    """Fork a process that is as a fresh one, and return its number; in that process, run `aerobat` and end."""
+def fork(said: Path, wanted: dict[str, Any]) -> int:
+    """Fork a process that is as a fresh one, and return its number; in that process, run `aerobat` and end.
+
+    The keys of `wanted` are the arguments of `Forks.start`.
+    """
     from aerobat_pin import visualization
     from aerobat_pin.cli import main
     from aerobat_pin.errors import end_on_signals
@@ -132,19 +126,19 @@ def fork(
             os.dup2(os.open(said / f"{os.getpid()}.{name}", os.O_WRONLY | os.O_CREAT), stream)
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         for number in ENDING:
-            signal.signal(number, signal.SIG_IGN if number in ignored else signal.SIG_DFL)
+            signal.signal(number, signal.SIG_IGN if number in wanted["ignored"] else signal.SIG_DFL)
         end_on_signals()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
-        if largest_file is not None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
-        if more_memory is not None:
+        if (largest := wanted["largest_file"]) is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
+        if (more := wanted["more_memory"]) is not None:
             taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-            resource.setrlimit(resource.RLIMIT_AS, (taken + more_memory,) * 2)
-        signal.alarm(patience or 0)
-        if not pages:
+            resource.setrlimit(resource.RLIMIT_AS, (taken + more,) * 2)
+        signal.alarm(wanted["patience"] or 0)
+        if not wanted["pages"]:
             visualization.write_figures_and_pages = lambda *_: None
-        os.chdir(cwd)
-        sys.argv = ["aerobat", *words]
+        os.chdir(wanted["cwd"])
+        sys.argv = ["aerobat", *wanted["words"]]
         main()
     except SystemExit as end:
         sys.stdout.flush()
@@ -194,7 +188,7 @@ def serve(said: Path) -> None:
         elif "warm" in wanted:
             answer = warmed(wanted["warm"], wanted["cwd"])
         else:
-            answer = fork(said, **wanted)
+            answer = fork(said, wanted)
         print(answer, flush=True)
 
 

@@ -71,9 +71,8 @@ class KalmanTwin:
             u = torque + sum((values[k] for values in known.values()), np.zeros(nv))
             speeds.append(samples[k + 1][2])
             count += 1
-            repaired = u + sum(
-                (x[nv + h + i] * known[name][k] for i, name in enumerate(self.known_error)), np.zeros(nv)
-            )
+            errors = (x[nv + h + i] * known[name][k] for i, name in enumerate(self.known_error))
+            repaired = u + sum(errors, np.zeros(nv))
             if self.mass_error:
                 repaired = repaired + x[-1] * u
             rest, unseen, shown = self.explain(samples[k], samples[k + 1], repaired, dt)
@@ -154,13 +153,8 @@ class KalmanTwin:
                 after, P_after = back @ after, back @ P_after @ back.T
                 scale = np.sqrt(np.diag(next_P_ahead))  # unknown torques are 1e8 times as large as all else
                 balanced = next_P_ahead / np.outer(scale, scale)
-                C = (
-                    P
-                    @ next_F.T
-                    / scale
-                    @ np.linalg.pinv(balanced, 1e-11 if unseen.size else 0.0, hermitian=True)
-                    / scale
-                )
+                inverse = np.linalg.pinv(balanced, 1e-11 if unseen.size else 0.0, hermitian=True)
+                C = P @ next_F.T / scale @ inverse / scale
                 x, P = x + C @ (after - next_ahead), P + C @ (P_after - next_P_ahead) @ C.T
             later = x, P, *earlier
             found.append(basis @ x[nv : nv + h])
@@ -223,6 +217,5 @@ def leaked(ended: Vector, begun: Vector, dt: float) -> float:
     share = 1.0 - np.exp(-dt / 0.015)
     steps = np.arange(4000)
     response = share**2 * (steps + 1) * (1.0 - share) ** steps
-    return float(np.sum((np.outer(response[1:], ended) - np.outer(response[:-1], begun)) ** 2)) + float(
-        np.sum((response[0] * ended) ** 2)
-    )
+    later = np.outer(response[1:], ended) - np.outer(response[:-1], begun)
+    return float(np.sum(later**2) + np.sum((response[0] * ended) ** 2))

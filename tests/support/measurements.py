@@ -41,14 +41,9 @@ def plates() -> list[Plates]:
     """
     table = np.genfromtxt(MEASURED / "plates.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     stalled = np.arange(60.0, 91.0, 5.0)
-    normal = (1.11 + 0.018 * 4.0) * np.sin(np.radians(stalled))
-    fit = Plates(
-        "stalled plates, fit, aspect ratio 4",
-        4.0,
-        stalled,
-        normal * np.cos(np.radians(stalled)),
-        normal * np.sin(np.radians(stalled)),
-    )
+    cosine, sine = np.cos(np.radians(stalled)), np.sin(np.radians(stalled))
+    normal = (1.11 + 0.018 * 4.0) * sine
+    fit = Plates("stalled plates, fit, aspect ratio 4", 4.0, stalled, normal * cosine, normal * sine)
     found = []
     for key, name, aspect_ratio in (
         ("towed", "aspect ratio 2, Re 100", 2.0),

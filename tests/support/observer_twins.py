@@ -112,7 +112,7 @@ def second_order(gain: float, dt: float, value: float, state: Vector) -> Vector:
     return expm(dt * np.array([[0.0, 1.0], [-w * w, -2.0 * w]])) @ (state - [value, 0.0]) + [value, 0.0]
 
 
-def super_twisting(gain: float, dt: float, value: float, state: Vector, slope: float) -> Vector:
+def super_twisting(gain: float, dt: float, value: float, state: Vector, slope: float = 1.0) -> Vector:
     """Advance the super-twisting observer (z, e) by implicit Euler, its equation solved by bisection."""
     w = SETTLED * gain
 
@@ -161,13 +161,9 @@ class ObserverTwin:
 
     def filter(self, dt: float, values: Vector) -> Vector:
         """Advance every quantity on its own."""
+        advance = {"second_order": second_order, "super_twisting": super_twisting}.get(self.name, first_order)
         for i, value in enumerate(values):
-            if self.name == "second_order":
-                self.state[i] = second_order(self.gain[i], dt, value, self.state[i])
-            elif self.name == "super_twisting":
-                self.state[i] = super_twisting(self.gain[i], dt, value, self.state[i], slope=1.0)
-            else:
-                self.state[i] = first_order(self.gain[i], dt, value, self.state[i])
+            self.state[i] = advance(self.gain[i], dt, value, self.state[i])
         return self.state[:, 0].copy()
 
     def update(

@@ -180,10 +180,8 @@ class Geometry:
         still = np.concatenate([np.sum(part, axis=0) for part in self.momenta(NONE, NONE, state.x)])
         d, m, n = self.com - state.x, self.mass, self.normal
         skew = np.einsum("ijk,bk->bij", LEVI, m[:, None] * d)  # m d x, with the sign of -(d x w) = w x d
-        first, second = (
-            np.concatenate([n, cross(self.place, n)], axis=1),
-            np.concatenate([n, cross(self.place - state.x, n)], axis=1),
-        )
+        first = np.concatenate([n, cross(self.place, n)], axis=1)
+        second = np.concatenate([n, cross(self.place - state.x, n)], axis=1)
         A = np.einsum("si,s,sj->ij", first, self.carried, second)
         A[:3, :3] += np.sum(m) * np.eye(3)
         A[:3, 3:] += np.sum(skew, axis=0)

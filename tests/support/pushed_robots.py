@@ -77,11 +77,8 @@ def pushed_robot(name: str, seed: int = 0) -> Pushed:
         for limit in (model.lowerPositionLimit, model.upperPositionLimit)
     )
     middle = np.clip(rng.uniform(-0.3, 0.3, len(at_q)), low + 0.2 * (high - low), high - 0.2 * (high - low))
-    size, omega, phase = (
-        np.minimum(SWING, SWING * (high - low)),
-        rng.uniform(2.0, 6.0, len(at_q)),
-        rng.uniform(0.0, 6.0, len(at_q)),
-    )
+    size = np.minimum(SWING, SWING * (high - low))
+    omega, phase = rng.uniform(2.0, 6.0, len(at_q)), rng.uniform(0.0, 6.0, len(at_q))
     q, v = pin.neutral(model), np.zeros(model.nv)
     q[at_q], v[at_v] = middle + size * np.sin(phase), size * omega * np.cos(phase)
     if robot.free:
@@ -95,10 +92,8 @@ def pushed_robot(name: str, seed: int = 0) -> Pushed:
             a = np.zeros(model.nv)
             a[at_v] = -size * omega**2 * np.sin(angle) + 400.0 * (middle + size * np.sin(angle) - q[at_q])
             a[at_v] += 40.0 * (size * omega * np.cos(angle) - v[at_v])
-            pushing = (
-                pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3].T
-                @ log.true(np.array([t]))[0]
-            )
+            J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)[:3]
+            pushing = J.T @ log.true(np.array([t]))[0]
             if robot.free:
                 need = pin.rnea(model, data, q, v, a) - pushing
                 a[:6] -= np.linalg.solve(pin.crba(model, data, q)[:6, :6], need[:6])

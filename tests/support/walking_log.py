@@ -69,15 +69,11 @@ def walk(duration: float = 3.0, rate: float = 500.0) -> Walk:
     v = np.array([velocity(t) for t in time])
     a = np.array([(velocity(t + TINY) - velocity(t - TINY)) / (2 * TINY) for t in time])
     tau, force = np.empty((len(time), 12)), np.empty((len(time), 4, 3))
-    weight = 9.81 * pin.computeTotalMass(model)
+    weight, axes = 9.81 * pin.computeTotalMass(model), pin.LOCAL_WORLD_ALIGNED
+    feet = [model.getFrameId(foot) for foot in FEET]
     for k, t in enumerate(time):
         needed = pin.rnea(model, data, q[k], v[k], a[k])
-        J = np.concatenate(
-            [
-                pin.computeFrameJacobian(model, data, q[k], model.getFrameId(foot), pin.LOCAL_WORLD_ALIGNED)[:3]
-                for foot in FEET
-            ]
-        )
+        J = np.concatenate([pin.computeFrameJacobian(model, data, q[k], foot, axes)[:3] for foot in feet])
         share = 1.0 + 0.5 * np.sin(2 * np.pi * 0.8 * t + np.array([0.0, np.pi, np.pi, 0.0]))
         f = np.zeros((4, 3))
         f[:, 2] = 0.25 * weight * share
@@ -143,15 +139,15 @@ def table_map(robot: Path) -> dict[str, object]:
     }
 
 
-def bag(walked: Walk, path: Path, late: float = 3.0e-3, seed: int = 1, *, odometry_ahead: float = 0.0) -> None:
-    """Write a walk as a ROS 2 bag: topics at their own rates, recorded `late` after their stamps, with scatter.
+def bag(walked: Walk, path: Path, *, odometry_ahead: float = 0.0) -> None:
+    """Write a walk as a ROS 2 bag: topics at their own rates, recorded 3 ms after their stamps, with scatter.
 
     The clock of the odometry is ahead of the others' [s].
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
-    store, rng = get_typestore(Stores.ROS2_HUMBLE), np.random.default_rng(seed)
+    store, rng = get_typestore(Stores.ROS2_HUMBLE), np.random.default_rng(1)
     make = store.types
     begin = 1_700_000_000.0
 
@@ -180,12 +176,11 @@ def bag(walked: Walk, path: Path, late: float = 3.0e-3, seed: int = 1, *, odomet
             pose = make["geometry_msgs/msg/PoseWithCovariance"](place, none36)
             twist = make["geometry_msgs/msg/Twist"](vector(v[:3]), vector(v[3:6]))
             twist = make["geometry_msgs/msg/TwistWithCovariance"](twist, none36)
-            messages.append(
-                (t, "/odom", make["nav_msgs/msg/Odometry"](header(t + odometry_ahead), "trunk", pose, twist))
-            )
+            odometry = make["nav_msgs/msg/Odometry"](header(t + odometry_ahead), "trunk", pose, twist)
+            messages.append((t, "/odom", odometry))
             wrench = make["geometry_msgs/msg/Wrench"](vector(walked.force[k, 0]), vector(np.zeros(3)))
             messages.append((t, "/ft", make["geometry_msgs/msg/WrenchStamped"](header(t), wrench)))
-    recorded = [(begin + t + late + 1.0e-3 * rng.standard_normal(), topic, message) for t, topic, message in messages]
+    recorded = [(begin + t + 3.0e-3 + 1.0e-3 * rng.standard_normal(), topic, message) for t, topic, message in messages]
     with Writer(path, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
         connections = {}
         for stamp, topic, message in sorted(recorded, key=lambda item: item[0]):

@@ -76,15 +76,15 @@ class Call:
         return made
 
 
-def _stepped(plant: Any) -> Callable[..., Any]:
-    """Return the first step of a flight that begins anew with every call."""
+def _anew(begin: Callable[[], object], method: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a method whose every call is the first after a new beginning."""
 
-    @wraps(plant.step)
-    def step(**arguments: Any) -> Any:
-        plant.start()
-        return plant.step(**arguments)
+    @wraps(method)
+    def first(**arguments: Any) -> Any:
+        begin()
+        return method(**arguments)
 
-    return step
+    return first
 
 
 @cache
@@ -128,7 +128,8 @@ def calls() -> dict[str, Call]:
     quick = ["unknown_force=[]", "simulation.dt=5e-3", "simulation.duration=0.2", "crank.frequency=20", *short[1:]]
     free_paper = api.load_scenario("paper", quick)
     free = {"robot": api.AerobatRobot.of(api.believed_robot(free_paper), free_paper.air), "section": None}
-    free_flight = api.free_record(api.simulate(free_paper), **free)
+    free_log = api.simulate(free_paper)
+    free_flight = api.free_record(free_log, **free)
     swept = {"gain": [1.0, 2.0], "observer": ["momentum"]}
     grid = xr.Dataset({"rmse": ((*swept, "point", "axis"), np.ones((2, 1, 1, 3))), "failed": ("gain", ["", ""])}, swept)
     learnt = api.calibrate([free_flight], harmonics=1, parameters=["friction"])
@@ -156,7 +157,7 @@ def calls() -> dict[str, Call]:
         **{"start": 0.1, "rate": 1.0, "duration": 1.0, "velocity": (0.0, 0.0, 1.0), "edges": edges[:3]},
         **{"measured": log.measured, "truth": log.truth, "picture": shown, "closure": closure, "link": "left_distal"},
     }
-    own: dict[str, dict[str, Any]] = {
+    own: dict[str, dict[str, Any]] = {  # arguments of these functions alone; those of inner rooms are not public here
         "load_scenario": {"source": "paper"},
         "parse_scenario": {"values": paper.model_dump(exclude_none=True)},
         "Tie": {"name": "tie"},
@@ -193,6 +194,23 @@ def calls() -> dict[str, Call]:
         "effects_text": {"effects": api.sweep_effects(grid)},
         "estimate_dataset": {"estimates": done.estimates},
         "force_columns": {"estimate": estimate},
+        "belief_about": {"name": "log", "names": ["momentum"], "settings": []},
+        "free_record": {"log": free_log, **free},
+        "calibrate": {"records": [free_flight], "harmonics": 1, "parameters": [], "trust": False},
+        "calibration_bytes": {"calibration": learnt},
+        "read_calibration": {"path": folder / "calibration.nc"},
+        "Expected": {**dict.fromkeys(("row_error", "stiction", "stiction_rate"), np.ones(2)), "force": np.ones(3)}
+        | {"doubt": 1.0},
+        "fit_friction": {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02},
+        "check_names": {"names": ["momentum"]},
+        "describe_belief": {"settings": []},
+        "flight_summary": {"mass": 0.04},
+        "LiveFlight": {"scenario": loop},
+        "LiveRobot": {"name": "double_pendulum", "points": ()},
+        "known_inputs": {"torque": "measured"},
+        "point_label": {},
+        "r_squared": {"estimate": noise, "truth": noise},
+        **_recordings(api, folder, done),
     }
     methods: list[tuple[Callable[..., Any], dict[str, Any]]] = [
         (log.save, {"path": folder / "again.nc"}),
@@ -201,9 +219,10 @@ def calls() -> dict[str, Call]:
         (good["noise"].deviations, {}),
         (observer.reset, {"time": 0.0}),
         (kalman.trust_model, {"misfit": 0.1}),
-        *((_streamed(one, q, v), sample) for one in (observer, kalman)),
+        *((_anew(partial(one.reset, q, v), one.update), sample) for one in (observer, kalman)),
         *((one.run, record) for one in (observer, kalman, smoother)),
         (estimate.component, {}),
+        (friction.torque, {"v": joints["v"], "a": joints["a"]}),
         (api.bias_of(noise).remove, {}),
         *((method, {}) for one in (level, cusum) for method in (one.detect, one.statistic, one.latency)),
         (action.cross, {"outline": [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]}),
@@ -222,63 +241,20 @@ def calls() -> dict[str, Call]:
         *((method, {}) for method in (bat.wing.attach, bat.wing.chord, bat.wing.leading_edge, bat.wing.outline)),
         *((method, {"time": edges[:3]}) for method in (plant.closure, plant.wind)),
         (plant.start, {"step_means": np.zeros((2, 2, 3)), "start": None, "endless": False}),
-        (_stepped(plant), {"command": np.zeros(6), "crank_rate": None}),
+        (_anew(plant.start, plant.step), {"command": np.zeros(6), "crank_rate": None}),
         (plant.rates, {"joints": np.zeros((3, 2)), "air": plant.initial.air, "held": np.zeros((2, 2)), "time": 0.0}),
         (plant.fly, {"count": 2, "step_means": np.zeros((2, 2, 2)), "start": None}),
         (api.Wake(edges[:2], zeros, wake, still).mean_trailing, {"start": 0.0, "end": 1.0}),
     ]
-    found: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
-        "assign": (partial(api.assign, {"a": 1}), {"key": "a", "value": 1, "source": "here"}),
-        "belief_about": (
-            api.belief_about,
-            {"log": log, "name": "log", "morphology": "aerobat", "names": ["momentum"], "settings": []},
+    calls = {
+        "assign": Call(partial(api.assign, {"a": 1}), {"key": "a", "value": 1, "source": "here"}),
+        "JointFriction": Call(
+            api.JointFriction, {**dict.fromkeys(api.FRICTION_COEFFICIENTS, np.zeros(2)), "rate": 0.02}
         ),
-        "free_record": (api.free_record, {"log": api.simulate(free_paper), "label": "free", **free}),
-        "calibrate": (
-            api.calibrate,
-            {"records": [free_flight], "harmonics": 1, "parameters": [], "trust": False} | {"progress": None},
-        ),
-        "calibration_bytes": (api.calibration_bytes, {"calibration": learnt}),
-        "read_calibration": (api.read_calibration, {"path": folder / "calibration.nc"}),
-        "JointFriction": (
-            api.JointFriction,
-            {name: np.zeros(2) for name in ("coulomb", "viscous", "inertia", "offset")} | {"rate": 0.02},
-        ),
-        "JointFriction.torque": (friction.torque, {"v": joints["v"], "a": joints["a"]}),
-        "Expected": (
-            api.Expected,
-            {
-                "force": np.ones(3),
-                "row_error": np.ones(2),
-                "stiction": np.ones(2),
-                "stiction_rate": np.ones(2),
-                "doubt": 1.0,
-            },
-        ),
-        "fit_friction": (api.fit_friction, {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02}),
-        "check_names": (api.check_names, {"names": ["momentum"]}),
-        "describe_belief": (api.describe_belief, {"belief": paper, "morphology": "aerobat", "settings": []}),
-        "estimate_flight": (api.estimate_flight, {"log": log, "robot": bat, "belief": paper, "progress": None}),
-        "flight_summary": (api.flight_summary, {"log": log, "mass": 0.04}),
-        "LiveFlight": (api.LiveFlight, {"scenario": loop}),
-        "LiveRobot": (api.LiveRobot, {"name": "double_pendulum", "points": ()}),
-        "known_inputs": (
-            api.known_inputs,
-            {"log": log, "robot": bat, "torque": "measured", "air": paper.air},
-        ),
-        "flight_motion": (api.flight_motion, {"log": log, "robot": bat, "air": blank["air"]}),
-        "point_label": (api.point_label, {"frame": frame}),
-        "r_squared": (api.r_squared, {"estimate": noise, "truth": noise}),
-        "read_log": (api.read_log, {"path": folder / "log.csv"}),
-        "self_check": (api.self_check, {"robot": bat, "belief": paper}),
-        "true_events": (api.true_events, {"log": log}),
-        "true_force": (api.true_force, {"log": log, "frame": frame}),
-        **_recordings(api, folder, model, log, done),
     }
-    calls = {name: Call(*pair) for name, pair in found.items()}
-    for name, function in public_callables().items():
-        if name not in calls and name not in EXCLUDED:
-            calls[name] = _call(function, good, own.get(name, {}))
+    for name in [*own, *public_callables()]:
+        if name not in calls and (name in own or name not in EXCLUDED):
+            calls[name] = _call(getattr(api, name), good, own.get(name, {}))
     for method, mine in methods:
         made = _call(method, good, mine)
         name = method.__qualname__
@@ -292,59 +268,31 @@ def _call(function: Callable[..., Any], good: dict[str, Any], own: dict[str, Any
     return Call(function, {name: own.get(name, good.get(name)) for name in names if name in own or name in good})
 
 
-def _recordings(
-    api: Any, folder: Path, model: pin.Model, log: Any, done: Any
-) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
-    """Return calls of what reads recordings of any robot: a second of a quadrotor."""
-    drone.flight(1.5).to_csv(folder / "drone.csv", index=False)
+def _recordings(api: Any, folder: Path, done: Any) -> dict[str, dict[str, Any]]:
+    """Return arguments of what reads recordings of any robot: a second of a quadrotor."""
+    log = folder / "drone.csv"
+    drone.flight(1.5).to_csv(log, index=False)
     values: dict[str, Any] = {key: part for key, part in drone.MAP.items() if key not in ("known", "check")}
     read = api.parse_map(values, "here")
     (folder / "map.toml").write_text(tomli_w.dumps(values))
-    found = api.estimate(api.open_record(folder / "drone.csv", read, folder))
-    record = api.open_record(folder / "drone.csv", read, folder)
-    data = api.estimate_dataset(done.estimates)
+    record = api.open_record(log, read, folder)
     return {
-        "load_robot": (api.load_robot, {"name": "double_pendulum"}),
-        "parse_map": (api.parse_map, {"values": values, "source": "here"}),
-        "load_map": (api.load_map, {"path": folder / "map.toml"}),
-        "with_options": (
-            api.with_options,
-            {"chosen": read, "said": None, "points": ["body"], "observers": ["momentum"]},
-        ),
-        "open_record": (
-            api.open_record,
-            {"path": folder / "drone.csv", "chosen": read, "folder": folder, "robot": None},
-        ),
-        "estimate": (
-            api.estimate,
-            {"record": record, "observers": ["momentum"], "calibration": None, "trust": False, "progress": None},
-        ),
-        "stream_of": (api.stream_of, {"record": record}),
-        "check_record": (api.check_record, {"record": record}),
-        "suggested_map": (api.suggested_map, {"log": folder / "drone.csv", "robot": None}),
-        "OnlineEstimator": (
-            api.OnlineEstimator,
-            {"chosen": read, "folder": folder, "heard": None, "calibration": None, "wait": 0.0, "expected": None},
-        ),
-        "LiveRecording": (api.LiveRecording, {"log": folder / "drone.csv", "chosen": read, "folder": folder}),
-        "check_mcap_file": (api.check_mcap_file, {"path": folder / "new.mcap", "force": False}),
-        "write_mcap": (api.write_mcap, {"result": found, "path": folder / "drone.mcap"}),
-        "write_flight_mcap": (
-            api.write_flight_mcap,
-            {"model": model, "log": log, "estimates": data, "path": folder / "bat.mcap"},
-        ),
+        "load_robot": {"name": "double_pendulum"},
+        "parse_map": {"values": values},
+        "load_map": {"path": folder / "map.toml"},
+        "with_options": {"chosen": read, "said": None, "points": ["body"], "observers": ["momentum"]},
+        "open_record": {"path": log, "chosen": read, "robot": None},
+        "estimate": {"record": record, "observers": ["momentum"], "calibration": None, "trust": False},
+        "stream_of": {"record": record},
+        "check_record": {"record": record},
+        "suggested_map": {"log": log, "robot": None},
+        "OnlineEstimator": {"chosen": read, "heard": None, "calibration": None, "wait": 0.0, "expected": None}
+        | {"values": None},
+        "LiveRecording": {"log": log, "chosen": read},
+        "check_mcap_file": {"path": folder / "new.mcap", "force": False},
+        "write_mcap": {"result": api.estimate(record), "path": folder / "drone.mcap"},
+        "write_flight_mcap": {"estimates": api.estimate_dataset(done.estimates), "path": folder / "bat.mcap"},
     }
-
-
-def _streamed(observer: Any, q: Any, v: Any) -> Callable[..., Any]:
-    """Return `update` as the second sample of a new stream."""
-
-    @wraps(observer.update)
-    def update(**sample: Any) -> Any:
-        observer.reset(q, v)
-        return observer.update(**sample)
-
-    return update
 
 
 SHIPPED = Path(inspect.getfile(scenario)).with_name("shipped")
