@@ -126,16 +126,10 @@ def closed_state(
             joint = f"{side}_{name}"
             if not model.existJointName(joint):
                 raise FrameNotFoundError(joint, list(model.names))
-            moving = [closure.bars[bar], *([] if carrier is None else [closure.bars[carrier]])]
             index = model.joints[model.getJointId(joint)]
-            angle, rate, change = (
-                float(part[0] - sum(part[1:]))
-                for part in zip(
-                    *((arm.at, closure.rate(arm), closure.acceleration(arm)) for arm in moving), strict=True
-                )
-            )
-            relative = crank_angle if name == "crank" else float(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
-            q[index.idx_q], v[index.idx_v], a[index.idx_v] = relative, rate, change
+            moving = closure.bars[bar] if carrier is None else closure.bars[bar] - closure.bars[carrier]
+            q[index.idx_q], v[index.idx_v] = moving.at, closure.rate(moving)
+            a[index.idx_v] = closure.acceleration(moving)
     return q, v, a
 
 
