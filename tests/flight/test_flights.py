@@ -78,13 +78,6 @@ def test_a_tumbling_robot_is_observed_as_well_as_a_flying_one() -> None:
             assert r2(flight, observer, wing).min() >= 0.999
 
 
-def test_halving_the_step_moves_the_flight_by_less_than_a_millimetre() -> None:
-    """Noise and step are held on their own clock, so the step of the integrator is nobody's business but its own."""
-    coarse, fine = (simulate(load_scenario("paper", [f"simulation.dt={dt}"])) for dt in (1e-3, 5e-4))
-    gap = coarse.measured["q"].values[:, :3] - fine.measured["q"].values[::2, :3]
-    assert np.max(np.abs(gap)) < 1e-3
-
-
 def test_a_trimmed_flight_repeats_itself_every_flap() -> None:
     """Without noise and step the trimmed robot keeps its height within a body's height for 2 s, open loop.
 
