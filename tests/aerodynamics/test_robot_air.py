@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from support.gliding import AIR, NO_DRAG, SHAPE, WING, evaluate, gliding, settled
 from support.kernel_cases import instant
 
-from aerobat_pin.aerobat import LINKS, Aerobat, RobotAir, Wing, flown_robot, load_aerobat
+from aerobat_pin.aerobat import LINKS, Aerobat, RobotAir, RobotInAir, Wing, flown_robot, load_aerobat
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.flight import Plant, simulate
 from aerobat_pin.scenario import load_scenario, scenario_toml
@@ -33,11 +33,7 @@ def robot() -> Aerobat:
 
 def twists_of(robot: Aerobat, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return every link's twist in its own frame (5, 6)."""
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, q, v)
-    frames = [robot.model.getFrameId(link) for link in LINKS]
-    local = pin.ReferenceFrame.LOCAL
-    return np.array([pin.getFrameVelocity(robot.model, data, frame, local).vector for frame in frames])
+    return RobotInAir(robot, AIR).link_twists(q[None], v[None])[0]
 
 
 def mirror_state(state: np.ndarray) -> np.ndarray:
