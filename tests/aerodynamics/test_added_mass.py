@@ -9,7 +9,6 @@ import pytest
 from support import twins
 from support.kernel_cases import instant, plant_of
 
-from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.aerobat.wing import LINKS
 from aerobat_pin.aerodynamics.planform import added_mass_factor
 from aerobat_pin.experiments.experiment import run
@@ -157,28 +156,6 @@ def test_what_the_added_mass_takes_is_its_kinetic_energy() -> None:
     np.testing.assert_allclose(work, energy[0] - energy[1:], rtol=0.0, atol=2e-4 * energy.max())
 
 
-def test_the_logged_channel_is_the_change_of_momentum_and_asks_for_no_acceleration() -> None:
-    """-(p_a,k+1 - p_a,k) / dt + mean(C_a^T v), p_a = M_a v, by Simpson's rule.
-
-    Its middle comes from the run at half the step. Independent
-    of the accelerations that the plant knows; this is how a recorded flight would find the channel.
-    """
-    dt, plant = 1e-3, plant_of("paper", COLD)
-    logs = [
-        simulate(load_scenario("paper", [f"simulation.dt={step}", "simulation.duration=0.2"])) for step in (dt, dt / 2)
-    ]
-    q, v = (logs[1].measured[name].values for name in ("q", "v"))
-    p, turning = np.empty_like(v), np.empty_like(v)
-    for k, (at, speed) in enumerate(zip(q, v, strict=True)):
-        p[k] = twins.added_mass(plant, at, speed, STILL)[0] @ speed
-        turning[k] = sum(m * n_rate * (n @ speed) for m, n, n_rate in normals(plant, at, speed))
-    simpson = (turning[:-2:2] + 4.0 * turning[1::2] + turning[2::2]) / 6.0
-    expected = -(p[2::2] - p[:-2:2]) / dt + simpson
-    found = logs[0].truth["added_mass"].values
-    scale = np.abs(expected).max(axis=0) + 1e-6
-    assert np.max(np.abs(found - expected) / scale) < 1e-4
-
-
 def scores(settings: list[str]) -> np.ndarray:
     """Return R2 of the paper's forces, both observers, wings and axes."""
     experiment = run(load_scenario("paper", ["simulation.duration=1.2", *settings]))
@@ -193,24 +170,6 @@ def test_the_observer_finds_the_forces_as_well_with_added_mass_as_without() -> N
     with_it, without = scores([]), scores(["air.added_mass=0.0"])
     assert with_it.min() > 0.999
     np.testing.assert_allclose(with_it, without, atol=2e-4)
-
-
-def test_an_observer_that_is_not_told_of_the_added_mass_sees_it_as_a_force() -> None:
-    """The channel matters: without it the residual is wrong by tens of millinewton, several times the noise."""
-    from aerobat_pin.aerobat.flight_record import known_inputs
-    from aerobat_pin.observers import ForceLevelObserver
-
-    experiment = run(load_scenario("paper", ["simulation.duration=0.5"]))
-    inputs, frames = known_inputs(experiment.log, experiment.robot), experiment.scenario.observers.frames
-    ignorant = {name: value for name, value in inputs.known.items() if name != "added_mass"}
-    truth = np.stack([true_force(experiment.log, frame)[0] for frame in frames], axis=1)
-    missed = []
-    for known in (inputs.known, ignorant):
-        observer = ForceLevelObserver(experiment.robot.model, frames, 2000.0)
-        force = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, known).force
-        missed.append(float(np.sqrt(np.mean((force - truth) ** 2))))
-    assert missed[0] < 2e-3
-    assert missed[1] > 10.0 * missed[0]
 
 
 def test_wings_lighter_than_their_air_fly_without_trouble() -> None:

@@ -1,4 +1,4 @@
-"""The lifting line as a model: its matrices are its equations, its stations fit its sines, any planform goes in.
+"""The lifting line as a model: its matrices are its equations, any planform goes in.
 
 That it agrees with the classics is in test_lifting_line_ladder.py. Added mass of wings with open tips: closed forms of
 discs, tables of plates, reciprocity.
@@ -38,15 +38,6 @@ def test_the_matrices_are_the_equations(strips: int, seed: int) -> None:
     # Unsteady Kutta-Joukowski: the lift is also rho U Gamma + rho c Gamma'.
     circulation, growth = line.split(state)[2], line.split(rates)[2]
     assert lift == pytest.approx(1.225 * (speed * circulation + line.chord * growth), rel=1e-12, abs=1e-9)
-
-
-def test_the_sine_matrix_is_orthogonal() -> None:
-    """At theta_i = i pi/(N + 1), sum_i sin(n theta_i) sin(m theta_i) = (N + 1)/2 delta_nm: condition 1."""
-    line = LiftingLine(1.0, 0.1, strips=16)
-    sines = np.sin(np.outer(line.theta, np.arange(1, 17)))
-    assert sines.T @ sines == pytest.approx(8.5 * np.eye(16), abs=1e-13)
-    assert np.linalg.cond(sines) == pytest.approx(1.0, abs=1e-12)
-    assert line.y == pytest.approx(-line.y[::-1], abs=1e-15)
 
 
 def test_the_downwash_of_an_elliptic_circulation_is_uniform() -> None:

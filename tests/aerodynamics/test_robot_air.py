@@ -104,18 +104,6 @@ def test_symmetric_flapping_pushes_neither_sideways_nor_rolls_nor_yaws(robot: Ae
     assert np.max(np.abs(total[[1, 3, 5]])) < 1e-12 * np.max(np.abs(total))
 
 
-def test_the_air_does_not_care_where_the_robot_is_or_heads(robot: Aerobat) -> None:
-    """Loads follow from link twists alone: another place and attitude with the same body twist changes nothing."""
-    rng = np.random.default_rng(6)
-    q, v, state = pin.neutral(robot.model), rng.normal(size=10), 0.1 * rng.normal(size=AIR.state_size)
-    q[7:] = rng.uniform(-1.0, 0.5, 4)
-    moved = q.copy()
-    moved[:7] = pin.SE3ToXYZQUAT(pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)))
-    here, there = (evaluate(AIR, twists_of(robot, place, v), state) for place in (q, moved))
-    assert there[0] == pytest.approx(here[0], abs=1e-12)
-    assert there[1] == pytest.approx(here[1], abs=1e-12)
-
-
 @settings(max_examples=30, derandomize=True)
 @given(SEEDS)
 def test_drag_alone_never_gives_energy(seed: int) -> None:

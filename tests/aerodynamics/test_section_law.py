@@ -140,11 +140,3 @@ def test_a_pitching_section_of_the_robots_is_theodorsens_and_garricks(k: float, 
     force, moment = (part / line.width.sum() for part in fly_on_links(line, stroke, cycles))
     turn = 2.0 * np.exp(-2j * np.pi * np.arange(STEPS) / STEPS) / STEPS * 1j
     assert_section(Pitch(force[:, 2] @ turn, -moment[:, 1] @ turn, force[:, 0].mean()), k, axis)
-
-
-def test_garricks_thrust_of_pitching_is_known_to_the_fits_error() -> None:
-    """Pitch about mid-chord pulls at high k, drags at low k; with the exact C(k) within 2.5 % of lift times angle."""
-    for k, pulls in ((0.1, False), (0.39, False), (4.0, True)):
-        exact, fit = (pitch(k, 0.0, ANGLE, SPEED, SEMICHORD, complex(f(k))) for f in (theodorsen, jones_harmonic))
-        assert (exact.thrust > 0.0) == pulls
-        assert fit.thrust == pytest.approx(exact.thrust, abs=0.025 * abs(exact.lift) * ANGLE)

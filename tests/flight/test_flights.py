@@ -177,12 +177,6 @@ def test_what_cannot_be_told_apart_is_left_out_and_does_not_blow_up(frames: list
                 assert np.sqrt(np.mean(total**2)) < 0.2 * true.std()
 
 
-def test_a_flight_that_is_pushed_to_one_side_is_not_trimmed() -> None:
-    """Longitudinal motion closes, lateral motion does not: no orbit, and no multipliers of one."""
-    with pytest.raises(TrimError, match="only a symmetric flight can be trimmed"):
-        find_trim(load_scenario("tumble"))
-
-
 def test_a_robot_that_turns_through_half_a_turn_against_its_hold_converges_with_order_four() -> None:
     """Spun up to 100 rad/s of roll in practically no air, limits of the hold out of reach.
 
