@@ -135,11 +135,10 @@ def closed_state(
 
 def _limit_joints(model: pin.Model, shape: Morphology) -> None:
     """Set the limits of shoulder and elbow, which Pinocchio's reader shifts by the angle of the file's pose."""
-    lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
     for joint in JOINTS:
         index = model.joints[model.getJointId(joint)].idx_q
-        lower[index], upper[index] = getattr(shape.joints, f"{joint.partition('_')[2]}_limits")
-    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
+        limits = getattr(shape.joints, f"{joint.partition('_')[2]}_limits")
+        model.lowerPositionLimit[index], model.upperPositionLimit[index] = limits
 
 
 @guarded()
