@@ -28,7 +28,6 @@ from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.numerics import small_matrices
-from aerobat_pin.numerics.lie_runge_kutta import next_state, next_tangent
 
 SPATIAL = ("aerodynamic", "added_mass", "thrusters", "unknown", "link_wrench")
 GUSTY = 0.07  # [s] in the middle of the gust of the cases
@@ -155,23 +154,6 @@ def test_the_warm_up_is_runge_kutta_on_the_air_alone(seed: int, paper_plant: Pla
     in_air.fields.state[:] = start
     warm_up(in_air.memory, twists, 2e-3)
     assert_equal(in_air.fields.state, twins.warmed_up(air, paper_plant.robot.morphology, twists, 2e-3, start))
-
-
-# ---------------------------------------------------------------------------------------------------------- integrator
-
-
-@pytest.mark.parametrize("stage", range(4))
-def test_each_stage_follows_the_tableau(stage: int) -> None:
-    """Vector state, and the way of q in its first columns; the rest of the tangent belongs to the joints."""
-    rng = np.random.default_rng(stage)
-    k, rate, start = rng.standard_normal((4, 6)), rng.standard_normal((4, 11)), rng.standard_normal(11)
-    state, tangent = np.full(11, np.nan), np.full((2, 8), 7.0)
-    next_tangent(stage, 0.1, k, tangent)
-    next_state(stage, 0.1, rate, start, state)
-    expected, tangents = twins.next_stage(stage, 0.1, k, rate, start)
-    assert_equal(state, expected)
-    assert_equal(tangent[: len(tangents), :6], tangents)
-    assert np.all(tangent[:, 6:] == 7.0)
 
 
 # --------------------------------------------------------------------------------------------------------------- plant

@@ -66,14 +66,14 @@ def write_kind(kind: Kind, rng: Rng, log: FlightLog, folder: Path) -> tuple[Path
     return path, kind.number, kind.name
 
 
-def of_bytes(number: int, name: str, change: Callable[[Rng, bytes], bytes]) -> Kind:
-    """Return a kind that changes the file of a saved log."""
+def of_bytes(number: int, name: str, change: Callable[[Rng, bytes], bytes], suffix: str = ".nc") -> Kind:
+    """Return a kind that changes the file of a saved log, or the text of a table."""
 
     def write(rng: Rng, log: FlightLog, path: Path) -> None:
-        save(log, path)
+        (save if suffix == ".nc" else table)(log, path)
         path.write_bytes(change(rng, path.read_bytes()))
 
-    return Kind(number, name, ".nc", write)
+    return Kind(number, name, suffix, write)
 
 
 def of_hdf5(number: int, name: str, change: Callable[[Rng, h5py.File], object]) -> Kind:
@@ -96,16 +96,6 @@ def of_channels(number: int, name: str, change: Callable[[Rng, xr.Dataset], xr.D
         (data if found is None else found).to_netcdf(path, engine="h5netcdf")
 
     return Kind(number, name, ".nc", write)
-
-
-def of_text(number: int, name: str, change: Callable[[Rng, bytes], bytes]) -> Kind:
-    """Return a kind that changes the text of a table."""
-
-    def write(rng: Rng, log: FlightLog, path: Path) -> None:
-        table(log, path)
-        path.write_bytes(change(rng, path.read_bytes()))
-
-    return Kind(number, name, ".csv", write)
 
 
 def of_cells(number: int, name: str, change: Callable[[Rng, Cells], None]) -> Kind:
@@ -151,10 +141,6 @@ def table(log: FlightLog, path: Path) -> Cells:
 def some(rng: Rng, names: Any) -> str:
     """Draw a name."""
     return str(rng.choice(sorted(map(str, names))))
-
-
-def _damaged_start(rng: Rng, data: bytes) -> bytes:
-    return bytes(rng.integers(0, 256, 64, dtype=np.uint8)) + data[64:]
 
 
 def _other_file(rng: Rng, data: bytes) -> bytes:
@@ -376,7 +362,7 @@ KINDS = [
     of_channels(2, "no configuration", lambda rng, data: data.drop_vars(["q", "q_axis"])),
     of_channels(2, "wrong attribute", _attribute),
     of_channels(2, "huge attribute", lambda rng, data: data.assign_attrs(notes=np.zeros(200_000))),
-    of_text(2, "other kind of table", _other_table),
+    of_bytes(2, "other kind of table", _other_table, ".csv"),
     of_cells(2, "cell without a number", _cell),
     of_cells(2, "row of another length", _row),
     of_cells(2, "time that does not rise", _time_cell),
