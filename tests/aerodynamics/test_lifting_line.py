@@ -177,11 +177,8 @@ def test_area_does_not_depend_on_the_number_of_strips() -> None:
     [
         (1.0, 0.1, {"strips": 0}, "strips = 0"),
         (1.0, 0.1, {"strips": 2.5}, "strips = 2.5"),
-        (1.0, 0.1, {"strips": np.nan}, "strips = nan"),
         (1.0, 0.1, {"lift_slope": -6.0}, "lift_slope = -6"),
-        (np.nan, 0.1, {}, "span = nan"),
         (-1.0, 0.1, {}, "span = -1"),
-        (1.0, np.nan, {}, "chord = nan"),
         (1.0, -0.1, {}, "chord = -0.1"),
         (1.0, 0.0, {}, "chord = 0"),
         (1.0, lambda y: 0.1 * y, {}, "chord = -0.05"),
@@ -195,11 +192,9 @@ def test_area_does_not_depend_on_the_number_of_strips() -> None:
         (1.0, ([0.0, 0.5], [0.1, 0.1]), {}, "from tip to tip, -0.5 m to 0.5 m"),  # half a wing
         (1.0, ([-0.5, 0.4], [0.1, 0.1]), {}, "from tip to tip"),
         (1.0, ([-0.5, 0.5], [0.1, np.inf]), {}, "chord = "),
-        (1.0, 0.1, {"quarter_chord": np.nan}, "quarter_chord = nan"),
         (1.0, 0.1, {"quarter_chord": [0.1, 0.2]}, "quarter_chord has shape"),
         (1.0, np.full(5, 0.1), {}, r"shape \(5,\).* 16 numbers"),
         (1.0, 0.1, {"air_density": 0.0}, "air_density = 0"),
-        (1.0, 0.1, {"air_density": np.inf}, "air_density = inf"),
     ],
 )
 def test_a_wing_that_cannot_be_is_refused(span: float, chord: Any, options: dict[str, Any], message: str) -> None:
@@ -213,19 +208,13 @@ def test_a_wing_that_cannot_be_is_refused(span: float, chord: Any, options: dict
     ("call", "message"),
     [
         (lambda line: line.state_space(-1.0), "airspeed = -1: .* from behind"),
-        (lambda line: line.state_space(np.nan), "airspeed = nan"),
         (lambda line: line.state_space([1.0, 2.0]), r"airspeed has shape \(2,\): one number or 16"),
-        (lambda line: line.steady_circulation(np.inf), "normal_velocity = inf"),
         (lambda line: line.steady_circulation(np.ones(3)), r"normal_velocity has shape \(3,\)"),
-        (lambda line: line.steady_coefficients(np.nan), "incidence = nan"),
         (lambda line: line.frequency_response(-1.0, 4.0), "frequency"),
-        (lambda line: line.frequency_response([1.0, np.nan], 4.0), "frequency"),
         (lambda line: line.frequency_response(1.0, -4.0), "airspeed = -4"),
         (lambda line: line.frequency_response(1.0, 4.0, [1.0]), r"normal_velocity has shape \(1,\)"),
         (lambda line: line.step_response([0.0, -1.0], 4.0, 1.0), "time"),
         (lambda line: line.step_response(0.5, 4.0, 1.0), "time"),
-        (lambda line: line.step_response([np.nan], 4.0, 1.0), "time"),
-        (lambda line: line.step_response([0.5], 4.0, np.nan), "normal_velocity = nan"),
     ],
 )
 def test_a_question_that_cannot_be_is_refused(call: Any, message: str) -> None:
