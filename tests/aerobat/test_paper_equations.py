@@ -16,7 +16,7 @@ import pinocchio as pin
 import pytest
 from support.kernel_cases import random_motion
 
-from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat, load_aerobat
+from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.scenario.scenario import load_scenario
 
@@ -177,13 +177,6 @@ def hand_written_h(robot: Aerobat, q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Return h_d (10,) of M_d a_d = h_d + u: minus the Euler-Lagrange left side of a motion with a_d = 0."""
     R, x, x_dot, x_ddot, P = chart(q, v, np.zeros(10))
     return -np.linalg.solve(P.T, euler_lagrange(robot, R, x, x_dot, x_ddot))
-
-
-def test_the_joint_order_is_left_shoulder_elbow_then_right(robot: Aerobat) -> None:
-    """Guards this file's reading of q: JOINTS reaches q[7:] in order."""
-    assert JOINTS == ("left_shoulder", "left_elbow", "right_shoulder", "right_elbow")
-    assert robot.idx_q == (7, 8, 9, 10)
-    assert robot.idx_v == (6, 7, 8, 9)
 
 
 @pytest.mark.parametrize("seed", range(20))
