@@ -101,14 +101,10 @@ def paper_bodies(
     return Bodies(np.array(p), np.array(p_dot), np.array(omega))
 
 
-def masses_and_inertias(robot: Aerobat) -> tuple[np.ndarray, np.ndarray]:
-    parts = [getattr(robot.morphology, name) for name in ("body", "proximal", "distal", "proximal", "distal")]
-    return np.array([part.mass for part in parts]), np.array([part.inertia[:3] for part in parts])
-
-
 def paper_energy(robot: Aerobat, bodies: Bodies) -> tuple[complex, complex]:
     """Return T and U: sums over the five bodies, inertias diagonal and constant."""
-    mass, inertia = masses_and_inertias(robot)
+    parts = [getattr(robot.morphology, name) for name in ("body", "proximal", "distal", "proximal", "distal")]
+    mass, inertia = np.array([part.mass for part in parts]), np.array([part.inertia[:3] for part in parts])
     T = 0.5 * (np.sum(mass[:, None] * bodies.p_dot**2) + np.sum(inertia * bodies.omega**2))
     return T, np.sum(mass * G * bodies.p[:, 2])
 
@@ -173,12 +169,6 @@ def chart(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, ...]
     return R, x, np.concatenate([R @ v[:3], v[3:]]), x_ddot, P
 
 
-def hand_written_h(robot: Aerobat, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return h_d (10,) of M_d a_d = h_d + u: minus the Euler-Lagrange left side of a motion with a_d = 0."""
-    R, x, x_dot, x_ddot, P = chart(q, v, np.zeros(10))
-    return -np.linalg.solve(P.T, euler_lagrange(robot, R, x, x_dot, x_ddot))
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_positions_and_angular_velocities_written_out_equal_pinocchio(robot: Aerobat, seed: int) -> None:
     """Paper, section II-B: positions of the five bodies; angular velocities, theta_s in place of the printed theta_p.
@@ -224,7 +214,8 @@ def test_h_of_the_written_out_lagrangian_is_minus_coriolis_minus_gravity(robot: 
     """Paper, equation of motion: h_d = -(C v + g) stands on the right; with the other sign it fails."""
     q, v, _ = random_motion(seed)
     data = robot.model.createData()
-    h = hand_written_h(robot, q, v)
+    R, x, x_dot, x_ddot, P = chart(q, v, np.zeros(10))
+    h = -np.linalg.solve(P.T, euler_lagrange(robot, R, x, x_dot, x_ddot))  # M_d a_d = h_d + u with a_d = 0
     g = pin.computeGeneralizedGravity(robot.model, data, q)
     bias = pin.computeCoriolisMatrix(robot.model, data, q, v) @ v + g
     scale = np.max(np.abs(bias))

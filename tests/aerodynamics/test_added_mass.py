@@ -1,6 +1,5 @@
 """Added mass as a part of inertia: its energy, its momentum, and the observer that must not notice it."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -75,7 +74,12 @@ def test_rate_of_inertia_with_added_mass_is_coriolis_plus_its_transpose(plant: P
 
     rate = (4.0 * difference(1e-4) - difference(2e-4)) / 3.0
     C = pin.computeCoriolisMatrix(model, data, q, v).copy()
-    for m, n, n_rate in normals(plant, q, v):
+    pin.computeJointJacobiansTimeVariation(model, data, q, v)
+    for link, row, m in moving_air(plant):
+        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
+        n, n_rate = (
+            row @ of(model, data, joint, LOCAL) for of in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
+        )
         C += m * np.outer(n, n_rate)
     np.testing.assert_allclose(rate, C + C.T, rtol=0.0, atol=1e-8 * np.abs(rate).max())
 
@@ -93,18 +97,6 @@ def moving_air(plant: Plant) -> list[tuple[int, np.ndarray, float]]:
         found.append((joint, np.concatenate([up, np.cross(place, up)]), mass))
         found.append((joint, np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0]), mass * line.semichord[i] ** 2 / 8.0))
     return found
-
-
-def normals(plant: Plant, q: np.ndarray, v: np.ndarray) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
-    """Yield the mass m of each of `moving_air`, the row n with which its velocity is n v, and the row's rate."""
-    model, data = plant.model, plant.model.createData()
-    pin.computeJointJacobiansTimeVariation(model, data, q, v)
-    for link, choose, m in moving_air(plant):
-        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
-        n, n_rate = (
-            choose @ of(model, data, joint, LOCAL) for of in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
-        )
-        yield m, n, n_rate
 
 
 @pytest.mark.parametrize("settings", [(), ("air.wind=[1.5, -0.6, 0.4]",), ("air.gust.amplitude=[2.0, 1.0, -1.0]",)])
