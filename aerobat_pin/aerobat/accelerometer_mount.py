@@ -56,14 +56,7 @@ class Mount:
 
     def __str__(self) -> str:
         """Return place and turn in words."""
-        deviation = np.sqrt(np.diag(self.covariance))
-        place = ", ".join(
-            f"{axis} {1e3 * value:.2f} +- {1e3 * spread:.2f}"
-            for axis, value, spread in zip("xyz", self.place, deviation[:3], strict=True)
-        )
-        angles = np.degrees(pin.rpy.matrixToRpy(self.turn))
-        turn = ", ".join(
-            f"{axis} {value:.2f} +- {np.degrees(spread):.2f}"
-            for axis, value, spread in zip(("roll", "pitch", "yaw"), angles, deviation[3:], strict=True)
-        )
-        return f"accelerometer at {place} mm, turned by {turn} deg"
+        values = [*1e3 * self.place, *np.degrees(pin.rpy.matrixToRpy(self.turn))]
+        spreads = np.sqrt(np.diag(self.covariance)) * np.repeat([1e3, 180.0 / np.pi], 3)
+        said = [f"{a} {x:.2f} +- {s:.2f}" for a, x, s in zip(PLACE_AXES, values, spreads, strict=True)]
+        return f"accelerometer at {', '.join(said[:3])} mm, turned by {', '.join(said[3:])} deg"

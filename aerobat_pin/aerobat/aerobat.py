@@ -180,12 +180,9 @@ def _build(shape: Morphology, gravity: Array) -> Aerobat:
 def limit_free_flyer(model: pin.Model, limits: FreeFlyer) -> None:
     """Replace the infinite limits of the free-flyer joint; its effort limit is zero, since no motor drives the base."""
     bound = np.concatenate([np.full(3, limits.position), np.ones(4)])
-    lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
-    lower[:7], upper[:7] = -bound, bound
-    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
-    speed, effort = model.velocityLimit.copy(), model.effortLimit.copy()
-    speed[:3], speed[3:6], effort[:6] = limits.velocity, limits.angular_velocity, 0.0
-    model.velocityLimit, model.effortLimit = speed, effort
+    model.lowerPositionLimit[:7], model.upperPositionLimit[:7] = -bound, bound
+    model.velocityLimit[:3], model.velocityLimit[3:6] = limits.velocity, limits.angular_velocity
+    model.effortLimit[:6] = 0.0
 
 
 @guarded()

@@ -90,7 +90,10 @@ def closed_model(
     model.gravity.linear = np.array([0.0, 0.0, -gravity])
     model.armature = np.zeros(model.nv)
     limit_free_flyer(model, shape.free_flyer)
-    _limit_joints(model, shape)
+    for joint in JOINTS:  # Pinocchio's reader shifts their limits by the angle of the file's pose
+        index = model.joints[model.getJointId(joint)].idx_q
+        limits = getattr(shape.joints, f"{joint.partition('_')[2]}_limits")
+        model.lowerPositionLimit[index], model.upperPositionLimit[index] = limits
     corrector = pin.BaumgarteCorrectorParameters(CLOSING_RATE**2, 2.0 * CLOSING_RATE)  # gap'' = -2 s gap' - s^2 gap
     for constraint in constraints:
         constraint.setBaumgarteCorrectorParameters(corrector)
@@ -126,26 +129,11 @@ def closed_state(
             joint = f"{side}_{name}"
             if not model.existJointName(joint):
                 raise FrameNotFoundError(joint, list(model.names))
-            moving = [closure.bars[bar], *([] if carrier is None else [closure.bars[carrier]])]
             index = model.joints[model.getJointId(joint)]
-            angle, rate, change = (
-                float(part[0] - sum(part[1:]))
-                for part in zip(
-                    *((arm.at, closure.rate(arm), closure.acceleration(arm)) for arm in moving), strict=True
-                )
-            )
-            relative = crank_angle if name == "crank" else float(np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi)
-            q[index.idx_q], v[index.idx_v], a[index.idx_v] = relative, rate, change
+            moving = closure.bars[bar] if carrier is None else closure.bars[bar] - closure.bars[carrier]
+            q[index.idx_q], v[index.idx_v] = moving.at, closure.rate(moving)
+            a[index.idx_v] = closure.acceleration(moving)
     return q, v, a
-
-
-def _limit_joints(model: pin.Model, shape: Morphology) -> None:
-    """Set the limits of shoulder and elbow, which Pinocchio's reader shifts by the angle of the file's pose."""
-    lower, upper = model.lowerPositionLimit.copy(), model.upperPositionLimit.copy()
-    for joint in JOINTS:
-        index = model.joints[model.getJointId(joint)].idx_q
-        lower[index], upper[index] = getattr(shape.joints, f"{joint.partition('_')[2]}_limits")
-    model.lowerPositionLimit, model.upperPositionLimit = lower, upper
 
 
 @guarded()

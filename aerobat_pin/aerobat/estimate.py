@@ -45,7 +45,13 @@ def belief_about(
         ScenarioError: a value breaks its rule, or a key cannot be set for a recorded flight.
     """
     settings = list(settings)
-    _check_keys(settings)
+    for setting in settings:  # not of what the recorded flight determines, such as the crank
+        key = setting.partition("=")[0].strip()
+        if key.partition(".")[0] not in BELIEF_TABLES and key != GRAVITY:
+            raise ScenarioError(
+                f"--set {setting}: '{key}' does not belong to the belief about a recorded flight; keys of "
+                f"{', '.join(BELIEF_TABLES)}, and {GRAVITY}, may be set"
+            )
     noted = {} if log is None else log.measured.attrs
     channels = () if log is None else tuple(map(str, log.measured.data_vars))
     robot: dict[str, Any] = {"morphology": morphology} if morphology is not None else {}
@@ -128,14 +134,3 @@ def check_names(names: Sequence[str]) -> None:
     """Raise ScenarioError if no name is given, or if there is no observer of one of the names."""
     if wrong := [name for name in names if name not in OBSERVERS] or [""] * (not names):
         raise ScenarioError(f"observers.names = {list(names)}: {did_you_mean(wrong[0], OBSERVERS, 'choose from')}")
-
-
-def _check_keys(settings: Iterable[str]) -> None:
-    """Raise ScenarioError for a key that cannot be set because the recorded flight determines it, such as the crank."""
-    for setting in settings:
-        key = setting.partition("=")[0].strip()
-        if key.partition(".")[0] not in BELIEF_TABLES and key != GRAVITY:
-            raise ScenarioError(
-                f"--set {setting}: '{key}' does not belong to the belief about a recorded flight; keys of "
-                f"{', '.join(BELIEF_TABLES)}, and {GRAVITY}, may be set"
-            )

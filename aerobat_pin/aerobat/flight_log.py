@@ -240,13 +240,9 @@ def true_force(log: FlightLog, frame: str) -> tuple[Array, Array]:
     """
     assert log.truth is not None
     points = [str(name) for name in log.truth["point"].values]
-    if frame == SUM:
-        return log.truth["force_W"].values.sum(axis=1), log.truth["force_noise_free_W"].values.sum(axis=1)
-    if frame not in points:
-        zero = np.zeros((log.truth.sizes["interval"], 3))
-        return zero, zero
-    at = points.index(frame)
-    return log.truth["force_W"].values[:, at], log.truth["force_noise_free_W"].values[:, at]
+    chosen = [frame in (point, SUM) for point in points]
+    noisy, clean = (log.truth[name].values[:, chosen].sum(axis=1) for name in ("force_W", "force_noise_free_W"))
+    return noisy, clean
 
 
 @guarded()

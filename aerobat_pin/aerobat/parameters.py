@@ -25,13 +25,13 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat.aerobat import Aerobat
+from aerobat_pin.aerobat.prescribed_joints import joint_table
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import low_passed, typical_step
 from aerobat_pin.records import Block, Parameter, Suspect
 from aerobat_pin.scenario import AirSection
 
 DISTAL = ("left_elbow", "right_elbow")  # joints that carry the outer wings
-SCALED_FORCE = "thrusters"  # the known force that `thruster_scale` changes
 
 
 PARAMETERS = {
@@ -92,12 +92,6 @@ def changed_belief(robot: Aerobat, air: AirSection, values: Mapping[str, float])
     return changed, air.model_copy(update={"density": density, "added_mass": added})
 
 
-def scaled_thrusters(known: Mapping[str, Array], change: float) -> dict[str, Array]:
-    """Return known forces with those of thrusters changed by `thruster_scale`."""
-    factor = 1.0 + change
-    return {name: factor * force if name == SCALED_FORCE else force for name, force in known.items()}
-
-
 def _other_masses(model: pin.Model, original: pin.Model, values: Mapping[str, float]) -> pin.Model:
     """Return a copy of a model with the inertias of another of the same joints, changed by the parameters."""
     changed = model.copy()
@@ -108,11 +102,6 @@ def _other_masses(model: pin.Model, original: pin.Model, values: Mapping[str, fl
         lever = inertia.lever + shift * (i == 1)
         changed.inertias[i] = pin.Inertia(factor * inertia.mass, lever, factor * inertia.inertia)
     return changed
-
-
-def aerobat_suspects(kind: str) -> Mapping[str, tuple[Suspect, ...]]:
-    """Return the causes that a flight can show, by the kind of known torque."""
-    return {name: group for name, group in SUSPECTS.items() if name != "compliance" or kind == "measured"}
 
 
 def carrying(model: pin.Model, load: Array) -> pin.Model:
@@ -129,19 +118,18 @@ def crank_turned(block: Block, robot: Aerobat, angle: float) -> Block:
     """Return a block whose crank was an angle [rad] further, and with it the joints that it drives."""
     crank = block.extra["crank"]
     q, v = block.q.copy(), block.v.copy()
-    for sign, turn in ((-1.0, 0.0), (1.0, angle)) if follows(block, robot) else ():
-        closure = robot.linkage.solve(crank[0] + turn, crank[1])
-        angles = np.stack([closure.theta_s, closure.theta_e] * 2, axis=1)
-        rates = np.stack([closure.theta_s_dot, closure.theta_e_dot] * 2, axis=1)
-        q[:, list(robot.idx_q)] += sign * angles
-        v[:, list(robot.idx_v)] += sign * rates
+    if follows(block, robot):
+        before, after = (joint_table(robot.linkage.solve(crank[0] + turn, crank[1])) for turn in (0.0, angle))
+        change = np.tile(after - before, 2)  # both wings move alike
+        q[:, list(robot.idx_q)] += change[:, 0]
+        v[:, list(robot.idx_v)] += change[:, 1]
     return replace(block, q=q, v=v, extra={**block.extra, "crank": crank + np.array([[angle], [0.0], [0.0]])})
 
 
 def follows(block: Block, robot: Aerobat) -> bool:
     """Return whether the joints are those that the closed linkage makes of the crank's angle, and not measured ones."""
-    closure = robot.linkage.solve(block.extra["crank"][0])
-    apart = block.q[:, list(robot.idx_q)] - np.stack([closure.theta_s, closure.theta_e] * 2, axis=1)
+    driven = joint_table(robot.linkage.solve(block.extra["crank"][0]))[:, 0]
+    apart = block.q[:, list(robot.idx_q)] - np.tile(driven, 2)
     return bool(np.sqrt(np.mean(apart**2)) < FOLLOWING)
 
 

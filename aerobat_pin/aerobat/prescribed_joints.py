@@ -42,11 +42,6 @@ def prescribed_joint_dynamics(M: Array, nle: Array, force: Array, joint_accelera
 @guarded()
 def joint_table(closure: Closure) -> Array:
     """Return angle, rate and acceleration of shoulder and elbow as one array (n, 3, 2)."""
-    return np.stack(
-        [
-            np.stack([closure.theta_s, closure.theta_e], axis=-1),
-            np.stack([closure.theta_s_dot, closure.theta_e_dot], axis=-1),
-            np.stack([closure.theta_s_ddot, closure.theta_e_ddot], axis=-1),
-        ],
-        axis=1,
-    )
+    angles, rates = (closure.theta_s, closure.theta_e), (closure.theta_s_dot, closure.theta_e_dot)
+    accelerations = closure.theta_s_ddot, closure.theta_e_ddot
+    return np.stack([np.stack(pair, axis=-1) for pair in (angles, rates, accelerations)], axis=1)

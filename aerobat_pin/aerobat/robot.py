@@ -18,15 +18,8 @@ from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat
 from aerobat_pin.aerobat.air.believed_air import reconstructed_air
 from aerobat_pin.aerobat.crank_condition import CrankCondition, crank_condition
 from aerobat_pin.aerobat.motion import Motion, completed, fault_of
-from aerobat_pin.aerobat.parameters import (
-    PARAMETERS,
-    aerobat_suspects,
-    carrying,
-    changed_belief,
-    crank_turned,
-    flexed,
-    scaled_thrusters,
-)
+from aerobat_pin.aerobat.parameters import PARAMETERS, SUSPECTS, carrying, changed_belief, crank_turned, flexed
+from aerobat_pin.aerobat.prescribed_joints import joint_table
 from aerobat_pin.aerobat.torque import (
     RECORDED,
     ROWS_OF_TORQUE,
@@ -114,8 +107,8 @@ class AerobatRobot(PlainRobot):
         return crank_condition(Motion.of(block), self.aerobat, self.kind)
 
     def suspects(self) -> Mapping[str, tuple[Suspect, ...]]:
-        """Return what may have changed since a calibration."""
-        return aerobat_suspects(self.kind)
+        """Return what may have changed since a calibration; elbows that give show in measured torques alone."""
+        return {name: group for name, group in SUSPECTS.items() if name != "compliance" or self.measures_effort}
 
     def suspected(self, cause: str, values: Array, block: Block) -> tuple[AerobatRobot, Block]:
         """Return robot and completed block as they would be if a cause had these values."""
@@ -186,20 +179,22 @@ class AerobatRobot(PlainRobot):
         for name, values in block.extra.items():
             if name.startswith(RECORDED):
                 known[name.removeprefix(RECORDED)] = np.pad(values, ((0, 0), (0, self.model.nv - values.shape[1])))
-        return scaled_thrusters(known, self.thruster_scale)
+        if "thrusters" in known:
+            known["thrusters"] = (1.0 + self.thruster_scale) * known["thrusters"]
+        return known
 
     def agreements(self, time: Array, measured: Callable[[str], Array | None]) -> Iterable[Agreement]:
         """Return the joint angles beside those of the closed linkage at the crank angle, if both are measured."""
         angles, crank = measured("joints.position"), measured(f"{EXTRA}crank_angle")
         if angles is None or crank is None:
             return ()
-        closure = self.aerobat.linkage.solve(crank[:, 0])
+        driven = joint_table(self.aerobat.linkage.solve(crank[:, 0]))[:, 0]
         opening = Agreement(
             "joints off the linkage",
             ("joint positions", "crank angle"),
             time,
             np.degrees(angles),
-            np.degrees(np.stack([closure.theta_s, closure.theta_e] * 2, axis=1)),
+            np.degrees(np.tile(driven, 2)),
             "values",
             JOINTS,
             "deg",

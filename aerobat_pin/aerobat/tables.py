@@ -16,7 +16,6 @@ from aerobat_pin.aerobat.channels import (
     MEASURED,
     THRUST_CHANNEL,
     THRUSTERS,
-    ChannelSpec,
     channel,
     filled,
 )
@@ -29,7 +28,6 @@ from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import EXTRA, Record, open_record
 from aerobat_pin.scenario import ObserverSection
 
-THRUST_KEY = f"{EXTRA}known.thrusters"
 STATE_KEYS = {  # channel of a flight log -> keys whose columns it has, side by side
     "pose": ("base.position", "base.quaternion"),
     "twist": ("base.velocity", "base.rate"),
@@ -69,29 +67,23 @@ def read_log(path: Path) -> FlightLog:
     time = record.times(record.parts[0][0], record.parts[-1][1])
     coords: dict[str, Any] = {"time": channel(time, ("time",), "s", "sample time")}
     coords["interval"] = channel(time[:-1], ("interval",), "s", "start of the interval")
-    channels = {}
-
-    def add(name: str, values: Array, row: ChannelSpec) -> None:
-        if len(row.dims) > 1:
-            coords[row.dims[1]] = list(LABELS[row.dims[1]])
-        channels[name] = filled(name, values if len(row.dims) > 1 else values[:, 0], {name: row})
-
+    channels, table = {}, MEASURED | {THRUSTERS: THRUST_CHANNEL}
     raw = record.robot.smooths(record.channels)
-    for name, keys in ({name: (key,) for name, key in RAW_KEYS.items()} if raw else STATE_KEYS).items():
+    sources = {name: (key,) for name, key in RAW_KEYS.items()} if raw else STATE_KEYS
+    for name, keys in {**sources, THRUSTERS: (f"{EXTRA}known.thrusters",)}.items():
         if all(key in record.channels for key in keys):
-            row, column = MEASURED[name], record.channels[keys[0]]
-            if raw:
+            row, column = table[name], record.channels[keys[0]]
+            if row.dims[0] == "interval":
+                values = record.means(keys[0], time)
+            elif raw:
                 coords[row.dims[0]] = channel(column.time[:], row.dims[:1], "s", "stamp of the sample")
                 values = column.values[:]
-            elif row.dims[0] == "interval":
-                values = record.means(keys[0], time)
             elif name == "pose":
                 values = np.hstack([record.at(keys[0], time), record.turns(time)])
             else:
                 values = np.hstack([record.at(key, time) for key in keys])
-            add(name, values, row)
-    if THRUST_KEY in record.channels:
-        add(THRUSTERS, record.means(THRUST_KEY, time), THRUST_CHANNEL)
+            coords |= {dim: list(LABELS[dim]) for dim in row.dims[1:]}
+            channels[name] = filled(name, values if len(row.dims) > 1 else values[:, 0], table)
     return FlightLog(xr.Dataset(channels, coords=coords, attrs={"scenario": path.stem}), name=f"log {path}")
 
 

@@ -67,13 +67,8 @@ class Wing:
         link = np.where(panel == 0, 0, np.where(y >= 0.0, panel, panel + 2))
         points = np.zeros((len(y), 3))
         body, proximal, distal = (panel == i for i in range(3))
-        points[body] = np.column_stack(
-            [
-                np.full(body.sum(), self.morphology.shoulder[0]),
-                y[body],
-                np.full(body.sum(), self.morphology.shoulder[2]),
-            ]
-        )
+        points[body] = self.morphology.shoulder
+        points[body, 1] = y[body]
         along = (out[proximal] - shoulder) / (elbow - shoulder)
         points[proximal] = along[:, None] * np.asarray(self.morphology.elbow)
         points[distal, 1] = out[distal] - elbow

@@ -163,12 +163,12 @@ def fly(
         return vx - wz * line.y, -(vz + wx * line.y - wy * line.three_quarter_chord), -wy
 
     def rates(t: float, state: Array) -> Array:
-        u, w, _ = section(_checked(motion(t), t))
+        u, w, _ = section(_halves(motion, t))
         speed = np.hypot(u, w)
         return line.rates(state, speed, *line.effective_velocity(state, speed, w))
 
     def twist_rate(t: float) -> Array:
-        far, close = (_twist(motion, t + k * near) - _twist(motion, t - k * near) for k in (2, 1))
+        far, close = (_halves(motion, t + s).twist - _halves(motion, t - s).twist for s in (2 * near, near))
         return np.asarray((8.0 * close - far) / (12.0 * near))
 
     states = solve_ivp(
@@ -179,7 +179,7 @@ def fly(
     incidence, strip_force = np.zeros((count, line.strips)), np.zeros((count, line.strips, 3))
     mass = added_mass * line.added_mass
     for k, (t, state) in enumerate(zip(instants, states, strict=True)):
-        now = _checked(motion(t), t)
+        now = _halves(motion, t)
         u, w, q = section(now)
         incidence[k] = np.arctan2(w, u)
         w_eff, _ = line.effective_velocity(state, np.hypot(u, w), w)
@@ -201,19 +201,11 @@ def fly(
     return LineFlight(instants, force, moment, strip_force, wrench, power, incidence, circulation)
 
 
-def _twist(motion: Callable[[float], Halves], time: float) -> Array:
-    """Return the twists (2, 6) of a motion at a time [s]."""
-    return _checked(motion(time), time).twist
-
-
-def _checked(now: Halves, time: float) -> Halves:
-    """Return a motion after checking its shapes, and that its numbers are finite."""
-    halves = Halves(
-        *(
-            shaped(part, (2, *size), f"motion at {time:g} s: {name}")
-            for part, name, size in zip(now, Halves._fields, ((3, 3), (6,), (3,)), strict=True)
-        )
-    )
+def _halves(motion: Callable[[float], Halves], time: float) -> Halves:
+    """Return a motion at a time [s] after checking its shapes, and that its numbers are finite."""
+    sizes = {"rotation": (2, 3, 3), "twist": (2, 6), "origin": (2, 3)}
+    parts = zip(motion(time), sizes.items(), strict=True)
+    halves = Halves(*(shaped(part, size, f"motion at {time:g} s: {name}") for part, (name, size) in parts))
     if not all(np.all(np.isfinite(part)) for part in halves):
         raise ShapeError(f"motion at {time:g} s holds NaN or infinity")
     return halves

@@ -17,6 +17,10 @@ from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import rotations
 
+FORCES = (  # of the truth, means over the intervals
+    *("force_W", "force_noise_free_W", "unknown", "aerodynamic", "added_mass"),
+    *("motor_power", "air_power", "thruster_power", "unknown_power", "link_wrench"),
+)
 LOGGED = {  # channel of the truth -> row of the strip loads
     "airspeed": "airspeed",
     "incidence": "incidence",
@@ -60,19 +64,8 @@ def flight_log_of(plant: Plant, time: Array, trajectory: Trajectory, record: Loo
         "gravity": scenario.flight.gravity,
         "air": scenario.believed_air.model_dump_json(),
     }
-    true = {
-        "force_W": mean.force_W,
-        "force_noise_free_W": mean.force_noise_free_W,
-        "unknown": mean.unknown,
-        "aerodynamic": mean.aerodynamic,
-        "added_mass": mean.added_mass,
-        "motor_power": mean.motor_power,
-        "air_power": mean.air_power,
-        "thruster_power": mean.thruster_power,
-        "unknown_power": mean.unknown_power,
-        "link_wrench": mean.link_wrench,
-        **{name: getattr(strips, field).copy() for name, field in LOGGED.items()},  # so that the other rows can go
-    }
+    true = {name: getattr(mean, name) for name in FORCES}
+    true |= {name: getattr(strips, field).copy() for name, field in LOGGED.items()}  # so that the other rows can go
     more = []
     if scenario.plant.shows_joints:
         true |= {"q": trajectory.q, "v": trajectory.v, "crank_angle": trajectory.crank_angle}
@@ -81,12 +74,9 @@ def flight_log_of(plant: Plant, time: Array, trajectory: Trajectory, record: Loo
         true["deflection"] = trajectory.deflection
         more.append("joint")
     if isinstance(plant.drive, RateControlledMotor):
+        true["crank_rate"] = trajectory.crank_rate
         true |= {
-            "crank_rate": trajectory.crank_rate,
-            "crank_torque": mean.crank_torque,
-            "drive_torque": mean.drive_torque,
-            "drive_power": mean.drive_power,
-            "friction_power": mean.friction_power,
+            name: getattr(mean, name) for name in ("crank_torque", "drive_torque", "drive_power", "friction_power")
         }
     if record is not None:
         true |= {

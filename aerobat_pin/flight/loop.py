@@ -132,5 +132,4 @@ class ClosedLoop:
 
     def record(self, intervals: int | None = None) -> LoopRecord:
         """Return what happened so far, or in the first intervals."""
-        command, thrust, modelled, unrealised, disturbance = (rows[: self.done][:intervals] for rows in self._rows)
-        return LoopRecord(self.thrusters, command, thrust, modelled, unrealised, disturbance)
+        return LoopRecord(self.thrusters, *(rows[: self.done][:intervals] for rows in self._rows))

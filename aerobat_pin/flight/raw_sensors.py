@@ -42,7 +42,7 @@ def measure_raw(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: i
     hidden = {name: exact[name] for name in ("q", "v", "crank_angle", "motor_torque") if name not in log.truth}
     kept = {name: exact[name].variable for name in exact.data_vars if str(name).startswith(KNOWN)}
     measured = xr.Dataset(kept, coords={name: exact[name] for name in exact.coords}, attrs=exact.attrs)
-    channels: dict[str, tuple[str, Array, Array, dict[str, Any]]] = {}
+    channels: dict[str, tuple[Array, Array, dict[str, Any]]] = {}
 
     def stream(name: str) -> np.random.Generator:
         return np.random.default_rng([seed, zlib.crc32(f"raw {name}".encode())])
@@ -51,31 +51,31 @@ def measure_raw(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: i
         stamps, taken = _instants(time, camera, stream("motion_capture clock"))
         position, quaternion = _poses(robot.model, time, q, taken, camera, stream("motion_capture"))
         notes = {"place": list(camera.place), "turn_deg": list(camera.turn_deg)}
-        channels["mocap_position"] = "mocap_time", stamps, position, notes | {"noise": camera.position_noise}
-        channels["mocap_quaternion"] = "mocap_time", stamps, quaternion, notes | {"noise": camera.orientation_noise}
+        channels["mocap_position"] = stamps, position, notes | {"noise": camera.position_noise}
+        channels["mocap_quaternion"] = stamps, quaternion, notes | {"noise": camera.orientation_noise}
     if (gyro := sensors.gyro) is not None:
         stamps, taken = _instants(time, gyro, stream("gyro clock"))
         turned = _between(time, v[:, 3:6], taken) @ _turn(gyro)
-        channels["gyro"] = "gyro_time", stamps, _with_errors(turned, taken, gyro, stream("gyro")), _notes(gyro)
+        channels["gyro"] = stamps, _with_errors(turned, taken, gyro, stream("gyro")), _notes(gyro)
     if (accelerometer := sensors.accelerometer) is not None:
         felt = specific_force(time, q, v, robot.model.gravity.linear, np.array(accelerometer.place))
         stamps, taken, means = _means(time, felt, accelerometer, stream("accelerometer clock"))
         values = _with_errors(means @ _turn(accelerometer), taken, accelerometer, stream("accelerometer"))
-        channels["accelerometer"] = "accelerometer_time", stamps, values, _notes(accelerometer)
+        channels["accelerometer"] = stamps, values, _notes(accelerometer)
     if (encoder := sensors.crank_encoder) is not None:
         stamps, taken = _instants(time, encoder, stream("crank_encoder clock"))
         count = 2.0 * np.pi / encoder.counts
         angle = np.round(_between(time, exact["crank_angle"].values[:, None], taken)[:, 0] / count) * count
-        channels["encoder"] = "encoder_time", stamps, angle, {"noise": count / np.sqrt(12.0)}
+        channels["encoder"] = stamps, angle, {"noise": count / np.sqrt(12.0)}
     if (torque := sensors.motor_torque) is not None:
         joints = np.asarray(exact["motor_torque"].values, float)[:, list(robot.idx_v)]
         stamps, taken, means = _means(time, joints, torque, stream("motor_torque clock"))
         values = _with_errors(means, taken, torque, stream("motor_torque"))
-        channels["joint_torque_sample"] = "torque_time", stamps, values, {"noise": _noise(torque)}
+        channels["joint_torque_sample"] = stamps, values, {"noise": _noise(torque)}
     labels: dict[str, Any] = {}
-    for name, (clock, stamps, values, notes) in channels.items():
+    for name, (stamps, values, notes) in channels.items():
         row = MEASURED[name]
-        labels[clock] = channel(stamps, (clock,), "s", "stamp of the sample")
+        labels[row.dims[0]] = channel(stamps, row.dims[:1], "s", "stamp of the sample")
         labels |= {dim: list(LABELS[dim]) for dim in row.dims[1:]}
         measured[name] = xr.Variable(row.dims, values, {"units": row.unit, "long_name": row.meaning, **notes})
     return FlightLog(measured.assign_coords(labels), log.truth.assign(hidden))

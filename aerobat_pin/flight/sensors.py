@@ -14,7 +14,6 @@ velocity, gyro and joints, and the crank.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -51,25 +50,20 @@ def measure(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) 
     time = log.time
     places = places_in_motion(robot) | {"motor_torque": ("motor_torque", list(robot.idx_v))}
     for name, sensor in sensors.fitted.items():
-        channel, columns = places.get(name, (name, None))
-        values = measured[channel].values
-        table = values[:, None] if columns is None else values[:, columns]
+        channel, columns = places.get(name, (name, slice(None)))
+        table = measured[channel].values.reshape(len(measured[channel]), -1)  # a view of the channel
         rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
         sense = sensed_attitude if name == "attitude" else sensed
-        shown = sense(table, time[: len(table)], sensor, rng)
         # In the truth, `airspeed` is the name of the strips' airspeeds.
         kept = "body_airspeed" if channel == "airspeed" else channel
         if kept not in truth:
             truth[kept] = log.measured[channel]
-        if columns is None:
-            values[:] = shown[:, 0]
-        else:
-            values[:, columns] = shown
+        table[:, columns] = sense(table[:, columns], time[: len(table)], sensor, rng)
     return FlightLog(measured, truth)
 
 
 def places_in_motion(robot: Aerobat) -> dict[str, tuple[str, ChannelColumns]]:
-    """Return where in q or v each sensor of the motion reads."""
+    """Return where in q, v or crank angle each sensor of the motion reads."""
     return {
         "position": ("q", slice(0, 3)),
         "attitude": ("q", slice(3, 7)),
@@ -77,6 +71,7 @@ def places_in_motion(robot: Aerobat) -> dict[str, tuple[str, ChannelColumns]]:
         "gyro": ("v", slice(3, 6)),
         "joint_angle": ("q", list(robot.idx_q)),
         "joint_rate": ("v", list(robot.idx_v)),
+        "crank_angle": ("crank_angle", slice(0, 1)),
     }
 
 
@@ -150,48 +145,41 @@ class Sensing:
         """Draw the errors of the first n + 1 samples."""
         places = places_in_motion(robot)
         self._fitted = [(name, *places[name], sensor) for name, sensor in sensors.fitted.items() if name in places]
-        self._crank = [
-            ("crank_angle", "crank", slice(0, 1), sensor) for sensor in [sensors.fitted.get("crank_angle")] if sensor
-        ]
-        self._time, self._seed, self._first = time, seed, first
-        self._readers, self._crank_readers = self._drawn(self._fitted), self._drawn(self._crank)
+        self._time, self._seed = time, seed
+        self._draw_from(first)
 
     def draw(self, k: int) -> None:
         """Draw the errors that sample k needs, unless they are drawn: work of a simulation, and of no sensor."""
         if k - self._first == len(self._time):
-            self._first = k
-            self._readers, self._crank_readers = self._drawn(self._fitted), self._drawn(self._crank)
+            self._draw_from(k)
 
     def read(self, k: int, q: Array, v: Array) -> tuple[Array, Array]:
         """Return what the sensors show at sample k of a flight whose true q and v are given; k counts up by one."""
         self.draw(k)
-        k -= self._first
         if self._readers:
             q, v = q.copy(), v.copy()
-            table = {"q": q, "v": v}
-            for which, columns, reader in self._readers:
-                values = table[which]
-                values[columns] = reader(k, values[columns])
+            self._show(k, {"q": q, "v": v})
         return q, v
 
     def crank(self, k: int, angle: float) -> float:
         """Return what the crank's sensor shows at sample k, which `read` has been called for, at a true angle [rad]."""
-        for _, _, reader in self._crank_readers:
-            angle = float(reader(k - self._first, np.array([angle]))[0])
-        return angle
+        shown = np.array([angle])
+        self._show(k, {"crank_angle": shown})
+        return float(shown[0])
 
-    def _drawn(
-        self, fitted: Sequence[tuple[str, str, ChannelColumns, SensorSection]]
-    ) -> list[tuple[str, ChannelColumns, Callable[[int, Array], Array]]]:
-        seeds = [self._seed] if self._first == 0 else [self._seed, self._first]
-        return [
-            (
-                which,
-                columns,
-                _Reader(name, sensor, self._time, np.random.default_rng([*seeds, zlib.crc32(name.encode())])),
-            )
-            for name, which, columns, sensor in fitted
-        ]
+    def _draw_from(self, first: int) -> None:
+        self._first, seeds = first, [self._seed] if first == 0 else [self._seed, first]
+        self._readers = []
+        for name, channel, columns, sensor in self._fitted:
+            rng = np.random.default_rng([*seeds, zlib.crc32(name.encode())])
+            self._readers.append((channel, columns, _Reader(name, sensor, self._time, rng)))
+
+    def _show(self, k: int, channels: dict[str, Array]) -> None:
+        """Replace the true values of channels by what their sensors show."""
+        for channel, columns, reader in self._readers:
+            if channel in channels:
+                values = channels[channel]
+                values[columns] = reader(k - self._first, values[columns])
 
 
 class _Reader:

@@ -194,15 +194,11 @@ def _multipliers(plant: Plant, start: State, end: State) -> NDArray[np.complex12
     A change consists of world height, rotation in body axes, twist and scaled aerodynamic state, relative to the orbit.
     The horizontal position has no influence and is left out.
     """
-    size = 10 + len(start.air)
-    moved = []
-    for i in range(size):
-        ends = []
-        for sign in (1.0, -1.0):
-            change = np.zeros(size)
-            change[i] = sign * 1e-5
-            ends.append(_change(end, _flap(plant, _changed(start, change))))
-        moved.append((ends[0] - ends[1]) / 2e-5)
+
+    def after(change: Array) -> Array:
+        return _change(end, _flap(plant, _changed(start, change)))
+
+    moved = [(after(step) - after(-step)) / 2e-5 for step in 1e-5 * np.eye(10 + len(start.air))]
     values = np.linalg.eigvals(np.array(moved).T)
     return np.asarray(values[np.argsort(-np.abs(values))])
 

@@ -41,6 +41,10 @@ class Angle(NamedTuple):
         at = np.exp(1j * self.at) * arm
         return Pin(at, 1j * self.d * at, (1j * self.d2 - self.d**2) * at)
 
+    def __sub__(self, carrier: Angle) -> Angle:
+        """Return the angle relative to that of another bar, in [-pi, pi)."""
+        return Angle((self.at - carrier.at + np.pi) % (2.0 * np.pi) - np.pi, self.d - carrier.d, self.d2 - carrier.d2)
+
 
 def still(point: complex, like: Array) -> Pin:
     """Return a point that does not move, repeated in the shape of `like`."""
@@ -76,11 +80,6 @@ def opening(a: Pin, c: Pin, b: Pin) -> Array:
     """Return the angle at C between the bars to A and to B, in [0, pi]."""
     between: Array = np.abs(np.angle((a.at - c.at) / (b.at - c.at)))
     return between
-
-
-def wrapped(angle: Array) -> Array:
-    """Return an angle in [-pi, pi)."""
-    return (angle + np.pi) % (2.0 * np.pi) - np.pi
 
 
 def _dot(u: Complex, w: Complex) -> Array:
@@ -196,8 +195,7 @@ class Closure:
     @cached_property
     def elbow(self) -> Angle:
         """Elbow angle with its derivatives by crank angle."""
-        upper, fore = self.bars["t5"], self.bars["t6"]
-        return Angle(wrapped(fore.at - upper.at), fore.d - upper.d, fore.d2 - upper.d2)
+        return self.bars["t6"] - self.bars["t5"]
 
     def rate(self, moving: Angle | Pin) -> Array:
         """Return the rate of a bar [rad/s], or the velocity of a pin as a complex number [m/s]."""

@@ -1,5 +1,7 @@
 """The closed linkage in Pinocchio: accelerations, ten turns, and one file for Pinocchio and MuJoCo."""
 
+from functools import partial
+
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -12,10 +14,10 @@ from support.closed import (
     exact_acceleration,
     fly_prescribed,
     miss,
-    runge_kutta,
     symmetric,
 )
 from support.readers import ROBOTS
+from support.stepping import step
 
 import aerobat_pin
 from aerobat_pin.aerobat.aerobat import load_aerobat
@@ -65,12 +67,12 @@ def test_a_free_flight_keeps_its_momenta(bars: str) -> None:
     q, v, _ = closed_state(model, robot.linkage, DOWN, RATE)
     tau, settings, momenta, rows = np.zeros(model.nv), closed_settings(), [], []
 
-    def rate(q: np.ndarray, v: np.ndarray, share: float) -> np.ndarray:
-        return pin.constraintDynamics(model, data, q, v, tau, constraints, datas, settings)
+    def rates(t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:
+        return v, pin.constraintDynamics(model, data, q, v, tau, constraints, datas, settings), None
 
     for _ in range(200):
         momenta.append(pin.computeCentroidalMomentum(model, data, q, v).vector)
-        q, v = runge_kutta(model, q, v, 1e-3, rate)
+        q, v, _ = step(rates, partial(pin.integrate, model), 0.0, q, v, 1e-3)
         rows.append(q[:3])
     assert np.ptp(np.array(momenta)[:, 3:], axis=0).max() < 1e-2 * np.abs(momenta[0][4])
     if bars == "light":
@@ -86,12 +88,12 @@ def test_ten_turns_stay_closed() -> None:
     q, v, _ = closed_state(model, linkage, DOWN, RATE)
     settings, tau, rows = closed_settings(), np.zeros(model.nv), []
 
-    def rate(q: np.ndarray, v: np.ndarray, share: float) -> np.ndarray:
+    def rates(t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:
         tau[cranks] = 5e-4 * (RATE - v[cranks])
-        return pin.constraintDynamics(model, data, q, v, tau, constraints, datas, settings)
+        return v, pin.constraintDynamics(model, data, q, v, tau, constraints, datas, settings), None
 
     while q[joints[0]] < DOWN + 10.0 * 2.0 * np.pi:
-        q, v = runge_kutta(model, q, v, 1e-3, rate)
+        q, v, _ = step(rates, partial(pin.integrate, model), 0.0, q, v, 1e-3)
         rows.append(q[joints])
     assert len(rows) < 3000
     assert max(miss(linkage, *np.array(rows).T)) < 1e-6

@@ -10,12 +10,15 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.kernel_cases import random_motion
+from support.observer_twins import remembered
 from support.stepping import step
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.aerobat import Aerobat, known_inputs, load_aerobat, prescribed_joint_dynamics
+from aerobat_pin.aerobat import Aerobat, joint_table, known_inputs, load_aerobat, prescribed_joint_dynamics
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.flight import simulate
+from aerobat_pin.forces import KnownInputs
 from aerobat_pin.observers import external_forces, joint_wrench
 from aerobat_pin.scenario import load_scenario
 
@@ -31,15 +34,6 @@ LOCAL, ALIGNED, WORLD = (
 @pytest.fixture(scope="module", params=MORPHOLOGIES)
 def robot(request: pytest.FixtureRequest) -> Aerobat:
     return load_aerobat(request.param)
-
-
-def random_state(robot: Aerobat, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return q, v, a; every joint moves on its own."""
-    rng = np.random.default_rng(seed)
-    quaternion = rng.standard_normal(4)
-    q = np.concatenate([rng.uniform(-1.0, 1.0, 3), quaternion / np.linalg.norm(quaternion), rng.uniform(-1.5, 0.8, 4)])
-    v = rng.standard_normal(10) * np.array([3.0] * 3 + [2.0] * 3 + [10.0] * 4)
-    return q, v, rng.standard_normal(10) * np.array([10.0] * 3 + [50.0] * 3 + [200.0] * 4)
 
 
 def richardson_rate_of_mass_matrix(model: pin.Model, q: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -71,7 +65,7 @@ def test_rate_of_the_mass_matrix_is_coriolis_plus_its_transpose(
     robot: Aerobat, seed: int, rate: Callable[[pin.Model, np.ndarray, np.ndarray], np.ndarray], tolerance: float
 ) -> None:
     """Paper, section III: Mdot = C + C^T, here in body twists; tolerance relative to the largest entry of Mdot."""
-    q, v, _ = random_state(robot, seed)
+    q, v, _ = random_motion(seed)
     expected = rate(robot.model, q, v)
     C = pin.computeCoriolisMatrix(robot.model, robot.model.createData(), q, v)
     scale = np.max(np.abs(expected))
@@ -79,19 +73,21 @@ def test_rate_of_the_mass_matrix_is_coriolis_plus_its_transpose(
     assert np.max(np.abs(2.0 * C - expected)) > 0.1 * scale  # C alone is not half of it: the transpose matters
 
 
+def momentum_and_drift(robot: Aerobat, inputs: KnownInputs) -> np.ndarray:
+    """Return p and C^T v - g along a flight (2, n + 1, nv)."""
+    rows = [remembered(robot.model, (), q, v)[:2] for q, v in zip(inputs.q, inputs.v, strict=True)]
+    return np.moveaxis(rows, 1, 0)
+
+
 def momentum_balance(log_dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Fly 0.05 s of `paper`; return p (n + 1, nv), the logged mean forces (n, nv), and C^T v - g (n + 1, nv)."""
     scenario = load_scenario("paper", ["simulation.duration=0.05", f"simulation.dt={log_dt}", "air.warm_up_cycles=1"])
     log = simulate(scenario)
     robot = load_aerobat(scenario.robot.morphology, scenario.robot.changes)
-    inputs, data = known_inputs(log, robot), robot.model.createData()
+    inputs = known_inputs(log, robot)
     forces = inputs.tau + inputs.known["thrusters"]
     forces = forces + sum(log.truth[name].values for name in ("aerodynamic", "added_mass", "unknown"))
-    p, drift = np.empty_like(inputs.v), np.empty_like(inputs.v)
-    for k, (q, v) in enumerate(zip(inputs.q, inputs.v, strict=True)):
-        p[k] = pin.crba(robot.model, data, q) @ v
-        g = pin.computeGeneralizedGravity(robot.model, data, q).copy()
-        drift[k] = pin.computeCoriolisMatrix(robot.model, data, q, v).T @ v - g
+    p, drift = momentum_and_drift(robot, inputs)
     return p, forces, drift
 
 
@@ -126,7 +122,7 @@ def test_external_forces_enter_inverse_dynamics_as_minus_jacobian_transposed_tim
 ) -> None:
     """Derivation: rnea(fext) - rnea() = -J^T f with the frame's Jacobian in the frame that the wrench is given in."""
     model, data = robot.model, robot.model.createData()
-    q, v, a = random_state(robot, seed)
+    q, v, a = random_motion(seed)
     wrench = np.random.default_rng([2, seed]).standard_normal(6)
     pin.forwardKinematics(model, data, q)
     moved = joint_wrench(model, data, frame, wrench, reference)
@@ -143,7 +139,7 @@ def test_external_forces_enter_inverse_dynamics_as_minus_jacobian_transposed_tim
 def test_external_forces_on_one_joint_add_up(robot: Aerobat, seed: int) -> None:
     """Derivation: J^T f is linear, also where several wrenches share a joint."""
     model, data = robot.model, robot.model.createData()
-    q, v, a = random_state(robot, seed)
+    q, v, a = random_motion(seed)
     rng = np.random.default_rng([3, seed])
     pin.forwardKinematics(model, data, q)
     wrenches, expected = [], np.zeros(model.nv)
@@ -159,7 +155,7 @@ def test_external_forces_on_one_joint_add_up(robot: Aerobat, seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_prescribed_joint_dynamics_is_forward_dynamics_under_its_own_torque(robot: Aerobat, seed: int) -> None:
     """Featherstone's articulated-body algorithm, fed with the motor torque found, returns the same acceleration."""
-    q, v, a = random_state(robot, seed)
+    q, v, a = random_motion(seed)
     force = np.random.default_rng([4, seed]).standard_normal(10) * np.array([0.5] * 3 + [0.02] * 7)
     model, data = robot.model, robot.model.createData()
     M, nle = pin.crba(model, data, q).copy(), pin.nonLinearEffects(model, data, q, v).copy()
@@ -180,14 +176,9 @@ def flap(robot: Aerobat, dt: float, free_joints: bool) -> tuple[np.ndarray, np.n
     model.gravity.setZero()
     rate = 2.0 * np.pi * 4.75
 
-    def joints(time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        closed = robot.linkage.solve(-np.pi / 2.0 + rate * time, rate)
-        pairs = (
-            (closed.theta_s, closed.theta_e),
-            (closed.theta_s_dot, closed.theta_e_dot),
-            (closed.theta_s_ddot, closed.theta_e_ddot),
-        )
-        return tuple(np.array([s, e, s, e], float) for s, e in pairs)
+    def joints(time: float) -> np.ndarray:
+        """Return angles, rates and accelerations (3, 4)."""
+        return np.tile(joint_table(robot.linkage.solve([-np.pi / 2.0 + rate * time], rate))[0], 2)
 
     def rates(time: float, q: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:
         if free_joints:
@@ -244,13 +235,8 @@ INTERVALS = slice(0, 1000)
 @pytest.fixture(scope="module")
 def balance(paper: Experiment) -> dict[str, np.ndarray]:
     """Return the pieces of p' = u + u_f + C^T v - g along the paper's flight, and the true mean u_f."""
-    inputs, model = known_inputs(paper.log, paper.robot), paper.robot.model
-    data = model.createData()
-    p, drift = np.empty_like(inputs.v), np.empty_like(inputs.v)
-    for k, (q, v) in enumerate(zip(inputs.q, inputs.v, strict=True)):
-        p[k] = pin.crba(model, data, q) @ v
-        g = pin.computeGeneralizedGravity(model, data, q).copy()
-        drift[k] = pin.computeCoriolisMatrix(model, data, q, v).T @ v - g
+    inputs = known_inputs(paper.log, paper.robot)
+    p, drift = momentum_and_drift(paper.robot, inputs)
     u = inputs.tau + sum(inputs.known.values(), np.zeros_like(inputs.tau))
     rate = np.diff(p, axis=0) / np.diff(inputs.time)[:, None]
     return {"drift": drift, "u": u, "rate": rate, "truth": paper.log.truth["unknown"].values}

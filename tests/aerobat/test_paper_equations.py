@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.kernel_cases import random_motion
 
-from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat, load_aerobat
+from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.scenario.scenario import load_scenario
 
@@ -100,14 +101,10 @@ def paper_bodies(
     return Bodies(np.array(p), np.array(p_dot), np.array(omega))
 
 
-def masses_and_inertias(robot: Aerobat) -> tuple[np.ndarray, np.ndarray]:
-    parts = [getattr(robot.morphology, name) for name in ("body", "proximal", "distal", "proximal", "distal")]
-    return np.array([part.mass for part in parts]), np.array([part.inertia[:3] for part in parts])
-
-
 def paper_energy(robot: Aerobat, bodies: Bodies) -> tuple[complex, complex]:
     """Return T and U: sums over the five bodies, inertias diagonal and constant."""
-    mass, inertia = masses_and_inertias(robot)
+    parts = [getattr(robot.morphology, name) for name in ("body", "proximal", "distal", "proximal", "distal")]
+    mass, inertia = np.array([part.mass for part in parts]), np.array([part.inertia[:3] for part in parts])
     T = 0.5 * (np.sum(mass[:, None] * bodies.p_dot**2) + np.sum(inertia * bodies.omega**2))
     return T, np.sum(mass * G * bodies.p[:, 2])
 
@@ -154,14 +151,6 @@ def euler_lagrange(
     return momentum(x, x_ddot) + momentum(x + 1j * h * x_dot, x_dot).imag / h - np.array(slope)
 
 
-def random_state(robot: Aerobat, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return q and v; the two wings move on their own."""
-    rng = np.random.default_rng(seed)
-    quaternion = rng.standard_normal(4)
-    q = np.concatenate([rng.uniform(-1.0, 1.0, 3), quaternion / np.linalg.norm(quaternion), rng.uniform(-1.5, 0.8, 4)])
-    return q, rng.standard_normal(10) * np.array([3.0] * 3 + [2.0] * 3 + [10.0] * 4)
-
-
 def paper_bodies_of(robot: Aerobat, q: np.ndarray, v: np.ndarray) -> Bodies:
     R_B = quaternion_matrix(q[3:7])
     return paper_bodies(robot, q[:3], R_B, R_B @ v[:3], v[3:6], q[list(robot.idx_q)], v[list(robot.idx_v)])
@@ -180,26 +169,13 @@ def chart(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, ...]
     return R, x, np.concatenate([R @ v[:3], v[3:]]), x_ddot, P
 
 
-def hand_written_h(robot: Aerobat, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return h_d (10,) of M_d a_d = h_d + u: minus the Euler-Lagrange left side of a motion with a_d = 0."""
-    R, x, x_dot, x_ddot, P = chart(q, v, np.zeros(10))
-    return -np.linalg.solve(P.T, euler_lagrange(robot, R, x, x_dot, x_ddot))
-
-
-def test_the_joint_order_is_left_shoulder_elbow_then_right(robot: Aerobat) -> None:
-    """Guards this file's reading of q: JOINTS reaches q[7:] in order."""
-    assert JOINTS == ("left_shoulder", "left_elbow", "right_shoulder", "right_elbow")
-    assert robot.idx_q == (7, 8, 9, 10)
-    assert robot.idx_v == (6, 7, 8, 9)
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_positions_and_angular_velocities_written_out_equal_pinocchio(robot: Aerobat, seed: int) -> None:
     """Paper, section II-B: positions of the five bodies; angular velocities, theta_s in place of the printed theta_p.
 
     The former in world, the latter each in its own frame.
     """
-    q, v = random_state(robot, seed)
+    q, v, _ = random_motion(seed)
     data, bodies = robot.model.createData(), paper_bodies_of(robot, q, v)
     pin.forwardKinematics(robot.model, data, q, v)
     for link, position, omega in zip(LINKS, bodies.p, bodies.omega, strict=True):
@@ -211,7 +187,7 @@ def test_positions_and_angular_velocities_written_out_equal_pinocchio(robot: Aer
 @pytest.mark.parametrize("seed", range(20))
 def test_kinetic_and_potential_energy_written_out_equal_pinocchio(robot: Aerobat, seed: int) -> None:
     """Paper, section II-B, T and U, with the potential energy zero at z = 0."""
-    q, v = random_state(robot, seed)
+    q, v, _ = random_motion(seed)
     data = robot.model.createData()
     T, U = paper_energy(robot, paper_bodies_of(robot, q, v))
     assert pin.computeKineticEnergy(robot.model, data, q, v) == pytest.approx(T, rel=EXACT, abs=EXACT)
@@ -221,7 +197,7 @@ def test_kinetic_and_potential_energy_written_out_equal_pinocchio(robot: Aerobat
 @pytest.mark.parametrize("seed", range(5))
 def test_mass_matrix_of_the_written_out_kinetic_energy_equals_crba(robot: Aerobat, seed: int) -> None:
     """Polarisation: M_ij = T(e_i + e_j) - T(e_i) - T(e_j), T being quadratic in the velocities."""
-    q, _ = random_state(robot, seed)
+    q, _, _ = random_motion(seed)
 
     def T(v: np.ndarray) -> float:
         return float(paper_energy(robot, paper_bodies_of(robot, q, v))[0])
@@ -236,9 +212,10 @@ def test_mass_matrix_of_the_written_out_kinetic_energy_equals_crba(robot: Aeroba
 @pytest.mark.parametrize("seed", range(5))
 def test_h_of_the_written_out_lagrangian_is_minus_coriolis_minus_gravity(robot: Aerobat, seed: int) -> None:
     """Paper, equation of motion: h_d = -(C v + g) stands on the right; with the other sign it fails."""
-    q, v = random_state(robot, seed)
+    q, v, _ = random_motion(seed)
     data = robot.model.createData()
-    h = hand_written_h(robot, q, v)
+    R, x, x_dot, x_ddot, P = chart(q, v, np.zeros(10))
+    h = -np.linalg.solve(P.T, euler_lagrange(robot, R, x, x_dot, x_ddot))  # M_d a_d = h_d + u with a_d = 0
     g = pin.computeGeneralizedGravity(robot.model, data, q)
     bias = pin.computeCoriolisMatrix(robot.model, data, q, v) @ v + g
     scale = np.max(np.abs(bias))
@@ -250,7 +227,7 @@ def test_h_of_the_written_out_lagrangian_is_minus_coriolis_minus_gravity(robot: 
 @pytest.mark.parametrize("seed", range(5))
 def test_forward_dynamics_obeys_euler_lagrange_and_the_wrong_sign_of_h_does_not(robot: Aerobat, seed: int) -> None:
     """Paper, M_d a_d = h_d + u_a + u_m + u_f; its Euler-Lagrange equation judges the acceleration of `pin.aba`."""
-    q, v = random_state(robot, seed)
+    q, v, _ = random_motion(seed)
     u = np.random.default_rng([0, seed]).standard_normal(10) * np.array([0.5] * 3 + [0.02] * 7)
     data = robot.model.createData()
     nle = pin.nonLinearEffects(robot.model, data, q, v).copy()
@@ -270,7 +247,7 @@ def test_forward_dynamics_obeys_euler_lagrange_and_the_wrong_sign_of_h_does_not(
 @pytest.mark.parametrize("seed", range(3))
 def test_the_tied_wings_of_the_paper_obey_the_projected_equations(robot: Aerobat, seed: int) -> None:
     """Paper, q_d = [p_B, q_s, q_e] with omega_B: eight velocities, v = S v8, M8 = S^T M S, h8 = S^T h."""
-    q, v = random_state(robot, seed)
+    q, v, _ = random_motion(seed)
     q[9:], v[8:] = q[7:9], v[6:8]
     rng = np.random.default_rng([1, seed])
     a = TIE @ (rng.standard_normal(8) * 10.0)
@@ -296,7 +273,7 @@ def test_a_crank_that_a_motor_turns_obeys_euler_lagrange(robot: Aerobat, seed: i
     rng = np.random.default_rng([2, seed])
     t1, speed, torque = rng.uniform(-9.0, 9.0), rng.uniform(10.0, 40.0), rng.uniform(-0.1, 0.1)
     closed = robot.linkage.solve(t1, speed)
-    q, v = random_state(robot, seed)
+    q, v, _ = random_motion(seed)
     q = robot.configuration(q[:7], closed.theta_s, closed.theta_e)
     v = robot.velocity(v[:6], closed.theta_s_dot, closed.theta_e_dot)
     joints, held = np.zeros((3, 2)), np.array([[[0.0]], [[0.1]]])

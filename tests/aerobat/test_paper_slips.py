@@ -18,6 +18,7 @@ from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.forces import KnownInputs
+from aerobat_pin.linkage.arms import loops, real_rows
 from aerobat_pin.observers import MomentumObserver
 from aerobat_pin.observers.frames import joint_wrench
 from aerobat_pin.scenario.scenario import load_scenario
@@ -165,25 +166,7 @@ def test_seven_linkage_angles_leave_one_freedom_and_nine_would_leave_three(robot
     """Gruebler: seven bars have seven angles, three loops are six equations, one motor remains; q1..q9 are too many."""
     bars, closure = robot.linkage.lengths, robot.linkage.solve(np.radians(crank_deg))
     assert list(closure.angles) == ["t1", "t2", "t3", "t5", "t6", "t8", "t9"]
-
-    def turned(angle: complex, *arm: float) -> np.ndarray:
-        c, s = np.cos(angle), np.sin(angle)
-        return np.array([c * arm[0] - s * arm[1], s * arm[0] + c * arm[1]])
-
-    def loops(t: np.ndarray) -> np.ndarray:
-        """Return what is left open at J4, J7 and J10, as loops from pivot to pivot."""
-        t1, t2, t3, t5, t6, t8, t9 = t
-        p2 = np.array(bars.P1) + turned(t1, bars.L1, 0.0)
-        p3, p9 = p2 + turned(t2, bars.L2b, bars.L2c), np.array(bars.P8) + turned(t8, bars.L5c, bars.L5d)
-        elbow = bars.L3a + bars.L3c * np.sin(bars.alpha3), bars.L3c * np.cos(bars.alpha3)
-        j4 = p2 + turned(t2, bars.L2a, 0.0) - bars.P5 - turned(t5 - bars.alpha3, -bars.L3b, bars.L3c)
-        j7 = p3 + turned(t3, bars.L4, 0.0) - bars.P8 - turned(t8, -bars.L5a, bars.L5b)
-        j10 = p9 + turned(t9, bars.L6, 0.0) - bars.P5 - turned(t5, *elbow) - turned(t6, bars.L7b, bars.L7c)
-        return np.concatenate([j4, j7, j10])
-
-    angles = np.array([float(angle) for angle in closure.angles.values()])
-    np.testing.assert_allclose(loops(angles), 0.0, atol=1e-15)
-    J = np.column_stack([loops(angles + 1e-30j * e).imag / 1e-30 for e in np.eye(7)])
+    J = real_rows(loops(bars).by_angles(np.array(list(closure.angles.values()))))
     assert 7 - np.linalg.matrix_rank(J) == 1
     assert 9 - np.linalg.matrix_rank(np.column_stack([J, np.zeros((6, 2))])) == 3  # two angles without a bar
     motion = np.linalg.svd(J)[2][-1]  # the one freedom, per unit of crank angle

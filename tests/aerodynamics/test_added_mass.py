@@ -1,6 +1,5 @@
 """Added mass as a part of inertia: its energy, its momentum, and the observer that must not notice it."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 from support import twins
 from support.kernel_cases import instant, plant_of
 
-from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.aerobat.wing import LINKS
 from aerobat_pin.aerodynamics.planform import added_mass_factor
 from aerobat_pin.experiments.experiment import run
@@ -29,15 +27,10 @@ def plant() -> Plant:
     return plant_of("paper", COLD)
 
 
-def link_energy(plant: Plant, q: np.ndarray, v: np.ndarray) -> float:
-    """Return the kinetic energy of the added mass, from the links' twists and the constant matrices G."""
-    data = plant.model.createData()
-    pin.forwardKinematics(plant.model, data, q, v)
-    energy = 0.0
-    for link, G in zip(LINKS, plant.air.added_mass, strict=True):
-        seen = pin.getFrameVelocity(plant.model, data, plant.model.getFrameId(link), LOCAL).vector[2:5]
-        energy += 0.5 * seen @ G @ seen
-    return float(energy)
+def link_energy(plant: Plant, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Return the kinetic energy (n,) of the added mass, from the links' twists and the constant matrices G."""
+    seen = plant.in_air.link_twists(q, v)[..., 2:5]
+    return 0.5 * np.einsum("nli,lij,nlj->n", seen, plant.air.added_mass, seen)
 
 
 def test_thin_aerofoil_theory_gives_the_mass_of_the_strips(plant: Plant) -> None:
@@ -61,7 +54,7 @@ def test_the_constant_matrices_of_the_links_hold_the_energy_of_all_strips(plant:
     """V M_a v / 2, M_a strip by strip from Pinocchio's Jacobians, against the sum over links of G."""
     q, v, *_ = instant(plant, seed)
     M, _ = twins.added_mass(plant, q, v, STILL)
-    assert 0.5 * v @ M @ v == pytest.approx(link_energy(plant, q, v), rel=1e-12)
+    assert 0.5 * v @ M @ v == pytest.approx(link_energy(plant, q[None], v[None])[0], rel=1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -81,7 +74,12 @@ def test_rate_of_inertia_with_added_mass_is_coriolis_plus_its_transpose(plant: P
 
     rate = (4.0 * difference(1e-4) - difference(2e-4)) / 3.0
     C = pin.computeCoriolisMatrix(model, data, q, v).copy()
-    for m, n, n_rate in normals(plant, q, v):
+    pin.computeJointJacobiansTimeVariation(model, data, q, v)
+    for link, row, m in moving_air(plant):
+        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
+        n, n_rate = (
+            row @ of(model, data, joint, LOCAL) for of in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
+        )
         C += m * np.outer(n, n_rate)
     np.testing.assert_allclose(rate, C + C.T, rtol=0.0, atol=1e-8 * np.abs(rate).max())
 
@@ -99,18 +97,6 @@ def moving_air(plant: Plant) -> list[tuple[int, np.ndarray, float]]:
         found.append((joint, np.concatenate([up, np.cross(place, up)]), mass))
         found.append((joint, np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0]), mass * line.semichord[i] ** 2 / 8.0))
     return found
-
-
-def normals(plant: Plant, q: np.ndarray, v: np.ndarray) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
-    """Yield the mass m of each of `moving_air`, the row n with which its velocity is n v, and the row's rate."""
-    model, data = plant.model, plant.model.createData()
-    pin.computeJointJacobiansTimeVariation(model, data, q, v)
-    for link, choose, m in moving_air(plant):
-        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
-        n, n_rate = (
-            choose @ of(model, data, joint, LOCAL) for of in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
-        )
-        yield m, n, n_rate
 
 
 @pytest.mark.parametrize("settings", [(), ("air.wind=[1.5, -0.6, 0.4]",), ("air.gust.amplitude=[2.0, 1.0, -1.0]",)])
@@ -155,33 +141,11 @@ def test_what_the_added_mass_takes_is_its_kinetic_energy() -> None:
     log = simulate(load_scenario("paper", ["simulation.dt=0.0005", "simulation.duration=0.2"]))
     plant = plant_of("paper", COLD)
     q, v = (log.measured[name].values for name in ("q", "v"))
-    energy = np.array([link_energy(plant, *both) for both in zip(q, v, strict=True)])
+    energy = link_energy(plant, q, v)
     force = log.truth["added_mass"].values
     # The force varies little within a step: its mean times the mean velocity is its work to second order.
     work = np.cumsum(np.sum(force * 0.5 * (v[1:] + v[:-1]), axis=1)) * 5e-4
     np.testing.assert_allclose(work, energy[0] - energy[1:], rtol=0.0, atol=2e-4 * energy.max())
-
-
-def test_the_logged_channel_is_the_change_of_momentum_and_asks_for_no_acceleration() -> None:
-    """-(p_a,k+1 - p_a,k) / dt + mean(C_a^T v), p_a = M_a v, by Simpson's rule.
-
-    Its middle comes from the run at half the step. Independent
-    of the accelerations that the plant knows; this is how a recorded flight would find the channel.
-    """
-    dt, plant = 1e-3, plant_of("paper", COLD)
-    logs = [
-        simulate(load_scenario("paper", [f"simulation.dt={step}", "simulation.duration=0.2"])) for step in (dt, dt / 2)
-    ]
-    q, v = (logs[1].measured[name].values for name in ("q", "v"))
-    p, turning = np.empty_like(v), np.empty_like(v)
-    for k, (at, speed) in enumerate(zip(q, v, strict=True)):
-        p[k] = twins.added_mass(plant, at, speed, STILL)[0] @ speed
-        turning[k] = sum(m * n_rate * (n @ speed) for m, n, n_rate in normals(plant, at, speed))
-    simpson = (turning[:-2:2] + 4.0 * turning[1::2] + turning[2::2]) / 6.0
-    expected = -(p[2::2] - p[:-2:2]) / dt + simpson
-    found = logs[0].truth["added_mass"].values
-    scale = np.abs(expected).max(axis=0) + 1e-6
-    assert np.max(np.abs(found - expected) / scale) < 1e-4
 
 
 def scores(settings: list[str]) -> np.ndarray:
@@ -198,24 +162,6 @@ def test_the_observer_finds_the_forces_as_well_with_added_mass_as_without() -> N
     with_it, without = scores([]), scores(["air.added_mass=0.0"])
     assert with_it.min() > 0.999
     np.testing.assert_allclose(with_it, without, atol=2e-4)
-
-
-def test_an_observer_that_is_not_told_of_the_added_mass_sees_it_as_a_force() -> None:
-    """The channel matters: without it the residual is wrong by tens of millinewton, several times the noise."""
-    from aerobat_pin.aerobat.flight_record import known_inputs
-    from aerobat_pin.observers import ForceLevelObserver
-
-    experiment = run(load_scenario("paper", ["simulation.duration=0.5"]))
-    inputs, frames = known_inputs(experiment.log, experiment.robot), experiment.scenario.observers.frames
-    ignorant = {name: value for name, value in inputs.known.items() if name != "added_mass"}
-    truth = np.stack([true_force(experiment.log, frame)[0] for frame in frames], axis=1)
-    missed = []
-    for known in (inputs.known, ignorant):
-        observer = ForceLevelObserver(experiment.robot.model, frames, 2000.0)
-        force = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, known).force
-        missed.append(float(np.sqrt(np.mean((force - truth) ** 2))))
-    assert missed[0] < 2e-3
-    assert missed[1] > 10.0 * missed[0]
 
 
 def test_wings_lighter_than_their_air_fly_without_trouble() -> None:

@@ -47,20 +47,12 @@ def test_flapping_rectangle_lifts_and_pulls_as_the_vortex_lattice_says() -> None
     assert flapping_loads(32, 1.0)[0] == pytest.approx(ours, rel=5e-3)
 
 
-def test_air_takes_power_from_a_flapping_wing_and_gives_less_as_thrust() -> None:
-    """What the wing spends is thrust times speed and what stays in the wake, which cannot be negative."""
-    line = LiftingLine(0.40, 0.10)
-    flight = fly(line, Stroke(4.0, frequency=5.0, flap=np.radians(30.0)), [0.0, *np.linspace(0.8, 1.0, 101)])
-    wake, useful = -flight.power[-100:].mean(), 4.0 * flight.force[-100:, 0].mean()
-    assert useful > 0.0
-    assert 0.3 < useful / (useful + wake) < 1.0 / (1.0 + 2.0 / 4.0)  # Prandtl's downwash takes its share of the power
-
-
 @pytest.mark.parametrize("added_mass", [0.0, 1.0])
 def test_plunging_section_agrees_with_theodorsen_and_garrick(added_mass: float) -> None:
     """Theodorsen (1935) and Garrick (1936), small plunge, lift and thrust within 1 %, efficiency within 1.5 %."""
     line = LiftingLine(1e9, 0.1, strips=1)
     theory = plunge(0.010, 5.0, 4.0, 0.1, 1.225)
+    assert [round(value, 4) for value in theory[:3]] == [0.3139, 0.3038, 0.0080]
     flight = fly(
         line, Stroke(4.0, frequency=5.0, plunge=0.010), [0.0, *np.arange(2.0, 3.0, 2e-3)], added_mass=added_mass
     )
@@ -271,10 +263,8 @@ def test_any_motion_gives_finite_loads(motion: Callable[[float], Halves]) -> Non
     [
         ({"time": [0.0]}, r"time has shape \(1,\): \(2\+,\) was expected"),
         ({"time": [0.0, 0.0]}, "rising"),
-        ({"time": [0.0, np.nan]}, "time holds NaN"),
         ({"time": 1.0}, "time"),
         ({"added_mass": -1.0}, "added_mass = -1"),
-        ({"added_mass": np.nan}, "added_mass = nan"),
         ({"motion": lambda t: Halves(*(np.nan * part for part in Stroke(1.0)(t)))}, "motion at 0 s holds NaN"),
         (
             {"motion": lambda _: Halves(np.eye(3), np.zeros((2, 6)))},

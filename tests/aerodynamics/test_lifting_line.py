@@ -1,4 +1,4 @@
-"""The lifting line as a model: its matrices are its equations, its stations fit its sines, any planform goes in.
+"""The lifting line as a model: its matrices are its equations, any planform goes in.
 
 That it agrees with the classics is in test_lifting_line_ladder.py. Added mass of wings with open tips: closed forms of
 discs, tables of plates, reciprocity.
@@ -38,15 +38,6 @@ def test_the_matrices_are_the_equations(strips: int, seed: int) -> None:
     # Unsteady Kutta-Joukowski: the lift is also rho U Gamma + rho c Gamma'.
     circulation, growth = line.split(state)[2], line.split(rates)[2]
     assert lift == pytest.approx(1.225 * (speed * circulation + line.chord * growth), rel=1e-12, abs=1e-9)
-
-
-def test_the_sine_matrix_is_orthogonal() -> None:
-    """At theta_i = i pi/(N + 1), sum_i sin(n theta_i) sin(m theta_i) = (N + 1)/2 delta_nm: condition 1."""
-    line = LiftingLine(1.0, 0.1, strips=16)
-    sines = np.sin(np.outer(line.theta, np.arange(1, 17)))
-    assert sines.T @ sines == pytest.approx(8.5 * np.eye(16), abs=1e-13)
-    assert np.linalg.cond(sines) == pytest.approx(1.0, abs=1e-12)
-    assert line.y == pytest.approx(-line.y[::-1], abs=1e-15)
 
 
 def test_the_downwash_of_an_elliptic_circulation_is_uniform() -> None:
@@ -186,11 +177,8 @@ def test_area_does_not_depend_on_the_number_of_strips() -> None:
     [
         (1.0, 0.1, {"strips": 0}, "strips = 0"),
         (1.0, 0.1, {"strips": 2.5}, "strips = 2.5"),
-        (1.0, 0.1, {"strips": np.nan}, "strips = nan"),
         (1.0, 0.1, {"lift_slope": -6.0}, "lift_slope = -6"),
-        (np.nan, 0.1, {}, "span = nan"),
         (-1.0, 0.1, {}, "span = -1"),
-        (1.0, np.nan, {}, "chord = nan"),
         (1.0, -0.1, {}, "chord = -0.1"),
         (1.0, 0.0, {}, "chord = 0"),
         (1.0, lambda y: 0.1 * y, {}, "chord = -0.05"),
@@ -204,11 +192,9 @@ def test_area_does_not_depend_on_the_number_of_strips() -> None:
         (1.0, ([0.0, 0.5], [0.1, 0.1]), {}, "from tip to tip, -0.5 m to 0.5 m"),  # half a wing
         (1.0, ([-0.5, 0.4], [0.1, 0.1]), {}, "from tip to tip"),
         (1.0, ([-0.5, 0.5], [0.1, np.inf]), {}, "chord = "),
-        (1.0, 0.1, {"quarter_chord": np.nan}, "quarter_chord = nan"),
         (1.0, 0.1, {"quarter_chord": [0.1, 0.2]}, "quarter_chord has shape"),
         (1.0, np.full(5, 0.1), {}, r"shape \(5,\).* 16 numbers"),
         (1.0, 0.1, {"air_density": 0.0}, "air_density = 0"),
-        (1.0, 0.1, {"air_density": np.inf}, "air_density = inf"),
     ],
 )
 def test_a_wing_that_cannot_be_is_refused(span: float, chord: Any, options: dict[str, Any], message: str) -> None:
@@ -222,19 +208,13 @@ def test_a_wing_that_cannot_be_is_refused(span: float, chord: Any, options: dict
     ("call", "message"),
     [
         (lambda line: line.state_space(-1.0), "airspeed = -1: .* from behind"),
-        (lambda line: line.state_space(np.nan), "airspeed = nan"),
         (lambda line: line.state_space([1.0, 2.0]), r"airspeed has shape \(2,\): one number or 16"),
-        (lambda line: line.steady_circulation(np.inf), "normal_velocity = inf"),
         (lambda line: line.steady_circulation(np.ones(3)), r"normal_velocity has shape \(3,\)"),
-        (lambda line: line.steady_coefficients(np.nan), "incidence = nan"),
         (lambda line: line.frequency_response(-1.0, 4.0), "frequency"),
-        (lambda line: line.frequency_response([1.0, np.nan], 4.0), "frequency"),
         (lambda line: line.frequency_response(1.0, -4.0), "airspeed = -4"),
         (lambda line: line.frequency_response(1.0, 4.0, [1.0]), r"normal_velocity has shape \(1,\)"),
         (lambda line: line.step_response([0.0, -1.0], 4.0, 1.0), "time"),
         (lambda line: line.step_response(0.5, 4.0, 1.0), "time"),
-        (lambda line: line.step_response([np.nan], 4.0, 1.0), "time"),
-        (lambda line: line.step_response([0.5], 4.0, np.nan), "normal_velocity = nan"),
     ],
 )
 def test_a_question_that_cannot_be_is_refused(call: Any, message: str) -> None:

@@ -1,4 +1,4 @@
-"""The lifting line agrees with the classics: Wagner, Theodorsen and Garrick in two dimensions, Prandtl in three.
+"""The lifting line agrees with the classics: Wagner and Theodorsen in two dimensions, Prandtl in three.
 
 Two dimensions are the limit of a span far larger than the chord (1e9 m here), which leaves no downwash. Angles are
 small: the normal velocity of a section at incidence a and speed U is U a. Flapping is in test_flapping_wing.py.
@@ -13,7 +13,6 @@ from support.references import (
     elliptic,
     jones,
     jones_harmonic,
-    plunge,
     rectangular,
     theodorsen,
     wagner,
@@ -74,24 +73,6 @@ def test_theodorsens_function_has_its_tabulated_values(k: float, real: float, im
     assert complex(theodorsen(k)) == pytest.approx(complex(real, imaginary), abs=1e-4)
 
 
-def test_plunging_section_lifts_and_pulls_as_theodorsen_and_garrick_say() -> None:
-    """Plunge 10 mm at 5 Hz, 4 m/s, chord 0.1 m, 1.225 kg/m3; each within 1 %.
-
-    Lift amplitude 0.3139 N/m circulatory, 0.3038 N/m with added mass (Theodorsen 1935); mean thrust 0.0080 N/m (Garrick
-    1936).
-    """
-    theory = plunge(0.010, 5.0, 4.0, 0.1, 1.225)
-    assert [round(value, 4) for value in theory[:3]] == [0.3139, 0.3038, 0.0080]
-    line, omega = section(0.1, 1.225), 2.0 * np.pi * 5.0
-    lift = line.frequency_response(omega, 4.0, 0.010 * omega)[0]
-    assert abs(lift) == pytest.approx(theory.circulatory, rel=0.01)
-    assert abs(lift + 1j * omega * line.added_mass[0] * 0.010 * omega) == pytest.approx(theory.lift, rel=0.01)
-    w_eff = abs(lift) / (2.0 * np.pi * 1.225 * 0.05 * 4.0)
-    assert line.suction(w_eff, np.zeros(1))[0] / 2.0 == pytest.approx(
-        theory.thrust, rel=0.01
-    )  # the mean of a squared sine is half
-
-
 @pytest.mark.parametrize("strips", [1, 7, 16])
 @pytest.mark.parametrize(("aspect_ratio", "printed"), [(4.0, 0.36554), (6.0, 0.41123), (10.0, 0.45693)])
 def test_steady_elliptic_wing_is_prandtls(aspect_ratio: float, printed: float, strips: int) -> None:
@@ -126,19 +107,6 @@ def test_impulsive_start_grows_as_the_vortex_lattice_says() -> None:
     lift = 2.0 * line.step_response(np.array(list(LATTICE_START)) / 2.0, 1.0, INCIDENCE) @ line.width / line.area
     ratio = lift / np.array(list(LATTICE_START.values())) - 1.0
     assert ratio == pytest.approx([0.11, 0.05, 0.02, 0.0, 0.0], abs=0.005)
-
-
-def test_lag_is_shorter_on_a_short_wing() -> None:
-    """R. T. Jones (1940): of the final lift, a wing of finite span has more at the start than Wagner's half.
-
-    The downwash that has not come yet: at s = 0 the line has Phi0 U w_n, of a final lift that downwash has reduced.
-    """
-    starts = []
-    for line in (section(), rectangle(10.0), rectangle(4.0)):
-        lift = line.step_response([0.0, 1e4], 1.0, 1.0) @ line.width
-        starts.append(lift[0] / lift[1])
-    assert starts[0] == pytest.approx(0.5, abs=1e-6)
-    assert starts[0] < starts[1] < starts[2] < 1.0
 
 
 @pytest.mark.parametrize(

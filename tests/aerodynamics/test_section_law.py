@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from support.gliding import BARE, evaluate, gliding, settled
 from support.references import LATTICE_FLAP, Pitch, jones_harmonic, pitch, theodorsen
-from support.section_law import ENDLESS, HALVES, STEPS, air_loads_in, fly_on_links, memory_of, plate, plate_drag
+from support.section_law import ENDLESS, HALVES, STEPS, fly_on_links, loads_of, memory_of, plate, plate_drag
 
 from aerobat_pin.aerobat import LINKS
-from aerobat_pin.aerodynamics import STRIP_ROWS, LiftingLine, Stroke, fly, strips_of
+from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
 
 
 def test_at_small_incidence_the_robots_strips_are_the_lifting_line() -> None:
@@ -27,26 +27,17 @@ def test_at_small_incidence_the_robots_strips_are_the_lifting_line() -> None:
     def apart(size: float) -> np.ndarray:
         twists = np.zeros((len(LINKS), 6))
         twists[HALVES, 0], twists[np.ix_(HALVES, [2, 3, 4])] = 4.0, size * turn * [4.0, 20.0, 20.0]
-        wrenches, rates, loads = (
-            np.empty((len(LINKS), 6)),
-            np.empty(3 * line.strips),
-            np.empty((STRIP_ROWS, line.strips)),
-        )
-        air_loads_in(air, twists, size * state, wrenches, rates, loads)
+        _, rates, strips = loads_of(air, twists, size * state)
         vx, _, vz, wx, wy, wz = twists[HALVES][half].T
         u, w = vx - wz * line.y, -(vz + wx * line.y - wy * line.three_quarter_chord)
         speed = np.hypot(u, w)
         w_eff, w_total = line.effective_velocity(size * state, speed, w)
-        return np.array(
-            [
-                np.linalg.norm(ours / line_s - 1.0)
-                for ours, line_s in (
-                    (rates, line.rates(size * state, speed, w_eff, w_total)),
-                    (strips_of(loads).force_z, line.width * line.lift(np.abs(u), w_eff)),
-                    (strips_of(loads).force_x, line.width * line.suction(w_eff, -wy)),
-                )
-            ]
+        pairs = (
+            (rates, line.rates(size * state, speed, w_eff, w_total)),
+            (strips.force_z, line.width * line.lift(np.abs(u), w_eff)),
+            (strips.force_x, line.width * line.suction(w_eff, -wy)),
         )
+        return np.array([np.linalg.norm(ours / theirs - 1.0) for ours, theirs in pairs])
 
     coarse, fine, finest = (apart(size) for size in (0.02, 0.01, 0.005))
     np.testing.assert_allclose(coarse / fine, 4.0, rtol=0.02)
@@ -149,11 +140,3 @@ def test_a_pitching_section_of_the_robots_is_theodorsens_and_garricks(k: float, 
     force, moment = (part / line.width.sum() for part in fly_on_links(line, stroke, cycles))
     turn = 2.0 * np.exp(-2j * np.pi * np.arange(STEPS) / STEPS) / STEPS * 1j
     assert_section(Pitch(force[:, 2] @ turn, -moment[:, 1] @ turn, force[:, 0].mean()), k, axis)
-
-
-def test_garricks_thrust_of_pitching_is_known_to_the_fits_error() -> None:
-    """Pitch about mid-chord pulls at high k, drags at low k; with the exact C(k) within 2.5 % of lift times angle."""
-    for k, pulls in ((0.1, False), (0.39, False), (4.0, True)):
-        exact, fit = (pitch(k, 0.0, ANGLE, SPEED, SEMICHORD, complex(f(k))) for f in (theodorsen, jones_harmonic))
-        assert (exact.thrust > 0.0) == pulls
-        assert fit.thrust == pytest.approx(exact.thrust, abs=0.025 * abs(exact.lift) * ANGLE)

@@ -3,7 +3,6 @@
 Flights whose crank speeds up, ripples or does what a function says: motion, log, warm-up, torques and power.
 """
 
-import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -206,14 +205,6 @@ def test_forces_are_found_while_a_motors_crank_ripples() -> None:
     scores = run(scenario("motor")).metrics["observers"]["force_level"]
     for wing in ("left", "right"):
         assert min(scores[wing][axis]["r2"] for axis in ("Fx", "Fy", "Fz")) > 0.99
-
-
-def test_a_flight_with_a_drive_of_ones_own_can_be_copied(tmp_path: Any) -> None:
-    """Pickled with its drive."""
-    plant = Plant(flown_robot(scenario("constant")), scenario("constant"), swing)
-    again = pickle.loads(pickle.dumps(plant))
-    assert again.closure(np.array([0.1])).theta_s == plant.closure(np.array([0.1])).theta_s
-    assert again.drive is swing
 
 
 def test_a_drive_of_ones_own_that_is_no_motion_is_refused_before_flying() -> None:

@@ -1,7 +1,6 @@
 """The kernels of the plant equal their numpy twins, instant by instant and over a flight."""
 
 import gc
-import itertools
 from typing import Any
 
 import numpy as np
@@ -22,15 +21,13 @@ from support.kernel_cases import (
 )
 
 from aerobat_pin.aerobat import RobotAir
-from aerobat_pin.aerobat.air.robot_in_air import RobotState, warm_up
+from aerobat_pin.aerobat.air.robot_in_air import warm_up
 from aerobat_pin.aerodynamics.strip_forces import strips_of
 from aerobat_pin.flight.attitude_hold import AttitudeHold, attitude_error, hold_wrench, rotation_vector
 from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.plant.plant_state import PlantState, split_forces, unknown_forces
 from aerobat_pin.flight.point_forces import interval_means
-from aerobat_pin.numerics import directory_size, pinocchio_views, small_matrices
-from aerobat_pin.numerics.lie_runge_kutta import WEIGHTS, next_state, next_tangent
+from aerobat_pin.numerics import small_matrices
 
 SPATIAL = ("aerodynamic", "added_mass", "thrusters", "unknown", "link_wrench")
 GUSTY = 0.07  # [s] in the middle of the gust of the cases
@@ -159,23 +156,6 @@ def test_the_warm_up_is_runge_kutta_on_the_air_alone(seed: int, paper_plant: Pla
     assert_equal(in_air.fields.state, twins.warmed_up(air, paper_plant.robot.morphology, twists, 2e-3, start))
 
 
-# ---------------------------------------------------------------------------------------------------------- integrator
-
-
-@pytest.mark.parametrize("stage", range(4))
-def test_each_stage_follows_the_tableau(stage: int) -> None:
-    """Vector state, and the way of q in its first columns; the rest of the tangent belongs to the joints."""
-    rng = np.random.default_rng(stage)
-    k, rate, start = rng.standard_normal((4, 6)), rng.standard_normal((4, 11)), rng.standard_normal(11)
-    state, tangent = np.full(11, np.nan), np.full((2, 8), 7.0)
-    next_tangent(stage, 0.1, k, tangent)
-    next_state(stage, 0.1, rate, start, state)
-    expected, tangents = twins.next_stage(stage, 0.1, k, rate, start)
-    assert_equal(state, expected)
-    assert_equal(tangent[: len(tangents), :6], tangents)
-    assert np.all(tangent[:, 6:] == 7.0)
-
-
 # --------------------------------------------------------------------------------------------------------------- plant
 
 
@@ -226,38 +206,6 @@ def test_a_few_steps_in_every_case_equal_the_twin(morphology: str, case: str) ->
         assert_equal(mean, twin)
 
 
-def leaves(fields: Any) -> list[np.ndarray]:
-    """Return the arrays of nested fields."""
-    return [leaf for field in fields for leaf in (leaves(field) if isinstance(field, tuple) else [field])]
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_what_a_plant_is_made_of_lies_in_its_state_by_name(case: str) -> None:
-    """Unknown forces, hold, air and Pinocchio's results come back as views, with and without forces and hold."""
-    plant = built("aerobat", case)
-    fields, robot = plant.fields, plant.in_air.fields
-    for found, expected in zip(fields.unknown, unknown_forces(plant.model, plant.forces, plant.points), strict=True):
-        np.testing.assert_array_equal(found, expected)
-    assert fields.holds == (plant.hold is not None)
-    if plant.hold is not None:
-        for found, expected in zip(fields.hold, plant.hold, strict=True):
-            np.testing.assert_array_equal(found, expected)
-    assert robot.air.density == plant.scenario.air.density
-    np.testing.assert_array_equal(robot.air.pieces.link, plant.air.pieces.link)
-    np.testing.assert_array_equal(robot.air.downwash, plant.air.line.downwash)
-    data = plant.data
-    results = (
-        data.M,
-        data.nle,
-        pinocchio_views.placements(data.liMi),
-        pinocchio_views.motions(data.v),
-        pinocchio_views.motions(data.a_gf),
-    )
-    for actual, value in zip(robot.results, results, strict=True):
-        assert actual.shape == value.shape
-        np.testing.assert_array_equal(actual, value)
-
-
 def test_a_state_outlives_the_plant_that_made_it() -> None:
     """All that its kernels read goes on to live with it: air, robot in air, and Pinocchio's results."""
     plant = built("aerobat", "all forces, hold")
@@ -273,24 +221,3 @@ def test_a_state_outlives_the_plant_that_made_it() -> None:
     np.testing.assert_array_equal(rate, expected)
     assert np.isfinite(fields.robot.results.M).all()
     assert np.isnan(litter[-1]).all()
-
-
-@pytest.mark.parametrize("case", ["all forces, hold", "no force, no hold"])
-def test_the_fields_of_a_plant_fill_its_state_and_do_not_overlap(case: str) -> None:
-    """Each number belongs to exactly one name, and the rows of forces lie as one."""
-    plant = built("aerobat", case)
-    robot = plant.in_air
-    own = (
-        [*plant.fields[1:]],
-        [field for name, field in robot.fields._asdict().items() if name not in ("air", "results")],
-    )
-    heads = directory_size(PlantState), directory_size(RobotState)
-    for memory, parts, head in ((plant.memory, own[0], heads[0]), (robot.memory, own[1], heads[1])):
-        spans = sorted((leaf.ctypes.data, leaf.nbytes) for leaf in leaves(parts) if leaf.size)
-        assert spans[0][0] == memory.ctypes.data + 8 * head
-        assert all(start + size == after for (start, size), (after, _) in itertools.pairwise(spans))
-        assert sum(spans[-1]) == memory.ctypes.data + memory.nbytes
-    rows = np.arange(2.0 * sum(part.size for part in plant.fields.forces)).reshape(2, -1)
-    split = split_forces(plant.fields.forces, rows)
-    np.testing.assert_array_equal(np.concatenate([np.reshape(part, (2, -1)) for part in split], axis=1), rows)
-    assert sum(WEIGHTS) == pytest.approx(1.0, rel=1e-15)

@@ -45,14 +45,6 @@ def test_the_noise_is_the_seeds_alone() -> None:
         assert abs(np.corrcoef(one, stranger)[0, 1]) < 5.0 / np.sqrt(len(one))
 
 
-def test_on_its_own_clock_the_signal_is_its_values() -> None:
-    """One interval a tick: the means are the drawn numbers themselves."""
-    noise, _ = SIGNAL.interval_means(clock(0.5), np.random.default_rng(7))
-    assert noise == pytest.approx(0.01 * np.random.default_rng(7).standard_normal(500), abs=1e-12)
-    values = np.random.default_rng(8).normal(size=300)
-    assert tick_means(values, 1e-3, clock(0.3)) == pytest.approx(values, abs=1e-10)
-
-
 @pytest.mark.parametrize("dt", [1e-4, 2.5e-4, 5e-4, 2e-3, 5e-3])
 def test_the_signal_does_not_depend_on_the_step_of_the_integrator(dt: float) -> None:
     """Finer intervals see the held value of their tick, coarser ones the mean of theirs; same seed, same force."""

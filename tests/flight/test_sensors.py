@@ -26,12 +26,6 @@ def shown(true: np.ndarray, seed: int = 1, dt: float = DT, **sensor: Any) -> np.
     return sensed(table, np.arange(len(true)) * dt, SensorSection(**sensor), rng).reshape(true.shape)
 
 
-def test_a_sensor_without_a_fault_shows_the_truth() -> None:
-    """All defaults."""
-    true = np.random.default_rng(1).normal(size=(50, 3))
-    np.testing.assert_array_equal(shown(true), true)
-
-
 def test_white_noise_has_its_deviation_per_sample_and_axis() -> None:
     """100 000 samples: deviations, and correlations over time and axes, within five standard errors."""
     count = 100_000

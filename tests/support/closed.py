@@ -1,6 +1,5 @@
 """Flights of the robot with its closed linkage, in MuJoCo and Pinocchio, and of the package's robot beside them."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -10,10 +9,10 @@ import pinocchio as pin
 import aerobat_description as description
 from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.aerobat.closed_model import closed_state
-from aerobat_pin.aerobat.prescribed_joints import prescribed_joint_dynamics
+from aerobat_pin.flight import Plant
 from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
+from aerobat_pin.scenario import parse_scenario
 
-Rate = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
 RATE = 2.0 * np.pi * 4.75  # [rad/s] of the crank
 DOWN = -0.5 * np.pi  # [rad]: crank angle at which flights begin
 MJCF = {name: str(Path(description.PACKAGE_PATH, "mjcf", f"{name}.xml")) for name in description.MORPHOLOGIES}
@@ -59,39 +58,12 @@ def fly_in_mujoco(twin: mujoco.MjModel, data: mujoco.MjData, steps: int) -> np.n
     return rows
 
 
-def runge_kutta(model: pin.Model, q: np.ndarray, v: np.ndarray, dt: float, rate: Rate) -> tuple[np.ndarray, np.ndarray]:
-    """Take one step of the classical method on Pinocchio's manifold; `rate(q, v, share)` returns the acceleration."""
-    a1 = rate(q, v, 0.0)
-    v2 = v + 0.5 * dt * a1
-    a2 = rate(pin.integrate(model, q, 0.5 * dt * v), v2, 0.5)
-    v3 = v + 0.5 * dt * a2
-    a3 = rate(pin.integrate(model, q, 0.5 * dt * v2), v3, 0.5)
-    v4 = v + dt * a3
-    a4 = rate(pin.integrate(model, q, dt * v3), v4, 1.0)
-    mean = (v + 2.0 * v2 + 2.0 * v3 + v4) / 6.0
-    return pin.integrate(model, q, dt * mean), v + dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-
-
 def fly_prescribed(robot: Aerobat, steps: int, dt: float) -> np.ndarray:
     """Fly the package's robot with the crank at 4.75 Hz and no air; return q (steps, nq) after each step."""
-    model, data = robot.model, robot.model.createData()
-    iq, iv = list(robot.idx_q), np.array(robot.idx_v)
-    start = robot.linkage.solve(DOWN, RATE)
-    q, v = robot.q0, robot.velocity(np.zeros(6), start.theta_s_dot, start.theta_e_dot)
-    rows = np.empty((steps, model.nq))
-    for k in range(steps):
-
-        def rate(q: np.ndarray, v: np.ndarray, share: float, k: int = k) -> np.ndarray:
-            closed = robot.linkage.solve(DOWN + RATE * (k + share) * dt, RATE)
-            q[iq], v[iv] = [closed.theta_s, closed.theta_e] * 2, [closed.theta_s_dot, closed.theta_e_dot] * 2
-            M, nle = symmetric(pin.crba(model, data, q)), pin.nonLinearEffects(model, data, q, v)
-            bent = np.zeros(model.nv - 6)
-            bent[iv - 6] = [closed.theta_s_ddot, closed.theta_e_ddot] * 2
-            return prescribed_joint_dynamics(M, nle, np.zeros(model.nv), bent)[0]
-
-        q, v = runge_kutta(model, q.copy(), v.copy(), dt, rate)
-        rows[k] = q
-    return rows
+    air = {"model": "quasi_steady", "density": 1e-30, "warm_up_cycles": 0}
+    flight = {"velocity": [0.0, 0.0, 0.0], "pitch_deg": 0.0}
+    plant = Plant(robot, parse_scenario({"name": "vacuum", "air": air, "flight": flight}, "vacuum"))
+    return plant.fly(steps, dt, np.zeros((2, 0, steps))).q[1:]
 
 
 def exact_acceleration(

@@ -7,8 +7,8 @@ import numpy as np
 from aerobat_description.morphology import Morphology
 from aerobat_pin.aerobat import RobotAir
 from aerobat_pin.aerobat.wing import Wing
-from aerobat_pin.aerodynamics import STRIP_ROWS, StripLoads, strips_of
-from support.section_law import air_loads_in
+from aerobat_pin.aerodynamics import StripLoads
+from support.section_law import loads_of, settled_state
 
 SHAPE = Morphology.load("aerobat")
 WING = Wing(SHAPE)
@@ -25,16 +25,9 @@ def gliding(speed: float, incidence: float) -> np.ndarray:
 
 def evaluate(air: RobotAir, twists: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, StripLoads]:
     """Return wrenches (5, 6) on the links, rates of the state and the strips' loads, without added mass."""
-    wrenches, rates = np.empty((5, 6)), np.empty(air.state_size)
-    loads = np.empty((STRIP_ROWS, air.line.strips))
-    twists, state = np.ascontiguousarray(twists, float), np.ascontiguousarray(state, float)
-    air_loads_in(air.memory, twists, state, wrenches, rates, loads)
-    return wrenches, rates, strips_of(loads)
+    return loads_of(air.memory, twists, state)
 
 
 def settled(air: RobotAir, twists: np.ndarray) -> np.ndarray:
-    """Return the aerodynamic state that no longer changes under steady twists: the rates are affine in the state."""
-    size = air.state_size
-    offset = evaluate(air, twists, np.zeros(size))[1]
-    matrix = np.column_stack([evaluate(air, twists, unit)[1] - offset for unit in np.eye(size)])
-    return -np.linalg.solve(matrix, offset)
+    """Return the aerodynamic state that no longer changes under steady twists."""
+    return settled_state(air.memory, twists, air.state_size)

@@ -8,11 +8,11 @@ import numpy as np
 
 from aerobat_description.morphology import Morphology
 from aerobat_pin.aerobat import LINKS
-from aerobat_pin.aerodynamics import STRIP_ROWS, Halves, LiftingLine, Stroke, fly, strips_of
+from aerobat_pin.aerodynamics import Halves, LiftingLine, StripLoads, Stroke, fly, strips_of
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS
 from aerobat_pin.numerics import Array
 from support.measurements import Flapping, Plates, Plunging
-from support.section_law import ENDLESS, HALVES, air_loads_in, fly_strips, memory_of
+from support.section_law import ENDLESS, HALVES, fly_strips, loads_of, memory_of
 
 PROFILE_DRAG = Morphology.load("aerobat").aerodynamics.profile_drag
 RANGES = ((0.0, 15.0), (15.0, 40.0), (40.0, 90.0))  # [deg]; each holds its upper end
@@ -75,27 +75,27 @@ def _settled(air: Array, strips: int, incidence: Array) -> Array:
     Newton's method on the circulation, which begins where the last incidence ended; the lags follow from it.
     """
     twists, bound, force = np.zeros((len(LINKS), 6)), np.zeros(strips), np.empty((2, len(incidence)))
-    wrenches, slope, loads = np.empty((len(LINKS), 6)), np.zeros(3 * strips), np.empty((STRIP_ROWS, strips))
     semichord, unit = 0.05, np.eye(strips)
 
-    def growth(circulation: Array) -> Array:
+    def settled(circulation: Array) -> tuple[Array, StripLoads]:
+        """Return the growth of the circulation and the loads when the lags have settled."""
         state = np.concatenate([np.zeros(2 * strips), circulation])
-        air_loads_in(air, twists, state, wrenches, slope, loads)
+        slope = loads_of(air, twists, state)[1]
         state[: 2 * strips] = semichord * slope[: 2 * strips] / np.repeat(JONES_EPS, strips)
-        air_loads_in(air, twists, state, wrenches, slope, loads)
-        return slope[2 * strips :].copy()
+        _, slope, loads = loads_of(air, twists, state)
+        return slope[2 * strips :], loads
 
     for k, angle in enumerate(incidence):
         twists[HALVES, 0], twists[HALVES, 2] = np.cos(angle), -np.sin(angle)
         for _ in range(30):
-            found = growth(bound)
+            found, loads = settled(bound)
             if np.max(np.abs(found)) < 1e-9:
                 break
-            jacobian = np.column_stack([(growth(bound + 1e-6 * one) - found) / 1e-6 for one in unit])
+            jacobian = np.column_stack([(settled(bound + 1e-6 * one)[0] - found) / 1e-6 for one in unit])
             bound = bound - np.linalg.solve(jacobian, found)
         else:
             raise AssertionError(f"the strips do not settle at {np.degrees(angle):g} degrees")
-        force[:, k] = strips_of(loads).force_z.sum(), strips_of(loads).force_x.sum()
+        force[:, k] = loads.force_z.sum(), loads.force_x.sum()
     return force
 
 

@@ -121,6 +121,15 @@ def instant(plant: Plant, seed: int) -> tuple[np.ndarray, ...]:
     return q, v, joints, air, rng.uniform(-0.2, 0.2, (2, len(plant.forces)))
 
 
+def random_motion(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return q, v, a of the robot; every joint moves on its own."""
+    rng = np.random.default_rng(seed)
+    quaternion = rng.standard_normal(4)
+    q = np.concatenate([rng.uniform(-1.0, 1.0, 3), quaternion / np.linalg.norm(quaternion), rng.uniform(-1.5, 0.8, 4)])
+    v = rng.standard_normal(10) * np.array([3.0] * 3 + [2.0] * 3 + [10.0] * 4)
+    return q, v, rng.standard_normal(10) * np.array([10.0] * 3 + [50.0] * 3 + [200.0] * 4)
+
+
 def sample_models() -> dict[str, tuple[pin.Model, list[str]]]:
     """Return a free-flyer with wings, a fixed arm and a humanoid, each with points on several bodies."""
     robot = robot_with_a_turned_frame("aerobat")

@@ -50,7 +50,6 @@ class Errors(NamedTuple):
     """
 
     lift: float
-    first: float
     lift_ratio: float
     lift_phase: float
     thrust: float
@@ -70,7 +69,6 @@ def errors(ours: LatticeCase, theirs: LatticeCase) -> Errors:
     about = [abs(turn + 0.25 * CHORD * push) for push, turn in ((lift_1, turn_1), (lift_2, turn_2))]
     return Errors(
         lift=float(error),
-        first=abs(lift_1 / lift_2 - 1.0),
         lift_ratio=abs(lift_1 / lift_2),
         lift_phase=float(np.degrees(np.angle(lift_1 / lift_2))),
         thrust=ours.thrust / theirs.thrust,

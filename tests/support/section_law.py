@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aerobat_pin.aerobat import LINKS, air_loads, air_memory
-from aerobat_pin.aerodynamics import STRIP_ROWS, AirConstants, LiftingLine, Pieces, Stroke, strips_of
+from aerobat_pin.aerodynamics import STRIP_ROWS, AirConstants, LiftingLine, Pieces, StripLoads, Stroke, strips_of
 from aerobat_pin.numerics import Array, fields_of, kernel
 
 HALVES = [1, 3]  # the links that carry a wing's left and right half
@@ -33,6 +33,22 @@ def memory_of(line: LiftingLine, **options: float) -> Array:
     damping = 0.5 * line.semichord * line.added_mass * line.width
     pieces = Pieces(strips, link, line.mid_chord, line.y, 0.0 * line.y, np.ones(line.strips), damping)
     return air_memory(line, pieces, **options)
+
+
+def loads_of(air: Array, twists: Array, state: Array) -> tuple[Array, Array, StripLoads]:
+    """Return wrenches (5, 6) on the links, rates of the state and the strips' loads, from the memory of the strips."""
+    wrenches, rates = np.empty((len(LINKS), 6)), np.zeros(len(state))  # quasi-steady loads write no rates
+    loads = np.empty((STRIP_ROWS, len(fields_of(air, AirConstants).downwash)))
+    twists, state = np.ascontiguousarray(twists, float), np.ascontiguousarray(state, float)
+    air_loads_in(air, twists, state, wrenches, rates, loads)
+    return wrenches, rates, strips_of(loads)
+
+
+def settled_state(air: Array, twists: Array, size: int) -> Array:
+    """Return the aerodynamic state (size,) that no longer changes under steady twists: its rates are affine in it."""
+    offset = loads_of(air, twists, np.zeros(size))[1]
+    matrix = np.column_stack([loads_of(air, twists, unit)[1] - offset for unit in np.eye(size)])
+    return -np.linalg.solve(matrix, offset)
 
 
 def fly_strips(air: Array, twists: Array, step: float, last: int) -> tuple[Array, Array]:
@@ -96,16 +112,8 @@ def plate(incidence: float) -> tuple[float, float]:
     line, speed = LiftingLine(ENDLESS, 0.1, strips=1), 4.0
     air, twists = memory_of(line), np.zeros((len(LINKS), 6))
     twists[HALVES, 0], twists[HALVES, 2] = speed * np.cos(incidence), -speed * np.sin(incidence)
-    wrenches, rates, loads = np.empty((len(LINKS), 6)), np.empty(3), np.empty((STRIP_ROWS, 1))
-
-    def slope(state: Array) -> Array:
-        air_loads_in(air, twists, state, wrenches, rates, loads)
-        return rates.copy()
-
-    offset = slope(np.zeros(3))  # the rates are affine in the state
-    slope(-np.linalg.solve(np.column_stack([slope(unit) - offset for unit in np.eye(3)]), offset))
     attached = line.air_density * speed * np.pi * line.chord[0] * speed * np.sin(incidence) * line.width[0]
-    found = strips_of(loads)
+    found = loads_of(air, twists, settled_state(air, twists, 3))[2]
     fx, fz = found.force_x[0] / attached, found.force_z[0] / attached
     return float(fz), float(fz * np.sin(incidence) - fx * np.cos(incidence))
 

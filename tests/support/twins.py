@@ -172,22 +172,6 @@ def warmed_up(air: RobotAir, shape: Morphology, twists: Vector, dt: float, state
     return state
 
 
-def next_stage(stage: int, dt: float, k: Vector, rate: Vector, start: Vector) -> tuple[Vector, list[Vector]]:
-    """Return y and the tangents of q to the next stage, or in two parts to the next step, from the method's tableau.
-
-    y: 0, 1/2, 1/2, 1; (1, 2, 2, 1) / 6          q2 = q exp(h/2 k1), q3 = q exp(h/2 k2), q4 = q2 exp(h k3 - h/2 k1)
-    q' = q exp(h (k1/4 + k2/6 + k3/6 - k4/12)) exp(h (-k1/12 + k2/6 + k3/6 + k4/4))
-    """
-    vector = np.array([[1 / 2, 0, 0, 0], [0, 1 / 2, 0, 0], [0, 0, 1, 0], [1 / 6, 1 / 3, 1 / 3, 1 / 6]])
-    tangents = (
-        [[1 / 2, 0, 0, 0]],
-        [[0, 1 / 2, 0, 0]],
-        [[-1 / 2, 0, 1, 0]],
-        [[1 / 4, 1 / 6, 1 / 6, -1 / 12], [-1 / 12, 1 / 6, 1 / 6, 1 / 4]],
-    )
-    return start + dt * vector[stage] @ rate, [dt * np.array(row) @ k for row in tangents[stage]]
-
-
 # ---------------------------------------------------------------------------------------------------------------- air
 
 

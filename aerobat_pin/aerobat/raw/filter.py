@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
 from aerobat_pin.aerobat.raw.dynamics import LinearDynamics
-from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, MOTION, POSE_ERROR, TWIST_ERROR, first_prior
+from aerobat_pin.aerobat.raw.layout import MOTION, first_prior
 from aerobat_pin.aerobat.raw.linear import added_variances
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
 from aerobat_pin.aerobat.raw.recursion import advance, take_samples
@@ -276,7 +276,6 @@ class JointFilter:
 
     def _sample(self, nominal: NominalMotion, force: Array, block: Array, innovation: tuple[float, int]) -> JointSample:
         deviation = np.sqrt(np.maximum(np.diag(self._P)[:MOTION], 0.0))
-        assert (POSE_ERROR.start, TWIST_ERROR.start, CRANK_ERROR.stop) == (0, 6, MOTION)
         return JointSample(
             float(nominal.time[0]),
             pin.SE3ToXYZQUAT(nominal.body(0)),

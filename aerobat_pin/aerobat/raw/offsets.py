@@ -63,28 +63,21 @@ def clock_offsets(linear: LinearRecord, prior: Prior, tuning: Tuning, error: flo
     sensors = linear.layout.offsets
 
     def filtered(free: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Return log-likelihood, last state and its deviations, with these offsets free."""
         score, state = linear.filter(tuning, prior.padded(np.where(free, error, 0.0)), keep=False)
-        return score, state.x, state.P
+        return score, state.x, np.sqrt(np.diag(state.P))
 
-    none = np.zeros(len(sensors), bool)
-    without = filtered(none)[0]
-    if filtered(~none)[0] - without < LEAST_GAIN:
+    chosen, gains = np.zeros(len(sensors), bool), dict[int, float]()
+    best, last, spread = filtered(chosen)
+    if filtered(~chosen)[0] - best < LEAST_GAIN:
         return ()
-    gains, chosen, best = dict[int, float](), none, without
-    last = spread = np.zeros(0)
     while not np.all(chosen):
-        tried = {}
-        for i in np.flatnonzero(~chosen).tolist():
-            more = chosen.copy()
-            more[i] = True
-            tried[i] = filtered(more)
-        i = max(tried, key=lambda name: tried[name][0])
-        score, x, P = tried[i]
-        if score - best < LEAST_GAIN:
+        tried = {i: filtered(chosen | (np.arange(len(sensors)) == i)) for i in np.flatnonzero(~chosen).tolist()}
+        i = max(tried, key=lambda sensor: tried[sensor][0])
+        if tried[i][0] - best < LEAST_GAIN:
             break
-        chosen[i] = True
-        gains[i], best = score - best, score
-        last, spread = x, np.sqrt(np.diag(P))
+        chosen[i], gains[i] = True, tried[i][0] - best
+        best, last, spread = tried[i]
     places = linear.layout.offset_at
     return tuple(
         ClockOffset(sensors[i], float(last[places[sensors[i]]]), float(spread[places[sensors[i]]]), gain)

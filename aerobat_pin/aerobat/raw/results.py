@@ -29,16 +29,6 @@ RAW_OBSERVERS = ("smoother", "kalman")
 NIS_LIMITS = 0.5, 1.6  # of a sensor's innovations, outside of which its stated noise is questioned
 
 
-def check_raw_names(names: tuple[str, ...]) -> None:
-    """Raise ScenarioError for an observer that cannot use raw samples."""
-    wrong = [name for name in names if name not in RAW_OBSERVERS]
-    if wrong:
-        raise ScenarioError(
-            f"observers.names: {wrong[0]} needs q and v, and the log has raw samples: {' and '.join(RAW_OBSERVERS)} "
-            "find both"
-        )
-
-
 def smoothed_raw(
     time: Array,
     channels: Mapping[str, Channel],
@@ -68,7 +58,11 @@ def smoothed_raw(
         LogError: a channel is missing.
     """
     names = tuple(observer.name for observer in observers)
-    check_raw_names(names)
+    if wrong := [name for name in names if name not in RAW_OBSERVERS]:
+        raise ScenarioError(
+            f"observers.names: {wrong[0]} needs q and v, and the log has raw samples: {' and '.join(RAW_OBSERVERS)} "
+            "find both"
+        )
     frames, gain = observers[0].applications.frames, observers[0].gain
     record = raw_record(time, channels, robot, torque, settings)
     if mount is not None:

@@ -142,19 +142,15 @@ def likelier_tuning(
     white = white.reshape(2, layout.points, 3).sum(axis=1)
     jerk = sums(slice(CRANK_ERROR.stop - 1, CRANK_ERROR.stop), np.array([tuning.jerk]))
     common, apart = walk + bend, walk_apart + bend_apart
-    steps = np.concatenate(
-        [_log_ratio(walk + walk_apart), _log_ratio(bend + bend_apart), _log_ratio(white),
-         _log_ratio(common) - _log_ratio(apart), _log_ratio(jerk)]
-    )  # fmt: skip
-    slopes = [
-        pulls - informations for pulls, informations in (walk + walk_apart, bend + bend_apart, white, common, jerk)
-    ]
+    sizes = walk + walk_apart, bend + bend_apart, white
+    steps = np.concatenate([*map(_log_ratio, sizes), _log_ratio(common) - _log_ratio(apart), _log_ratio(jerk)])
+    slopes = np.concatenate([pulls - informations for pulls, informations in (*sizes, common, jerk)])
     logs = tuning.to_logs()
     least = np.concatenate([LEAST + np.log(weight), [ALIKE_LIMITS[0]] * 3, JERK_LIMITS[:1]])
     most = np.concatenate([MOST + np.log(weight), [ALIKE_LIMITS[1]] * 3, JERK_LIMITS[1:]])
     wanted = np.clip(logs + np.clip(0.5 * steps, -LONGEST_CLIMB, LONGEST_CLIMB), least, most)
     following = np.where(free, wanted, logs)
-    return Tuning.from_logs(following), float(np.concatenate(slopes) @ (following - logs))
+    return Tuning.from_logs(following), float(slopes @ (following - logs))
 
 
 def simpler_tuning(score: Callable[[Tuning], float], tuning: Tuning, free: Flags, weight: float) -> Tuning:
