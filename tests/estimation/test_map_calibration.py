@@ -1,6 +1,5 @@
 """What one recording shows by a map (friction, thrust, the mass) makes the force of another one right."""
 
-import copy
 import json
 import re
 from collections.abc import Mapping
@@ -14,7 +13,7 @@ import tomli_w
 from support.commands import call
 from support.drone import MAP as DRONE
 from support.drone import flight
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.swinging_arm import (
     CONSTANT,
     COULOMB,
@@ -85,9 +84,7 @@ def test_a_slip_of_the_efforts_is_no_friction(slip: str, arms: tuple[Path, np.nd
     free = pd.read_csv(folder / "free.csv")
     wrong = {"lift_i": -free["lift_i"]} if slip == "reversed" else {"lift_i": free["bend_i"], "bend_i": free["lift_i"]}
     free.assign(**wrong).to_csv(folder / f"{slip}.csv", index=False)
-    values = arm_map()
-    values["joints"]["friction"]["law"] = "coulomb+viscous"
-    warnings = calibrated(folder, slip, values).warnings
+    warnings = calibrated(folder, slip, edited(arm_map(), {"joints.friction.law": "coulomb+viscous"})).warnings
     assert any("lift" in line and ("reversed" in line or "exchanged" in line) for line in warnings)
 
 
@@ -118,9 +115,7 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
     assert "calibration: learnt from free.csv; error bar" in capsys.readouterr().out
     stored = read_netcdf(folder / "out" / "estimate.nc", "estimate")[""]
     with_it, seen = (stored[key].values[0, :, 0] for key in ("force_W", "seen"))
-    values = arm_map()
-    del values["joints"]["friction"]
-    plain = estimate(recorded(Path("pushed.csv"), values))
+    plain = estimate(recorded(Path("pushed.csv"), edited(arm_map(), {"joints.friction": None})))
     truth = np.column_stack(
         [np.interp(plain.estimates["force_level"].time[:-1] - 0.009, np.arange(len(force)) / RATE, x) for x in force.T]
     )
@@ -145,25 +140,6 @@ def test_the_rate_at_which_coulomb_friction_sets_in_is_found(arms: tuple[Path, n
     np.testing.assert_allclose(found.friction.viscous, VISCOUS, atol=0.05)
 
 
-def test_the_file_keeps_all_that_was_learnt(arms: tuple[Path, np.ndarray]) -> None:
-    """Read again it is the same, text by text; a damaged one is refused."""
-    folder, _ = arms
-    values = arm_map()
-    values["joints"]["friction"]["law"] = "coulomb+viscous"
-    found = calibrated(folder, "free", values)
-    content = calibration_bytes(found)
-    (folder / "again.nc").write_bytes(content)
-    again = read_calibration(folder / "again.nc")
-    assert (again.belief, again.notes, again.records) == (found.belief, found.notes, found.records)
-    assert [str(fit) for fit in again.fitted.fits] == [str(fit) for fit in found.fitted.fits]
-    np.testing.assert_array_equal(again.fitted.friction.coulomb, found.fitted.friction.coulomb)
-    assert calibration_bytes(again) == content
-    for damaged in (content[: len(content) // 2], content.replace(b'"rate"', b'"rote"')):
-        (folder / "damaged.nc").write_bytes(damaged)
-        with pytest.raises(CalibrationError):
-            read_calibration(folder / "damaged.nc")
-
-
 def test_a_self_check_takes_a_calibration(arms: tuple[Path, np.ndarray]) -> None:
     """In place of a fit of which the map does not say where; without either it is refused."""
     folder, _ = arms
@@ -176,10 +152,8 @@ def test_a_self_check_takes_a_calibration(arms: tuple[Path, np.ndarray]) -> None
 def test_a_fit_that_explains_hardly_anything_is_named(arms: tuple[Path, np.ndarray]) -> None:
     """A joint that counts the other way round, which friction cannot explain."""
     folder, _ = arms
-    values = arm_map()
-    assert not [line for line in calibrated(folder, "free", values).warnings if "hardly anything" in line]
-    values["joints"]["factor"] = {"bend": -1}
-    warnings = calibrated(folder, "free", values).warnings
+    assert not [line for line in calibrated(folder, "free", arm_map()).warnings if "hardly anything" in line]
+    warnings = calibrated(folder, "free", edited(arm_map(), {"joints.factor": {"bend": -1}})).warnings
     assert [line for line in warnings if "explains hardly anything" in line and "sign, order, zero" in line]
 
 
@@ -193,10 +167,9 @@ def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(arms: tuple[Path, np
     efforts = 0.01 * CONSTANT * (share / (2.0 - share)) ** 0.5
     assert all(0.85 < found.row_noise[joint] / efforts < 1.5 for joint in JOINTS)
     recording(folder, "knocked_late", pushed=False, seed=1, knock=(8.5, 9.0))
-    values = arm_map() | {"use": {"free": [0, 8]}}
 
     def noise(name: str, end: float) -> Mapping[str, float]:
-        values["joints"]["friction"]["fit"] = [0, end]
+        values = edited(arm_map(), {"use.free": [0, 8], "joints.friction.fit": [0, end]})
         return estimate(recorded(folder / f"{name}.csv", values)).forces.values.row_noise
 
     assert noise("knocked_late", 5) == noise("free", 5)
@@ -210,16 +183,11 @@ def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> Non
     flight(seed=2, wind=0.03).to_csv(tmp_path / "second.csv", index=False)
     learnt = calibrate([recorded(tmp_path / "first.csv", DRONE)])
     (tmp_path / "drone.nc").write_bytes(calibration_bytes(learnt))
-    blind = copy.deepcopy(DRONE)
-    del blind["check"]
-    found = estimate(
-        recorded(tmp_path / "second.csv", blind),
-        calibration=read_calibration(tmp_path / "drone.nc"),
-    )
+    blind = recorded(tmp_path / "second.csv", edited(DRONE, {"check": None}))
+    found = estimate(blind, calibration=read_calibration(tmp_path / "drone.nc"))
     assert found.estimates["force_level"].force[100:, 0, 0].mean() == pytest.approx(0.03, abs=2e-3)
     assert found.forces.fits[0].log == "first.csv"
-    other = copy.deepcopy(DRONE)
-    other["known"]["thrust"]["law"] = "polynomial 2"
+    other = edited(DRONE, {"known.thrust.law": "polynomial 2"})
     with pytest.raises(CalibrationError, match=r"was learnt with known\.thrust = polynomial 1 2 of commands"):
         estimate(recorded(tmp_path / "second.csv", other), calibration=learnt)
 
@@ -320,9 +288,7 @@ def test_a_record_that_wants_a_negative_mass_is_refused(tmp_path: Path) -> None:
 def test_a_model_that_nothing_can_check_says_why(points: list[str], why: str, arms: tuple[Path, np.ndarray]) -> None:
     """Residuals alone had `"model": null`, as if there were no calibration."""
     folder, _ = arms
-    values = arm_map()
-    values["robot"]["points"] = points
-    record = recorded(folder / "pushed.csv", values)
+    record = recorded(folder / "pushed.csv", edited(arm_map(), {"robot.points": points}))
     told = estimate(record, calibration=calibrated(folder, "free", arm_map())).metrics()["model"]
     assert (told["verdict"], told["ratio"]) == ("unverified", None)
     assert why in told["why"]
@@ -338,13 +304,7 @@ def test_what_cannot_be_learnt_or_used_is_refused(
     learnt = calibrated(folder, "free", arm_map())
 
     def said(change: dict[str, Any], identify: tuple[str, ...] = (), use: bool = False) -> str:
-        values = arm_map()
-        for key, value in change.items():
-            place, parts = values, key.split(".")
-            for part in parts[:-1]:
-                place = place[part]
-            place[parts[-1]] = value
-        chosen = parse_map(values, "of the test")
+        chosen = edited(arm_map(), change)
         try:
             if use:
                 estimate(recorded(Path("pushed.csv"), chosen), calibration=learnt)
