@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.swinging_arm import arm, arm_map, recording
 from support.walking_log import table, table_map, urdf, walk
 
@@ -148,8 +148,7 @@ def test_what_a_check_doubts_and_what_nothing_tests_is_said(paper: Experiment, t
         assert f"a check doubts the record: {check}" in doubted.verdict
     (tmp_path / "arm.urdf").write_text(arm())
     recording(tmp_path, "pushed", pushed=True, seed=2, seconds=2.0)
-    values = arm_map()
-    del values["joints"]["friction"]
+    values = edited(arm_map(), {"joints.friction": None})
     found = estimate(recorded(tmp_path / "pushed.csv", values), trust=True)
     assert "no row is to spare: a wrong sign, order, mass, mounting or friction would look like" in found.verdict
 
