@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import tomli_w
 from support.foreign_channels import with_foreign_channels
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.swinging_arm import JOINTS, arm, arm_map, recording
 from support.walking_log import bag, bag_map, urdf, walk
 
@@ -24,6 +24,7 @@ from aerobat_pin.records.resample import without_turns
 from aerobat_pin.records.spool import Spool, series_of
 
 ROBOT = {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]}
+WITHOUT_FRICTION = edited(arm_map(), {"joints.friction": None})
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +40,8 @@ def opened(table: pd.DataFrame | str, folder: Path, **joints: Any) -> Record:
     (folder / "arm.urdf").write_text(arm())
     text = table if isinstance(table, str) else table.to_csv(index=False)
     (folder / "log.csv").write_text(text)
-    values = arm_map()
-    values["joints"] = {key: value for key, value in values["joints"].items() if key != "friction"} | joints
-    return recorded(folder / "log.csv", values)
+    changes = {f"joints.{key}": value for key, value in joints.items()}
+    return recorded(folder / "log.csv", edited(WITHOUT_FRICTION, changes))
 
 
 def said(record: Record) -> list[str]:
@@ -117,12 +117,10 @@ def test_a_slow_channel_is_not_split(swing: pd.DataFrame, tmp_path: Path) -> Non
     force[rows % 100 != 0] = np.nan
     check = {"wrench": {"columns": ["fx", "fy", "fz"], "point": "tool"}}
     (tmp_path / "arm.urdf").write_text(arm())
-    values = arm_map() | {"check": check}
-    del values["joints"]["friction"]
 
     def read(name: str, table: pd.DataFrame) -> Record:
         table.to_csv(tmp_path / name, index=False)
-        return recorded(tmp_path / name, values)
+        return recorded(tmp_path / name, WITHOUT_FRICTION | {"check": check})
 
     slow = read("slow.csv", swing.assign(**force))
     assert counts(slow) == [901]
@@ -435,8 +433,7 @@ def test_a_robot_without_a_mass_is_refused_by_name(swing: pd.DataFrame, tmp_path
 def test_a_point_that_no_joint_moves_is_not_said_to_be_unsure(swing: pd.DataFrame, tmp_path: Path) -> None:
     """No calibration would tell the force on a link's origin that lies on the axes of all joints that move it."""
     opened(swing, tmp_path)
-    values = arm_map() | {"robot": ROBOT | {"points": ["turn_link"]}}
-    del values["joints"]["friction"]
+    values = edited(WITHOUT_FRICTION, {"robot.points": ["turn_link"]})
     words = str(estimate(recorded(tmp_path / "log.csv", values), trust=True))
     assert "it cannot see turn_link.Fx" in words
     assert "would state it" not in words
@@ -444,14 +441,10 @@ def test_a_point_that_no_joint_moves_is_not_said_to_be_unsure(swing: pd.DataFram
 
 def test_forces_that_no_robot_stands_are_doubted(swing: pd.DataFrame, tmp_path: Path) -> None:
     """Degrees that are read as radians agree with one another; 52 kN at an arm of 4.5 kg were a push upward."""
-    degrees = swing.assign(
-        **{f"{joint}_{part}": np.degrees(swing[f"{joint}_{part}"]) for joint in JOINTS for part in "qv"}
-    )
-    values = arm_map()
-    del values["joints"]["friction"]
+    angles = [f"{joint}_{part}" for joint in JOINTS for part in "qv"]
+    degrees = swing.assign(**{name: np.degrees(swing[name]) for name in angles})
     for table, doubted in ((swing, False), (degrees, True)):
-        opened(table, tmp_path)
-        result = estimate(recorded(tmp_path / "log.csv", values), trust=True)
+        result = estimate(opened(table, tmp_path), trust=True)
         assert any(finding.check == "size of forces" for finding in result.findings) is doubted
 
 
@@ -516,10 +509,8 @@ def test_an_angle_that_starts_again_after_a_turn_goes_on(
         table[COLUMNS] = np.degrees(table[COLUMNS])
     table["turn_q"] = read(turning.turn_q)
     if "factor" in joints:  # which rates and torques have, too
-        table["turn_v"], table["turn_i"] = (
-            table.turn_v / joints["factor"]["turn"],
-            table.turn_i * joints["factor"]["turn"],
-        )
+        table["turn_v"] /= joints["factor"]["turn"]
+        table["turn_i"] *= joints["factor"]["turn"]
     jumps = int(np.sum(np.abs(np.diff(table.turn_q)) > 0.5 * np.ptp(table.turn_q)))
     record = opened(table, tmp_path, **joints, **more)
     assert jumps >= 2
@@ -533,11 +524,9 @@ def test_an_angle_that_starts_again_after_a_turn_goes_on(
 def test_a_stream_takes_full_turns_out_as_a_record_does(turning: pd.DataFrame, tmp_path: Path) -> None:
     """The efforts and rates come between the angles, so that a jump would be interpolated; the same forces."""
     (tmp_path / "arm.urdf").write_text(arm())
-    values, angles = arm_map(), set(COLUMNS)
-    del values["joints"]["friction"]
-    found = []
+    angles, found = set(COLUMNS), []
     for wrapped in (False, True):
-        stream, estimates = OnlineEstimator(parse_map(values, "-"), tmp_path), []
+        stream, estimates = OnlineEstimator(parse_map(WITHOUT_FRICTION, "-"), tmp_path), []
         for row in turning.to_dict("records"):
             row["turn_q"] = (row["turn_q"] + np.pi) % (2.0 * np.pi) - np.pi if wrapped else row["turn_q"]
             for time, chosen in ((row["t"], angles), (row["t"] + 0.0007, set(row) - angles)):

@@ -1,6 +1,5 @@
 """Joints as logs have them: seen by encoders at motors, beyond their limits, without a motor, alone, or by name."""
 
-import copy
 import itertools
 import re
 import tomllib
@@ -15,7 +14,7 @@ import pytest
 import tomli_w
 from support.commands import call
 from support.further import further
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.robot_parts import channels, joint, link
 from support.swinging_arm import JOINTS, arm, arm_map, recording
 from support.without_coriolis import LEG
@@ -44,10 +43,7 @@ AT_MOTORS: dict[str, Any] = {
 
 def changed(**joints: Any) -> dict[str, Any]:
     """Return the map of the arm without a fit, with changed entries of its joints."""
-    values = arm_map()
-    del values["joints"]["friction"]
-    values["joints"] |= joints
-    return values
+    return edited(arm_map(), {"joints.friction": None, **{f"joints.{key}": value for key, value in joints.items()}})
 
 
 @pytest.fixture(scope="module")
@@ -362,13 +358,11 @@ def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
     Path("map.toml").write_text(tomli_w.dumps(values))
     assert call("estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0, capsys.readouterr()
     assert (here / "out" / "replay.html").stat().st_size > 1000
-    known = copy.deepcopy(few)
-    known["known"] = {"cell": {**known.pop("check")["wrench"], "frame": "tip", "axes": "world"}}
-    record = recorded(here / "log.csv", known)
+    cell = {**few.pop("check")["wrench"], "frame": "tip", "axes": "world"}
+    record = recorded(here / "log.csv", few | {"known": {"cell": cell}})
     assert np.abs(estimate(record).estimates["force_level"].components[100:]).max() < 0.05
     check_record(record)
     calibrate([record], parameters=["mass"])
-    del few["check"]
     none = np.zeros(len(kinds))  # of friction, which the stream would else count among the errors of its rows
     told = FittedValues(joints=record.robot.joints, friction=JointFriction(none, none, none, none), scale=none + 1.0)
     online, found = OnlineEstimator(parse_map(few, "of the test"), here, values=told), []

@@ -52,6 +52,9 @@ def test_the_verdict_comes_first_everywhere(paper: Experiment) -> None:
     assert f"<b>{verdict}</b>" in paper._repr_html_()
     page = report_html(paper, {})
     assert page.index(verdict) < page.index("<h2") < page.index("<table")
+    assert paper.metrics["warnings"] == []
+    assert "warning" not in repr(paper.scores)
+    assert "contradicts itself" not in page
 
 
 def test_it_is_the_first_observers_not_the_best_ones(paper: Experiment) -> None:
