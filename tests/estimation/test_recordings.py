@@ -13,11 +13,10 @@ from support.recorded import edited, recorded
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError, LogError, MapError
-from aerobat_pin.estimation import OnlineEstimator, OnlineSample, Result, estimate
+from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.checks.compare import compare
-from aerobat_pin.records import describe_map, parse_map
-from aerobat_pin.records.messages import stamp
+from aerobat_pin.records import describe_map
 from aerobat_pin.records.resample import line_means, turn_rates
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
@@ -251,30 +250,3 @@ def test_every_key_of_a_map_is_described() -> None:
     text = describe_map()
     for key in ("[base.quaternion]", "body_to_world", "torque_per_unit", "[known.supply]", "trim", "from "):
         assert key in text
-
-
-def test_messages_in_time_order_give_the_estimate_of_the_record(folder: Path) -> None:
-    """What a ROS 2 node would hear: recorded messages one by one, against the bag as a whole."""
-    highlevel = pytest.importorskip("rosbags.highlevel")
-    bag(walk(), folder / "walk")
-    values = bag_map(folder / "quadruped.urdf")
-    whole = estimated(folder / "walk", values).estimates["force_level"]
-    del values["check"]
-    heard: list[OnlineSample] = []
-    online = OnlineEstimator(parse_map(values, "of the test"), folder, heard.append)
-    with highlevel.AnyReader([folder / "walk"]) as reader:
-        messages = [
-            (connection.topic, reader.deserialize(raw, connection.msgtype)) for connection, _, raw in reader.messages()
-        ]
-    for topic, message in sorted(messages, key=lambda item: stamp(item[1])):
-        online.message(topic, message)
-    assert len(heard) > 1400
-    for one in heard[100:1400:100]:
-        k = int(np.argmin(np.abs(whole.time[:-1] - one.start)))
-        np.testing.assert_allclose(
-            list(one.components.values()), whole.components[k], atol=0.06
-        )  # which knows friction
-    first = next(message for topic, message in messages if topic == "/joint_states")
-    assert online.message("/joint_states", first) == []
-    assert online.health.samples["joints.position"]["late"] + online.health.samples["joints.position"]["outlier"] == 1
-    assert online.health.starts == 1

@@ -49,15 +49,10 @@ def mapped(folder: Path, rate: float | None = 500.0, **more: Any) -> Map:
 
 def columns_of(chosen: Map) -> dict[str, tuple[str, ...]]:
     """Return channel -> its columns."""
-    base, joints = chosen.base, chosen.joints
-    parts = {"base": (base, ("position", "quaternion", "velocity", "rate", "acceleration"))}
-    parts["joints"] = (joints, ("position", "velocity", "effort"))
-    return {
-        f"{name}.{key}": getattr(section, key).columns
-        for name, (section, keys) in parts.items()
-        for key in keys
-        if getattr(section, key) is not None
-    }
+    parts = {"base": ("position", "quaternion", "velocity", "rate", "acceleration")}
+    parts["joints"] = ("position", "velocity", "effort")
+    sections = {f"{name}.{key}": getattr(getattr(chosen, name), key) for name, keys in parts.items() for key in keys}
+    return {channel: section.columns for channel, section in sections.items() if section is not None}
 
 
 def messages(walked: Walk) -> Stamped:
