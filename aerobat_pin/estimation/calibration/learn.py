@@ -312,4 +312,4 @@ def _detection(runs: Sequence[FreeRun], series: LearntError | None) -> Detection
 
 
 def _sizes(runs: Sequence[FreeRun]) -> str:
-    return f"{force_size(float(np.sqrt(np.mean([run.size() ** 2 for run in runs]))))} a row"
+    return f"{force_size(float(np.sqrt(np.mean([run.judged().belief ** 2 for run in runs]))))} a row"

@@ -145,7 +145,7 @@ def _covariance(part: CheckedPart, series: LearntError, H: Array) -> Array:
     assert condition is not None
     count, k, p = H.shape
     back = slow_part(time, H[::-1].reshape(count, -1))[::-1].reshape(count, k, p)
-    at = np.maximum(np.searchsorted(geometry.at, np.arange(count), "right") - 1, 0)
+    at = np.searchsorted(geometry.at, np.arange(count), "right") - 1
     onto = geometry.rows[at] @ (geometry.projector[at] @ back)
     terms, width = series.regressors(condition), 2 * series.order + 1
     of_flight = DAILY**2 * shares(series.order)
