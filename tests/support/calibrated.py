@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -69,23 +68,21 @@ class FreeFlight:
         return free_record(self.log, self.plugged(), label="free")
 
 
-def believed(
-    log: FlightLog, settings: Sequence[str], change: Callable[[pin.Model], None] | None = None, torque: Any = "measured"
-) -> FreeFlight:
+def believed(log: FlightLog, settings: Sequence[str], change: Callable[[pin.Model], None] | None = None) -> FreeFlight:
     """Return a flight of `paper` with a belief: settings, and a change of the model."""
     scenario = load_scenario("paper", ["unknown_force=[]", *settings])
     robot: Aerobat = believed_robot(scenario)
     if change is not None:
         robot = replace(robot, model=robot.model.copy())
         change(robot.model)
-    return FreeFlight(log, robot, scenario.believed_air, torque)
+    return FreeFlight(log, robot, scenario.believed_air)
 
 
 @cache
-def free_flight(row: str, sensors: tuple[str, ...] = (), seed: int = 101, more: tuple[str, ...] = ()) -> FreeFlight:
+def free_flight(row: str, sensors: tuple[str, ...] = (), seed: int = 101) -> FreeFlight:
     """Return 4 s of free flight with one of the beliefs of `MISMATCHES`."""
     wrong = MISMATCHES[row]
-    log, _ = flown("no force", seed, (*FREE, *wrong.true, *more, *sensors))
+    log, _ = flown("no force", seed, (*FREE, *wrong.true, *sensors))
     return believed(log, wrong.believed, wrong.change)
 
 

@@ -143,15 +143,15 @@ def table_map(robot: Path) -> dict[str, object]:
     }
 
 
-def bag(walked: Walk, path: Path, late: float = 3.0e-3, seed: int = 1, *, odometry_ahead: float = 0.0) -> None:
-    """Write a walk as a ROS 2 bag: topics at their own rates, recorded `late` after their stamps, with scatter.
+def bag(walked: Walk, path: Path, *, odometry_ahead: float = 0.0) -> None:
+    """Write a walk as a ROS 2 bag: topics at their own rates, recorded 3 ms after their stamps, with scatter.
 
     The clock of the odometry is ahead of the others' [s].
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
-    store, rng = get_typestore(Stores.ROS2_HUMBLE), np.random.default_rng(seed)
+    store, rng = get_typestore(Stores.ROS2_HUMBLE), np.random.default_rng(1)
     make = store.types
     begin = 1_700_000_000.0
 
@@ -185,7 +185,7 @@ def bag(walked: Walk, path: Path, late: float = 3.0e-3, seed: int = 1, *, odomet
             )
             wrench = make["geometry_msgs/msg/Wrench"](vector(walked.force[k, 0]), vector(np.zeros(3)))
             messages.append((t, "/ft", make["geometry_msgs/msg/WrenchStamped"](header(t), wrench)))
-    recorded = [(begin + t + late + 1.0e-3 * rng.standard_normal(), topic, message) for t, topic, message in messages]
+    recorded = [(begin + t + 3.0e-3 + 1.0e-3 * rng.standard_normal(), topic, message) for t, topic, message in messages]
     with Writer(path, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
         connections = {}
         for stamp, topic, message in sorted(recorded, key=lambda item: item[0]):
