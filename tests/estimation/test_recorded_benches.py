@@ -14,8 +14,6 @@ from support.robot_parts import efforts, joint, link
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import calibrate, estimate
 
-NAMES = {"motors": ["m1", "m2", "m3", "m4"], "supply": ["vbat"], "up": ["imu_acc_z"]}
-
 
 def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
     """Within 0.5 mN per m/s of it; and within 1 of the truth. The command's lead is found."""
@@ -27,7 +25,7 @@ def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
     velocity = np.stack([np.interp(middle, table.t, table[f"v{axis}"]) for axis in "xyz"], axis=1)
     inside = slice(100, len(middle) - 100)
     ours = drag_slopes(level.force[inside, 0], velocity[inside])
-    plain = drag_slopes(plain_force(table, NAMES)[inside], table[["vx", "vy", "vz"]].to_numpy()[inside])
+    plain = drag_slopes(plain_force(table)[inside], table[["vx", "vy", "vz"]].to_numpy()[inside])
     np.testing.assert_allclose(ours, plain, atol=0.5e-3)
     np.testing.assert_allclose(ours, -DRAG[:2], atol=1.0e-3)
     fit = found.forces.fits[0]
