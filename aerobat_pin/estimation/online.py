@@ -90,9 +90,8 @@ class OnlineEstimator:
         self._values = values or FittedValues()
         if calibration is not None:
             self._values = replace(calibration.fitted, row_noise=calibration.row_noise)
-        every = tuple(name for name in self.robot.joints if name not in chosen.joints.held)
-        names = listed_joints(chosen.joints.names) or every
-        self.joints = names
+        moving = tuple(name for name in self.robot.joints if name not in chosen.joints.held)
+        self.joints = names = listed_joints(chosen.joints.names) or moving
         if calibration is not None:
             calibration.belief.refuse_other(belief_of(chosen, self.robot, names))
             if calibration.series is not None:

@@ -84,6 +84,7 @@ class ForceNode:
         self._context = rclpy.Context()
         rclpy.init(context=self._context, signal_handler_options=signals)
         self.node = rclpy.create_node(name, context=self._context)
+        self._diagnostics = self.node.create_publisher(self._diagnostic.DiagnosticArray, "/diagnostics", 10)
         self.node.create_timer(LOOK_PERIOD, self._look)
         self.node.create_timer(SAY_PERIOD, self._diagnose)
         self._executor = _imported("rclpy.experimental").EventsExecutor(context=self._context)
@@ -180,20 +181,16 @@ class ForceNode:
         values = {"estimates": health.estimates, "starts": health.starts, "skipped": health.skipped}
         values |= {"failed": health.failed} | {fate: health.count(fate) for fate in sorted(fates)}
         idle, self._estimates = health.estimates == self._estimates, health.estimates
-        level, words = kind.OK, "estimates"
-        if health.obstacles:
-            level, words = kind.WARN, "; ".join(health.obstacles)
-        elif health.stalled:
-            level, words = kind.WARN, f"no samples of {', '.join(health.stalled)}"
-        elif health.stuck:
-            level, words = kind.WARN, f"{', '.join(health.stuck)}: the same value again and again"
-        elif self._wanted:
-            level, words = kind.WARN, f"nobody publishes {', '.join(sorted(self._wanted))}"
-        elif not health.settled:
-            level, words = kind.WARN, "the observers have just started"
-        if idle:
-            level = kind.STALE
-            words = "no estimates in the last second" if words == "estimates" else words
+        troubles = {  # the first counts
+            "; ".join(health.obstacles): health.obstacles,
+            f"no samples of {', '.join(health.stalled)}": health.stalled,
+            f"{', '.join(health.stuck)}: the same value again and again": health.stuck,
+            f"nobody publishes {', '.join(sorted(self._wanted))}": self._wanted,
+            "the observers have just started": not health.settled,
+        }
+        trouble = next((words for words, there in troubles.items() if there), None)
+        level = kind.STALE if idle else kind.WARN if trouble else kind.OK
+        words = trouble or ("no estimates in the last second" if idle else "estimates")
         pairs = [self._diagnostic.KeyValue(key=key, value=str(value)) for key, value in values.items()]
         status = kind(level=level, name=f"{self._name}: stream", message=words, values=pairs)
         belief = kind(level=kind.WARN if health.doubts else kind.OK, name=f"{self._name}: belief")
@@ -204,10 +201,7 @@ class ForceNode:
         belief.values = [self._diagnostic.KeyValue(key="k", value=f"{health.k:.3g}")]
         message = self._diagnostic.DiagnosticArray(status=[status, belief])
         message.header.stamp = self.node.get_clock().now().to_msg()
-        if "diagnostics" not in self._publishers:
-            array = self._diagnostic.DiagnosticArray
-            self._publishers["diagnostics"] = self.node.create_publisher(array, "/diagnostics", 10)
-        self._publishers["diagnostics"].publish(message)
+        self._diagnostics.publish(message)
 
 
 def _imported(module: str) -> Any:

@@ -18,14 +18,13 @@ from aerobat_pin.forces import (
     TIME_CONSTANTS_TO_SETTLE,
     KnownInputs,
     fitted_forces,
-    frame_jacobians,
     ignored_rows,
     inputs_of,
     observers_of,
     rows_of,
 )
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.observers import Observer, moving_weight
+from aerobat_pin.observers import Applications, Observer, moving_weight
 from aerobat_pin.records import Record
 
 PUSHED_SHARE = 0.1  # applied force divided by the weight
@@ -130,11 +129,10 @@ def _played(observer: Observer, record: Record, inputs: KnownInputs, size: float
     whole = not ignored_rows(record)
     before = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, known)
     columns = [before.identifiability.components.index(f"{frame}.F{axis}") for frame in frames for axis in "xyz"]
-    for at, frame in enumerate(frames):
-        model = record.robot.model
-        rows = np.stack([J[:3] for J in frame_jacobians(model, inputs.q[:-1], model.getFrameId(frame))])
+    J = Applications(record.robot.model, frames).jacobian(inputs.q[:-1])
+    for at in range(len(frames)):
         for k, axis in enumerate("xyz"):
-            pushed = {**known, "self-check": -size * rows[:, k]}
+            pushed = {**known, "self-check": -size * J[:, 3 * at + k]}
             after = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, pushed)
             change = (after.components - before.components)[wait:, columns]
             wrong = np.max(np.abs(change - size * np.eye(len(columns))[3 * at + k]), axis=1)

@@ -126,10 +126,10 @@ def new_rings(
             mix = turn if mix is None else turn @ mix
         if mix is not None:
             rings.mixed[c], rings.mix[c, :count, :count], rings.shift[c, :count] = 1, mix, shift
-        rings.slot[STREAM_KEYS.index(request.key)], rings.rests[c] = c, rests_at_zero(request.key)
-        if request.key.startswith("joints."):
-            row = ("joints.position", "joints.velocity", "joints.effort").index(request.key)
-            index = robot.q_index if row == 0 else robot.v_index
+        row = STREAM_KEYS.index(request.key)
+        rings.slot[row], rings.rests[c] = c, rests_at_zero(request.key)
+        if row in (ANGLE, RATE, EFFORT_RING):
+            index = robot.q_index if row == ANGLE else robot.v_index
             rings.places[row, :count] = np.array([index(joint) for joint in (request.joints or joints)])
     rings.rubbed[:] = [robot.v_index(joint) for joint in rubbing]
     rings.friction[4:] = 1.0

@@ -98,13 +98,13 @@ def test_friction_of_a_joint_that_hardly_moves_is_no_larger_than_its_row_ever_is
     assert size.max() <= 3.0
 
 
-def moving_alike(seed: int, near: float = 0.1, m: int = 200) -> tuple[Array, Array, Array, Array, Array]:
+def moving_alike(seed: int) -> tuple[Array, Array, Array, Array, Array]:
     """Return rows y (m, 4), friction's columns x, its true size, forces (m, 2) and J: joints of a pair move alike.
 
     So friction of both looks like the force that both feel.
     """
-    rng = np.random.default_rng(seed)
-    rate = rng.standard_normal((m, 2))[:, [0, 0, 1, 1]] + near * rng.standard_normal((m, 4))
+    rng, m = np.random.default_rng(seed), 200
+    rate = rng.standard_normal((m, 2))[:, [0, 0, 1, 1]] + 0.1 * rng.standard_normal((m, 4))
     x, f = np.stack([-np.sign(rate), -rate]), 3.0 * rng.standard_normal((m, 2))
     J = np.broadcast_to(np.array([[1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0]]), (m, 2, 4))
     true = np.full((2, 4), 0.3)

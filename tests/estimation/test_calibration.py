@@ -230,7 +230,13 @@ def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(tmp_path: Path) ->
     file.write_bytes(calibration_bytes(found))
     again = read_calibration(file)
     assert calibration_bytes(again) == file.read_bytes()
-    for kept, given in ((again.series.size, found.series.size), (again.detection.bias, found.detection.bias)):
+    assert (again.belief, again.notes, again.records) == (found.belief, found.notes, found.records)
+    assert [str(fit) for fit in again.fitted.fits] == [str(fit) for fit in found.fitted.fits]
+    for kept, given in (
+        (again.series.size, found.series.size),
+        (again.detection.bias, found.detection.bias),
+        (again.fitted.friction.coulomb, found.fitted.friction.coulomb),
+    ):
         np.testing.assert_array_equal(kept, given)
     mine = found.belief
 
@@ -245,9 +251,9 @@ def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(tmp_path: Path) ->
     with pytest.raises(CalibrationError, match=r"observers\.torque = motor_only, but measured is believed"):
         other(kind="motor_only").refuse_other(mine)
     free.log.save(tmp_path / "flight.nc")
-    for name, data in (("none.nc", None), ("text.nc", b"text"), ("flight.nc", None)):
-        if data is not None:
-            (tmp_path / name).write_bytes(data)
+    (tmp_path / "text.nc").write_bytes(b"text")
+    (tmp_path / "half.nc").write_bytes(file.read_bytes()[: file.stat().st_size // 2])
+    for name in ("none.nc", "text.nc", "half.nc", "flight.nc"):
         with pytest.raises(CalibrationError, match=name):
             read_calibration(tmp_path / name)
 
@@ -282,6 +288,7 @@ def reworded(data: xr.Dataset, before: str, after: str) -> xr.Dataset:
         (lambda data: data.assign({"series.scale": data["series.scale"] * 0.0}), "units above 0 were expected"),
         (lambda data: data.isel({"detection.bias.0": [0]}), r"detection.bias has shape \(1,\)"),
         (lambda data: data.drop_vars("series.size"), "a part is missing or damaged"),
+        (lambda data: reworded(data, '"mass": 1.0', '"moss": 1.0'), "a part is missing or damaged"),
         (lambda data: data.assign(words=((), "{}}")), "a part is missing or damaged"),
         (lambda data: reworded(data, '"fits": []', '"fits": [{"name": 1}]'), "a part is missing or damaged"),
         (lambda data: data.assign_attrs(kind="other"), "a file that `aerobat calibrate` wrote was expected"),

@@ -155,13 +155,6 @@ def test_warnings_stand_in_terminal_report_and_metrics(
     assert json.loads((here / "metrics.json").read_text())["warnings"] == experiment.scores.warnings
 
 
-def test_a_good_run_has_no_warning(paper: Experiment) -> None:
-    """The entry is there and empty, and neither table nor report mentions it."""
-    assert paper.metrics["warnings"] == []
-    assert "warning" not in str(paper.scores)
-    assert "contradicts itself" not in report_html(paper, {})
-
-
 def test_a_short_or_uneven_log_is_no_reason_to_fail(recorded: FlightLog) -> None:
     """Three samples, repeated stamps, a gap in time, and a height in mm in the rest."""
     robot = flown_robot(load_scenario("real_log_demo"))

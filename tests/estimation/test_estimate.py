@@ -177,3 +177,23 @@ def test_a_wrong_belief_is_what_the_self_check_is_blind_to_and_the_log_is_not(pa
     )
     weight = (0.1 - 0.0813) * 9.81  # the joint rows know that it does not hang on the wings: part of it shows
     assert 0.3 * weight < np.mean((wrong - right).sum(axis=1)[:, 2]) < weight
+
+
+def test_it_pushes_with_a_tenth_of_the_weight_that_is_believed() -> None:
+    """On the moon as well; where nothing weighs anything there is no tenth of it."""
+    moon, space = (belief_about(None, "x", None, ["momentum"], [f"flight.gravity={g}"]) for g in (1.62, 0.0))
+    robot = believed_robot(moon)
+    checks = self_check(robot, moon)
+    assert [check.applied for check in checks] == [pytest.approx(0.162 * robot.mass)] * 6
+    assert all(check.ok for check in checks)
+    with pytest.raises(ScenarioError, match=r"flight\.gravity = 0"):
+        self_check(believed_robot(space), space)
+
+
+def test_a_pose_that_hides_a_force_is_not_called_a_row_that_is_not_believed() -> None:
+    """Of two joints whose rows are both believed a force along the arm leaves nothing; it was the map's fault."""
+    hidden = (Check("force_level", "tip", "x", 1.0, (0.0, 0.0, 0.0), 0.0, 0.0, whole) for whole in (True, False))
+    assert [str(check).rpartition("at no time: ")[2] for check in hidden] == [
+        "the pose hides it",
+        "the map believes no row that shows it",
+    ]

@@ -53,18 +53,8 @@ KINOVA = Arm(
     [2.0, 2.0, 2.0, 0.8, 0.8, 0.6],
 )
 JOINTS = PANDA.joints
-NAMED = {
-    "load",
-    "effort unit or mass",
-    "effort unit",
-    "effort sign",
-    "joint zero",
-    "joint sense",
-    "mounting",
-    "swapped joints",
-    "mass",
-}
 READINGS = {"joint zero", "joint sense", "swapped joints"}
+NAMED = READINGS | {"load", "effort unit or mass", "effort unit", "effort sign", "mounting", "mass"}
 PERHAPS = "perhaps, as errors too small to name explain the efforts about as well: "
 
 
@@ -87,10 +77,9 @@ def told(
     Joints that stand still are held by half of their friction, or less where the rest of what they need is less.
     """
     urdf = str(ROBOTS / arm.urdf)
-    model, rng = pin.buildModelFromUrdf(urdf), np.random.default_rng(seed)
-    n, coulomb = len(arm.joints), np.array(arm.coulomb)
+    model, rng, n = pin.buildModelFromUrdf(urdf), np.random.default_rng(seed), len(arm.joints)
     model.gravity.linear = 9.81 * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
-    time, size = np.arange(2400) / 200.0, np.array(arm.size)
+    time, size, coulomb = np.arange(2400) / 200.0, np.array(arm.size), np.array(arm.coulomb)
     size[list(still)] = 0.0
     q, v, a = np.zeros((3, len(time), model.nv))
     q[:, :n] = arm.middle
@@ -118,14 +107,11 @@ def told(
     for k, (name, factor) in enumerate(zip(arm.joints, np.broadcast_to(factors, n), strict=True)):
         columns |= {f"{name}_q": q[:, k], f"{name}_v": v[:, k], f"{name}_tau": factor * tau[:, k]}
     pd.DataFrame(columns).to_csv(folder / "log.csv", index=False)
+    joints = channels(arm.joints, position="{}_q", velocity="{}_v", effort="{}_tau")
     chosen = {
         "robot": {"urdf": urdf, "root": "fixed", "points": [arm.tip]},
         "log": {"time": {"column": "t", "unit": "s"}},
-        "joints": {
-            "names": arm.joints,
-            "held": {"*": 0.0},
-            **channels(arm.joints, position="{}_q", velocity="{}_v", effort="{}_tau"),
-        },
+        "joints": {"names": arm.joints, "held": {"*": 0.0}, **joints},
     }
     findings = estimate(recorded(folder / "log.csv", chosen), ["force_level"]).findings
     return [one for one in findings if one.check in NAMED]

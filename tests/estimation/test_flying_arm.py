@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.flying_arm import RATE, THRUST, fly, flying_map, pushed
 from support.further import further
-from support.recorded import recorded
+from support.recorded import edited, recorded
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import calibrate, estimate
@@ -27,9 +27,8 @@ def test_the_thrusts_of_several_rotors_are_fitted_together(seed: int, tmp_path: 
 def test_a_thrust_that_the_map_knows_is_taken_off_the_fit_of_the_others(tmp_path: Path) -> None:
     """Three rotors are fitted beside one whose coefficient is known."""
     fly(23)[0].to_csv(tmp_path / "free.csv", index=False)
-    chosen = flying_map(tmp_path, ["tip"])
-    del chosen["known"]["rotor_2"]["fit"]
-    chosen["known"]["rotor_2"]["coefficients"] = [1.07 * THRUST]
+    known = {"known.rotor_2.fit": None, "known.rotor_2.coefficients": [1.07 * THRUST]}
+    chosen = edited(flying_map(tmp_path, ["tip"]), known)
     found = fitted_forces(recorded(tmp_path / "free.csv", chosen)).values.coefficients
     np.testing.assert_allclose([found[f"rotor_{k}"][0] for k in (1, 3, 4)], 1.07 * THRUST, rtol=0.04)
 
@@ -37,8 +36,7 @@ def test_a_thrust_that_the_map_knows_is_taken_off_the_fit_of_the_others(tmp_path
 def test_thrusts_that_are_to_be_fitted_in_different_parts_are_refused(tmp_path: Path) -> None:
     """Where one is fitted, the sum is."""
     fly(23, seconds=2.0)[0].to_csv(tmp_path / "free.csv", index=False)
-    chosen = flying_map(tmp_path, ["tip"])
-    chosen["known"]["rotor_3"]["fit"] = {"part": [0.5, 1.0]}
+    chosen = edited(flying_map(tmp_path, ["tip"]), {"known.rotor_3.fit": {"part": [0.5, 1.0]}})
     with pytest.raises(MapError, match=r"known\.rotor_1\.fit\.part.*known\.rotor_3\.fit\.part.*same part was expected"):
         fitted_forces(recorded(tmp_path / "free.csv", chosen))
 
@@ -87,9 +85,6 @@ def test_a_calibration_in_which_the_arm_rests_knows_nothing_of_its_friction(seed
 def test_nothing_is_said_of_rotors_that_hover(seed: int, tmp_path: Path) -> None:
     """They differ by 2 %, which makes moments as other commands would; and each follows the acceleration no better."""
     fly(seed, swings=False)[0].to_csv(tmp_path / "hover.csv", index=False)
-    told = {
-        one.check
-        for one in estimate(recorded(tmp_path / "hover.csv", flying_map(tmp_path, ["tip"]))).findings
-        if one.warns
-    }
+    findings = estimate(recorded(tmp_path / "hover.csv", flying_map(tmp_path, ["tip"]))).findings
+    told = {one.check for one in findings if one.warns}
     assert not told & {"swapped thrusts", "lag of command", "fit"}

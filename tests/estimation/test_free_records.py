@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tomli_w
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.six_joints import six_map, swing
 from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_log
 from support.swinging_arm import arm, recording
@@ -46,8 +46,7 @@ def test_what_turns_rotors_is_no_push(seed: int, tmp_path: Path) -> None:
     """Rotors that no file knows need torques of their own: of an arm that nobody touched they were a push of 36 N."""
     swing(tmp_path / "free.csv", seed, rotors=0.3)
     chosen = six_map(log={"time": {"column": "t"}}, observer={"gain": 20.0})
-    del chosen["joints"]["friction"]
-    free = recorded(tmp_path / "free.csv", chosen)
+    free = recorded(tmp_path / "free.csv", edited(chosen, {"joints.friction": None}))
     assert not any("pushed" in line for line in calibrate([free]).warnings)
 
 

@@ -1,6 +1,5 @@
 """Factors of efforts and what an arm carries: found with deviations that hold, or refused with the reason."""
 
-import copy
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,7 @@ import pandas as pd
 import pytest
 from support.drone import MAP as DRONE
 from support.drone import MASS, POWERS, flight
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.six_joints import six_map, swing
 
 from aerobat_pin import calibrate, estimate
@@ -148,11 +147,8 @@ def test_an_effort_that_shows_nothing_keeps_its_factor(folder: Path) -> None:
 def test_a_drone_shows_what_it_carries_by_its_thrust(tmp_path: Path) -> None:
     """It has no efforts: 7 g of 27 g within their deviation; a map that knows them makes it as heavy."""
     flight(20.0).to_csv(tmp_path / "drone.csv", index=False)
-    values = copy.deepcopy(DRONE)
-    del values["known"]["thrust"]["fit"]
-    values["known"]["thrust"]["coefficients"] = list(POWERS)
-    values["robot"]["body"]["mass"] = MASS - 0.007
-    values |= {"payload": {"frame": "body"}, "use": {"free": [0, 15]}}
+    changes = {"known.thrust.fit": None, "known.thrust.coefficients": list(POWERS), "robot.body.mass": MASS - 0.007}
+    values = edited(DRONE, {**changes, "payload.frame": "body", "use.free": [0, 15]})
     sought = estimate(recorded(tmp_path / "drone.csv", values))
     told = sought.forces.fits[0].values
     assert abs(told["mass"] - 0.007) < told["deviation of mass"] < 0.1 * MASS

@@ -1,6 +1,5 @@
 """Legs without motion capture: a base by its IMU or by the joints alone, contacts, and what a tilt does."""
 
-import copy
 import json
 import re
 from pathlib import Path
@@ -13,12 +12,11 @@ import tomli_w
 from support.commands import call
 from support.drone import MAP as DRONE
 from support.drone import flight
-from support.observer_twins import point_jacobian
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.walking_log import FEET, bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError
-from aerobat_pin.estimation import estimate
+from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.forces.contacts import contact_probability, stances_of, touching
 from aerobat_pin.forces.deviations import with_tilt
 from aerobat_pin.forces.expected_of_record import lifted_errors
@@ -49,11 +47,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def mapped(folder: Path, source: str, **more: Any) -> dict[str, Any]:
     """Return a map whose base is known by the IMU or by the joints."""
-    values = copy.deepcopy(table_map(folder / "quadruped.urdf"))
-    del values["check"]
-    values["robot"]["urdf"] = "quadruped.urdf"
-    values["log"] = {"time": {"column": "t"}}
-    values["base"] = {
+    base = {
         "from": source,
         "quaternion": {"columns": [f"imu_q{axis}" for axis in "xyzw"]},
         "rate": {"columns": [f"imu_w{axis}" for axis in "xyz"]},
@@ -61,7 +55,7 @@ def mapped(folder: Path, source: str, **more: Any) -> dict[str, Any]:
         "imu": {"place": PLACE.tolist(), "turn": TURN.tolist(), "tilt": 0.0},
         **more,
     }
-    return values
+    return edited(table_map(Path("quadruped.urdf")), {"check": None, "log.time.column": "t", "base": base})
 
 
 @pytest.mark.parametrize(("source", "least"), [("imu", 0.995), ("joints", 0.9)])
@@ -82,23 +76,32 @@ def test_a_base_without_position_gives_the_forces_of_the_feet(folder: Path, sour
     assert found.metrics()["contacts"]["force_level"]["FL_FOOT"]["contacts"][-1][1] is None
 
 
+def walked_while_pushed(folder: Path, errors: np.ndarray, force: np.ndarray) -> Result:
+    """Return the estimate of the walk with errors (n, 12) of its efforts, pushed at the trunk's origin.
+
+    The force, (3,) or (n, 3) in world axes, is borne by the feet.
+    """
+    walked, log, tau = walk(), table(walk()), walk().tau + errors
+    model = pin.buildModelFromUrdf(str(folder / "quadruped.urdf"), pin.JointModelFreeFlyer())
+    data, axes = model.createData(), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    for q, effort, push in zip(walked.q, tau, np.broadcast_to(force, (len(tau), 3)), strict=True):
+        J = np.vstack([pin.computeFrameJacobian(model, data, q, model.getFrameId(foot), axes)[:3] for foot in FEET])
+        trunk = pin.Quaternion(q[3:7]).matrix().T @ push  # in its axes
+        effort += (J.T @ np.linalg.pinv(J[:, :6].T) @ [*trunk, 0.0, 0.0, 0.0])[6:]
+    log[[f"{joint}_tau" for joint in walked.joints]] = tau
+    log.to_csv(folder / "pushed.csv", index=False)
+    values = edited(table_map(Path("quadruped.urdf")), {"log.time.column": "t"})
+    return estimate(recorded(folder / "pushed.csv", values))
+
+
 def test_a_push_at_the_trunk_is_said_and_factors_are_none(folder: Path) -> None:
     """20 N to the left for 0.3 s in a walk whose efforts err by 3 %, with friction and noise; without it, nothing."""
-    walked, log = walk(), table(walk())
-    model = pin.buildModelFromUrdf(str(folder / "quadruped.urdf"), pin.JointModelFreeFlyer())
-    values = {**table_map(folder / "quadruped.urdf"), "log": {"time": {"column": "t"}}}
-    rng = np.random.default_rng(17)
+    walked, rng = walk(), np.random.default_rng(17)
     error = walked.tau * 0.03 * rng.standard_normal(12) + 0.1 * rng.standard_normal(walked.tau.shape)
     error += 0.15 * np.tanh(walked.v[:, 6:] / 0.02)
     for push in (0.0, 20.0):
-        tau = walked.tau + error
-        for k in np.flatnonzero((walked.time > 1.5) & (walked.time < 1.8)):
-            J = point_jacobian(model, FEET, walked.q[k])
-            trunk = pin.Quaternion(walked.q[k, 3:7]).matrix().T @ [0.0, push, 0.0]  # at its origin, in its axes
-            tau[k] += (J.T @ np.linalg.pinv(J[:, :6].T) @ [*trunk, 0.0, 0.0, 0.0])[6:]  # which the feet bear
-        log[[f"{joint}_tau" for joint in walked.joints]] = tau
-        log.to_csv(folder / "pushed.csv", index=False)
-        found = estimate(recorded(folder / "pushed.csv", values))
+        during = (walked.time > 1.5) & (walked.time < 1.8)
+        found = walked_while_pushed(folder, error, during[:, None] * [0.0, push, 0.0])
         assert any(one.check == "push elsewhere" for one in found.findings) == (push > 0.0), found.warnings
     assert any(re.search("from 1.[56].*forces elsewhere, a moment, or a wrong model", one) for one in found.warnings)
 
@@ -108,18 +111,10 @@ def test_a_lasting_push_at_the_trunk_is_no_certain_error_of_mass_or_units(
     folder: Path, push: float, causes: list[str]
 ) -> None:
     """20 N downward as long as it walks: lighter efforts and a heavier trunk explain it alike, and that is said."""
-    walked, log, rng = walk(), table(walk()), np.random.default_rng(17)
-    model = pin.buildModelFromUrdf(str(folder / "quadruped.urdf"), pin.JointModelFreeFlyer())
-    values = {**table_map(folder / "quadruped.urdf"), "log": {"time": {"column": "t"}}}
-    tau = walked.tau * (1.0 + 0.03 * rng.standard_normal(12)) + 0.1 * rng.standard_normal(walked.tau.shape)
-    for k, q in enumerate(walked.q):
-        J = point_jacobian(model, FEET, q)
-        trunk = pin.Quaternion(q[3:7]).matrix().T @ [0.0, 0.0, push]
-        tau[k] += (J.T @ np.linalg.pinv(J[:, :6].T) @ [*trunk, 0.0, 0.0, 0.0])[6:]
-    log[[f"{joint}_tau" for joint in walked.joints]] = tau
-    log.to_csv(folder / "loaded.csv", index=False)
-    found = estimate(recorded(folder / "loaded.csv", values))
-    said = [one for one in found.findings if one.warns and one.check in ("mass", "effort unit", "effort unit or mass")]
+    tau, rng = walk().tau, np.random.default_rng(17)
+    error = tau * 0.03 * rng.standard_normal(12) + 0.1 * rng.standard_normal(tau.shape)
+    findings = walked_while_pushed(folder, error, np.array([0.0, 0.0, push])).findings
+    said = [one for one in findings if one.warns and one.check in ("mass", "effort unit", "effort unit or mass")]
     assert [one.check for one in said] == causes
     assert all("a load on the base link: the record does not tell which" in one.text for one in said)
 
@@ -184,7 +179,9 @@ def test_contacts_begin_and_end_where_the_weight_says(folder: Path) -> None:
     np.testing.assert_array_equal(touching(up, 100.0), [0, 1, 1, 1, 1, 0, 1, 1, 1, 1])
     np.testing.assert_array_equal(touching(up[3:5], 100.0, before=True), [1, 1])
     np.testing.assert_array_equal(touching(up[:2], 100.0, before=True), [0, 0])
-    assert contact_probability(np.array([3.0, 6.0]), np.ones(2), 100.0) == pytest.approx([0.5, 0.99865], abs=1e-5)
+    assert contact_probability(np.array([3.0, 6.0]), np.array([1.0, 1.0]), 100.0) == pytest.approx(
+        [0.5, 0.99865], abs=1e-5
+    )
     record = recorded(folder / "log.csv", mapped(folder, "imu"))
     whole = estimate(record).stored["force_level"]
     for weight, least in ((record.robot.weight, 1), (1e9, 0)):
@@ -228,12 +225,9 @@ def test_what_needs_more_than_an_imu_is_refused_with_its_reason(folder: Path) ->
     """No attitude, no accelerometer, a body without joints."""
     bare = mapped(folder, "imu")
     for part, reason in (("quaternion", "gravity is known in its axes alone"), ("acceleration", "gives the velocity")):
-        values = copy.deepcopy(bare)
-        del values["base"][part]
         with pytest.raises(AerobatError, match=reason):
-            recorded(folder / "log.csv", values)
-    drone = {key: part for key, part in copy.deepcopy(DRONE).items() if key not in ("known", "check")}
+            recorded(folder / "log.csv", edited(bare, {f"base.{part}": None}))
+    drone = edited(DRONE, {"known": None, "check": None, "base.from": "joints"})
     flight(1.5).to_csv(folder / "drone.csv", index=False)
-    drone["base"] |= {"from": "joints"}
     with pytest.raises(AerobatError, match="believes the rows of joints alone, and the robot has none"):
         recorded(folder / "drone.csv", drone)

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import tomli_w
 from support.foreign_channels import with_foreign_channels
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.swinging_arm import JOINTS, arm, arm_map, recording
 from support.walking_log import bag, bag_map, urdf, walk
 
@@ -24,6 +24,7 @@ from aerobat_pin.records.resample import without_turns
 from aerobat_pin.records.spool import Spool, series_of
 
 ROBOT = {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]}
+WITHOUT_FRICTION = edited(arm_map(), {"joints.friction": None})
 
 
 @pytest.fixture(scope="module")
@@ -34,14 +35,13 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     return pd.read_csv(folder / "swing.csv")
 
 
-def opened(table: pd.DataFrame | str, folder: Path, tables: dict[str, Any] | None = None, **joints: Any) -> Record:
-    """Return the record of a table of the arm, or of its text; its map has further tables, and entries of joints."""
+def opened(table: pd.DataFrame | str, folder: Path, **joints: Any) -> Record:
+    """Return the record of a table of the arm, or of its text."""
     (folder / "arm.urdf").write_text(arm())
     text = table if isinstance(table, str) else table.to_csv(index=False)
     (folder / "log.csv").write_text(text)
-    values = arm_map() | (tables or {})
-    values["joints"] = {key: value for key, value in values["joints"].items() if key != "friction"} | joints
-    return recorded(folder / "log.csv", values)
+    changes = {f"joints.{key}": value for key, value in joints.items()}
+    return recorded(folder / "log.csv", edited(WITHOUT_FRICTION, changes))
 
 
 def said(record: Record) -> list[str]:
@@ -115,12 +115,18 @@ def test_a_slow_channel_is_not_split(swing: pd.DataFrame, tmp_path: Path) -> Non
     rows = np.arange(len(swing))
     force = swing[["fx", "fy", "fz"]].copy()
     force[rows % 100 != 0] = np.nan
-    check = {"check": {"wrench": {"columns": ["fx", "fy", "fz"], "point": "tool"}}}
-    slow = opened(swing.assign(**force), tmp_path, check)
+    check = {"wrench": {"columns": ["fx", "fy", "fz"], "point": "tool"}}
+    (tmp_path / "arm.urdf").write_text(arm())
+
+    def read(name: str, table: pd.DataFrame) -> Record:
+        table.to_csv(tmp_path / name, index=False)
+        return recorded(tmp_path / name, WITHOUT_FRICTION | {"check": check})
+
+    slow = read("slow.csv", swing.assign(**force))
     assert counts(slow) == [901]
     assert any("check.wrench: a sample every 0.2 s" in note for note in slow.notes)
     force[(rows > 350) & (rows < 650)] = np.nan
-    assert len(opened(swing.assign(**force), tmp_path, check).parts) == 2
+    assert len(read("lost.csv", swing.assign(**force)).parts) == 2
 
 
 @pytest.mark.parametrize("cut", [1, 3, 30, 80])
@@ -426,17 +432,17 @@ def test_a_robot_without_a_mass_is_refused_by_name(swing: pd.DataFrame, tmp_path
 
 def test_a_point_that_no_joint_moves_is_not_said_to_be_unsure(swing: pd.DataFrame, tmp_path: Path) -> None:
     """No calibration would tell the force on a link's origin that lies on the axes of all joints that move it."""
-    record = opened(swing, tmp_path, {"robot": ROBOT | {"points": ["turn_link"]}})
-    words = str(estimate(record, trust=True))
+    opened(swing, tmp_path)
+    values = edited(WITHOUT_FRICTION, {"robot.points": ["turn_link"]})
+    words = str(estimate(recorded(tmp_path / "log.csv", values), trust=True))
     assert "it cannot see turn_link.Fx" in words
     assert "would state it" not in words
 
 
 def test_forces_that_no_robot_stands_are_doubted(swing: pd.DataFrame, tmp_path: Path) -> None:
     """Degrees that are read as radians agree with one another; 52 kN at an arm of 4.5 kg were a push upward."""
-    degrees = swing.assign(
-        **{f"{joint}_{part}": np.degrees(swing[f"{joint}_{part}"]) for joint in JOINTS for part in "qv"}
-    )
+    angles = [f"{joint}_{part}" for joint in JOINTS for part in "qv"]
+    degrees = swing.assign(**{name: np.degrees(swing[name]) for name in angles})
     for table, doubted in ((swing, False), (degrees, True)):
         result = estimate(opened(table, tmp_path), trust=True)
         assert any(finding.check == "size of forces" for finding in result.findings) is doubted
@@ -518,11 +524,9 @@ def test_an_angle_that_starts_again_after_a_turn_goes_on(
 def test_a_stream_takes_full_turns_out_as_a_record_does(turning: pd.DataFrame, tmp_path: Path) -> None:
     """The efforts and rates come between the angles, so that a jump would be interpolated; the same forces."""
     (tmp_path / "arm.urdf").write_text(arm())
-    values, angles = arm_map(), set(COLUMNS)
-    del values["joints"]["friction"]
-    found = []
+    angles, found = set(COLUMNS), []
     for wrapped in (False, True):
-        stream, estimates = OnlineEstimator(parse_map(values, "-"), tmp_path), []
+        stream, estimates = OnlineEstimator(parse_map(WITHOUT_FRICTION, "-"), tmp_path), []
         for row in turning.to_dict("records"):
             row["turn_q"] = (row["turn_q"] + np.pi) % (2.0 * np.pi) - np.pi if wrapped else row["turn_q"]
             for time, chosen in ((row["t"], angles), (row["t"] + 0.0007, set(row) - angles)):

@@ -1,6 +1,5 @@
 """What one recording shows by a map (friction, thrust, the mass) makes the force of another one right."""
 
-import copy
 import json
 import re
 from collections.abc import Mapping
@@ -14,7 +13,7 @@ import tomli_w
 from support.commands import call
 from support.drone import MAP as DRONE
 from support.drone import flight
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.swinging_arm import (
     CONSTANT,
     COULOMB,
@@ -53,13 +52,14 @@ from aerobat_pin.records import (
 
 
 @pytest.fixture(scope="module")
-def arms(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray]:
-    """Return a folder with the arm, its free and its pushed recording and their map, and the force that pushed."""
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the arm, its free and its pushed recording, and their map."""
     folder = tmp_path_factory.mktemp("arms")
     (folder / "arm.urdf").write_text(arm())
     (folder / "map.toml").write_text(tomli_w.dumps(arm_map()))
     recording(folder, "free", pushed=False, seed=1)
-    return folder, recording(folder, "pushed", pushed=True, seed=2)
+    recording(folder, "pushed", pushed=True, seed=2)
+    return folder
 
 
 class GearedArm(PlainRobot):
@@ -79,24 +79,20 @@ def calibrated(folder: Path, name: str, values: dict[str, Any], *parameters: str
 
 
 @pytest.mark.parametrize("slip", ["reversed", "exchanged"])
-def test_a_slip_of_the_efforts_is_no_friction(slip: str, arms: tuple[Path, np.ndarray]) -> None:
+def test_a_slip_of_the_efforts_is_no_friction(slip: str, folder: Path) -> None:
     """An offset of friction can take up most of a reversed effort: it is looked for before friction is fitted."""
-    folder, _ = arms
     free = pd.read_csv(folder / "free.csv")
     wrong = {"lift_i": -free["lift_i"]} if slip == "reversed" else {"lift_i": free["bend_i"], "bend_i": free["lift_i"]}
     free.assign(**wrong).to_csv(folder / f"{slip}.csv", index=False)
-    values = arm_map()
-    values["joints"]["friction"]["law"] = "coulomb+viscous"
-    warnings = calibrated(folder, slip, values).warnings
+    warnings = calibrated(folder, slip, edited(arm_map(), {"joints.friction.law": "coulomb+viscous"})).warnings
     assert any("lift" in line and ("reversed" in line or "exchanged" in line) for line in warnings)
 
 
 @pytest.mark.usefixtures("unrendered")
 def test_a_free_swing_makes_the_force_of_another_recording_right(
-    arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """By the two commands: 0.15 N rms where it was up to some newtons; friction, rotors and mass are found."""
-    folder, force = arms
     monkeypatch.chdir(folder)
     learn = ["calibrate", "free.csv", "--map", "map.toml", "--identify", "mass", "--out", "arm.nc"]
     assert call(*learn) == 0
@@ -118,12 +114,9 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
     assert "calibration: learnt from free.csv; error bar" in capsys.readouterr().out
     stored = read_netcdf(folder / "out" / "estimate.nc", "estimate")[""]
     with_it, seen = (stored[key].values[0, :, 0] for key in ("force_W", "seen"))
-    values = arm_map()
-    del values["joints"]["friction"]
-    plain = estimate(recorded(Path("pushed.csv"), values))
-    truth = np.column_stack(
-        [np.interp(plain.estimates["force_level"].time[:-1] - 0.009, np.arange(len(force)) / RATE, x) for x in force.T]
-    )
+    plain = estimate(recorded(Path("pushed.csv"), edited(arm_map(), {"joints.friction": None})))
+    time, log = plain.estimates["force_level"].time[:-1], pd.read_csv("pushed.csv")
+    truth = np.column_stack([np.interp(time - 0.009, log.t, log[f"f{axis}"]) for axis in "xyz"])
     shown = seen[200:] > SHOWN
     wrong, right = (
         np.sqrt(np.mean((found - truth)[200:] ** 2, axis=0, where=shown))
@@ -134,9 +127,8 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
     assert np.all(wrong > 5.0 * right)
 
 
-def test_the_rate_at_which_coulomb_friction_sets_in_is_found(arms: tuple[Path, np.ndarray]) -> None:
+def test_the_rate_at_which_coulomb_friction_sets_in_is_found(folder: Path) -> None:
     """Where it is ten times the usual one; with the usual one a viscous part would stand in for it."""
-    folder, _ = arms
     recording(folder, "late", pushed=False, seed=3, rate=0.2)
     found = calibrated(folder, "late", arm_map(), "mass").fitted
     assert found.friction.rate == 0.2
@@ -145,47 +137,23 @@ def test_the_rate_at_which_coulomb_friction_sets_in_is_found(arms: tuple[Path, n
     np.testing.assert_allclose(found.friction.viscous, VISCOUS, atol=0.05)
 
 
-def test_the_file_keeps_all_that_was_learnt(arms: tuple[Path, np.ndarray]) -> None:
-    """Read again it is the same, text by text; a damaged one is refused."""
-    folder, _ = arms
-    values = arm_map()
-    values["joints"]["friction"]["law"] = "coulomb+viscous"
-    found = calibrated(folder, "free", values)
-    content = calibration_bytes(found)
-    (folder / "again.nc").write_bytes(content)
-    again = read_calibration(folder / "again.nc")
-    assert (again.belief, again.notes, again.records) == (found.belief, found.notes, found.records)
-    assert [str(fit) for fit in again.fitted.fits] == [str(fit) for fit in found.fitted.fits]
-    np.testing.assert_array_equal(again.fitted.friction.coulomb, found.fitted.friction.coulomb)
-    assert calibration_bytes(again) == content
-    for damaged in (content[: len(content) // 2], content.replace(b'"rate"', b'"rote"')):
-        (folder / "damaged.nc").write_bytes(damaged)
-        with pytest.raises(CalibrationError):
-            read_calibration(folder / "damaged.nc")
-
-
-def test_a_self_check_takes_a_calibration(arms: tuple[Path, np.ndarray]) -> None:
+def test_a_self_check_takes_a_calibration(folder: Path) -> None:
     """In place of a fit of which the map does not say where; without either it is refused."""
-    folder, _ = arms
     record = recorded(folder / "pushed.csv", arm_map())
     with pytest.raises(MapError, match="--calibration FILE"):
         check_record(record)
     assert [one.axis for one in check_record(record, calibrated(folder, "free", arm_map())) if one.ok]
 
 
-def test_a_fit_that_explains_hardly_anything_is_named(arms: tuple[Path, np.ndarray]) -> None:
+def test_a_fit_that_explains_hardly_anything_is_named(folder: Path) -> None:
     """A joint that counts the other way round, which friction cannot explain."""
-    folder, _ = arms
-    values = arm_map()
-    assert not [line for line in calibrated(folder, "free", values).warnings if "hardly anything" in line]
-    values["joints"]["factor"] = {"bend": -1}
-    warnings = calibrated(folder, "free", values).warnings
+    assert not [line for line in calibrated(folder, "free", arm_map()).warnings if "hardly anything" in line]
+    warnings = calibrated(folder, "free", edited(arm_map(), {"joints.factor": {"bend": -1}})).warnings
     assert [line for line in warnings if "explains hardly anything" in line and "sign, order, zero" in line]
 
 
-def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(arms: tuple[Path, np.ndarray]) -> None:
+def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(folder: Path) -> None:
     """The efforts' own behind the observer's filter; a push where nothing is known to be free does not count."""
-    folder, _ = arms
     found = calibrated(folder, "free", arm_map(), "mass")
     (folder / "noise.nc").write_bytes(calibration_bytes(found))
     assert read_calibration(folder / "noise.nc").row_noise == found.row_noise
@@ -193,10 +161,9 @@ def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(arms: tuple[Path, np
     efforts = 0.01 * CONSTANT * (share / (2.0 - share)) ** 0.5
     assert all(0.85 < found.row_noise[joint] / efforts < 1.5 for joint in JOINTS)
     recording(folder, "knocked_late", pushed=False, seed=1, knock=(8.5, 9.0))
-    values = arm_map() | {"use": {"free": [0, 8]}}
 
     def noise(name: str, end: float) -> Mapping[str, float]:
-        values["joints"]["friction"]["fit"] = [0, end]
+        values = edited(arm_map(), {"use.free": [0, 8], "joints.friction.fit": [0, end]})
         return estimate(recorded(folder / f"{name}.csv", values)).forces.values.row_noise
 
     assert noise("knocked_late", 5) == noise("free", 5)
@@ -210,23 +177,17 @@ def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> Non
     flight(seed=2, wind=0.03).to_csv(tmp_path / "second.csv", index=False)
     learnt = calibrate([recorded(tmp_path / "first.csv", DRONE)])
     (tmp_path / "drone.nc").write_bytes(calibration_bytes(learnt))
-    blind = copy.deepcopy(DRONE)
-    del blind["check"]
-    found = estimate(
-        recorded(tmp_path / "second.csv", blind),
-        calibration=read_calibration(tmp_path / "drone.nc"),
-    )
+    blind = recorded(tmp_path / "second.csv", edited(DRONE, {"check": None}))
+    found = estimate(blind, calibration=read_calibration(tmp_path / "drone.nc"))
     assert found.estimates["force_level"].force[100:, 0, 0].mean() == pytest.approx(0.03, abs=2e-3)
     assert found.forces.fits[0].log == "first.csv"
-    other = copy.deepcopy(DRONE)
-    other["known"]["thrust"]["law"] = "polynomial 2"
+    other = edited(DRONE, {"known.thrust.law": "polynomial 2"})
     with pytest.raises(CalibrationError, match=r"was learnt with known\.thrust = polynomial 1 2 of commands"):
         estimate(recorded(tmp_path / "second.csv", other), calibration=learnt)
 
 
-def test_online_estimates_take_the_friction_of_a_calibration(arms: tuple[Path, np.ndarray]) -> None:
+def test_online_estimates_take_the_friction_of_a_calibration(folder: Path) -> None:
     """Sample by sample the same forces as the recording as a whole, but for the first ones."""
-    folder, _ = arms
     chosen = parse_map(arm_map(), "of the test")
     learnt = calibrated(folder, "free", arm_map(), "mass")
     whole = estimate(recorded(folder / "pushed.csv", chosen), calibration=learnt).estimates["force_level"]
@@ -241,10 +202,9 @@ def test_online_estimates_take_the_friction_of_a_calibration(arms: tuple[Path, n
 
 @pytest.mark.usefixtures("unrendered")
 def test_a_knock_is_found_by_what_a_free_swing_shows(
-    arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """8 N from 1.5 to 1.7 s: found within a sample of 2 ms, with its size; nothing in another free swing."""
-    folder, _ = arms
     monkeypatch.chdir(folder)
     recording(folder, "knocked", pushed=False, seed=4, knock=(1.5, 1.7))
     recording(folder, "still_free", pushed=False, seed=5)
@@ -295,9 +255,9 @@ def test_a_robot_with_a_phase_gets_a_series_over_it(tmp_path: Path) -> None:
         estimate(opened("again", plain), calibration=found[geared])
 
 
-def test_samples_of_the_boot_do_not_move_what_is_fitted(arms: tuple[Path, np.ndarray], tmp_path: Path) -> None:
+def test_samples_of_the_boot_do_not_move_what_is_fitted(folder: Path, tmp_path: Path) -> None:
     """Four samples a thousand seconds before the rest: three quarters of what is used are fitted, not of the clock."""
-    rows = pd.read_csv(arms[0] / "free.csv")
+    rows = pd.read_csv(folder / "free.csv")
     boot = rows[:4].assign(t=rows.t[:4] - 1000.0)
     (tmp_path / "arm.urdf").write_text(arm())
     found = []
@@ -317,12 +277,9 @@ def test_a_record_that_wants_a_negative_mass_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("points", "why"), [(["tool"], "no row is to spare"), ([], "no force is sought")])
-def test_a_model_that_nothing_can_check_says_why(points: list[str], why: str, arms: tuple[Path, np.ndarray]) -> None:
+def test_a_model_that_nothing_can_check_says_why(points: list[str], why: str, folder: Path) -> None:
     """Residuals alone had `"model": null`, as if there were no calibration."""
-    folder, _ = arms
-    values = arm_map()
-    values["robot"]["points"] = points
-    record = recorded(folder / "pushed.csv", values)
+    record = recorded(folder / "pushed.csv", edited(arm_map(), {"robot.points": points}))
     told = estimate(record, calibration=calibrated(folder, "free", arm_map())).metrics()["model"]
     assert (told["verdict"], told["ratio"]) == ("unverified", None)
     assert why in told["why"]
@@ -330,21 +287,14 @@ def test_a_model_that_nothing_can_check_says_why(points: list[str], why: str, ar
 
 
 def test_what_cannot_be_learnt_or_used_is_refused(
-    arms: tuple[Path, np.ndarray], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Each with its reason."""
-    folder, _ = arms
     monkeypatch.chdir(folder)
     learnt = calibrated(folder, "free", arm_map())
 
     def said(change: dict[str, Any], identify: tuple[str, ...] = (), use: bool = False) -> str:
-        values = arm_map()
-        for key, value in change.items():
-            place, parts = values, key.split(".")
-            for part in parts[:-1]:
-                place = place[part]
-            place[parts[-1]] = value
-        chosen = parse_map(values, "of the test")
+        chosen = edited(arm_map(), change)
         try:
             if use:
                 estimate(recorded(Path("pushed.csv"), chosen), calibration=learnt)

@@ -1,6 +1,5 @@
 """Joints as logs have them: seen by encoders at motors, beyond their limits, without a motor, alone, or by name."""
 
-import copy
 import itertools
 import re
 import tomllib
@@ -15,7 +14,7 @@ import pytest
 import tomli_w
 from support.commands import call
 from support.further import further
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.robot_parts import channels, joint, link
 from support.swinging_arm import JOINTS, arm, arm_map, recording
 from support.without_coriolis import LEG
@@ -44,10 +43,7 @@ AT_MOTORS: dict[str, Any] = {
 
 def changed(**joints: Any) -> dict[str, Any]:
     """Return the map of the arm without a fit, with changed entries of its joints."""
-    values = arm_map()
-    del values["joints"]["friction"]
-    values["joints"] |= joints
-    return values
+    return edited(arm_map(), {"joints.friction": None, **{f"joints.{key}": value for key, value in joints.items()}})
 
 
 @pytest.fixture(scope="module")
@@ -100,10 +96,8 @@ def test_a_slide_behind_a_spindle_moves_by_its_encoders_angle(tmp_path: Path) ->
     table["q"], table["v"] = (np.degrees(table[name] / factor) for name in "qv")
     table["tau"] *= factor
     table.to_csv(tmp_path / "log.csv", index=False)
-    values = robot_map()
-    for part, unit in (("position", "deg"), ("velocity", "deg/s")):
-        values["joints"][part]["unit"] = unit
-    values["joints"]["factor"] = {"slide": factor}
+    units = {"joints.position.unit": "deg", "joints.velocity.unit": "deg/s"}
+    values = edited(robot_map(), {**units, "joints.factor.slide": factor})
     found = estimate(recorded(tmp_path / "log.csv", values)).estimates["force_level"].components[200:, 2]
     np.testing.assert_allclose(found, 3.0, atol=0.05)
 
@@ -136,8 +130,7 @@ def test_a_component_is_hidden_by_the_pose_only_where_no_joint_feels_it(
 def test_a_unit_that_no_joint_can_have_is_refused(kind: str, part: str, unit: str, said: str, tmp_path: Path) -> None:
     """An angle of a slide was taken for its place."""
     robot_table(tmp_path, kind).to_csv(tmp_path / "log.csv", index=False)
-    values = robot_map()
-    values["joints"][part]["unit"] = unit
+    values = edited(robot_map(), {f"joints.{part}.unit": unit})
     with pytest.raises(AerobatError, match=rf"joints\.{part}\.unit = '{unit}', {said}"):
         recorded(tmp_path / "log.csv", values)
 
@@ -147,9 +140,7 @@ def test_a_unit_is_that_of_the_joints_that_can_have_it(tmp_path: Path) -> None:
     table = robot_table(tmp_path, "prismatic", "revolute", motors=2)
     for unit, column, factor in (("mm", "q", 1e3), ("deg", "q1", 180.0 / np.pi)):
         table.assign(**{column: factor * table[column]}).to_csv(tmp_path / "log.csv", index=False)
-        values = robot_map(2)
-        values["joints"]["position"]["unit"] = unit
-        record = recorded(tmp_path / "log.csv", values)
+        record = recorded(tmp_path / "log.csv", edited(robot_map(2), {"joints.position.unit": unit}))
         np.testing.assert_allclose(record.block(0, 500).q, table[["q", "q1"]].to_numpy()[:501], atol=1e-6)
 
 
@@ -225,14 +216,15 @@ def test_a_calibration_belongs_to_its_encoders(folder: Path) -> None:
 def limits(folder: Path, urdf: str, change: float = 1.0, shift: float = 0.0, unit: str = "rad") -> list[str]:
     """Return what is found about limits of an arm whose positions and velocities are written times a factor."""
     table = pd.read_csv(folder / "joints.csv")
-    table[[f"{joint}_q" for joint in JOINTS]] *= change
-    table[[f"{joint}_v" for joint in JOINTS]] *= change
+    table[[f"{joint}_{what}" for joint in JOINTS for what in "qv"]] *= change
     table["lift_q"] += shift
     table.to_csv(folder / "limits.csv", index=False)
     (folder / "limited.urdf").write_text(urdf)
-    joints = channels(JOINTS, position="{}_q", velocity="{}_v")
-    joints["position"]["unit"], joints["velocity"]["unit"] = unit, f"{unit}/s"
-    values = changed(**joints) | {"robot": {"urdf": "limited.urdf", "root": "fixed", "points": ["tool"]}}
+    position, velocity = (
+        {"columns": [f"{joint}_{what}" for joint in JOINTS], "unit": own}
+        for what, own in (("q", unit), ("v", f"{unit}/s"))
+    )
+    values = edited(changed(position=position, velocity=velocity), {"robot.urdf": "limited.urdf"})
     found = record_findings(recorded(folder / "limits.csv", values))
     return [f"{one.verdict} {one}" for one in found if one.check == "joint limits"]
 
@@ -244,7 +236,7 @@ def test_joints_far_beyond_their_limits_are_refused_by_name(folder: Path) -> Non
     assert re.search(r'refused joint limits: \w+ is at .* rad, its limits are -2 to 2 rad; .*unit = "deg"', degrees)
     assert all(joint in degrees for joint in JOINTS)
     with pytest.raises(LogError, match=r"limits\.csv: joint limits: .*--trust estimates nevertheless"):
-        estimate(recorded(folder / "limits.csv", changed() | {"robot": {**changed()["robot"], "urdf": "limited.urdf"}}))
+        estimate(recorded(folder / "limits.csv", edited(changed(), {"robot.urdf": "limited.urdf"})))
     [far] = limits(folder, close, shift=40.0)
     assert re.search(r"refused joint limits: lift is at 4\d.* to 4\d.* rad", far)
     [zero] = limits(folder, close, shift=3.0)
@@ -274,13 +266,7 @@ def test_slight_overshoots_and_joints_without_limits_do_not_alarm(folder: Path) 
         assert limits(folder, urdf, np.degrees(1.0)) == []
 
 
-FEW = {  # robots that move in a plane or along a line
-    "a wheel": ("continuous",),
-    "a planar arm": ("revolute", "revolute"),
-    "a hinge": ("revolute",),
-    "a slide": ("prismatic",),
-    "two slides": ("prismatic", "prismatic"),
-}
+WHEEL, PLANAR_ARM, HINGE, SLIDE = ("continuous",), ("revolute", "revolute"), ("revolute",), ("prismatic",)
 AXES = {"revolute": "0 1 0", "prismatic": "0 0 1", "continuous": "0 1 0"}
 
 
@@ -346,7 +332,7 @@ def test_a_passive_joint_needs_no_effort_and_its_row_is_believed(tmp_path: Path)
 
 
 @pytest.mark.usefixtures("unrendered")
-@pytest.mark.parametrize("kinds", [*list(FEW.values())[:2], *further(*((one,) for one in list(FEW.values())[2:]))])
+@pytest.mark.parametrize("kinds", [WHEEL, PLANAR_ARM, *further((HINGE,), (SLIDE,), (2 * SLIDE,))])
 def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
     kinds: tuple[str, ...], here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -358,13 +344,11 @@ def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
     Path("map.toml").write_text(tomli_w.dumps(values))
     assert call("estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0, capsys.readouterr()
     assert (here / "out" / "replay.html").stat().st_size > 1000
-    known = copy.deepcopy(few)
-    known["known"] = {"cell": {**known.pop("check")["wrench"], "frame": "tip", "axes": "world"}}
-    record = recorded(here / "log.csv", known)
+    cell = {**few.pop("check")["wrench"], "frame": "tip", "axes": "world"}
+    record = recorded(here / "log.csv", few | {"known": {"cell": cell}})
     assert np.abs(estimate(record).estimates["force_level"].components[100:]).max() < 0.05
     check_record(record)
     calibrate([record], parameters=["mass"])
-    del few["check"]
     none = np.zeros(len(kinds))  # of friction, which the stream would else count among the errors of its rows
     told = FittedValues(joints=record.robot.joints, friction=JointFriction(none, none, none, none), scale=none + 1.0)
     online, found = OnlineEstimator(parse_map(few, "of the test"), here, values=told), []

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from support.bad_maps import keys
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import LogError, MapError
@@ -24,14 +24,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def _changed(key: str, value: Any) -> dict[str, Any]:
-    values: Any = table_map(Path("robot.urdf"))
-    inner = values
-    *tables, last = key.split(".")
-    for name in tables:
-        inner = inner.setdefault(name, {})
-    inner[last] = value
-    return dict(values)
+RIGHT = table_map(Path("robot.urdf"))
 
 
 @pytest.mark.parametrize(
@@ -68,7 +61,7 @@ def _changed(key: str, value: Any) -> dict[str, Any]:
 def test_a_value_that_cannot_be_is_refused_by_its_key(key: str, value: Any, said: str) -> None:
     """Before a log is read."""
     with pytest.raises(MapError, match=said):
-        parse_map(_changed(key, value), "map.toml")
+        parse_map(edited(RIGHT, {key: value}), "map.toml")
 
 
 @pytest.mark.parametrize(
@@ -87,7 +80,7 @@ def test_a_value_that_cannot_be_is_refused_by_its_key(key: str, value: Any, said
 def test_a_value_outside_the_record_is_refused(key: str, value: Any, said: str, recording: Path) -> None:
     """Its length and rate are known once it is read."""
     with pytest.raises((MapError, LogError, ValueError), match=said):
-        estimate(recorded(recording / "log.csv", _changed(key, value)))
+        estimate(recorded(recording / "log.csv", edited(RIGHT, {key: value})))
 
 
 def test_the_schema_reaches_every_table() -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pinocchio as pin
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.six_joints import SIX, six_joints, six_map
 
 from aerobat_pin import estimate
@@ -39,11 +39,10 @@ def on_a_ship(folder: Path) -> None:
 def test_an_arm_on_a_ship_needs_its_imu(tmp_path: Path) -> None:
     """Fixed, it is wrong by newtons; by the IMU it is not, and no weight is asked for, which the deck bears."""
     on_a_ship(tmp_path)
-    fixed = six_map(log={"time": {"column": "t"}}, observer={"gain": 50.0})
-    del fixed["joints"]["friction"]
+    fixed = edited(six_map(), {"log.time.column": "t", "observer.gain": 50.0, "joints.friction": None})
     names = {"quaternion": ("qx", "qy", "qz", "qw"), "rate": ("wx", "wy", "wz"), "acceleration": ("ax", "ay", "az")}
     base = {"from": "imu", **{name: {"columns": list(columns)} for name, columns in names.items()}}
-    free = fixed | {"robot": fixed["robot"] | {"root": "free_flyer", "rows": {"ignore": ["base"]}}, "base": base}
+    free = edited(fixed, {"robot.root": "free_flyer", "robot.rows.ignore": ["base"], "base": base})
     errors = []
     for chosen in (fixed, free):
         result = estimate(recorded(tmp_path / "ship.csv", chosen))

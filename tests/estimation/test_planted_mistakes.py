@@ -41,12 +41,12 @@ def planted(record: Record, change: Change) -> Record:
     return replace(record, channels=channels)
 
 
-def planting(change: Callable[..., None]) -> Callable[..., Change]:
-    """Let a function that changes columns, by further arguments, take these alone and return the change."""
-    return lambda *how, **more: lambda data: change(data, *how, **more)
+def slip(change: Callable[..., None]) -> Callable[..., Change]:
+    """Let a function of a log's columns and of something else return, for that, the change of the columns."""
+    return lambda *given, **named: lambda data: change(data, *given, **named)
 
 
-@planting
+@slip
 def times(data: Columns, key: str, factor: float, *columns: int) -> None:
     """Multiply some columns, or all."""
     data[key][:, list(columns) or slice(None)] *= factor
@@ -58,14 +58,14 @@ def in_degrees(data: Columns) -> None:
         data[key] *= DEGREES
 
 
-@planting
+@slip
 def swapped(data: Columns, key: str, first: int, second: int, count: int = 1) -> None:
     """Let two columns change places, or two groups of some columns side by side."""
     one, other = (np.arange(begin, begin + count) for begin in (first, second))
     data[key][:, [*one, *other]] = data[key][:, [*other, *one]]
 
 
-@planting
+@slip
 def late(data: Columns, by: float, *keys: str) -> None:
     """Let channels be late [s], by whole samples."""
     for key in keys:
@@ -73,36 +73,36 @@ def late(data: Columns, by: float, *keys: str) -> None:
         data[key][:] = data[key][np.maximum(np.arange(len(data[key])) - rows, 0)]
 
 
-@planting
+@slip
 def held(data: Columns, key: str) -> None:
     """Let a channel keep each value for three samples."""
     data[key][:] = data[key][np.arange(len(data[key])) // 3 * 3]
 
 
-@planting
+@slip
 def off(data: Columns, key: str, by: float, column: int) -> None:
     """Add a constant to a column."""
     data[key][:, column] += by
 
 
-@planting
+@slip
 def noisy(data: Columns, share: float) -> None:
     """Add white noise to the efforts, a share of their rms."""
     size = share * np.sqrt(np.mean(data[EFFORTS] ** 2))
     data[EFFORTS][:] += size * np.random.default_rng(1).standard_normal(data[EFFORTS].shape)
 
 
-@planting
+@slip
 def rubbing(data: Columns, share: float) -> None:
     """Add Coulomb friction to the efforts, a share of each joint's rms."""
     data[EFFORTS][:] += share * np.sqrt(np.mean(data[EFFORTS] ** 2, axis=0)) * np.tanh(data[RATES] / 0.02)
 
 
-@planting
+@slip
 def together(data: Columns, *changes: Change) -> None:
     """Make several changes, one after the other."""
-    for one in changes:
-        one(data)
+    for change in changes:
+        change(data)
 
 
 def wxyz(data: Columns) -> None:
@@ -152,7 +152,7 @@ EFFORTS_APART: Mistakes = {
 
 def of_joints(names: tuple[str, ...], one: int, other: int) -> Mistakes:
     """Return mistakes in the channels of joints; those of single joints in two of them."""
-    first, pair = names[one], rf"swapped joints: .*{names[one]} and {names[other]}"
+    first, pair = names[one], rf"{names[one]} and {names[other]}"
     rates = rf"joint velocities against positions: .*at {first}"
     return {
         "joint rates in deg/s": (times(RATES, DEGREES), r"joint velocities against positions: .*degrees are read"),
@@ -160,12 +160,9 @@ def of_joints(names: tuple[str, ...], one: int, other: int) -> Mistakes:
         "sign of a joint rate": (times(RATES, -1.0, one), rf"{rates}.*its sign is wrong"),
         "joint angles in deg": (times(ANGLES, DEGREES), r"joint velocities against positions: .*degrees of the pos"),
         "one joint angle in deg": (times(ANGLES, DEGREES, one), rf"{rates}.*degrees of the position"),
-        "two joint angles swapped": (swapped(ANGLES, one, other), rf"{pair}|{rates}"),
-        "two joint rates swapped": (swapped(RATES, one, other), rf"{pair}|{rates}"),
-        "joint angles and rates in deg": (
-            in_degrees,
-            r'joint limits: .* rad, its limits are .*unit = "deg" for joints',
-        ),
+        "two joint angles swapped": (swapped(ANGLES, one, other), rf"swapped joints: joint velocities of {pair} fit"),
+        "two joint rates swapped": (swapped(RATES, one, other), rf"swapped joints: joint velocities of {pair} fit"),
+        "joint angles and rates in deg": (in_degrees, r'joint limits: .* rad, its limits are .*unit = "deg" for j'),
         "joint rates late": (late(6e-3, RATES), r"late channel: joint velocities come \d\.\d ms after joint positions"),
         "joint angles late": (late(6e-3, ANGLES), r"late channel: joint positions come \d\.\d ms after joint vel"),
         "joint rates held": (held(RATES), r"held channel: joint velocities change only"),
@@ -174,7 +171,7 @@ def of_joints(names: tuple[str, ...], one: int, other: int) -> Mistakes:
         "sign of an effort": (times(EFFORTS, -1.0, one), rf"effort sign: the effort of {first}"),
         "efforts in mN m": (times(EFFORTS, 1e3), r"effort unit or mass: all efforts .* 0\.00(1|09)"),
         "one effort in mN m": (times(EFFORTS, 1e3, one), rf"effort unit: the effort of {first}"),
-        "two efforts swapped": (swapped(EFFORTS, one, other), rf"swapped joints: efforts of .*{names[one]}"),
+        "two efforts swapped": (swapped(EFFORTS, one, other), rf"swapped joints: efforts of {pair} in exchanged"),
     }
 
 

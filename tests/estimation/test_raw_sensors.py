@@ -5,11 +5,13 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 import xarray as xr
+from support.flights import flight_findings
 from support.own_model import own_model_errors
 
 from aerobat_pin.aerobat import (
@@ -19,7 +21,6 @@ from aerobat_pin.aerobat import (
     believed_robot,
     estimate_flight,
     flight_channels,
-    flight_record,
     free_record,
 )
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
@@ -31,7 +32,7 @@ from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
 from aerobat_pin.aerobat.raw.results import notes_of, warnings_of
 from aerobat_pin.aerobat.raw.tuning import Tuning
 from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
-from aerobat_pin.estimation import calibrate, calibration_bytes, read_calibration, record_findings
+from aerobat_pin.estimation import calibrate, calibration_bytes, read_calibration
 from aerobat_pin.experiments import write_flight_mcap
 from aerobat_pin.flight import simulate
 from aerobat_pin.forces import r_squared
@@ -53,12 +54,21 @@ def flight(*settings: str) -> tuple[FlightLog, Aerobat]:
     return simulate(scenario), believed_robot(scenario)
 
 
+def raw(log: FlightLog, robot: Aerobat, section: RawSection = GIVEN, torque: Any = "measured") -> RawRecord:
+    """Return the raw samples of a flight."""
+    return raw_record(log.time, flight_channels(log, robot), robot, torque, section)
+
+
+def smoother_of(robot: Aerobat, section: RawSection) -> JointSmoother:
+    """Return a smoother for flights of `raw_sensors`."""
+    return JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, section)
+
+
 @cache
 def smoothed(torque: str, *settings: str) -> tuple[JointSmoother, RawRecord, JointEstimate]:
     """Return smoother, record and estimate of a flight, with given walks."""
     log, robot = flight(*settings)
-    record = raw_record(log.time, flight_channels(log, robot), robot, torque, GIVEN)  # type: ignore[arg-type]
-    smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, GIVEN)
+    record, smoother = raw(log, robot, torque=torque), smoother_of(robot, GIVEN)
     return smoother, record, smoother.run(record)
 
 
@@ -103,11 +113,8 @@ def test_deviations_cover_the_errors() -> None:
 
 def test_the_likelihood_finds_the_noise_the_step_and_what_the_wings_have_in_common() -> None:
     """Of each force: 10 mN of noise, 0.15 N at 1 s, both wings alike along z and mirrored along y."""
-    log, robot = flight()
-    settings = RawSection(offset_error=0.0)
-    record = raw_record(log.time, flight_channels(log, robot), robot, "measured", settings)
-    smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, settings)
-    found = smoother.run(record)
+    (log, robot), settings = flight(), RawSection(offset_error=0.0)
+    found = smoother_of(robot, settings).run(raw(log, robot, settings))
     assert found.jumps == pytest.approx([1.001])
     assert np.linalg.norm(found.tuning.white) == pytest.approx(0.01, rel=0.15)
     assert found.tuning.alike[1] < 0.4
@@ -156,8 +163,9 @@ def test_dynamics_are_the_derivative_of_what_they_linearise() -> None:
     def accelerations(motion: NominalMotion) -> tuple[np.ndarray, np.ndarray]:
         made = smoother.dynamics(motion, held, known, force)
         rows = made.acceleration
-        by_force = np.einsum("kij,kj->ki", rows[:, :, smoother.layout.white], force.reshape(10, -1))
-        return made.push + by_force, rows @ state
+        return made.push + np.einsum(
+            "kij,kj->ki", rows[:, :, smoother.layout.white], force.reshape(10, -1)
+        ), rows @ state
 
     (here, change), (there, _) = accelerations(part), accelerations(part.moved(x))
     np.testing.assert_allclose(there - here, change, atol=0.02 * np.abs(change).max())
@@ -171,8 +179,7 @@ def test_a_late_gyro_is_named_and_not_corrected_in_silence() -> None:
     assert late.seconds == pytest.approx(1e-3, abs=4e-4)
     log, robot = flight("sensors.gyro.delay=0.001")
     asked = GIVEN.model_copy(update={"apply_offsets": True})
-    smoother = JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, asked)
-    mended = smoother.run(raw_record(log.time, flight_channels(log, robot), robot, "measured", asked))
+    mended = smoother_of(robot, asked).run(raw(log, robot, asked))
     before, after = (worst_r2(one.force, truth(log)) for one in (found, mended))
     assert before[0] < 0.9 < after[0]
     for one, told in (
@@ -287,9 +294,8 @@ def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight()
     true = pin.rpy.rpyToMatrix(*np.radians([0.5] * 3))
     assert np.all(np.abs(np.degrees(pin.log3(true.T @ mount.turn))) < 0.3)
     pushed, robot = unaware()
-    record = raw_record(pushed.time, flight_channels(pushed, robot), robot, "measured", GIVEN)
-    smoother = JointSmoother(robot, air, FRAMES, GIVEN.model_copy(update={"offset_error": 0.0}))
-    found = smoother.run(mounted(record, mount))
+    smoother = smoother_of(robot, GIVEN.model_copy(update={"offset_error": 0.0}))
+    found = smoother.run(mounted(raw(pushed, robot), mount))
     _, _, exact = smoothed("measured")
     assert worst_r2(found.force, truth(pushed))[0] > worst_r2(exact.force, truth(flight()[0]))[0] - 0.01
     with pytest.raises(CalibrationError, match="'mass' cannot be learnt from these records: only accelerometer_place"):
@@ -301,9 +307,9 @@ def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight()
 
 def test_without_torque_the_split_between_the_wings_is_refused() -> None:
     """The sum is given, and a warning says so."""
-    settings = ["observers.torque=none", 'observers.names=["smoother"]', *SHORT]
-    observers = load_scenario("raw_sensors", settings).observers.model_copy(update={"raw": GIVEN})
-    scenario = load_scenario("raw_sensors", settings).model_copy(update={"observers": observers})
+    scenario = load_scenario("raw_sensors", ["observers.torque=none", 'observers.names=["smoother"]', *SHORT])
+    observers = scenario.observers.model_copy(update={"raw": GIVEN})
+    scenario = scenario.model_copy(update={"observers": observers})
     log, robot = flight()
     estimates = estimate_flight(log, robot, scenario).estimates
     estimate = estimates["smoother"]
@@ -321,10 +327,10 @@ def test_what_raw_samples_do_not_allow_is_refused_in_a_line() -> None:
         estimate_flight(log, robot, load_scenario("raw_sensors", ['observers.names=["momentum"]']))
     blind = FlightLog(log.measured.drop_vars(["encoder", "encoder_time"]), log.truth)
     with pytest.raises(LogError, match="no channel named encoder"):
-        raw_record(blind.time, flight_channels(blind, robot), robot, "measured", GIVEN)
+        raw(blind, robot)
     limp = FlightLog(log.measured.drop_vars(["joint_torque_sample", "torque_time"]), log.truth)
     with pytest.raises(LogError, match="no channel named joint_torque_sample"):
-        raw_record(limp.time, flight_channels(limp, robot), robot, "measured", GIVEN)
+        raw(limp, robot)
     with pytest.raises(ScenarioError, match="only a raw log has this sensor"):
         load_scenario("raw_sensors", ["sensors.motion_capture=none"])
 
@@ -345,7 +351,7 @@ def test_misread_and_held_samples_are_named() -> None:
     log, robot = flight()
 
     def warned(flown: FlightLog) -> list[str]:
-        found = record_findings(flight_record(flown, AerobatRobot.of(robot, load_scenario("raw_sensors").believed_air)))
+        found = flight_findings(flown, AerobatRobot.of(robot, load_scenario("raw_sensors").believed_air))
         return [str(one) for one in found if one.verdict in ("warning", "refused")]
 
     def changed(name: str, values: np.ndarray) -> str:

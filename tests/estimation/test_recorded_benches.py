@@ -1,6 +1,5 @@
 """Whole recordings through the one door: a quadrotor's drag and wind, a hopper with friction, a force plate."""
 
-import copy
 import re
 from pathlib import Path
 
@@ -9,13 +8,11 @@ import pandas as pd
 import pinocchio as pin
 import pytest
 from support.drone import DRAG, MAP, drag_slopes, flight, plain_force
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.robot_parts import efforts, joint, link
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import calibrate, estimate
-
-NAMES = {"motors": ["m1", "m2", "m3", "m4"], "supply": ["vbat"], "up": ["imu_acc_z"]}
 
 
 def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
@@ -28,14 +25,12 @@ def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
     velocity = np.stack([np.interp(middle, table.t, table[f"v{axis}"]) for axis in "xyz"], axis=1)
     inside = slice(100, len(middle) - 100)
     ours = drag_slopes(level.force[inside, 0], velocity[inside])
-    plain = drag_slopes(plain_force(table, NAMES)[inside], table[["vx", "vy", "vz"]].to_numpy()[inside])
+    plain = drag_slopes(plain_force(table)[inside], table[["vx", "vy", "vz"]].to_numpy()[inside])
     np.testing.assert_allclose(ours, plain, atol=0.5e-3)
     np.testing.assert_allclose(ours, -DRAG[:2], atol=1.0e-3)
     fit = found.forces.fits[0]
     assert fit.outside < 0.02 * fit.before + 4e-3
-    late = copy.deepcopy(MAP)
-    late["known"]["thrust"]["delay"] = 0.0
-    said = estimate(recorded(tmp_path / "flight.csv", late)).warnings
+    said = estimate(recorded(tmp_path / "flight.csv", edited(MAP, {"known.thrust.delay": 0.0}))).warnings
     assert any(re.search(r"known\.thrust leads the acceleration by (3[6-9]|4\d) ms", text) for text in said), said
 
 
@@ -49,15 +44,12 @@ def test_the_mean_force_of_wind(tmp_path: Path) -> None:
 def test_a_misread_attitude_makes_two_weights_of_force(tmp_path: Path) -> None:
     """Without gyro and accelerometer the quaternion cannot be checked; the mean force still says so, and is refused."""
     flight().to_csv(tmp_path / "flight.csv", index=False)
-    values = copy.deepcopy(MAP)
-    del values["check"], values["base"]["rate"]
-    values["base"]["rate"] = {"from": "pose"}
-    values["known"]["thrust"] |= {"coefficients": [0.0067, 0.00132]}
-    del values["known"]["thrust"]["fit"]
+    thrust = {"known.thrust.coefficients": [0.0067, 0.00132], "known.thrust.fit": None}
+    values = edited(MAP, {"check": None, "base.rate": {"from": "pose"}, **thrust})
     estimate(recorded(tmp_path / "flight.csv", values))
-    values["base"]["quaternion"]["columns"] = ["qw", "qx", "qy", "qz"]
+    misread = edited(values, {"base.quaternion.columns": ["qw", "qx", "qy", "qz"]})
     with pytest.raises(LogError, match=r"mean force over weight is .*, 2\.0\d+ .*about 2 if the attitude is misread"):
-        estimate(recorded(tmp_path / "flight.csv", values))
+        estimate(recorded(tmp_path / "flight.csv", misread))
 
 
 def leg(rail: str) -> str:
@@ -93,17 +85,10 @@ def hopper(folder: Path, moves: float = 0.0) -> None:
     tau = efforts(model, "contact", q, v, a, force)[:, 1:]
     friction = np.array([0.05, 0.12]) * np.tanh(v[:, 1:] / 0.02) + 0.02 * v[:, 1:]
     shown = (tau + friction) / 0.9 + 0.002 * np.random.default_rng(0).standard_normal(tau.shape)
-    columns = {
-        "time": time,
-        "height": height,
-        "q_hip": hip,
-        "q_knee": knee,
-        "tau_hip": shown[:, 0],
-        "tau_knee": shown[:, 1],
-    }
-    pd.DataFrame({**columns, **{f"f{axis}": force[:, k] for k, axis in enumerate("xyz")}}).to_csv(
-        folder / "hopper.csv", index=False
-    )
+    columns = {"time": time, "height": height, "q_hip": hip, "q_knee": knee}
+    columns |= {"tau_hip": shown[:, 0], "tau_knee": shown[:, 1]}
+    columns |= {f"f{axis}": force[:, k] for k, axis in enumerate("xyz")}
+    pd.DataFrame(columns).to_csv(folder / "hopper.csv", index=False)
 
 
 def test_friction_and_torque_scale_of_a_hopper(tmp_path: Path) -> None:
@@ -202,10 +187,11 @@ def test_a_load_cell_as_known_input_and_as_truth(tmp_path: Path) -> None:
     error = found.estimates["force_level"].force[50:, 0] - tip[50:-1]
     assert np.sqrt(np.mean(error**2)) < 0.02
     assert "rows of hip, knee are not believed" in " ".join(found.notes)
-    truth = copy.deepcopy(values)
-    truth["robot"] = {"urdf": "arm.urdf", "wrenches": ["base_link"]}
-    truth["known"] = {"push": {"columns": ["tip_fx", "tip_fy", "tip_fz"], "frame": "contact", "axes": "world"}}
-    truth["check"] = {"wrench": {"columns": ["fx", "fy", "fz", "mx", "my", "mz"], "sign": -1, "point": "base_link"}}
+    truth = values | {
+        "robot": {"urdf": "arm.urdf", "wrenches": ["base_link"]},
+        "known": {"push": {"columns": ["tip_fx", "tip_fy", "tip_fz"], "frame": "contact", "axes": "world"}},
+        "check": {"wrench": {"columns": ["fx", "fy", "fz", "mx", "my", "mz"], "sign": -1, "point": "base_link"}},
+    }
     other = estimate(recorded(tmp_path / "bench.csv", truth))
     for score in other.observers["force_level"].points["base_link"].values():
         assert score.r2 is None or score.r2 > 0.985  # what nobody measured is believed to a tenth

@@ -1,13 +1,14 @@
 """The stream of docs/recordings.md runs with recorded messages; currents become torques by one constant."""
 
 import re
+from ast import literal_eval
 from pathlib import Path
 
 import numpy as np
 import pytest
 import tomli_w
 from support.pages import ROOT
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import MapError
@@ -23,23 +24,33 @@ def folder(here: Path) -> Path:
 
 
 def test_the_stream_of_the_docs_finds_the_forces(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Its text as it stands, with recorded messages in the order of their stamps."""
+    """Its text as it stands, with recorded messages in the order of their stamps, against the bag as a whole."""
     highlevel = pytest.importorskip("rosbags.highlevel")
     bag(walk(), folder / "walk")
-    values = bag_map(Path("quadruped.urdf"))
-    del values["check"]
+    values = edited(bag_map(Path("quadruped.urdf")), {"check": None})
     (folder / "map.toml").write_text(tomli_w.dumps(values))
+    whole = estimate(recorded(folder / "walk", values)).estimates["force_level"]
     with highlevel.AnyReader([folder / "walk"]) as reader:
         messages = [
             (connection.topic, reader.deserialize(raw, connection.msgtype)) for connection, _, raw in reader.messages()
         ]
     text = (ROOT / "docs" / "recordings.md").read_text()
     [stream] = [code for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "OnlineEstimator" in code]
-    exec(stream, {"messages": sorted(messages, key=lambda item: stamp(item[1]))})
-    said = re.findall(r"^([\d.]+) .*'FL_FOOT.Fz': ([-\d.]+),.* True$", capsys.readouterr().out, re.MULTILINE)
+    space = {"messages": sorted(messages, key=lambda item: stamp(item[1]))}
+    exec(stream, space)
+    said = re.findall(r"^([\d.]+) (\{.*\}) True$", capsys.readouterr().out, re.MULTILINE)
     assert len(said) > 1400
-    end, force = np.array(said, float).T
-    np.testing.assert_allclose(force[100:], np.interp(end - 1.7e9, walk().time, walk().force[:, 0, 2])[100:], atol=1.0)
+    end, found = np.array([time for time, _ in said], float), [literal_eval(forces) for _, forces in said]
+    up = [forces["FL_FOOT.Fz"] for forces in found[100:]]
+    np.testing.assert_allclose(up, np.interp(end - 1.7e9, walk().time, walk().force[:, 0, 2])[100:], atol=1.0)
+    for k in range(100, 1400, 100):
+        at = int(np.argmin(np.abs(whole.time[1:] - end[k])))
+        np.testing.assert_allclose([*found[k].values()], whole.components[at], atol=0.06)  # which knows friction
+    online = space["stream"]
+    first = next(message for topic, message in messages if topic == "/joint_states")
+    assert online.message("/joint_states", first) == []
+    assert online.health.samples["joints.position"]["late"] + online.health.samples["joints.position"]["outlier"] == 1
+    assert online.health.starts == 1
 
 
 def test_currents_of_all_joints_have_one_constant(folder: Path) -> None:

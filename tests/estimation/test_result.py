@@ -15,21 +15,12 @@ from aerobat_pin.forces import Moments, PairedEstimate, StoredEstimate
 from aerobat_pin.records import series_of
 
 EVERYWHERE = {
-    "contacts",
-    "version",
-    "verdict",
-    "scenario",
-    "seed",
-    "changed",
-    "versions",
-    "warnings",
-    "notes",
-    "inputs",
-    "calibration",
-    "model",
-} | {*("log", "robot", "mass", "rate", "used_s", "parts", "checks", "fits", "observers")}
-OBSERVER = {"rank", "condition", "null_direction", "redundancy", "deviation", "events", "components", "unseen"} | {
-    *("innovation", "warnings", "notes", "gain", "rows", "mean")
+    *"contacts version verdict scenario seed changed versions warnings notes inputs calibration model".split(),
+    *"log robot mass rate used_s parts checks fits observers".split(),
+}
+OBSERVER = {
+    *"rank condition null_direction redundancy deviation events components unseen".split(),
+    *"innovation warnings notes gain rows mean".split(),
 }
 TRUTH = {"r2", "r2_noise_free", "rmse", "lag_s"}
 

@@ -14,7 +14,7 @@ import tomli_w
 import xarray as xr
 from support.commands import call
 from support.further import further
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.strange_arm import COULOMB, JOINTS, RATE, URDF, arm_map, nothing, pushed, write_log
 
 from aerobat_pin.estimation import OnlineEstimator, Result, calibrate, check_record, estimate
@@ -53,8 +53,7 @@ def test_late_efforts_are_named_with_the_delay_that_mends_the_estimate(seed: int
     force = write_log(tmp_path / "late.csv", seed, pushed, pace=2.0, rubs=0.2, late=0.06)
     errors = []
     for delay in (0.0, 0.06):
-        chosen = arm_map(["tool0"])
-        chosen["joints"]["effort"]["delay"] = delay
+        chosen = edited(arm_map(["tool0"]), {"joints.effort.delay": delay})
         result = estimate(recorded(tmp_path / "late.csv", chosen))
         [found] = result.estimates.values()
         middle, stamps = 0.5 * (found.time[1:] + found.time[:-1]), np.arange(len(force)) / RATE
@@ -203,10 +202,8 @@ def test_friction_that_was_found_is_no_fault_of_the_efforts(tmp_path: Path) -> N
 
 def test_each_observer_says_of_the_belief_what_it_knows(folder: Path) -> None:
     """Six unknowns that are seen leave no row to spare, and that is said; a filter takes k from the whole record."""
-    values = arm_map([])
-    values["robot"] = values["robot"] | {"wrenches": ["tool0"], "points": []}
     write_log(folder / "smooth.csv", 1, pushed, rubs=0.0)
-    wrench = estimate(recorded(folder / "smooth.csv", values))
+    wrench = estimate(recorded(folder / "smooth.csv", edited(arm_map([]), {"robot.wrenches": ["tool0"]})))
     assert "no row is to spare" in wrench.observers["force_level"].judgement[0]
     found = estimate(opened(folder / "push.csv", ["tool0"]), ["force_level", "kalman"]).observers
     assert "squared errors" in found["force_level"].judgement[0]
@@ -229,8 +226,8 @@ def test_without_points_each_joint_has_its_residual(folder: Path) -> None:
     assert events[0].onset == pytest.approx(8.0, abs=0.1)
     assert "shoulder_lift_joint.M" in {event.point for event in events}
     assert events[0].unit == "N m"
-    free = found("free").observers["momentum"].events
-    assert not any(event.end is None or event.end - event.onset > 0.5 for event in free)
+    none = found("free").observers["momentum"].events
+    assert not any(event.end is None or event.end - event.onset > 0.5 for event in none)
 
 
 def test_a_calibration_that_knows_no_friction_makes_nothing_worse(folder: Path) -> None:
@@ -265,9 +262,8 @@ def test_rest_says_nothing_of_the_errors_in_motion(folder: Path) -> None:
     """Free seconds at rest give no row an error, as friction hides it there; free seconds of motion give all."""
 
     def noise(seconds: float) -> dict[str, float]:
-        chosen = arm_map(["tool0"]) | {"use": {"free": [0.0, seconds]}}
-        record = recorded(folder / "free.csv", chosen)
-        return noise_where_known(fitted_forces(record))
+        chosen = edited(arm_map(["tool0"]), {"use.free": [0.0, seconds]})
+        return noise_where_known(fitted_forces(recorded(folder / "free.csv", chosen)))
 
     assert noise(3.0) == {}
     assert list(noise(25.0)) == JOINTS
@@ -297,8 +293,7 @@ def test_friction_that_nobody_told_a_stream_is_in_its_deviations(names: list[str
     Nor what joints at rest hold.
     """
     write_log(tmp_path / "push.csv", 5, pushed, pace=1.6, still=still)
-    chosen = arm_map(["tool0"]) | {"observer": {"gain": 20.0, "names": names}}
-    del chosen["check"]
+    chosen = edited(arm_map(["tool0"]), {"observer.names": names, "check": None})
     stream = OnlineEstimator(parse_map(chosen, "of the test"), tmp_path)
     rows = pd.read_csv(tmp_path / "push.csv").to_dict("records")
     every = [one for row in rows for one in stream.push(row.pop("t"), row)]
@@ -317,8 +312,7 @@ def test_friction_that_nobody_told_a_stream_is_in_its_deviations(names: list[str
 @pytest.mark.parametrize(("rate", "times"), [(100, 0), (1000, 3)])
 def test_joints_that_are_too_fast_tell_a_wrong_rate(rate: float, times: float, folder: Path) -> None:
     """A log without times is read at 1 kHz in place of 100 Hz: kilonewtons followed, and nobody named the rate."""
-    chosen = arm_map(["tool0"]) | {"log": {"time": {"rate": rate}}}
-    chosen["joints"]["velocity"] = {"from": "position"}
+    chosen = edited(arm_map(["tool0"]), {"log": {"time": {"rate": rate}}, "joints.velocity": {"from": "position"}})
     found = list(record_findings(recorded(folder / "push.csv", chosen)))
     told = [one for one in found if one.check == "joint speeds"]
     assert len(told) == (rate == 1000)
@@ -342,8 +336,7 @@ def test_bursts_are_no_push_unless_one_is_a_blow(seed: int, force: Callable[...,
         for k in range(6):
             log.loc[at : at + 4, f"tau{k}"] += (5.0 if k < 3 else 0.8) * rng.standard_normal(5)
     log.to_csv(tmp_path / "log.csv", index=False)
-    chosen = arm_map(["tool0"]) | {"observer": {"gain": 100.0}}
-    del chosen["check"]
+    chosen = edited(arm_map(["tool0"]), {"observer.gain": 100.0, "check": None})
     verdict = estimate(recorded(tmp_path / "log.csv", chosen)).verdict
     if force is nothing:
         assert "no push that stands out" in verdict
@@ -374,10 +367,9 @@ def test_joints_at_rest_may_rub_as_those_that_move(seed: int, still: int, tmp_pa
 
 def test_a_self_check_says_whether_pose_or_map_hides_a_force(folder: Path) -> None:
     """An arm that begins straight up hides one for a while; a map that believes two joints hides one for ever."""
-    chosen = arm_map(["tool0"])
     hidden = [str(one) for one in check_record(opened(folder / "push.csv", ["tool0"])) if not one.ok]
     assert any(re.search(r"right at \d+% of the times: else the pose hides it", line) for line in hidden)
-    chosen["robot"]["rows"] = {"ignore": JOINTS[1:5]}
+    chosen = edited(arm_map(["tool0"]), {"robot.rows.ignore": JOINTS[1:5]})
     deaf = check_record(recorded(folder / "push.csv", chosen))
     assert any(str(one).endswith("at no time: the map believes no row that shows it") for one in deaf)
 

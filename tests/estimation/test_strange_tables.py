@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from support.recorded import recorded
+from support.robot_parts import joint, link
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import LogError
@@ -67,9 +68,9 @@ def test_numbered_columns_are_suggested_for_the_joints_in_order(tmp_path: Path) 
     (tmp_path / "quadruped.urdf").write_text(urdf())
     frame = table(walk())
     numbers = {f"quat{k}": frame[f"q{axis}"] for k, axis in enumerate("wxyz")}
-    for k, joint in enumerate(walk().joints):
-        numbers |= {f"q{k + 1}": frame[f"{joint}_pos"], f"dq_{k + 1}": frame[f"{joint}_vel"]}
-        numbers[f"tau_J{k + 1}"] = frame[f"{joint}_tau"]
+    for k, name in enumerate(walk().joints):
+        numbers |= {f"q{k + 1}": frame[f"{name}_pos"], f"dq_{k + 1}": frame[f"{name}_vel"]}
+        numbers[f"tau_J{k + 1}"] = frame[f"{name}_tau"]
     for axis in "xyz":
         numbers |= {f"left_foot_force_{axis}": frame[f"fl_f{axis}"], f"base_pos_{axis}": frame[f"p{axis}"]}
         numbers |= {f"right_foot_force_{axis}": frame[f"fl_f{axis}"], f"base_ang_vel_{axis}": frame[f"gyro_{axis}"]}
@@ -98,11 +99,11 @@ def test_an_attitude_whose_columns_say_their_axes_has_their_order(tmp_path: Path
     assert "# or" not in line
 
 
-ARM = """<robot name="arm"><link name="b"/>{}</robot>"""
-LINK = """<link name="l{0}"><inertial><mass value="1"/>
-<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="joint{0}" type="revolute"><parent link="{1}"/><child link="l{0}"/><axis xyz="0 1 0"/>
-<limit lower="-3" upper="3" effort="9" velocity="9"/></joint>"""
+def arm_of(count: int) -> str:
+    """Return an arm of some joints, joint1 and so on."""
+    links = [link(f"l{k}", 1.0, moments=(1.0, 1.0, 1.0)) for k in range(1, count + 1)]
+    joints = [joint(f"joint{k}", "revolute", f"l{k - 1}", f"l{k}") for k in range(1, count + 1)]
+    return f'<robot name="arm">{link("l0")}{"".join(links + joints)}</robot>'
 
 
 @pytest.mark.parametrize("joints", [3, 5])  # the log's, or a gripper's beside them
@@ -119,8 +120,7 @@ def test_numbers_and_units_within_names_say_whose_columns_these_are(
     position: str, velocity: str, effort: str, units: list[str], joints: int, tmp_path: Path
 ) -> None:
     """Whatever their order; what was asked of a joint, its voltage and its external torque are not what it did."""
-    links = "".join(LINK.format(k, f"l{k - 1}" if k > 1 else "b") for k in range(1, joints + 1))
-    (tmp_path / "arm.urdf").write_text(ARM.format(links))
+    (tmp_path / "arm.urdf").write_text(arm_of(joints))
     stem = position.split("_")[0].split("}")[0] + "}"
     more = [f"{stem}{tail}" for tail in ("_target_deg", "_voltage_V", "_ext_torque_Nm", "_tcp_x")]
     wave = np.sin(np.arange(50) / 10.0)
@@ -148,7 +148,7 @@ def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> Non
 
 def test_columns_that_a_suggestion_does_not_use_are_listed(tmp_path: Path) -> None:
     """A time called ms is in ms, efforts may be called eff, and a thrust is not dropped without a word."""
-    (tmp_path / "arm.urdf").write_text(ARM.format(LINK.format(1, "b")))
+    (tmp_path / "arm.urdf").write_text(arm_of(1))
     wave = np.sin(np.arange(50) / 10.0)
     table = pd.DataFrame({"ms": 10.0 * np.arange(50), "pos_joint1": wave, "eff_joint1": wave, "thrust": wave})
     table.to_csv(tmp_path / "log.csv", index=False)

@@ -1,6 +1,5 @@
 """A stream is the road of records, a sample at a time: equal to the batch, and nothing that arrives ends it."""
 
-import copy
 import tracemalloc
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +11,7 @@ import pandas as pd
 import pinocchio as pin
 import pytest
 from support.further import further
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.stream_faults import Fault, faulty
 from support.walking_log import FEET, Walk, table, table_map, urdf, walk
 
@@ -44,24 +43,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def mapped(folder: Path, rate: float | None = 500.0, **more: Any) -> Map:
     """Return the map of the walk's table, without what is only compared."""
-    values = copy.deepcopy(table_map(folder / "quadruped.urdf"))
-    del values["check"]
-    values["log"] = {"time": {"column": "t"}} | ({} if rate is None else {"rate": rate})
-    values |= more
-    return parse_map(values, "of the test")
+    changes = {"check": None, "log": {"time": {"column": "t"}, "rate": rate}, **more}
+    return parse_map(edited(table_map(folder / "quadruped.urdf"), changes), "of the test")
 
 
 def columns_of(chosen: Map) -> dict[str, tuple[str, ...]]:
     """Return channel -> its columns."""
-    base, joints = chosen.base, chosen.joints
-    parts = {"base": (base, ("position", "quaternion", "velocity", "rate", "acceleration"))}
-    parts["joints"] = (joints, ("position", "velocity", "effort"))
-    return {
-        f"{name}.{key}": getattr(section, key).columns
-        for name, (section, keys) in parts.items()
-        for key in keys
-        if getattr(section, key) is not None
-    }
+    parts = {"base": ("position", "quaternion", "velocity", "rate", "acceleration")}
+    parts["joints"] = ("position", "velocity", "effort")
+    sections = {f"{name}.{key}": getattr(getattr(chosen, name), key) for name, keys in parts.items() for key in keys}
+    return {channel: section.columns for channel, section in sections.items() if section is not None}
 
 
 def messages(walked: Walk) -> Stamped:

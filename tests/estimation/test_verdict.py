@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.swinging_arm import arm, arm_map, recording
 from support.walking_log import table, table_map, urdf, walk
 
@@ -52,6 +52,9 @@ def test_the_verdict_comes_first_everywhere(paper: Experiment) -> None:
     assert f"<b>{verdict}</b>" in paper._repr_html_()
     page = report_html(paper, {})
     assert page.index(verdict) < page.index("<h2") < page.index("<table")
+    assert paper.metrics["warnings"] == []
+    assert "warning" not in repr(paper.scores)
+    assert "contradicts itself" not in page
 
 
 def test_it_is_the_first_observers_not_the_best_ones(paper: Experiment) -> None:
@@ -145,8 +148,7 @@ def test_what_a_check_doubts_and_what_nothing_tests_is_said(paper: Experiment, t
         assert f"a check doubts the record: {check}" in doubted.verdict
     (tmp_path / "arm.urdf").write_text(arm())
     recording(tmp_path, "pushed", pushed=True, seed=2, seconds=2.0)
-    values = arm_map()
-    del values["joints"]["friction"]
+    values = edited(arm_map(), {"joints.friction": None})
     found = estimate(recorded(tmp_path / "pushed.csv", values), trust=True)
     assert "no row is to spare: a wrong sign, order, mass, mounting or friction would look like" in found.verdict
 

@@ -15,6 +15,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.records import Map, open_record
 from support.bad_texts import Rng
+from support.recorded import edited
 from support.walking_log import table_map
 
 VALUES: tuple[Any, ...] = (
@@ -60,11 +61,8 @@ def drawn_map(rng: Rng) -> tuple[str, dict[str, Any], bool]:
     everything = list(keys())
     key, kind = everything[rng.integers(len(everything))]
     value = copy.deepcopy(VALUES[rng.integers(len(VALUES))])
-    values: dict[str, Any] = copy.deepcopy(table_map(Path("robot.urdf")))
-    table = next((name for name in MORE if key.startswith(f"{name}.")), None)
-    if table is not None:
-        _put(values, table, copy.deepcopy(MORE[table]))
-    _put(values, key, value)
+    more = {name: copy.deepcopy(table) for name, table in MORE.items() if key.startswith(f"{name}.")}
+    values = edited(table_map(Path("robot.urdf")), more | {key: value})
     if any(key == chosen or key.startswith(f"{chosen}.") for chosen in CHOICES):
         key = f"choice {key}"
     try:
@@ -72,15 +70,6 @@ def drawn_map(rng: Rng) -> tuple[str, dict[str, Any], bool]:
     except ValidationError:
         return f"{key} = {value!r}", values, True
     return f"{key} = {value!r}", values, False
-
-
-def _put(values: dict[str, Any], key: str, value: Any) -> None:
-    *tables, last = key.split(".")
-    for name in tables:
-        if not isinstance(values.get(name), dict):
-            values[name] = {}
-        values = values[name]
-    values[last] = value
 
 
 def by_map(place: Path) -> Any:

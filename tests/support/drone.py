@@ -83,7 +83,7 @@ MAP = {
 }
 
 
-def plain_force(table: pd.DataFrame, names: dict[str, list[str]], inside: slice = slice(None)) -> np.ndarray:
+def plain_force(table: pd.DataFrame) -> np.ndarray:
     """Return the force that is left over (n, 3) [N], world axes, without an observer and without a map.
 
     m (dv/dt + g) - R (0, 0, T), with dv/dt the slope of parabolas over 0.15 s, and T the polynomial of the commands
@@ -93,13 +93,11 @@ def plain_force(table: pd.DataFrame, names: dict[str, list[str]], inside: slice 
     dt = float(np.median(np.diff(time)))
     v = table[["vx", "vy", "vz"]].to_numpy()
     R = Rotation.from_quat(table[["qx", "qy", "qz", "qw"]].to_numpy()).as_matrix()
-    commands = np.interp(time - LEAD, time, table[names["motors"]].sum(axis=1).to_numpy() / 65535.0)
-    U = commands * table[names["supply"][0]].to_numpy()
-    felt = 9.80665 * MASS * table[names["up"][0]].to_numpy()
-    rows = np.arange(len(table))[inside]
-    first = rows[: len(rows) // 2]
+    commands = np.interp(time - LEAD, time, table[["m1", "m2", "m3", "m4"]].sum(axis=1).to_numpy() / 65535.0)
+    U, first = commands * table["vbat"].to_numpy(), len(table) // 2
+    felt = 9.80665 * MASS * table["imu_acc_z"].to_numpy()
     shape = np.column_stack([U, U**2])
-    thrust = shape @ np.linalg.lstsq(shape[first], felt[first], rcond=None)[0]
+    thrust = shape @ np.linalg.lstsq(shape[:first], felt[:first], rcond=None)[0]
     slope = savgol_filter(v, 2 * round(0.075 / dt) + 1, 2, deriv=1, delta=dt, axis=0)
     return np.asarray(MASS * (slope + np.array([0.0, 0.0, GRAVITY])) - R[:, :, 2] * thrust[:, None])
 

@@ -1,5 +1,7 @@
-"""The record of a log by a map, as tests write them."""
+"""The record of a log by a map, as tests write and change them."""
 
+import copy
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -10,3 +12,15 @@ def recorded(log: Path, values: Map | dict[str, Any], robot: PlainRobot | None =
     """Return the record of a log by a map, or by its nested values; the robot's file lies beside the log."""
     chosen = values if isinstance(values, Map) else parse_map(values, "of the test")
     return open_record(log, chosen, log.parent, robot)
+
+
+def edited(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """Return a copy of a map's nested values with the values of some dotted keys changed; None takes a key away."""
+    copied = copy.deepcopy(values)
+    for key, value in changes.items():
+        *tables, last = key.split(".")
+        table = reduce(lambda table, name: table.setdefault(name, {}), tables, copied)
+        table[last] = value
+        if value is None:
+            del table[last]
+    return copied

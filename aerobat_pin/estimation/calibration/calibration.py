@@ -213,7 +213,7 @@ class CalibrationWatch:
         detection, series = self._calibration.detection, self._calibration.series
         if detection is None:
             return
-        widened = None if series is None or inputs.condition is None else series.widened(inputs.condition)
+        widened = 1.0 if series is None or inputs.condition is None else series.widened(inputs.condition)
         if inputs.condition is not None:
             self._turns.append((inputs.time[kept], inputs.condition.phase[kept] / (2.0 * np.pi)))
         excess = detection.excess(record.robot.model, inputs, widened)

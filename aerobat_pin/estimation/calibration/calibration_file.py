@@ -6,8 +6,9 @@ A file may come from a stranger: each part is checked against the types of `Cali
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
+from operator import attrgetter
 from pathlib import Path
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
@@ -71,9 +72,9 @@ def read_calibration(path: Path) -> Calibration:
         raise CalibrationError(f"{name}: a file that `aerobat calibrate` wrote was expected")
     try:
         found: Calibration = _of_type(Calibration, json.loads(str(data[ALL_ELSE].values)), data)
-        for part, values, wanted in _shapes(found):
-            if values.shape != wanted:
-                raise ValueError(f"{part} has shape {values.shape}: {wanted} was expected")
+        for place, wanted in _shapes(found).items():
+            if (shape := attrgetter(place)(found).shape) != wanted:
+                raise ValueError(f"{place} has shape {shape}: {wanted} was expected")
         _refuse_values(found)
     except (KeyError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200]
@@ -126,32 +127,31 @@ def _stored_array(value: Any, data: xr.Dataset) -> Array:
     return values
 
 
-def _shapes(learnt: Calibration) -> Iterator[tuple[str, Array, tuple[int, ...]]]:
-    """Yield place, array and the shape that it must have."""
-    fitted, friction = learnt.fitted, learnt.fitted.friction
+def _shapes(learnt: Calibration) -> dict[str, tuple[int, ...]]:
+    """Return place of an array -> the shape that it must have."""
+    fitted, friction, identified, series = learnt.fitted, learnt.fitted.friction, learnt.identified, learnt.series
     n, gains = len(fitted.joints), len(fitted.joints) + fitted.links.size
-    yield "fitted.links", fitted.links, (len(fitted.links), 10)
-    yield "fitted.gain_covariance", fitted.gain_covariance, (gains, gains) if len(fitted.links) else (0, 0)
-    yield "fitted.scale", fitted.scale, (n if friction is not None else 0,)
+    shapes: dict[str, tuple[int, ...]] = {
+        "fitted.links": (len(fitted.links), 10),
+        "fitted.gain_covariance": (gains, gains) if len(fitted.links) else (0, 0),
+        "fitted.scale": (n if friction is not None else 0,),
+    }
     if friction is not None:
-        for name in FRICTION_COEFFICIENTS:
-            yield f"fitted.friction.{name}", getattr(friction, name), (n,)
+        shapes |= {f"fitted.friction.{name}": (n,) for name in FRICTION_COEFFICIENTS}
         if friction.deviation is not None:
-            yield "fitted.friction.deviation", friction.deviation, (n, len(FRICTION_COEFFICIENTS))
-    if learnt.identified is not None:
-        count = len(learnt.identified.parameters)
-        yield "identified.values", learnt.identified.values, (count,)
-        yield "identified.covariance", learnt.identified.covariance, (count, count)
-    if learnt.series is not None:
-        series, rows, states = learnt.series, len(learnt.series.size), len(learnt.series.states)
+            shapes["fitted.friction.deviation"] = n, len(FRICTION_COEFFICIENTS)
+    if identified is not None:
+        count = len(identified.parameters)
+        shapes |= {"identified.values": (count,), "identified.covariance": (count, count)}
+    if series is not None:
+        rows, states = len(series.size), len(series.states)
         weights = weight_count(series.order, states)
-        for name, shape in {"centre": (states,), "scale": (states,), "mean": (weights, rows)}.items():
-            yield f"series.{name}", getattr(series, name), shape
-        yield "series.covariance", series.covariance, (rows, weights, weights)
-        yield "series.remainder", series.remainder, (rows,)
+        shapes |= {"series.centre": (states,), "series.scale": (states,), "series.mean": (weights, rows)}
+        shapes |= {"series.covariance": (rows, weights, weights), "series.remainder": (rows,)}
     if learnt.detection is not None:
-        for name in ("bias", "threshold", "deviation"):
-            yield f"detection.{name}", getattr(learnt.detection, name), (3 * len(learnt.detection.frames),)
+        size = (3 * len(learnt.detection.frames),)
+        shapes |= {"detection.bias": size, "detection.threshold": size, "detection.deviation": size}
+    return shapes
 
 
 def _refuse_values(learnt: Calibration) -> None:

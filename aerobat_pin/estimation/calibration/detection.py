@@ -47,19 +47,19 @@ class Detection:
     threshold: Array
     deviation: Array
 
-    def excess(self, model: pin.Model, inputs: KnownInputs, widened: Array | None = None) -> Array:
+    def excess(self, model: pin.Model, inputs: KnownInputs, widened: Array | float) -> Array:
         """Return the excess (m, n) of each point over its threshold; 0 where none is sought, 1 where one is found.
 
         Args:
             model: the believed robot.
             inputs: inputs of a stretch, with all that was learnt among the known forces.
-            widened: (m,) factor of the thresholds in each interval; 1 when omitted.
+            widened: factor of the thresholds, or (m,) that in each interval.
         """
         sought = settled_intervals(inputs)
         force, deviation = _detected(model, self.frames, inputs)
         least = LEAST_THRESHOLD * moving_weight(model)
         over = np.abs(force - self.bias) / np.maximum(self.threshold * deviation / self.deviation, least)
-        over = over if widened is None else over / widened[:, None]
+        over /= np.reshape(widened, (-1, 1))
         return np.where(sought[:, None], np.max(over.reshape(len(over), -1, 3), axis=2), 0.0)
 
     def contacts(self, time: Array, excess: Array) -> tuple[Contact, ...]:

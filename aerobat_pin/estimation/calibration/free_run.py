@@ -100,15 +100,10 @@ class FreeRun:
         arms = np.array([1.0 if unit == "N" else MOMENT_ARM for unit in row_names(model).values()])
         return np.asarray(self.residual[:, list(kept)] / arms[list(kept)])
 
-    def judged(self, part: slice = slice(None)) -> Redundancy:
-        """Judge what is left in a part: in a free run no force explains anything, so all rows count."""
-        start, stop, _ = part.indices(len(self.residual))
-        rows = self.rows()[start:stop]
-        return redundancy_of(self.inputs.time[start : stop + 1], rows, rows.shape[1] + 1, 1, self.weight, ())
-
-    def size(self, part: slice = slice(None)) -> float:
-        """Return the rms of what is left in a part [N per row], without what the sensors' noise explains."""
-        return self.judged(part).belief
+    def judged(self) -> Redundancy:
+        """Judge what is left: in a free run no force explains anything, so all rows count."""
+        rows = self.rows()
+        return redundancy_of(self.inputs.time, rows, rows.shape[1] + 1, 1, self.weight, ())
 
 
 def free_runs(record: Record, forces: KnownForces, within: tuple[float, float] = (-np.inf, np.inf)) -> list[FreeRun]:

@@ -130,10 +130,10 @@ def identify(
 
     expected = np.array([parameter.expected for parameter in parameters.values()])
     allowed = max(run.judged().allowed for run in runs)
-    known: dict[bytes, list[Array]] = {}
+    known: dict[bytes, list[list[Array]]] = {}
 
-    def rows(x: Array) -> list[Array]:
-        """Return the rows of every run, low-passed and thinned, with parameters x in expected deviations."""
+    def rows(x: Array) -> list[list[Array]]:
+        """Return `_thinned` of every run, with parameters x in expected deviations."""
         key = x.tobytes()
         if key not in known:
             values = dict(zip(parameters, (expected * x).tolist(), strict=True))
@@ -143,11 +143,8 @@ def identify(
         return known[key]
 
     def cost(x: Array) -> Array:
-        parts = [x]
-        for series in rows(x):
-            learnt = series[: _split(series)]
-            parts.append(np.ravel(learnt) * np.sqrt(INDEPENDENT / len(learnt)) / allowed)
-        return np.concatenate(parts)
+        parts = [np.ravel(learnt) * np.sqrt(INDEPENDENT / len(learnt)) / allowed for learnt, _ in rows(x)]
+        return np.concatenate([x, *parts])
 
     last: list[Array] = []  # x, cost and slopes of the step before
 
@@ -184,21 +181,16 @@ def identify(
     return replace(result, kept=always or result.explains)
 
 
-def _thinned(run: FreeRun) -> Array:
-    """Return the rows of a run, low-passed, every `SPACING`."""
+def _thinned(run: FreeRun) -> list[Array]:
+    """Return the rows of a run, low-passed, every `SPACING`: those of its first part, and those that are held out."""
     series, time = slow_part(run.inputs.time, run.rows()), run.inputs.time
-    return series[:: max(1, round(SPACING * len(series) / (time[-1] - time[0])))]
+    thinned = series[:: max(1, round(SPACING * len(series) / (time[-1] - time[0])))]
+    return np.split(thinned, [max(1, int((1.0 - HELD_OUT) * len(thinned)))])
 
 
-def _split(series: Array) -> int:
-    """Return the number of samples that are not held out."""
-    return max(1, int((1.0 - HELD_OUT) * len(series)))
-
-
-def _rms_of_both(runs: Sequence[Array]) -> tuple[float, float]:
+def _rms_of_both(runs: Sequence[Sequence[Array]]) -> tuple[float, float]:
     """Return the rms of all rows in the runs' first parts, and in the parts held out."""
-    learnt = np.concatenate([np.ravel(series[: _split(series)]) for series in runs])
-    kept = np.concatenate([np.ravel(series[_split(series) :]) for series in runs])
+    learnt, kept = (np.concatenate([np.ravel(part) for part in parts]) for parts in zip(*runs, strict=True))
     return float(np.sqrt(np.mean(learnt**2))), float(np.sqrt(np.mean(kept**2)))
 
 

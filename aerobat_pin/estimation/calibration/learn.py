@@ -47,7 +47,7 @@ from aerobat_pin.forces import (
 )
 from aerobat_pin.numerics import guarded, shown
 from aerobat_pin.observers import JointFriction, fit_friction, force_size, typical_step
-from aerobat_pin.records import Condition, Extras, Record
+from aerobat_pin.records import Condition, Record
 
 HARMONICS, MOST_HARMONICS = 12, 40
 FEWEST_TURNS = 3.0  # that a series over the phase can be learnt from
@@ -83,11 +83,17 @@ def calibrate(
     """
     if not records:
         raise CalibrationError("calibrate: records = []: one without unknown forces was expected, or several")
-    belief = _common_belief(records)
+    belief, *others = (belief_of(record.map, record.robot, record.joints) for record in records)
+    for other in others:
+        belief.refuse_other(other)
+    titles = tuple(record.title for record in records)
     free = [(record.times(*record.parts[0]), record.channels) for record in records]
     extras = records[0].robot.learn_extras(free, records[0].map.robot.points)
+    if extras is not None and parameters:
+        names = ", ".join(extras.values)
+        raise CalibrationError(f"calibrate: '{parameters[0]}' cannot be learnt from these records: only {names} can")
     if extras is not None:
-        return _of_extras(records, belief, extras, parameters)
+        return Calibration(belief, titles, extras=extras.values, notes=extras.notes)
 
     mass = _check_names(records, belief, harmonics, parameters)
     records, notes, warnings = [taken_as_free(record) for record in records], list[str](), list[str]()
@@ -143,7 +149,7 @@ def calibrate(
     notes.append(f"as calibrated: {_sizes(runs)} unexplained" if runs else "contacts: not learnt, as something pushed")
     return Calibration(
         belief=_belief_that_counts(belief, records[0], values),
-        records=tuple(record.title for record in records),
+        records=titles,
         identified=identified,
         fitted=values,
         series=series,
@@ -152,7 +158,10 @@ def calibrate(
         row_noise=noise_where_known(forces[0]) if to_sensor else row_noise(tested, learnt=learnt),
         warnings=(*(str(finding) for finding in findings if finding.warns), *warnings),
         notes=(
-            *(_what_is_learnt_from(known.record) for known in forces),
+            *(
+                f"{record.robot.title}, {record.robot.mass:.4g} kg; {record.duration:.4g} s of {record.title}"
+                for record in (known.record for known in forces)
+            ),
             *(line for record in records for line in record.notes),
             *fit_notes(records[0], values),
             *unseen_notes(records[0], forces[0].values),
@@ -160,23 +169,6 @@ def calibrate(
             bar_words(bar),
         ),
     )
-
-
-def _common_belief(records: Sequence[Record]) -> Belief:
-    beliefs = [belief_of(record.map, record.robot, record.joints) for record in records]
-    for other in beliefs:
-        beliefs[0].refuse_other(other)
-    return beliefs[0]
-
-
-def _of_extras(
-    records: Sequence[Record], belief: Belief, extras: Extras, parameters: Sequence[str] | None
-) -> Calibration:
-    """Return a calibration of what only the robot learns."""
-    if parameters:
-        known = ", ".join(extras.values)
-        raise CalibrationError(f"calibrate: '{parameters[0]}' cannot be learnt from these records: only {known} can")
-    return Calibration(belief, tuple(record.title for record in records), extras=extras.values, notes=extras.notes)
 
 
 def _belief_that_counts(belief: Belief, record: Record, values: FittedValues) -> Belief:
@@ -232,10 +224,6 @@ def _findings(records: Sequence[Record], *, trust: bool) -> list[Finding]:
                 refuse_if_certain(str(record.log.path), of_record)
             findings += of_record
     return findings
-
-
-def _what_is_learnt_from(record: Record) -> str:
-    return f"{record.robot.title}, {record.robot.mass:.4g} kg; {record.duration:.4g} s of {record.title}"
 
 
 def _identified(
@@ -324,4 +312,4 @@ def _detection(runs: Sequence[FreeRun], series: LearntError | None) -> Detection
 
 
 def _sizes(runs: Sequence[FreeRun]) -> str:
-    return f"{force_size(float(np.sqrt(np.mean([run.size() ** 2 for run in runs]))))} a row"
+    return f"{force_size(float(np.sqrt(np.mean([run.judged().belief ** 2 for run in runs]))))} a row"

@@ -110,18 +110,13 @@ def _cause_of(
 
 def cause_corrected(inputs: KnownInputs, named: Named, forces: KnownForces) -> KnownInputs:
     """Return the inputs of a whole part as they are with the cause: another motion, or one more known force."""
-    name = named.cause.name
-    if cause_moves(forces, name, named.values):
-        corrected = _changed_inputs(inputs, forces, name, named.values)
-        return replace(corrected, source={**corrected.source, "correction": name})
-    known = {**inputs.known, "correction": named.force}
-    return replace(inputs, known=known, source={**inputs.source, "correction": name})
-
-
-def cause_moves(forces: KnownForces, name: str, values: Array) -> bool:
-    """Return whether a cause changes the motion, and not the robot."""
-    block = forces.record.block(*forces.record.parts[0])
-    return forces.record.robot.suspected(name, values, block)[1] is not block
+    name, record = named.cause.name, forces.record
+    block = record.block(*record.parts[0])
+    if record.robot.suspected(name, named.values, block)[1] is not block:  # it changes the motion, and not the robot
+        inputs = _changed_inputs(inputs, forces, name, named.values)
+    else:
+        inputs = replace(inputs, known={**inputs.known, "correction": named.force})
+    return replace(inputs, source={**inputs.source, "correction": name})
 
 
 def _changed_inputs(inputs: KnownInputs, forces: KnownForces, name: str, values: Array) -> KnownInputs:
@@ -150,7 +145,7 @@ def _covariance(part: CheckedPart, series: LearntError, H: Array) -> Array:
     assert condition is not None
     count, k, p = H.shape
     back = slow_part(time, H[::-1].reshape(count, -1))[::-1].reshape(count, k, p)
-    at = np.maximum(np.searchsorted(geometry.at, np.arange(count), "right") - 1, 0)
+    at = np.searchsorted(geometry.at, np.arange(count), "right") - 1
     onto = geometry.rows[at] @ (geometry.projector[at] @ back)
     terms, width = series.regressors(condition), 2 * series.order + 1
     of_flight = DAILY**2 * shares(series.order)

@@ -65,14 +65,10 @@ class RowGeometry:
     def unexplained(self, force: Array) -> Array:
         """Return what no force explains (m, k) [N] of a generalised force (m, nv), between the instants linearly."""
         every = np.arange(len(force))
-        place = np.minimum(np.searchsorted(self.at, every, "right") - 1, len(self.at) - 1)
+        place = np.searchsorted(self.at, every, "right") - 1
         after = np.minimum(place + 1, len(self.at) - 1)
         gap = np.maximum(self.at[after] - self.at[place], 1)
         share = np.minimum((every - self.at[place]) / gap, 1.0)[:, None]
-        both = [self.apply(force, index) for index in (place, after)]
+        rows = [np.einsum("nvk,nv->nk", self.rows[index], force) for index in (place, after)]
+        both = [np.einsum("nkl,nl->nk", self.projector[k], row) for k, row in zip((place, after), rows, strict=True)]
         return np.asarray((1.0 - share) * both[0] + share * both[1])
-
-    def apply(self, force: Array, index: NDArray[np.intp]) -> Array:
-        """Return N L^T phi (m, k), for each of m forces at the instant of an index."""
-        rows = np.einsum("nvk,nv->nk", self.rows[index], force)
-        return np.asarray(np.einsum("nkl,nl->nk", self.projector[index], rows))

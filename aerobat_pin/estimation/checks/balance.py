@@ -15,9 +15,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.readings import Exchange
-from aerobat_pin.forces import KnownInputs, accelerations, ignored_rows, required_torque
-from aerobat_pin.numerics import Array, frame_jacobian
-from aerobat_pin.observers import MOMENT_ARM, SMOOTH_RATE, AllBut
+from aerobat_pin.forces import KnownInputs, accelerations, ignored_rows, points_of, required_torque
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import MOMENT_ARM, SMOOTH_RATE, AllBut, Applications
 from aerobat_pin.records import Block, Record
 
 INSTANTS = 400  # of the record that are looked at
@@ -111,7 +111,7 @@ def balance_of(record: Record, inputs: InputsBetween, instants: int = INSTANTS) 
     arms += [1.0 if robot.slides(joint) else 1.0 / MOMENT_ARM for joint in robot.joints]
     weight, at = np.array(arms)[rows], [robot.v_index(joint) for joint in record.driven]
     unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
-    lighter, data = _heavier_base(model), model.createData()
+    lighter = _heavier_base(model)
     lighter_data = lighter.createData()
     projects, needed, motion, base = list[Array](), list[Array](), list[Array](), list[Array]()
     seen = list[tuple[Array, slice]]()
@@ -129,7 +129,7 @@ def balance_of(record: Record, inputs: InputsBetween, instants: int = INSTANTS) 
         q, v, tau = block.q[:-1][chosen], 0.5 * (block.v[:-1] + block.v[1:])[chosen], given.tau[chosen]
         beyond: Sequence[Array] = len(q) * [np.eye(len(rows))]
         if free is None:
-            beyond = _beyond_forces(record, data, q, rows, weight)
+            beyond = _beyond_forces(record, q, rows, weight)
         if any(Q.shape[1] == 0 for Q in beyond):
             return None
         projects += [Q.T * weight for Q in beyond]
@@ -163,13 +163,9 @@ def _heavier_base(model: pin.Model) -> pin.Model:
     return alone
 
 
-def _beyond_forces(record: Record, data: pin.Data, q: Array, rows: list[int], weight: Array) -> list[Array]:
+def _beyond_forces(record: Record, q: Array, rows: list[int], weight: Array) -> list[Array]:
     """Return orthonormal bases (rows, k) of what the forces sought cannot reach, at each configuration (m, nq)."""
-    model, chosen, axes = record.robot.model, record.map.robot, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    frames = [(model.getFrameId(frame), 3) for frame in chosen.points]
-    frames += [(model.getFrameId(frame), 6) for frame in chosen.wrenches]
-    sought = [[frame_jacobian(model, data, q_k, frame, axes)[:size] for frame, size in frames] for q_k in q]
-    A = np.array([np.concatenate(parts) for parts in sought])[:, :, rows] * weight
+    A = Applications(record.robot.model, points_of(record.map)).jacobian(q)[:, :, rows] * weight
     u, values, _ = np.linalg.svd(np.swapaxes(A, 1, 2))
     ranks = np.sum(values > RANK * np.maximum(values.max(axis=1, keepdims=True), 1e-300), axis=1)
     return [basis[:, rank:] for basis, rank in zip(u, ranks, strict=True)]

@@ -187,13 +187,9 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:
     chosen = np.flatnonzero(settled(record, estimated.time[:-1])[every]) * every.step
     if not len(chosen):
         return
-    data, frames, axes = model.createData(), estimated.frames, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    indices, speed = [model.getFrameId(frame) for frame in frames], np.empty((len(chosen), len(frames), 3))
-    for k, speeds in zip(chosen, speed, strict=True):
-        pin.forwardKinematics(model, data, block.q[k], block.v[k])
-        for index, velocity in zip(indices, speeds, strict=True):
-            velocity[:] = pin.getFrameVelocity(model, data, index, axes).linear
-    force = estimated.force[chosen]
+    frames, force = estimated.frames, estimated.force[chosen]
+    J = Applications(model, frames).jacobian(block.q[chosen])
+    speed = np.einsum("mcv,mv->mc", J, block.v[chosen]).reshape(force.shape)
     powers, size = np.mean(np.sum(force * speed, axis=2), axis=0), np.sum(force**2, axis=2)
     moved = np.sum(size * np.sum(speed**2, axis=2), axis=0) / np.maximum(np.sum(size, axis=0), 1e-12)
     yield from _held_still(record, frames, np.sqrt(moved))
