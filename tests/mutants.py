@@ -52,7 +52,7 @@ MUTANTS = (
     Mutant("moment lever dropped", "observers/applications.py", "MOMENT_ARM, 1.0)", "1.0, 1.0)",
            "tests/observers/test_applications.py"),
     Mutant("power row not normalised", "observers/rows.py",
-           "joints / max(speed, 1e-12) / MOMENT_ARM", "joints / MOMENT_ARM",
+           "np.divide(joints, speed, out=np.zeros_like(joints), where=speed > 0.0)", "joints",
            "tests/observers/test_applications.py"),
     Mutant("errors of rows at rest as in motion", "observers/kalman/learning.py", "(1.0 - sliding * sliding))",
            "(1.0 - sliding))", "tests/observers/test_kalman.py"),

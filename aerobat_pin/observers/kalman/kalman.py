@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NoReturn
+from typing import ClassVar, NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -84,6 +84,7 @@ class KalmanObserver(Observer):
     """
 
     name = "kalman"
+    _smooths: ClassVar[bool] = False  # whether a smoother walks back over a record
     _compute = staticmethod(compute_inertias)
 
     @guarded(
@@ -236,8 +237,9 @@ class KalmanObserver(Observer):
         return hidden @ hidden.T if hidden.shape[1] else np.zeros((0, 0))
 
     def _start(self, v: Array) -> None:
-        kernels.start_filter(self._memory, v)
-        self._begin(self._kalman, self._kalman.filter.samples[0])
+        sample = self._kalman.filter.samples[0]
+        kernels.record_noisy_sample(self._memory, v, sample)
+        self._begin(self._kalman, sample)
 
     def _begin(self, kalman: KalmanState, sample: Array) -> None:
         """Start the filter at a sample, with zero estimated forces and the initial uncertainty from the settings."""
@@ -262,15 +264,6 @@ class KalmanObserver(Observer):
     def _run(
         self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], sampled: list[Sampled]
     ) -> tuple[Observed, Samples]:
-        return self._filtered(time, q, v, u, known, new_steps(0, **self._step_sizes))
-
-    def _filtered(
-        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], steps: Array
-    ) -> tuple[Observed, Samples]:
-        """Filter a checked record; return the results, and the samples from which they follow.
-
-        The filter's steps are written to `steps` (m, step size), unless it has no rows; then a smoother walks back.
-        """
         memory = self._memory.copy()  # so that a running stream is not disturbed
         kalman, nv, c, model, data = fields_of(memory, KalmanState), self._nv, self._count, self.model, self.data
         samples = np.empty((len(time), *kalman.filter.samples.shape[1:]))
@@ -279,11 +272,11 @@ class KalmanObserver(Observer):
             kernels.record_noisy_sample(memory, velocity, sample)
         self._begin(kalman, samples[0])
         errors = np.array([np.asarray(self._of(known, name), float) for name in self._errors])
-        out = np.empty((len(u), self._width))
+        out, steps = np.empty((len(u), self._width)), new_steps(len(u) * self._smooths, **self._step_sizes)
         bad = kernels.filter_all(samples, time, u, errors.reshape(-1, len(u), nv), memory, steps, out)
         if bad >= 0:
             raise ShapeError(f"the residual after {time[bad]} s is not finite: q, v or a force is too large")
-        if len(steps):
+        if self._smooths:
             smooth_all(time, self._memory, steps, out)
             for k in np.flatnonzero(np.diff(time) == 0.0):
                 out[k] = out[k - 1] if k > 0 else 0.0
@@ -310,17 +303,13 @@ class SmootherObserver(KalmanObserver):
     """
 
     name = "smoother"
+    _smooths = True
 
     def update(
         self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
     ) -> NoReturn:
         """Raise ObserverError: the smoother needs a whole record and cannot take single samples."""
         raise ObserverError("observer smoother needs a whole record: use run, or the observer kalman for a stream")
-
-    def _run(
-        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], sampled: list[Sampled]
-    ) -> tuple[Observed, Samples]:
-        return self._filtered(time, q, v, u, known, new_steps(len(u), **self._step_sizes))
 
 
 def _positive(name: str, value: float) -> float:
