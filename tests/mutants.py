@@ -67,7 +67,7 @@ MUTANTS = (
            "tests/observers/test_observer_kernels.py"),
     Mutant("p0 omitted", RESIDUAL, "(after[0, i] - before[0, i]) / dt", "after[0, i] / dt", OBSERVERS),
     Mutant("tau one sample late", "observers/equations.py", "mean_residuals(samples, time, u)\n    v",
-           "mean_residuals(samples, time, np.roll(u, 1, axis=0))\n    v", OBSERVERS),
+           "mean_residuals(samples, time, np.roll(u, 1, axis=0))\n    v", "tests/observers/test_observer_kernels.py"),
     Mutant("body for world axes in the observer", RESIDUAL, "if turns > 0.0:", "if turns <= 0.0:",
            "tests/observers/test_applications.py"),
     Mutant("Jacobian at the start", RESIDUAL, "0.5 * (before[3 + row, i] + after[3 + row, i])", "before[3 + row, i]",

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 from support.further import further
 from support.kalman_twins import KalmanTwin
-from support.kernel_cases import MODELS, assert_equal, believable, record
+from support.kernel_cases import MODELS, assert_equal, believable, record, streamed
 from support.observer_twins import point_jacobian
 from support.rails import Rails
 
@@ -81,12 +81,9 @@ def test_a_stream_is_a_batch_with_its_standard_deviation(case: str) -> None:
     time, q, v, tau, known = record(model)
     observer = KalmanObserver(model, frames, force_walk=1.0, **CASES[case])
     batch = observer.run(time, q, v, tau, known)
-    observer.reset(q[0], v[0], time[0])
-    for k in range(len(tau)):
+    for k, sample in enumerate(streamed(observer, time, q, v, tau, known)):
         if k == 7:
             observer.run(time, q, v, tau, known)
-        now = {name: values[k] for name, values in known.items()}
-        sample = observer.update(time[k + 1], q[k + 1], v[k + 1], tau[k], now)
         np.testing.assert_array_equal(sample.components, batch.components[k])
         np.testing.assert_array_equal(sample.force, batch.force[k])
         np.testing.assert_array_equal(sample.residual, batch.residual[k])

@@ -193,6 +193,25 @@ def calls() -> dict[str, Call]:
         "effects_text": {"effects": api.sweep_effects(grid)},
         "estimate_dataset": {"estimates": done.estimates},
         "force_columns": {"estimate": estimate},
+        "belief_about": {"name": "log", "names": ["momentum"], "settings": []},
+        "describe_belief": {"settings": []},
+        "free_record": {"log": api.simulate(free_paper), "label": "free", **free},
+        "calibrate": {"records": [free_flight], "harmonics": 1, "parameters": [], "trust": False},
+        "calibration_bytes": {"calibration": learnt},
+        "read_calibration": {"path": folder / "calibration.nc"},
+        "Expected": {
+            **{"force": np.ones(3), "doubt": 1.0},
+            **dict.fromkeys(("row_error", "stiction", "stiction_rate"), np.ones(2)),
+        },
+        "fit_friction": {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02},
+        "check_names": {"names": ["momentum"]},
+        "flight_summary": {"mass": 0.04},
+        "LiveFlight": {"scenario": loop},
+        "LiveRobot": {"name": "double_pendulum", "points": ()},
+        "known_inputs": {"torque": "measured"},
+        "point_label": {"frame": frame},
+        "r_squared": {"estimate": noise, "truth": noise},
+        **_recordings(api, folder, done),
     }
     methods: list[tuple[Callable[..., Any], dict[str, Any]]] = [
         (log.save, {"path": folder / "again.nc"}),
@@ -201,6 +220,7 @@ def calls() -> dict[str, Call]:
         (good["noise"].deviations, {}),
         (observer.reset, {"time": 0.0}),
         (kalman.trust_model, {"misfit": 0.1}),
+        (friction.torque, {"v": joints["v"], "a": joints["a"]}),
         *((_streamed(one, q, v), sample) for one in (observer, kalman)),
         *((one.run, record) for one in (observer, kalman, smoother)),
         (estimate.component, {}),
@@ -227,57 +247,13 @@ def calls() -> dict[str, Call]:
         (plant.fly, {"count": 2, "step_means": np.zeros((2, 2, 2)), "start": None}),
         (api.Wake(edges[:2], zeros, wake, still).mean_trailing, {"start": 0.0, "end": 1.0}),
     ]
-    found: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
-        "assign": (partial(api.assign, {"a": 1}), {"key": "a", "value": 1, "source": "here"}),
-        "belief_about": (
-            api.belief_about,
-            {"log": log, "name": "log", "morphology": "aerobat", "names": ["momentum"], "settings": []},
-        ),
-        "free_record": (api.free_record, {"log": api.simulate(free_paper), "label": "free", **free}),
-        "calibrate": (
-            api.calibrate,
-            {"records": [free_flight], "harmonics": 1, "parameters": [], "trust": False} | {"progress": None},
-        ),
-        "calibration_bytes": (api.calibration_bytes, {"calibration": learnt}),
-        "read_calibration": (api.read_calibration, {"path": folder / "calibration.nc"}),
-        "JointFriction": (
-            api.JointFriction,
-            {name: np.zeros(2) for name in ("coulomb", "viscous", "inertia", "offset")} | {"rate": 0.02},
-        ),
-        "JointFriction.torque": (friction.torque, {"v": joints["v"], "a": joints["a"]}),
-        "Expected": (
-            api.Expected,
-            {
-                "force": np.ones(3),
-                "row_error": np.ones(2),
-                "stiction": np.ones(2),
-                "stiction_rate": np.ones(2),
-                "doubt": 1.0,
-            },
-        ),
-        "fit_friction": (api.fit_friction, {**joints, "residual_torque": np.ones((50, 2)), "rate": 0.02}),
-        "check_names": (api.check_names, {"names": ["momentum"]}),
-        "describe_belief": (api.describe_belief, {"belief": paper, "morphology": "aerobat", "settings": []}),
-        "estimate_flight": (api.estimate_flight, {"log": log, "robot": bat, "belief": paper, "progress": None}),
-        "flight_summary": (api.flight_summary, {"log": log, "mass": 0.04}),
-        "LiveFlight": (api.LiveFlight, {"scenario": loop}),
-        "LiveRobot": (api.LiveRobot, {"name": "double_pendulum", "points": ()}),
-        "known_inputs": (
-            api.known_inputs,
-            {"log": log, "robot": bat, "torque": "measured", "air": paper.air},
-        ),
-        "flight_motion": (api.flight_motion, {"log": log, "robot": bat, "air": blank["air"]}),
-        "point_label": (api.point_label, {"frame": frame}),
-        "r_squared": (api.r_squared, {"estimate": noise, "truth": noise}),
-        "read_log": (api.read_log, {"path": folder / "log.csv"}),
-        "self_check": (api.self_check, {"robot": bat, "belief": paper}),
-        "true_events": (api.true_events, {"log": log}),
-        "true_force": (api.true_force, {"log": log, "frame": frame}),
-        **_recordings(api, folder, model, log, done),
+    friction_terms = ("coulomb", "viscous", "inertia", "offset")
+    calls = {
+        "assign": Call(partial(api.assign, {"a": 1}), {"key": "a", "value": 1, "source": "here"}),
+        "JointFriction": Call(api.JointFriction, dict.fromkeys(friction_terms, np.zeros(2)) | {"rate": 0.02}),
     }
-    calls = {name: Call(*pair) for name, pair in found.items()}
-    for name, function in public_callables().items():
-        if name not in calls and name not in EXCLUDED:
+    for name, function in (public_callables() | {name: getattr(api, name) for name in own}).items():
+        if name not in calls and (name in own or name not in EXCLUDED):
             calls[name] = _call(function, good, own.get(name, {}))
     for method, mine in methods:
         made = _call(method, good, mine)
@@ -292,47 +268,29 @@ def _call(function: Callable[..., Any], good: dict[str, Any], own: dict[str, Any
     return Call(function, {name: own.get(name, good.get(name)) for name in names if name in own or name in good})
 
 
-def _recordings(
-    api: Any, folder: Path, model: pin.Model, log: Any, done: Any
-) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
-    """Return calls of what reads recordings of any robot: a second of a quadrotor."""
-    drone.flight(1.5).to_csv(folder / "drone.csv", index=False)
+def _recordings(api: Any, folder: Path, done: Any) -> dict[str, dict[str, Any]]:
+    """Return arguments of what reads recordings of any robot: a second of a quadrotor."""
+    log = folder / "drone.csv"
+    drone.flight(1.5).to_csv(log, index=False)
     values: dict[str, Any] = {key: part for key, part in drone.MAP.items() if key not in ("known", "check")}
     read = api.parse_map(values, "here")
     (folder / "map.toml").write_text(tomli_w.dumps(values))
-    found = api.estimate(api.open_record(folder / "drone.csv", read, folder))
-    record = api.open_record(folder / "drone.csv", read, folder)
-    data = api.estimate_dataset(done.estimates)
+    found, record = api.estimate(api.open_record(log, read, folder)), api.open_record(log, read, folder)
     return {
-        "load_robot": (api.load_robot, {"name": "double_pendulum"}),
-        "parse_map": (api.parse_map, {"values": values, "source": "here"}),
-        "load_map": (api.load_map, {"path": folder / "map.toml"}),
-        "with_options": (
-            api.with_options,
-            {"chosen": read, "said": None, "points": ["body"], "observers": ["momentum"]},
-        ),
-        "open_record": (
-            api.open_record,
-            {"path": folder / "drone.csv", "chosen": read, "folder": folder, "robot": None},
-        ),
-        "estimate": (
-            api.estimate,
-            {"record": record, "observers": ["momentum"], "calibration": None, "trust": False, "progress": None},
-        ),
-        "stream_of": (api.stream_of, {"record": record}),
-        "check_record": (api.check_record, {"record": record}),
-        "suggested_map": (api.suggested_map, {"log": folder / "drone.csv", "robot": None}),
-        "OnlineEstimator": (
-            api.OnlineEstimator,
-            {"chosen": read, "folder": folder, "heard": None, "calibration": None, "wait": 0.0, "expected": None},
-        ),
-        "LiveRecording": (api.LiveRecording, {"log": folder / "drone.csv", "chosen": read, "folder": folder}),
-        "check_mcap_file": (api.check_mcap_file, {"path": folder / "new.mcap", "force": False}),
-        "write_mcap": (api.write_mcap, {"result": found, "path": folder / "drone.mcap"}),
-        "write_flight_mcap": (
-            api.write_flight_mcap,
-            {"model": model, "log": log, "estimates": data, "path": folder / "bat.mcap"},
-        ),
+        "load_robot": {"name": "double_pendulum"},
+        "parse_map": {"values": values, "source": "here"},
+        "load_map": {"path": folder / "map.toml"},
+        "with_options": {"chosen": read, "said": None, "points": ["body"], "observers": ["momentum"]},
+        "open_record": {"path": log, "chosen": read, "robot": None},
+        "estimate": {"record": record, "observers": ["momentum"], "calibration": None, "trust": False},
+        **{name: {"record": record} for name in ("stream_of", "check_record")},
+        "suggested_map": {"log": log, "robot": None},
+        "OnlineEstimator": {"chosen": read, "wait": 0.0}
+        | dict.fromkeys(("heard", "calibration", "expected", "values")),
+        "LiveRecording": {"log": log, "chosen": read},
+        "check_mcap_file": {"path": folder / "new.mcap", "force": False},
+        "write_mcap": {"result": found, "path": folder / "drone.mcap"},
+        "write_flight_mcap": {"estimates": api.estimate_dataset(done.estimates), "path": folder / "bat.mcap"},
     }
 
 
@@ -371,7 +329,7 @@ LONG = "run_sweep ForceNode LiveTopics"  # start processes or nodes; sweep and m
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
 seal_netcdf netcdf_bytes torque_per_unit read_netcdf read_run joint_series
 effort_findings record_findings moving_weight AllBut with_record robot_length has_free_base low_passed
-as_others_rub effort_limits quantity typical_step redundancy_of slow_part describe_tables explain validated fit_friction
+as_others_rub effort_limits quantity typical_step redundancy_of slow_part describe_tables explain validated
 one_unit rotation_matrices force_size said_unit
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew
 SeriesSculpture scenario_of_run changed_keys changes_text differing_keys keys_text blocks_of component_sizes
