@@ -24,9 +24,9 @@ def rest(model: pin.Model, q: np.ndarray) -> np.ndarray:
 
 
 def push(model: pin.Model, frame: str, q: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return J^T f of a world force at a frame's origin."""
+    """Return J^T f of a force (3,) or wrench (6,) at a frame's origin, world axes."""
     data = model.createData()
-    return pin.computeFrameJacobian(model, data, q, model.getFrameId(frame), ALIGNED)[:3].T @ force
+    return pin.computeFrameJacobian(model, data, q, model.getFrameId(frame), ALIGNED)[: len(force)].T @ force
 
 
 def settled(observer: Observer, q: np.ndarray, tau: np.ndarray, samples: int = 20) -> Sample:

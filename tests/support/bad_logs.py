@@ -352,9 +352,7 @@ def _wrong_column_unit(rng: Rng, rows: Cells) -> None:
 
 KINDS = [
     of_bytes(2, "cut file", lambda rng, data: data[: rng.integers(len(data) - 8)]),
-    of_bytes(
-        2, "damaged start of the file", lambda rng, data: rng.integers(0, 256, 64, np.uint8).tobytes() + data[64:]
-    ),
+    of_bytes(2, "damaged start of the file", _damaged_start),
     of_bytes(2, "other kind of file", _other_file),
     Kind(2, "damaged numbers", ".nc", _damaged_numbers),
     of_hdf5(2, "foreign group", _foreign_group),

@@ -18,6 +18,7 @@ from scipy.linalg import block_diag, cholesky, solve_triangular
 
 from aerobat_pin.aerobat import FORCE_POINTS
 from aerobat_pin.scenario import UnknownForce
+from support.observer_twins import point_jacobian
 
 VELOCITIES = np.array([0.005] * 3 + [0.003] * 3 + [0.02] * 4)  # of `support.mismatch.NOISY`: m/s, rad/s, rad/s
 TORQUE = 5e-4  # [N m]
@@ -36,15 +37,12 @@ def detectability(model: pin.Model, q: np.ndarray, dt: float, start: int, push: 
         push: the force, at the left point, along z of the world.
     """
     data, nv = model.createData(), int(model.nv)
-    frames, first, last = [model.getFrameId(name) for name in FORCE_POINTS], start - BEFORE, start + round(0.03 / dt)
+    first, last = start - BEFORE, start + round(0.03 / dt)
     noise, rows = [], []
     for one in q[first : last + 1]:
         blurred = pin.crba(model, data, one).copy() * VELOCITIES
         noise.append(blurred @ blurred.T)
-        pin.computeJointJacobians(model, data, one)
-        pin.updateFramePlacements(model, data)
-        parts = [pin.getFrameJacobian(model, data, frame, pin.LOCAL_WORLD_ALIGNED)[:3].copy() for frame in frames]
-        rows.append(np.vstack(parts))
+        rows.append(point_jacobian(model, FORCE_POINTS, one))
     count, J = len(rows) - 1, np.array(rows)
     given = np.diff(push.impulse_until(dt * np.arange(first, first + count + 1))) * (np.arange(count) >= BEFORE)
     added = np.cumsum(0.5 * given[:, None, None] * (J[1:] + J[:-1]), axis=0)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_state, shown
+from aerobat_pin.observers.analysis.noise_and_lag import SensorNoise
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.equations import Observed, Samples
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
@@ -22,7 +23,7 @@ from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, LEAST_INFORMA
 from aerobat_pin.observers.kalman.noisy_sample import inertias_at, kinship_of
 from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.rows import BASE_ROWS, Rows, has_free_base, moving_weight
+from aerobat_pin.observers.rows import Rows, moving_weight
 from aerobat_pin.observers.samples import Sampled
 
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [rad/s], joint rates [rad/s]
@@ -223,11 +224,7 @@ class KalmanObserver(Observer):
         """Return the standard deviation of the sensor noise of each velocity (nv,)."""
         if np.shape(sensor_noise) != (3,):
             raise ObserverError(f"sensor_noise = {sensor_noise}: three numbers were expected: linear, gyro, joints")
-        linear, angular, joints = (_positive("sensor_noise", size) for size in sensor_noise)
-        noise = np.full(self._nv, joints)
-        if has_free_base(self.model):
-            noise[:BASE_ROWS] = np.repeat([linear, angular], 3)
-        return noise
+        return SensorNoise(*(_positive("sensor_noise", size) for size in sensor_noise)).deviations(self.model)
 
     def _hidden(self) -> Array:
         """Return the projector (nv, nv) onto generalised forces that do not change the rows in use; (0, 0) if none."""
