@@ -57,6 +57,7 @@ from aerobat_pin.control.sensed_channels import (
     share,
     taken_at,
     within_half_a_turn,
+    write_turn,
 )
 from aerobat_pin.linkage import joint_series, joints_at
 from aerobat_pin.numerics import Array, fields_of, inner, kernel, new_state
@@ -242,10 +243,7 @@ def carry(s: Senses, at: Array) -> None:
         for i in range(3):
             at[i] = before[i] + dt * s.a[i]
             s.place[i] += dt * s.a[i]
-        x, y, z = estimate[10], estimate[11], estimate[12]
-        half = 0.5 * dt * sqrt(x * x + y * y + z * z)
-        scale = 0.5 * dt * (sin(half) / half if half > 1e-9 else 1.0)
-        s.a[0], s.a[1], s.a[2], s.a[3] = scale * x, scale * y, scale * z, cos(half)
+        write_turn(dt * estimate[10], dt * estimate[11], dt * estimate[12], s.a)
         product(before[3:7], s.a, 1.0, at[3:7])
         product(s.followed, s.a, 1.0, s.b)
         s.followed[:] = s.b
