@@ -8,6 +8,7 @@ import pytest
 from support import observer_twins as twins
 from support.arm import arm, push, rest
 from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record, streamed
+from support.without_coriolis import links
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.observers import OBSERVERS, Application, Estimate, Expected, ForceLevelObserver, Observer, equations
@@ -140,16 +141,9 @@ def test_friction_at_rest_is_no_force() -> None:
 
 def test_the_smallest_robots_keep_their_memory() -> None:
     """One joint and one component, and a base without joints under `base+power`: a push is found, and all is finite."""
-    slide = pin.Model()
-    slide.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
-    slide.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.1 * np.eye(3)), pin.SE3.Identity())
-    slide.addFrame(pin.Frame("end", 1, 0, pin.SE3.Identity(), pin.OP_FRAME))
-    along = Application("end", direction=(1.0, 0.0, 0.0))
-    body = pin.Model()
-    body.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
-    body.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.1 * np.eye(3)), pin.SE3.Identity())
-    body.addFrame(pin.Frame("end", 1, 0, pin.SE3(np.eye(3), np.array([0.3, 0.1, 0.2])), pin.OP_FRAME))
-    for model, point, rows, force in ((slide, along, "all", [3.0]), (body, "end", "base+power", [3.0, -1.0, 2.0])):
+    slide, body = links(pin.JointModelPX()), links(pin.JointModelFreeFlyer())
+    along = Application("tip0", direction=(1.0, 0.0, 0.0))
+    for model, point, rows, force in ((slide, along, "all", [3.0]), (body, "tip0", "base+power", [3.0, -1.0, 2.0])):
         nv, q = model.nv, pin.neutral(model)
         expected = Expected(np.full(len(force), 1e4), np.full(nv, 0.01), np.zeros(nv), np.ones(nv))
         tau = rest(model, q) - Applications(model, [point]).jacobian(q).T @ force

@@ -59,7 +59,7 @@ def at(spot: tuple[float, ...], force: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("link", [name for name in LINKS if name != "base_link"])
 def test_the_outline_of_a_panel_is_that_of_its_mesh(robot: Aerobat, link: str) -> None:
     """What is drawn lies within it, seen from above, and lacks only what would cut body and other wing: 12 mm."""
-    drawn = np.array([point for triangle in parts(robot.morphology)[f"{link}_membrane"].mesh for point in triangle])
+    drawn = np.array([point for triangle in parts(robot.morphology)[f"{link}_membrane"].mesh() for point in triangle])
     outline = robot.wing.outline(link)
     gaps = np.linalg.norm(drawn[:, None, :2] - outline[None, :, :2], axis=2)
     assert gaps.min(axis=0).max() < 0.012

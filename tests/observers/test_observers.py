@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.arm import arm, identifiability, push, rest, settled
+from support.without_coriolis import links
 
 from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
@@ -156,9 +157,7 @@ def test_a_configuration_that_is_none_is_refused_and_the_stream_stays_as_it_was(
 @pytest.mark.parametrize(("joint", "pair"), [(pin.JointModelPlanar(), "2:4"), (pin.JointModelRUBZ(), "0:2")])
 def test_wheels_and_planar_joints_stream_too(joint: pin.JointModel, pair: str) -> None:
     """Their pairs of cosine and sine are unit vectors as well."""
-    model = pin.Model()
-    model.addJoint(0, joint, pin.SE3.Identity(), "joint")
-    model.appendBodyToJoint(1, pin.Inertia.Random(), pin.SE3.Identity())
+    model = links(joint)
     observer, q, v = MomentumObserver(model), pin.neutral(model), np.zeros(model.nv)
     observer.reset(q, v)
     observer.update(1e-3, q, v, v)

@@ -36,7 +36,6 @@ FORMATS["urdf"] = FORMATS["mjcf"] = FORMATS["crank"] = FORMATS["linkage"]
 FORMATS["trim"] = FORMATS["live"] = FORMATS["run"]
 WRONG_VALUES = ('"text"', "true", "1979-05-27", "[[1]]", "{a = 1}", "nan", "inf", "-inf", "-1e400", "-7", '""', "[]")
 TEXT: dict[str, Kind] = {}
-SIZES: dict[str, Kind] = {}
 KEYS = ("flight.gravity", "simulation.dt", "air.density", "crank.frequency", "observers.gain", "sensors.gyro.rate")
 AT_LEAST = 33  # levels that are too many
 
@@ -246,14 +245,6 @@ def _recorded(rng: Rng, place: Path) -> list[str]:
 TEXT |= {"setting": _setting, "path": _path, "recorded force": _recorded}
 
 
-def _sized(name: str) -> Callable[[Kind], None]:
-    def register(kind: Kind) -> None:
-        SIZES[name] = kind
-
-    return register
-
-
-@_sized("long or fine flight")
 def _flight(rng: Rng, place: Path) -> list[str]:
     """Ask for more steps than fit."""
     settings = (
@@ -270,7 +261,6 @@ def _flight(rng: Rng, place: Path) -> list[str]:
     return [*door, *(word for setting in chosen for word in ("--set", setting))]
 
 
-@_sized("many runs")
 def _runs(rng: Rng, place: Path) -> list[str]:
     """Ask for more runs than a sweep may have, or for runs that are too long together."""
     count = int(10.0 ** rng.uniform(5.1, 18.0))
@@ -285,7 +275,6 @@ def _runs(rng: Rng, place: Path) -> list[str]:
     return words_for("sweep", "s.toml")
 
 
-@_sized("name or label of a dimension")
 def _dimension(rng: Rng, place: Path) -> list[str]:
     """Vary a quantity whose name or labels no table can hold."""
     name = str(rng.choice(["a/b", "/", "", " ", ".", "..", "a\\n", 256 * "é", "r2", "observer", "a\\u0000"]))
@@ -299,7 +288,6 @@ def _dimension(rng: Rng, place: Path) -> list[str]:
     return words_for("sweep", "s.toml")
 
 
-@_sized("large table")
 def _table(rng: Rng, place: Path) -> list[str]:
     """Give a table of hundreds of megabytes, which is sparse here."""
     with (place / "log.csv").open("wb") as file:
@@ -317,3 +305,11 @@ def _table(rng: Rng, place: Path) -> list[str]:
         ["run", "paper", "--out", "out", *SHORT, "--set", force],
     )
     return list(doors[rng.integers(len(doors))])
+
+
+SIZES: dict[str, Kind] = {
+    "long or fine flight": _flight,
+    "many runs": _runs,
+    "name or label of a dimension": _dimension,
+    "large table": _table,
+}

@@ -9,14 +9,12 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat import (
-    FORCE_POINTS,
     Aerobat,
     AerobatRobot,
     FlightLog,
     believed_robot,
     flight_record,
     free_record,
-    true_force,
 )
 from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.estimation import Calibration, calibrate
@@ -24,7 +22,7 @@ from aerobat_pin.records import Record
 from aerobat_pin.scenario import AirSection, load_scenario
 from support.detection_bound import detectability, earliest
 from support.flights import flight_inputs
-from support.mismatch import MISMATCHES, Seen, flown, heavier, shifted
+from support.mismatch import MISMATCHES, Seen, flown, heavier, pushes, shifted
 
 STEEP = (  # a push of 50 ms that is there at once; those of `PUSHES` are an impulse, a soft push and a step
     'unknown_force=[{frame="left_force_point", axes="world", direction=[0,0,1], signal="step", height=0.2, '
@@ -102,9 +100,7 @@ def seen_with(
     log, scenario = flown(flight, seed, more)
     record = calibration.applied(flight_record(log, free.plugged()))
     inputs = flight_inputs(record, calibration)
-    pushed = {force.frame for force in scenario.unknown_force}
-    truth = [true_force(log, name)[1] if name in pushed else np.zeros((len(inputs.tau), 3)) for name in FORCE_POINTS]
-    return Seen(record.robot.model, inputs, np.stack(truth, axis=1))
+    return Seen(record.robot.model, inputs, pushes(log, scenario))
 
 
 def latencies(calibration: Calibration, free: FreeFlight, seed: int, noise: tuple[str, ...]) -> np.ndarray:

@@ -94,12 +94,13 @@ def seen(row: str, flight: str = "signal", seed: int = 1, more: tuple[str, ...] 
     if wrong.change is not None:
         robot = replace(robot, model=robot.model.copy())
         wrong.change(robot.model)
-    inputs = known_inputs(log, robot, torque, scenario.believed_air)
-    if flight == "no force":
-        return Seen(robot.model, inputs, np.zeros((len(inputs.tau), 2, 3)))
-    pushed = {force.frame for force in scenario.unknown_force}
-    truth = [true_force(log, name)[1] if name in pushed else np.zeros((len(inputs.tau), 3)) for name in FORCE_POINTS]
-    return Seen(robot.model, inputs, np.stack(truth, axis=1))
+    return Seen(robot.model, known_inputs(log, robot, torque, scenario.believed_air), pushes(log, scenario))
+
+
+def pushes(log: FlightLog, scenario: Scenario) -> np.ndarray:
+    """Return the noise-free force (m, 2, 3) [N] at both points; 0 where nothing pushes."""
+    pushed, nothing = {force.frame for force in scenario.unknown_force}, np.zeros((len(log.time) - 1, 3))
+    return np.stack([true_force(log, name)[1] if name in pushed else nothing for name in FORCE_POINTS], axis=1)
 
 
 def thinned(flight: Seen, every: int) -> Seen:
