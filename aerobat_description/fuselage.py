@@ -120,12 +120,12 @@ def _pod(hull: Hull, profile: Profile, start: float, end: float) -> list[list[Po
     return sections
 
 
-def _rounded_square(corners: int = 20) -> list[tuple[float, float]]:
-    """Return the corners (y, z) of a square of half width 1 with round corners, counter-clockwise seen from ahead.
+def _rounded_square() -> list[tuple[float, float]]:
+    """Return twenty corners (y, z) of a square of half width 1 with round corners, counter-clockwise seen from ahead.
 
     The curve is y^4 + z^4 = 1.
     """
-    turns = [2.0 * math.pi * (i + 0.5) / corners for i in range(corners)]
+    turns = [2.0 * math.pi * (i + 0.5) / 20 for i in range(20)]
     return [tuple(math.copysign(math.sqrt(abs(c)), c) for c in (math.cos(t), math.sin(t))) for t in turns]  # type: ignore[misc]
 
 

@@ -23,7 +23,7 @@ def files(morphology: Morphology) -> dict[str, bytes]:
         f"mjcf/{morphology.name}.xml": mjcf_text(morphology).encode(),
         f"srdf/{morphology.name}.srdf": srdf_text(morphology).encode(),
     }
-    drawn = {name: part.mesh for name, part in parts(morphology).items()}
+    drawn = {name: part.mesh() for name, part in parts(morphology).items()}
     drawn |= {name: bar.mesh(side) for name, (bar, side) in closing_bars(morphology.linkage).items()}
     for name, mesh in drawn.items():
         file = mesh_name(morphology, name)

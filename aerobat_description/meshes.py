@@ -6,8 +6,8 @@ import itertools
 import math
 import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 from aerobat_description.bars import LINK_OF, linkage_bars
 from aerobat_description.fuselage import body, frame, guard, motors, propellers
@@ -23,24 +23,12 @@ TIP_CUT = 0.07
 TAIL_SWEEP = 0.25  # share of the tail's chord that is cut off its front corners, where the wings' trailing edges pass
 
 
-@dataclass(frozen=True)
-class Part:
-    """A visible part.
+class Part(NamedTuple):
+    """A visible part."""
 
-    Attributes:
-        link: name of the link; the mesh is drawn in its frame.
-        material: name of the material.
-        build: function that builds the mesh.
-    """
-
-    link: str
+    link: str  # name of the link in whose frame it is drawn
     material: str
-    build: Callable[[], Mesh]
-
-    @property
-    def mesh(self) -> Mesh:
-        """The mesh of the part; it is built on each access."""
-        return self.build()
+    mesh: Callable[[], Mesh]
 
 
 def parts(morphology: Morphology) -> dict[str, Part]:

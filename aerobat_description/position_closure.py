@@ -145,16 +145,6 @@ def advice(bars: LinkageLengths, lengths: Mapping[str, float]) -> str:
     return f"; any of these would do: {would}" if would else ""
 
 
-def _stuck_at(bars: LinkageLengths, first: float = 0.0) -> float | None:
-    """Return a crank angle [rad] at which the linkage cannot close, or None; the angle `first` is tried first."""
-    for angle in (first, *CRANK_ANGLES):
-        try:
-            close_linkage(bars, angle)
-        except ClosureError:
-            return angle
-    return None
-
-
 def nearest_length(bars: LinkageLengths, key: str) -> float | None:
     """Return the value of one length, nearest to its present value, with which the crank can turn.
 
@@ -174,9 +164,14 @@ def nearest_length(bars: LinkageLengths, key: str) -> float | None:
     def turns(length: float) -> bool:
         nonlocal stuck
         changed: dict[str, Any] = {key: length}
-        angle = _stuck_at(replace(bars, **changed), stuck)
-        stuck = stuck if angle is None else angle
-        return angle is None
+        shape = replace(bars, **changed)
+        for angle in (stuck, *CRANK_ANGLES):
+            try:
+                close_linkage(shape, angle)
+            except ClosureError:
+                stuck = angle
+                return False
+        return True
 
     found: list[float] = []
     for step in (1.02, 1.0 / 1.02):

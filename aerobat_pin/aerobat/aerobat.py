@@ -206,7 +206,7 @@ def visual_model(model: pin.Model, morphology: Morphology) -> pin.GeometryModel:
     """Return the visible parts of the robot, each attached to the joint that carries its link."""
     visual = pin.GeometryModel()
     for name, part in parts(morphology).items():
-        visual.addGeometryObject(geometry_object(model, name, part.link, part.mesh, part.material))
+        visual.addGeometryObject(geometry_object(model, name, part.link, part.mesh(), part.material))
     return visual
 
 

@@ -29,11 +29,12 @@ position's rate, which is not late: at beta = 30, 30 ms cost little, where at 10
 
 from __future__ import annotations
 
-from math import asin, cos, sin, sqrt
+from math import asin, cos, sin
 from typing import Annotated, NamedTuple
 
 from aerobat_pin.control.allocation import Limited, limited_thrusts
 from aerobat_pin.control.nominal_wrench import PITCHING
+from aerobat_pin.control.sensed_channels import product, rotate_vector, write_turn
 from aerobat_pin.numerics import Array, fields_of, inner, kernel
 
 UNREALISED = 1.0e-6  # [N, N m]: more than rounding
@@ -54,7 +55,7 @@ class Law(NamedTuple):
     `begun` () ticks so far, `nose_down` () [rad].
 
     Results: `disturbance` (6,) given from outside, `wanted`, `unrealised` (6,) wrenches, `command` (m,) thrusts.
-    Scratch: `reference` (12,), as the columns of `swing`, and `force` (3,). Sizes: m thrusters, n waves in the swing.
+    Scratch: `reference` (12,), as the columns of `swing`, and what follows. Sizes: m thrusters, n waves in the swing.
     """
 
     start: Annotated[Array, "3"]
@@ -88,6 +89,11 @@ class Law(NamedTuple):
     command: Annotated[Array, "m"]
     reference: Annotated[Array, "12"]
     force: Annotated[Array, "3"]
+    errors: Annotated[Array, "3"]
+    rates: Annotated[Array, "3"]
+    pushed: Annotated[Array, "3"]
+    aim: Annotated[Array, "4"]
+    turned: Annotated[Array, "4"]
     limited: Limited
 
 
@@ -104,35 +110,23 @@ def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: flo
         out: (6,) written, at the body's centre of mass and in body axes [N, N m].
     """
     law = fields_of(memory, Law)
-    gains, force, nominal, centre = law.gains, law.force, law.nominal, law.centre
-    reference, push = law.reference, law.disturbance
-    x, y, z, w = q[3], q[4], q[5], q[6]
-    R00, R01, R02 = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)
-    R10, R11, R12 = 2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)
-    R20, R21, R22 = 2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)
+    gains, force, nominal, centre, reference = law.gains, law.force, law.nominal, law.centre, law.reference
+    errors, rates, pushed, aim, turned = law.errors, law.rates, law.pushed, law.aim, law.turned
+    attitude, push, acts = q[3:7], law.disturbance, law.compensates[()]
     add_waves(law.swing, crank_angle, reference)
 
     # Errors of position and velocity, and the disturbance, along world axes; then along the course.
-    ex = law.start[0] + law.velocity[0] * since + reference[0] - q[0]
-    ey = law.start[1] + law.velocity[1] * since + reference[1] - q[1]
-    ez = law.start[2] + law.velocity[2] * since + reference[2] - q[2]
-    dx = law.velocity[0] + reference[3] - unbiased(law, 0, q[0], R00 * v[0] + R01 * v[1] + R02 * v[2])
-    dy = law.velocity[1] + reference[4] - unbiased(law, 1, q[1], R10 * v[0] + R11 * v[1] + R12 * v[2])
-    dz = law.velocity[2] + reference[5] - unbiased(law, 2, q[2], R20 * v[0] + R21 * v[1] + R22 * v[2])
-    acts = law.compensates[()]
-    fx = acts * (R00 * push[0] + R01 * push[1] + R02 * push[2])
-    fy = acts * (R10 * push[0] + R11 * push[1] + R12 * push[2])
-    fz = acts * (R20 * push[0] + R21 * push[1] + R22 * push[2])
-    along, across = law.heading[0], law.heading[1]
+    rotate_vector(attitude, v[:3], 1.0, rates)
+    rotate_vector(attitude, push[:3], 1.0, pushed)
     for i in range(3):
-        if i == 0:
-            error, rate, known = along * ex + across * ey, along * dx + across * dy, along * fx + across * fy
-        elif i == 1:
-            error, rate, known = along * ey - across * ex, along * dy - across * dx, along * fy - across * fx
-        else:
-            error, rate, known = ez, dz, fz
-        add_error(law, i, error)
-        force[i] = gains[i, 0] * error + gains[i, 1] * rate + law.integral[i] - known
+        errors[i] = law.start[i] + law.velocity[i] * since + reference[i] - q[i]
+        rates[i] = law.velocity[i] + reference[3 + i] - unbiased(law, i, q[i], rates[i])
+    along, across = law.heading[0], law.heading[1]
+    for values in (errors, rates, pushed):
+        values[0], values[1] = along * values[0] + across * values[1], along * values[1] - across * values[0]
+    for i in range(3):
+        add_error(law, i, errors[i])
+        force[i] = gains[i, 0] * errors[i] + gains[i, 1] * rates[i] + law.integral[i] - acts * pushed[i]
     for i in range(2):
         share = law.smoothing[()] if law.begun[()] != 0.0 else 1.0
         law.smooth[i] += share * (force[1 + i] - law.smooth[i])
@@ -141,26 +135,17 @@ def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: flo
     bank = -asin(within(law.smooth[0] / law.weight[()], law.limits[0]))
     asked = within(law.unrealised[0] / law.weight[()], law.limits[1])
     law.nose_down[()] += law.settled[()] * (asked - law.nose_down[()])
-    ax, ay, az, aw = law.level[0], law.level[1], law.level[2], law.level[3]
-    s, c = sin(0.5 * law.nose_down[()]), cos(0.5 * law.nose_down[()])
-    ax, ay, az, aw = ax * c - az * s, ay * c + aw * s, az * c + ax * s, aw * c - ay * s
-    s, c = sin(0.5 * bank), cos(0.5 * bank)
-    ax, ay, az, aw = ax * c + aw * s, ay * c + az * s, az * c - ay * s, aw * c - ax * s
-    half = 0.5 * sqrt(reference[6] ** 2 + reference[7] ** 2 + reference[8] ** 2)
-    bw, scale = cos(half), 0.5 * sin(half) / half if half > 0.0 else 0.5
-    bx, by, bz = scale * reference[6], scale * reference[7], scale * reference[8]
-    tx = aw * bx + ax * bw + ay * bz - az * by
-    ty = aw * by - ax * bz + ay * bw + az * bx
-    tz = aw * bz + ax * by - ay * bx + az * bw
-    tw = aw * bw - ax * bx - ay * by - az * bz
-    turn = 2.0 if w * tw + x * tx + y * ty + z * tz >= 0.0 else -2.0
+    write_turn(0.0, float(law.nose_down[()]), 0.0, turned)
+    product(law.level, turned, 1.0, aim)
+    write_turn(bank, 0.0, 0.0, turned)
+    product(aim, turned, 1.0, aim)
+    write_turn(reference[6], reference[7], reference[8], turned)
+    product(aim, turned, 1.0, aim)
+    turned[0], turned[1], turned[2], turned[3] = -q[3], -q[4], -q[5], q[6]
+    product(turned, aim, 1.0, aim)  # from the body to the reference
+    twice = 2.0 if aim[3] >= 0.0 else -2.0
     for i in range(3):
-        if i == 0:
-            error = turn * (w * tx - x * tw - y * tz + z * ty)
-        elif i == 1:
-            error = turn * (w * ty - y * tw - z * tx + x * tz)
-        else:
-            error = turn * (w * tz - z * tw - x * ty + y * tx)
+        error = twice * aim[i]
         add_error(law, 3 + i, error)
         answer = gains[3 + i, 0] * error + gains[3 + i, 1] * (reference[9 + i] - v[3 + i])
         out[3 + i] = nominal[3 + i] + answer + law.integral[3 + i] - acts * push[3 + i]
@@ -170,7 +155,7 @@ def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: flo
     out[5] += acts * centre[0] * push[1]
     out[0] = nominal[0] + force[0]
     out[1] = 0.0
-    out[2] = (nominal[2] + law.smooth[1]) / max(R22, 0.5)
+    out[2] = (nominal[2] + law.smooth[1]) / max(1.0 - 2.0 * (q[3] * q[3] + q[4] * q[4]), 0.5)
 
 
 @kernel

@@ -33,12 +33,13 @@ from aerobat_pin.control.controller import Controller, integral_shares
 from aerobat_pin.control.disturbance import observer_gains, sample_variance
 from aerobat_pin.control.nominal_wrench import control_of
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.scenario import Scenario
+from aerobat_pin.scenario import Scenario, ThrustersSection
 
 FREQUENCIES = np.geomspace(0.05, 2000.0, 2001)  # [rad/s]
 Response = NDArray[np.complexfloating[Any, Any]]
 Polynomials = tuple[Array, Array]  # numerator and denominator, highest power first
 LAW_AXES = ("forward", "lateral", "height", "roll", "pitch", "yaw")  # of the law
+JUDGED_AXES = ("roll", "pitch", "yaw", "height", "forward")  # sideways, the robot is pushed by its roll
 WRONG_PLANTS = {  # name -> change of the real thrusters, and b
     "lag 70 ms": ({"lag": 0.070}, 1.0),
     "thrust x0.7": ({"factor": 0.7}, 1.0),
@@ -78,7 +79,7 @@ def loop_margins(scenario: Scenario) -> dict[str, Margins]:
 
     Raises ScenarioError if the scenario has no table `control`.
     """
-    return {axis: _margins(scenario, axis, 1.0) for axis in ("roll", "pitch", "yaw", "height", "forward")}
+    return {axis: _margins(scenario, axis) for axis in JUDGED_AXES}
 
 
 @guarded()
@@ -93,11 +94,7 @@ def wrong_plant_ms(scenario: Scenario) -> dict[str, float]:
             key: value * scenario.thrusters.factor if key == "factor" else value for key, value in changes.items()
         }
         thrusters = scenario.thrusters.model_copy(update=changes)
-        belief = scenario.believed.model_copy(
-            update={"thrusters": scenario.believed_thrusters.model_dump(exclude_none=True)}
-        )
-        wrong = scenario.model_copy(update={"thrusters": thrusters, "believed": belief})
-        margins = [_margins(wrong, axis, bank) for axis in ("roll", "pitch", "yaw", "height", "forward")]
+        margins = [_margins(scenario, axis, bank, thrusters) for axis in JUDGED_AXES]
         worst[name] = max(margin.ms if margin.stable else float("inf") for margin in margins)
     return worst
 
@@ -166,9 +163,9 @@ class LoopParts:
             self.law = _sum(_product(self.stiffness, _sum(ONE, _product(self.smoothing, way))), self.damping)
 
 
-def _margins(scenario: Scenario, axis: str, b: float) -> Margins:
-    """Return the margins of an axis; b as in `LoopParts`."""
-    control, real, believed = control_of(scenario), scenario.thrusters, scenario.believed_thrusters
+def _margins(scenario: Scenario, axis: str, b: float = 1.0, real: ThrustersSection | None = None) -> Margins:
+    """Return the margins of an axis; b as in `LoopParts`; with other real thrusters than the scenario's, if given."""
+    control, real, believed = control_of(scenario), real or scenario.thrusters, scenario.believed_thrusters
     parts = LoopParts(scenario, axis, b)
     dt = scenario.simulation.dt if control.rate is None else 1.0 / control.rate
     lag = np.ones(1), np.array([real.lag, 1.0])

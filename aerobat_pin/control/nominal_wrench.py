@@ -27,6 +27,7 @@ from aerobat_pin.control.allocation import Allocation
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.flight import thrusters_of
 from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.observers import rotation_matrices, world_velocity
 from aerobat_pin.scenario import ControlSection, Scenario
 
 FLAP_SAMPLES = 240  # in a flap
@@ -178,27 +179,21 @@ def _without_drift(
     turn = _integral(swing[:, 3:], time)
     turn -= _mean(turn)
     course = pin.Quaternion(placement[3:])
-    attitudes = [course * pin.Quaternion(pin.exp3(row)) for row in turn]
-    twists = twist + swing
-    over_ground = np.array([attitude.matrix() @ row[:3] for attitude, row in zip(attitudes, twists, strict=True)])
+    attitudes = np.array([(course * pin.Quaternion(pin.exp3(row))).coeffs() for row in turn])
+    twists, R = twist + swing, rotation_matrices(attitudes)
+    over_ground = np.einsum("mij,mj->mi", R, twists[:, :3])
     extra = _mean(over_ground) - velocity
-    twists[:, :3] -= np.array([attitude.matrix().T @ extra for attitude in attitudes])
+    twists[:, :3] -= extra @ R
     places = _integral(over_ground - extra - velocity, time)
     places += placement[:3] - _mean(places) + time[:, None] * velocity
-    return twists, np.concatenate([places, [attitude.coeffs() for attitude in attitudes]], axis=1)
+    return twists, np.concatenate([places, attitudes], axis=1)
 
 
 def _about_the_course(placements: Array, twists: Array, level: Array, velocity: Array, time: Array) -> Array:
     """Return position, velocity over ground, turn and body rate (n, 12) of a body, less those of its course."""
-    course = pin.Quaternion(level)
-    rows = np.zeros((len(time), 12))
-    for row, placement, twist, t in zip(rows, placements, twists, time, strict=True):
-        attitude = pin.Quaternion(placement[3:])
-        row[:3] = placement[:3] - t * velocity
-        row[3:6] = attitude.matrix() @ twist[:3] - velocity
-        row[6:9] = pin.log3((course.conjugate() * attitude).matrix())
-        row[9:] = twist[3:]
-    return rows
+    places, speeds = placements[:, :3] - time[:, None] * velocity, world_velocity(placements, twists) - velocity
+    turns = [pin.log3(one) for one in pin.Quaternion(level).matrix().T @ rotation_matrices(placements[:, 3:])]
+    return np.concatenate([places, speeds, turns, twists[:, 3:]], axis=1)
 
 
 def _of_waves(rows: Array, beat: Array) -> Array:

@@ -57,9 +57,10 @@ from aerobat_pin.control.sensed_channels import (
     share,
     taken_at,
     within_half_a_turn,
+    write_turn,
 )
 from aerobat_pin.linkage import joint_series, joints_at
-from aerobat_pin.numerics import Array, fields_of, inner, kernel, new_state
+from aerobat_pin.numerics import Array, copy_values, fields_of, inner, kernel, new_state
 from aerobat_pin.scenario import Scenario, SensorSection
 
 
@@ -148,13 +149,11 @@ def sense(memory: Array, q: Array, v: Array, crank_angle: float, thrust: Array, 
     now, estimate, offset = s.now, s.estimate, s.offset
     row = s.ticks[0] % s.carriers.shape[0]
     at = s.carriers[row]
-    for i in range(7):
-        now[i] = q[i]
-    for i in range(6):
-        now[7 + i] = v[i]
+    copy_values(q, now[:7])
+    copy_values(v, now[7:13])
+    now[21] = crank_angle
     for i in range(4):
         now[13 + i], now[17 + i] = q[s.joints[0, i]], v[s.joints[1, i]]
-    now[21] = crank_angle
     for c in range(7):
         s.age[c] += 1
     carry(s, at)
@@ -197,14 +196,10 @@ def sense(memory: Array, q: Array, v: Array, crank_angle: float, thrust: Array, 
     add_channel(s, JOINT_CHANNEL, at)
     add_channel(s, RATES, at)
 
-    for i in range(7):
-        s.q[i] = estimate[i]
-    for i in range(6):
-        s.v[i] = estimate[7 + i]
-    for i in range(7, s.q.shape[0]):
-        s.q[i] = q[i]
-    for i in range(6, s.v.shape[0]):
-        s.v[i] = v[i]
+    copy_values(q, s.q)
+    copy_values(v, s.v)
+    copy_values(estimate, s.q[:7])
+    copy_values(estimate[7:], s.v[:6])
     for i in range(4):
         s.q[s.joints[0, i]], s.v[s.joints[1, i]] = estimate[13 + i], estimate[17 + i]
     for i in range(3):
@@ -214,8 +209,7 @@ def sense(memory: Array, q: Array, v: Array, crank_angle: float, thrust: Array, 
         s.error[3 + i] = (-2.0 if s.a[3] >= 0.0 else 2.0) * s.a[i]
     for c in range(7):
         s.beyond[c] = max(s.age[c] - s.period[c], 0)
-    for i in range(22):
-        s.raw[i] = now[i]
+    copy_values(now, s.raw)
     s.ticks[0] += 1
 
 
@@ -224,16 +218,14 @@ def carry(s: Senses, at: Array) -> None:
     """Carry all that follows from the last estimate on by a tick: position, attitude, crank; at first, begin."""
     estimate, offset = s.estimate, s.offset
     if s.ticks[0] == 0:
-        for i in range(22):
-            at[i] = offset[i] = 0.0
+        at[:], offset[:] = 0.0, 0.0
         at[6] = 1.0
         estimate[21] = s.now[21] if isfinite(s.now[21]) else s.first[()]
         add_waves(s.swing, estimate[21], s.reference)
         for i in range(3):
             offset[i] = s.start[i] + s.reference[i]
-            offset[7 + i] = s.course[i]
-        for i in range(4):
-            offset[3 + i] = s.level[i]
+        copy_values(s.level, offset[3:7])
+        copy_values(s.course, offset[7:10])
         offset[21] = estimate[21]
     else:
         before = s.carriers[(s.ticks[0] - 1) % s.carriers.shape[0]]
@@ -242,10 +234,7 @@ def carry(s: Senses, at: Array) -> None:
         for i in range(3):
             at[i] = before[i] + dt * s.a[i]
             s.place[i] += dt * s.a[i]
-        x, y, z = estimate[10], estimate[11], estimate[12]
-        half = 0.5 * dt * sqrt(x * x + y * y + z * z)
-        scale = 0.5 * dt * (sin(half) / half if half > 1e-9 else 1.0)
-        s.a[0], s.a[1], s.a[2], s.a[3] = scale * x, scale * y, scale * z, cos(half)
+        write_turn(dt * estimate[10], dt * estimate[11], dt * estimate[12], s.a)
         product(before[3:7], s.a, 1.0, at[3:7])
         product(s.followed, s.a, 1.0, s.b)
         s.followed[:] = s.b
@@ -266,8 +255,7 @@ def close_for_crank(s: Senses, at: Array) -> None:
         at[13 + i], at[17 + i] = s.closed[0, i % 2], s.closed[1, i % 2] * s.rate[()]
     if s.ticks[0] == 0:
         for other in range(s.carriers.shape[0]):
-            for i in range(22):
-                s.carriers[other, i] = at[i]
+            copy_values(at, s.carriers[other])
     for i in range(13, 21):
         s.estimate[i] = s.offset[i] + at[i]
 

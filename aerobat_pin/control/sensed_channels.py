@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite, pi
+from math import cos, isfinite, pi, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from aerobat_pin.numerics import Array, Integers, inner
@@ -163,6 +163,14 @@ def product(a: Array, b: Array, sign: float, out: Array) -> None:
     third = a[3] * z + a[0] * y - a[1] * x + a[2] * b[3]
     fourth = a[3] * b[3] - a[0] * x - a[1] * y - a[2] * z
     out[0], out[1], out[2], out[3] = first, second, third, fourth
+
+
+@inner
+def write_turn(x: float, y: float, z: float, out: Array) -> None:
+    """Write the quaternion xyzw (4,) of a rotation vector [rad]."""
+    half = 0.5 * sqrt(x * x + y * y + z * z)
+    scale = 0.5 * sin(half) / half if half > 1e-9 else 0.5
+    out[0], out[1], out[2], out[3] = scale * x, scale * y, scale * z, cos(half)
 
 
 @inner

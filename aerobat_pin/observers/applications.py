@@ -106,11 +106,8 @@ class Applications:
                     f"force frame '{frame.name}' is fixed to the world: a force on it cannot be observed"
                 )
             moves = np.zeros(model.nv)
-            joint = int(frame.parentJoint)
-            while joint > 0:
-                start = model.joints[joint].idx_v
-                moves[start : start + model.joints[joint].nv] = 1.0
-                joint = int(model.parents[joint])
+            for joint in (model.joints[k] for k in model.supports[frame.parentJoint].tolist()[1:]):
+                moves[joint.idx_v : joint.idx_v + joint.nv] = 1.0
             R = frame.placement.rotation if application.axes == "frame" else np.eye(3)
             for direction in application.directions:
                 both = (*(R @ direction[:3]), *(R @ direction[3:]))

@@ -241,7 +241,7 @@ def posterior(equations: Equations, dt: Array, J: Array, v: Array, y: Array) -> 
     """
     expected, rows = equations.expected, equations.rows
     assert expected is not None
-    size = rows.variance_of(expected.row_deviation(v) ** 2, v)
+    size = rows.of(expected.row_deviation(v) ** 2, v, power=2)
     white = np.divide(1.0, np.sqrt(size), out=np.zeros_like(size), where=size > 0.0)  # R^-1/2 of the rows in use
     B, y = rows.of(J, v) * white[:, None], rows.of(y, v) * white
     information = expected.force**-2.0  # S^-2

@@ -111,12 +111,9 @@ def with_record(
         jacobians: (m, c, nv) of the components.
     """
     believed = BelievedRows(model, rows)
-    parts = []
-    for velocity, y, J in zip(v, residual, jacobians, strict=True):
-        L, deviation = believed.map(velocity), expected.row_deviation(velocity)
-        L = L / np.maximum(np.linalg.norm(L * deviation[:, None], axis=0), 1e-150)
-        parts.append((L.T @ y, (J @ L).T * expected.force))
-    y, B = (np.stack(part) for part in zip(*parts, strict=True))  # whitened rows (m, r), and what forces do to them
+    size = np.maximum(np.sqrt(believed.of(expected.row_deviation(v) ** 2, v, power=2)), 1e-150)
+    y = believed.of(residual, v) / size  # whitened rows (m, r), and what forces do to them
+    B = np.swapaxes(believed.of(jacobians, v) / size[:, None], 1, 2) * expected.force
     count, r, c = B.shape
     factors, k, one = np.ones(c), 1.0, np.eye(c)
     G, By, yy = np.swapaxes(B, 1, 2) @ B, np.einsum("mrc,mr->mc", B, y), float(np.sum(y**2))

@@ -84,8 +84,8 @@ def judge(
         last = np.sort(np.argpartition(pivots, EXAMINED)[:EXAMINED])
         at = np.unique([last, last + 1])  # both ends of these intervals
     scale = applications.scale
-    maps = [believed.map(velocities[i]) for i in (at if believed.name == "base+power" else at[:1])]
-    chosen = scale[:, None] * (jacobians[at] @ np.stack(maps))
+    moving = velocities[at if believed.name == "base+power" else at[:1]]  # no other rows depend on the velocity
+    chosen = scale[:, None] * (jacobians[at] @ believed.map(moving))
     squares = np.linalg.eigvalsh(chosen @ np.swapaxes(chosen, 1, 2))  # fast and accurate enough to find the worst
     worst = int(np.argmin(squares[:, 0] / np.maximum(squares[:, -1], 1e-300)))
     _, values, vectors = np.linalg.svd(chosen[worst].T, full_matrices=True)

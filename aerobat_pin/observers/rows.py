@@ -235,54 +235,28 @@ class BelievedRows:
         self.count = self.map(np.zeros(nv)).shape[1]
 
     def map(self, velocity: Array) -> Array:
-        """Return L (nv, k) such that L^T phi are the weighted rows in use; `velocity` (nv,) gives the power row."""
-        if self.number == TIED:
-            return self.tied
-        diagonal: Array = np.diag(self.weight)
-        if self.rows == "all":
-            return diagonal
-        base: Array = diagonal[:, :BASE_ROWS]
-        if self.rows == "base":
-            return base
-        along = np.zeros((len(velocity), 1))
-        joints = velocity[BASE_ROWS:]
-        speed = float(np.linalg.norm(joints / (MOMENT_ARM * self.weight[BASE_ROWS:])))
-        along[BASE_ROWS:, 0] = joints / max(speed, 1e-12) / MOMENT_ARM
-        return np.concatenate([base, along], axis=1)
+        """Return L (..., nv, k) such that L^T phi are the weighted rows in use, at velocities (..., nv)."""
+        nv = len(self.weight)
+        return self.of(np.broadcast_to(np.eye(nv), (*velocity.shape, nv)), velocity)
 
-    def of(self, force: Array, velocity: Array) -> Array:
+    def of(self, force: Array, velocity: Array, power: int = 1) -> Array:
         """Return L^T phi (m, ..., k), the weighted rows in use of generalised forces (m, ..., nv).
 
         Args:
             force: generalised forces, one or several at each of m instants.
-            velocity: (m, nv) velocities, which give the power row.
+            velocity: (m, nv) velocities: those of the joints are the direction of the power row, which is 0 at rest.
+            power: of each entry of L; with 2, variances of generalised forces become those of the rows.
         """
         if self.number == TIED:
-            return np.asarray(force @ self.tied)
-        weighted = self.weight * force
+            return np.asarray(force @ self.tied**power)
+        weighted = self.weight**power * force
         if self.rows == "all":
             return np.asarray(weighted)
         base = weighted[..., :BASE_ROWS]
         if self.rows == "base":
             return np.asarray(base)
-        along = self._along(velocity).reshape(len(force), *(1,) * (force.ndim - 2), -1)
+        joints = velocity[..., BASE_ROWS:]
+        speed = np.linalg.norm(joints / self.weight[BASE_ROWS:], axis=-1, keepdims=True)
+        along = np.divide(joints, speed, out=np.zeros_like(joints), where=speed > 0.0) ** power
+        along = along.reshape(*along.shape[:-1], *(1,) * (force.ndim - along.ndim), -1)
         return np.concatenate([base, np.sum(along * force[..., BASE_ROWS:], axis=-1, keepdims=True)], axis=-1)
-
-    def variance_of(self, variance: Array, velocity: Array) -> Array:
-        """Return the variance (m, k) of each weighted row in use, given those of all rows (m, nv)."""
-        if self.number == TIED:
-            return np.asarray(variance @ self.tied**2)
-        weighted = self.weight**2 * variance
-        if self.rows == "all":
-            return np.asarray(weighted)
-        base = weighted[:, :BASE_ROWS]
-        if self.rows == "base":
-            return np.asarray(base)
-        power = np.sum(self._along(velocity) ** 2 * variance[:, BASE_ROWS:], axis=1, keepdims=True)
-        return np.concatenate([base, power], axis=1)
-
-    def _along(self, velocity: Array) -> Array:
-        """Return the direction (m, joints) of the power row: joint velocities (m, nv) over their size; 0 at rest."""
-        joints = velocity[:, BASE_ROWS:]
-        speed = np.linalg.norm(joints / self.weight[BASE_ROWS:], axis=1, keepdims=True)
-        return np.asarray(np.divide(joints, speed, out=np.zeros_like(joints), where=speed > 0.0))

@@ -64,12 +64,8 @@ def modes(gain: Array, size: int) -> tuple[Array, Array]:
 
 def directions_of(model: pin.Model) -> list[tuple[int, int]]:
     """Return where in a configuration a quaternion or a pair (cosine, sine) starts, and its size."""
-    places = []
-    for joint in model.joints:
-        size = DIRECTIONS.get(joint.shortname(), 0)
-        if size:
-            places.append((joint.idx_q + joint.nq - size, size))
-    return places
+    sized = ((joint.idx_q + joint.nq, DIRECTIONS.get(joint.shortname(), 0)) for joint in model.joints)
+    return [(end - size, size) for end, size in sized if size]
 
 
 def check_configurations(directions: list[tuple[int, int]], q: Array) -> None:

@@ -83,7 +83,7 @@ def _commands(morphology: Morphology, bars: dict[str, Bar]) -> list[bytes]:
     clear_background(viewer)
     for name, part in parts(morphology).items():
         if not name.endswith(("_L3", "_L7")):
-            corners = np.array(part.mesh).reshape(-1, 3)
+            corners = np.array(part.mesh()).reshape(-1, 3)
             mesh = shapes.TriangularMeshGeometry(corners, np.arange(len(corners)).reshape(-1, 3))
             *colour, alpha = MATERIALS[part.material]
             number = int.from_bytes(bytes(round(255.0 * share) for share in colour))

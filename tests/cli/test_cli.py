@@ -49,14 +49,6 @@ def test_a_run_writes_what_it_promises(tmp_path: Path, capsys: pytest.CaptureFix
     assert bool(np.isfinite(estimate["force_W"]).all())
 
 
-def test_the_written_scenario_gives_the_same_numbers_again(tmp_path: Path) -> None:
-    """Running `scenario.toml` reproduces `metrics.json` to the last bit."""
-    first, second = tmp_path / "first", tmp_path / "second"
-    assert call("run", "paper", "--out", str(first), "--no-report", *SHORT) == 0
-    assert call("run", str(first / "scenario.toml"), "--out", str(second), "--no-report") == 0
-    assert (first / "metrics.json").read_bytes() == (second / "metrics.json").read_bytes()
-
-
 def test_the_same_seed_gives_the_same_metrics_in_any_process(tmp_path: Path) -> None:
     """To the last bit, with noisy forces and sensors: two fresh processes, and this one, twice."""
     program, written = [sys.executable, "-m", "aerobat_pin", "run", "noisy_sensors", "--no-report", *SHORT], []

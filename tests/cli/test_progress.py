@@ -14,7 +14,6 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from aerobat_pin.cli import console, spoken_progress
 from aerobat_pin.experiments.experiment import run
@@ -184,22 +183,13 @@ def test_a_command_loads_nothing_slow_that_it_does_not_need(
     assert loaded == ""
 
 
-@pytest.mark.parametrize("share", [1e-3, 0.1, 0.6, 1.0])
-def test_the_doubling_low_pass_is_the_recursion(share: float) -> None:
-    """Against scipy's filter, over records shorter and longer than the filter remembers."""
+@pytest.mark.parametrize("share", [1e-3, 0.1, 0.6, 1.0, None])
+def test_the_doubling_low_pass_is_the_recursion(share: float | None) -> None:
+    """y_n = y_(n-1) + share_n (x_n - y_(n-1)), over records shorter and longer than the filter remembers."""
     for length in (1, 2, 7, 3000):
-        values = np.random.default_rng(length).normal(size=(length, 3))
-        expected = lfilter([share], [1.0, share - 1.0], values, axis=0)
-        np.testing.assert_allclose(low_passed(values, share), expected, rtol=0.0, atol=1e-14)
-        same = low_passed(values, np.full(length, share))
-        np.testing.assert_allclose(same, expected, rtol=0.0, atol=1e-14)
-
-
-def test_the_low_pass_of_uneven_steps_is_the_recursion() -> None:
-    """y_n = y_(n-1) + share_n (x_n - y_(n-1)), step by step."""
-    rng = np.random.default_rng(5)
-    values, shares, y = rng.normal(size=(500, 3)), rng.uniform(0.01, 0.9, 500), np.zeros(3)
-    found = low_passed(values, shares)
-    for k in range(500):
-        y = y + shares[k] * (values[k] - y)
-        np.testing.assert_allclose(found[k], y, rtol=0.0, atol=1e-14)
+        rng, y = np.random.default_rng(length), np.zeros(3)
+        values = rng.normal(size=(length, 3))
+        shares = rng.uniform(0.01, 0.9, length) if share is None else np.full(length, share)
+        expected = np.array([y := y + one * (x - y) for x, one in zip(values, shares, strict=True)])
+        for given in (shares, *(() if share is None else (share,))):
+            np.testing.assert_allclose(low_passed(values, given), expected, rtol=0.0, atol=1e-14)

@@ -70,28 +70,6 @@ def test_a_turned_body_is_turned_back_as_stiffly_as_the_scenario_says(axis: str)
     np.testing.assert_allclose(np.delete(turned[3:], i), 0.0, atol=5e-3 * abs(turned[3 + i]))
 
 
-def test_who_is_left_of_the_course_rolls_to_the_right() -> None:
-    """The rolling moment is that of the roll that pushes back m w^2 y; the lift is corrected for bank."""
-    pilot = controller(*STEADY)
-    q, v, level = begun(pilot)
-    q[1] = 0.01
-    roll = 2.8**2 * 0.01 / 9.81
-    moment = (pilot.wrench(0.0, q, v, 0.0) - level)[3]
-    assert moment == pytest.approx(pilot.nominal.inertia[0] * 144.0 * roll, rel=0.01)
-    q, v = sample(pilot, roll=0.2)
-    assert pilot.wrench(0.0, q, v, 0.0)[2] == pytest.approx(level[2] / np.cos(0.2), rel=1e-6)
-
-
-def test_a_position_error_is_answered_by_mass_times_frequency_squared() -> None:
-    """1 cm too low: m w^2 h of additional lift; 1 cm behind: m w^2 h forward."""
-    pilot = controller(*STEADY)
-    q, v, level = begun(pilot)
-    q[:3] = [-0.01, 0.0, -0.01]
-    answer = pilot.wrench(0.0, q, v, 0.0) - level
-    mass = pilot.nominal.mass
-    np.testing.assert_allclose(answer[[0, 2]], [mass * 4.0 * 0.01, mass * 64.0 * 0.01], rtol=1e-9)
-
-
 def test_a_push_at_the_centre_of_mass_does_not_ask_for_yaw() -> None:
     """The thrusters leave its part sideways, so only a roll is wanted against it; against that upwards, a pitch."""
     pilot = controller(*ROUND, *STEADY[:2], "sensors={}", "control.lateral=0.0")

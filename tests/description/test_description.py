@@ -1,5 +1,6 @@
 """The description is what its morphologies say, and refuses robots that cannot be."""
 
+import os
 import struct
 import subprocess
 import sys
@@ -60,8 +61,10 @@ def test_committed_files_are_small_and_what_the_generator_writes_and_nothing_mor
 
 def test_the_constants_point_at_what_is_there() -> None:
     """Names of robot_descriptions; Pinocchio wants the parent of the package folder as package directory."""
-    for name in ("REPOSITORY_PATH", "PACKAGE_PATH", "URDF_PATH", "SRDF_PATH", "MESHES_PATH"):
-        assert Path(getattr(description, name)).exists(), name
+    for name in ("REPOSITORY_PATH", "PACKAGE_PATH", "URDF_PATH", "SRDF_PATH", "MJCF_PATH", "MESHES_PATH"):
+        path = getattr(description, name)
+        assert os.path.isabs(path), name
+        assert Path(path).exists(), name
     assert all(Path(folder, "aerobat_description").samefile(PACKAGE) for folder in description.PACKAGE_DIRS)
     assert {file.stem for file in (PACKAGE / "morphologies").iterdir()} == set(description.MORPHOLOGIES)
 

@@ -3,21 +3,19 @@
 import itertools
 import tomllib
 from functools import cache
-from pathlib import Path
 
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+from support.readers import PACKAGE, ROBOTS
 
-import aerobat_description as description
 from aerobat_description.bars import CLOSING, LAYERS, LINK_OF, linkage_bars
 from aerobat_description.meshes import panels
 from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
 from aerobat_pin.aerobat.closed_model import bar_placements, place_bars, visual_model_with_bars
 from aerobat_pin.errors import ShapeError
 
-ROBOTS = pytest.mark.parametrize("name", description.MORPHOLOGIES)
 SIDES = ("left", "right")
 MEMBRANES = ("proximal_membrane", "distal_membrane")
 TURN = np.radians(np.arange(0.0, 360.0, 5.0))
@@ -86,8 +84,8 @@ def test_a_crank_angle_that_is_no_number_is_refused() -> None:
 @ROBOTS
 def test_the_linkage_beside_the_urdf_animates_the_robot(name: str) -> None:
     """From the TOML file alone, as its header says: bars meet, tree angles are the linkage's, meshes are there."""
-    package, one = Path(description.PACKAGE_PATH), robot(name)
-    data = tomllib.loads((package / "linkage" / f"{name}.toml").read_text())
+    one = robot(name)
+    data = tomllib.loads((PACKAGE / "linkage" / f"{name}.toml").read_text())
     turn = {key: np.array(values) for key, values in data["turn"].items()}
     closure = one.linkage.solve(turn["L1"])
     for angle, exact in (("theta_s", closure.theta_s), ("theta_e", closure.theta_e)):
@@ -99,7 +97,7 @@ def test_the_linkage_beside_the_urdf_animates_the_robot(name: str) -> None:
     assert all(np.max(np.abs(np.diff(column))) < 0.3 for column in turn.values())
     pins: dict[tuple[str, str], np.ndarray] = {("base_link", p): np.array(data["pivots"][p]) for p in ("J1", "J8")}
     for bar in data["bars"]:
-        assert all((package / bar[f"{side}_mesh"]).is_file() for side in SIDES)
+        assert all((PACKAGE / bar[f"{side}_mesh"]).is_file() for side in SIDES)
         along = np.exp(1j * turn[bar["name"]])
         if "carrier" in bar:
             start = pins[bar["carrier"], bar["origin"]]

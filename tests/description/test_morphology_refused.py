@@ -17,7 +17,7 @@ from aerobat_description.morphology import Morphology
 from aerobat_description.reading import BUILT_IN, MorphologyError
 from aerobat_description.toml_text import LARGEST_TOML, TomlError, toml_file, toml_values
 from aerobat_pin.aerobat.aerobat import load_aerobat
-from aerobat_pin.errors import ScenarioError, SweepError
+from aerobat_pin.errors import MorphologyFileError, ScenarioError, SweepError
 from aerobat_pin.experiments import load_sweep
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.scenario.toml import parsed_value, with_settings
@@ -97,12 +97,39 @@ def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message
             {"guard": {"radius": [0.1, 0.3], "centre": 0.0, "tube": 0.3}},
             r"guard\.tube = 0\.3: it is smaller than the ring's half axes, 0\.1 m at least",
         ),
+        ({"scale": {"span": -1.0}}, r"scale\.span = -1\.0: it must be positive"),
+        ({"scale": {"spam": 1.0}}, r"unknown key 'scale\.spam'; did you mean 'span'"),
+        ({"scale": {"span": 0.2}}, r"wing\.distal_stations = .*: stations start at 0 and increase"),
+        ({"body": {"com": [0.0, 0.01, 0.0]}}, r"body\.com = .*: base_link has its origin at the centre of mass"),
+        (
+            {"body": {"inertia": [2e-4, 1e-4, 2e-4, 1e-6, 0, 0]}},
+            r"body\.inertia = .*: left and right mirror",
+        ),
+        ({"body": {"inertia": [2e-2, 1e-2, 2.1e-2, 0, 0, 0]}}, r"body\.inertia = .*: a radius of gyration of 0\.819 m"),
+        ({"tail": {"position": [-0.1, 0.01, 0.0]}}, r"tail\.position = .*: left and right mirror each other"),
+        (
+            {"distal": {"com": [0.0, -0.05, 0.0]}},
+            r"distal\.com = .*: the centre of mass lies within the panel",
+        ),
+        (
+            {
+                "wing": {
+                    "proximal_trailing_edge": [-0.1, 0.0765],
+                    "distal_trailing_edge": [0.0765, 0.0807, 0.118, 0.101],
+                }
+            },
+            r"distal_leading_edge.*has no area",
+        ),
+        ({"thrusters": 3}, r"thrusters = 3: a list of tables"),
+        ({"thrusters": [{"name": "a"}]}, r"missing key 'thrusters\[0\]\.position'"),
     ],
 )
-def test_parts_that_do_not_fit_are_refused_by_key_value_and_rule(changes: dict[str, Any], message: str) -> None:
-    """Planform against linkage and itself, force point, wing and guard."""
-    with pytest.raises(MorphologyError, match=message):
-        Morphology.load("aerobat", changes)
+def test_a_change_that_no_robot_can_have_is_refused_by_key_value_and_rule(changes: Any, message: str) -> None:
+    """Planform against linkage and itself, force point, wing, guard, scales, symmetry, thrusters; at both doors."""
+    with pytest.raises(MorphologyFileError, match=message):
+        load_aerobat("aerobat").with_changes(changes)
+    with pytest.raises(MorphologyFileError, match=message):
+        load_aerobat("aerobat", changes)
 
 
 def test_what_just_fits_is_a_robot() -> None:

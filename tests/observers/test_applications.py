@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 import xarray as xr
 from scipy.linalg import expm
-from support.arm import ALIGNED, arm, identifiability, push, rest
+from support.arm import ALIGNED, arm, identifiability, push, rest, settled
 from support.kernel_cases import COPIES, MODELS, record
 from support.observer_twins import point_jacobian
 
@@ -16,7 +16,6 @@ from aerobat_pin.observers import (
     ForceLevelObserver,
     KalmanObserver,
     MomentumObserver,
-    SecondOrderObserver,
     SuperTwistingObserver,
     Tie,
     tie_joints,
@@ -29,15 +28,6 @@ WINGS = ["left_force_point", "right_force_point"]
 PAIRS = {"left_shoulder": "right_shoulder", "left_elbow": "right_elbow"}
 
 
-def settled(model: pin.Model, application: Application, tau: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return the components that an observer settles at when joint torques tau hold a robot still."""
-    observer = ForceLevelObserver(model, [application], gain=1e4)
-    observer.reset(q, np.zeros(model.nv))
-    for k in range(20):
-        sample = observer.update((k + 1) * 1e-3, q, np.zeros(model.nv), tau)
-    return sample.components
-
-
 @pytest.mark.parametrize("axes", ["world", "frame"])
 def test_a_wrench_is_found_in_world_and_in_frame_axes(axes: str) -> None:
     """Six joints hold a known force and moment at the tool, whose frame is turned, against Pinocchio's Jacobian."""
@@ -48,8 +38,8 @@ def test_a_wrench_is_found_in_world_and_in_frame_axes(axes: str) -> None:
     wrench = np.array([1.5, -2.0, 0.7, 0.1, -0.05, 0.2])
     frame = pin.LOCAL if axes == "frame" else ALIGNED
     J = pin.computeFrameJacobian(model, model.createData(), q, model.getFrameId("hand"), frame)
-    application = Application("hand", "wrench", axes)  # type: ignore[arg-type]
-    np.testing.assert_allclose(settled(model, application, rest(model, q) - J.T @ wrench, q), wrench, rtol=1e-6)
+    observer = ForceLevelObserver(model, [Application("hand", "wrench", axes)], gain=1e4)  # type: ignore[arg-type]
+    np.testing.assert_allclose(settled(observer, q, rest(model, q) - J.T @ wrench).components, wrench, rtol=1e-6)
 
 
 @pytest.mark.parametrize("axes", ["world", "frame"])
@@ -62,8 +52,9 @@ def test_a_force_along_a_line_is_one_number(axes: str) -> None:
     R = data.oMf[model.getFrameId(frame)].rotation if axes == "frame" else np.eye(3)
     line = np.array([2.0, 0.0, -1.0])
     tau = rest(model, q) - push(model, frame, q, -3.0 * R @ line / np.linalg.norm(line))
-    application = Application(frame, axes=axes, direction=tuple(line))  # type: ignore[arg-type]
-    np.testing.assert_allclose(settled(model, application, tau, q), [-3.0], rtol=1e-6)
+    acting = Application(frame, axes=axes, direction=tuple(line))  # type: ignore[arg-type]
+    found = settled(ForceLevelObserver(model, [acting], gain=1e4), q, tau).components
+    np.testing.assert_allclose(found, [-3.0], rtol=1e-6)
 
 
 def test_components_have_labels_and_forces_in_world_axes_keep_their_shape() -> None:
@@ -211,22 +202,6 @@ def test_the_deviation_of_a_component_is_that_of_many_noisy_fits() -> None:
     A = (point_jacobian(robot.model, WINGS, robot.q0) @ observer.believed.map(np.ones(10))).T
     noise = np.random.default_rng(8).normal(size=(10000, len(A)))
     np.testing.assert_allclose(np.std(noise @ np.linalg.pinv(A).T, axis=0), found.deviation, rtol=0.05)
-
-
-def test_a_second_order_filter_rejects_noise_that_a_first_order_one_lets_through() -> None:
-    """White noise of one interval at K = 200 1/s: variance by the integral of |H|^2, K/2 against 2.146 K/4 per dt."""
-    model, frame = arm()
-    q = np.tile(np.random.default_rng(1).uniform(-1.0, 1.0, model.nq), (20001, 1))
-    v, rng = np.zeros((20001, model.nv)), np.random.default_rng(2)
-    J = pin.computeFrameJacobian(model, model.createData(), q[0], model.getFrameId(frame), ALIGNED)[:3]
-    tau = rest(model, q[0]) - rng.normal(size=(20000, 3)) @ J
-    time = np.arange(20001) * 1e-4
-    variance = [
-        np.var(kind(model, [frame], gain=200.0).run(time, q, v, tau).force[200:])
-        for kind in (ForceLevelObserver, SecondOrderObserver)
-    ]
-    assert variance[0] == pytest.approx(200.0 * 1e-4 / 2.0, rel=0.1)
-    assert variance[1] == pytest.approx(2.146 * 200.0 * 1e-4 / 4.0, rel=0.1)
 
 
 # ------------------------------------------------------------------------------------- what an estimate shows of itself

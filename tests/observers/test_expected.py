@@ -7,11 +7,13 @@ import pinocchio as pin
 import pytest
 from support import observer_twins as twins
 from support.arm import arm, push, rest
-from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record
+from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record, streamed
+from support.without_coriolis import links
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.observers import OBSERVERS, Application, Estimate, Expected, ForceLevelObserver, Observer, equations
 from aerobat_pin.observers import rows as believed_rows
+from aerobat_pin.observers.applications import Applications
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.rows import ROWS, Rows
 
@@ -40,10 +42,7 @@ def test_the_posterior_equals_its_twin_in_stream_and_batch(name: str, rows: Rows
     assert_equal(estimate.standard_deviation[-1], twin.posterior.deviation, near)
     np.testing.assert_allclose(estimate.doubt[-1], twin.posterior.k, rtol=1e3 * near)
     assert np.all(estimate.standard_deviation <= expected.force * (1.0 + 1e-12))
-    observer.reset(q[0], v[0], time[0])
-    for k in range(len(tau)):
-        now = {channel: values[k] for channel, values in known.items()}
-        sample = observer.update(time[k + 1], q[k + 1], v[k + 1], tau[k], now)
+    *_, sample = streamed(observer, time, q, v, tau, known)
     assert_equal(sample.components, estimate.components[-1], near)
     assert_equal(sample.standard_deviation, estimate.standard_deviation[-1], near)
 
@@ -63,20 +62,21 @@ def test_tolerances_of_the_projection_do_not_touch_the_posterior(monkeypatch: py
         assert_equal(getattr(found[1], name), getattr(found[0], name), 1e-12)
 
 
-def held(model: pin.Model, frame: str, q: np.ndarray, force: np.ndarray, expected: Expected) -> Estimate:
-    """Return the estimate of an arm at rest while a force pushes."""
-    observer = ForceLevelObserver(model, [frame], 100.0, "all", expected)
-    count = 200
-    tau = np.tile(rest(model, q) - push(model, frame, q, force), (count, 1))
-    return observer.run(np.arange(count + 1) / 100, np.tile(q, (count + 1, 1)), np.zeros((count + 1, model.nv)), tau)
+def held(
+    model: pin.Model, point: str | Application, q: np.ndarray, tau: np.ndarray, expected: Expected, rows: Rows = "all"
+) -> Estimate:
+    """Return the estimate of three seconds in which joint torques hold a robot still."""
+    observer, count = ForceLevelObserver(model, [point], 100.0, rows, expected), 300
+    record = np.tile(q, (count + 1, 1)), np.zeros((count + 1, model.nv)), np.tile(tau, (count, 1))
+    return observer.run(np.arange(count + 1) / 100, *record)
 
 
 def test_an_endless_expected_force_leaves_least_squares() -> None:
     """Rows that say enough decide alone: 1 N against an expectation of a million."""
     model, frame = arm()
     q, force = pin.neutral(model) + 0.4, np.array([0.3, -0.8, 0.5])
-    error = np.full(6, 0.05)
-    found = held(model, frame, q, force, Expected(np.full(3, 1e6), error, np.zeros(6), np.ones(6)))
+    expected = Expected(np.full(3, 1e6), np.full(6, 0.05), np.zeros(6), np.ones(6))
+    found = held(model, frame, q, rest(model, q) - push(model, frame, q, force), expected)
     np.testing.assert_allclose(found.force[-1, 0], force, atol=1e-6)
     np.testing.assert_allclose(found.seen[-1], 1.0, atol=1e-6)
 
@@ -93,7 +93,8 @@ def test_a_straight_arm_does_not_show_the_force_along_it_and_says_so() -> None:
         place = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.4]))
     model.addFrame(pin.Frame("tip", 2, 0, place, pin.OP_FRAME))
     expected = Expected(np.full(3, 6.0), np.array([0.05, 0.05]), np.zeros(2), np.ones(2))
-    found = held(model, "tip", np.zeros(2), np.array([2.0, 0.0, 3.0]), expected)
+    q, force = np.zeros(2), np.array([2.0, 0.0, 3.0])
+    found = held(model, "tip", q, rest(model, q) - push(model, "tip", q, force), expected)
     assert found.force[-1, 0, 0] == pytest.approx(2.0, abs=0.01)
     assert found.force[-1, 0, 2] == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(found.standard_deviation[-1, 1:], 6.0)
@@ -121,12 +122,9 @@ def test_a_push_beside_the_point_makes_k_large() -> None:
     """A moment that no force at the point explains: squared errors tens of times as large as stated."""
     model, frame = arm()
     q, expected = pin.neutral(model) + 0.4, Expected(np.full(3, 5.0), np.full(6, 0.05), np.zeros(6), np.ones(6))
-    J = pin.computeFrameJacobian(model, model.createData(), q, model.getFrameId(frame), pin.LOCAL_WORLD_ALIGNED)
-    observer = ForceLevelObserver(model, [frame], 100.0, "all", expected)
     for lever, above in ((0.0, False), (0.25, True)):
         wrench = np.array([0.0, 4.0, 0.0, 0.0, 0.0, 4.0 * lever])
-        tau = np.tile(rest(model, q) - J.T @ wrench, (200, 1))
-        found = observer.run(np.arange(201) / 100, np.tile(q, (201, 1)), np.zeros((201, 6)), tau)
+        found = held(model, frame, q, rest(model, q) - push(model, frame, q, wrench), expected)
         assert (found.doubt[-1] > 10.0) == above
 
 
@@ -134,34 +132,22 @@ def test_friction_at_rest_is_no_force() -> None:
     """An arm stands on its stiction: known, it explains all; unknown, the rows' errors are tens of times as large."""
     model, frame = arm()
     q, stiction = pin.neutral(model) + 0.4, np.array([1.0, 1.0, 0.5, 0.2, 0.2, 0.2])
-    tau = np.tile(rest(model, q) + 0.5 * stiction * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0]), (200, 1))
+    tau = rest(model, q) + 0.5 * stiction * np.array([1.0, -1.0, 1.0, 1.0, -1.0, 1.0])
     for known in (stiction, np.zeros(6)):
-        expected = Expected(np.full(3, 20.0), np.full(6, 0.02), known, np.full(6, 0.05))
-        observer = ForceLevelObserver(model, [frame], 100.0, "all", expected)
-        found = observer.run(np.arange(201) / 100, np.tile(q, (201, 1)), np.zeros((201, 6)), tau)
+        found = held(model, frame, q, tau, Expected(np.full(3, 20.0), np.full(6, 0.02), known, np.full(6, 0.05)))
         assert np.all(np.abs(found.components[-1]) < 2.0 * found.standard_deviation[-1])
         assert (found.doubt[-1] < 3.0) == bool(known.any())
 
 
 def test_the_smallest_robots_keep_their_memory() -> None:
     """One joint and one component, and a base without joints under `base+power`: a push is found, and all is finite."""
-    slide = pin.Model()
-    slide.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
-    slide.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.1 * np.eye(3)), pin.SE3.Identity())
-    slide.addFrame(pin.Frame("end", 1, 0, pin.SE3.Identity(), pin.OP_FRAME))
-    along = Application("end", direction=(1.0, 0.0, 0.0))
-    body = pin.Model()
-    body.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
-    body.appendBodyToJoint(1, pin.Inertia(2.0, np.zeros(3), 0.1 * np.eye(3)), pin.SE3.Identity())
-    body.addFrame(pin.Frame("end", 1, 0, pin.SE3(np.eye(3), np.array([0.3, 0.1, 0.2])), pin.OP_FRAME))
-    for model, point, rows, force in ((slide, along, "all", [3.0]), (body, "end", "base+power", [3.0, -1.0, 2.0])):
-        nv, c, count = model.nv, len(force), 300
-        expected = Expected(np.full(c, 1e4), np.full(nv, 0.01), np.zeros(nv), np.ones(nv))
-        observer = ForceLevelObserver(model, [point], 100.0, rows, expected)
-        q = np.tile(pin.neutral(model), (count + 1, 1))
-        J = observer.applications.jacobian(q[0])
-        tau = np.tile(pin.computeGeneralizedGravity(model, model.createData(), q[0]) - J.T @ force, (count, 1))
-        found = observer.run(np.arange(count + 1) / 100, q, np.zeros((count + 1, nv)), tau)
+    slide, body = links(pin.JointModelPX()), links(pin.JointModelFreeFlyer())
+    along = Application("tip0", direction=(1.0, 0.0, 0.0))
+    for model, point, rows, force in ((slide, along, "all", [3.0]), (body, "tip0", "base+power", [3.0, -1.0, 2.0])):
+        nv, q = model.nv, pin.neutral(model)
+        expected = Expected(np.full(len(force), 1e4), np.full(nv, 0.01), np.zeros(nv), np.ones(nv))
+        tau = rest(model, q) - Applications(model, [point]).jacobian(q).T @ force
+        found = held(model, point, q, tau, expected, rows)
         np.testing.assert_allclose(found.components[-1], force, atol=1e-5)
         assert np.all(np.isfinite(found.standard_deviation))
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 from support.further import further
 from support.kalman_twins import KalmanTwin
-from support.kernel_cases import MODELS, assert_equal, believable, record
+from support.kernel_cases import MODELS, assert_equal, believable, record, streamed
 from support.observer_twins import point_jacobian
 from support.rails import Rails
 
@@ -16,7 +16,7 @@ from aerobat_pin.aerobat.aerobat import FORCE_POINTS, load_aerobat
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight import simulate
-from aerobat_pin.observers import Application, Expected, KalmanObserver, SmootherObserver, tie_joints
+from aerobat_pin.observers import Application, Expected, KalmanObserver, SensorNoise, SmootherObserver, tie_joints
 from aerobat_pin.scenario.scenario import load_scenario
 
 ROBOT = load_aerobat("aerobat_light")
@@ -35,12 +35,6 @@ MOST = [one for one in ALL if one[0] != "humanoid" or one[1] == "mass and two fo
 REST = [one for one in ALL if one not in MOST]
 
 
-def sensors(model: pin.Model) -> np.ndarray:
-    """Return standard deviations (nv,) of a model's velocity sensors."""
-    free = model.joints[1].nv == 6
-    return np.array([SENSORS[0]] * 3 * free + [SENSORS[1]] * 3 * free + [SENSORS[2]] * (model.nv - 6 * free))
-
-
 @pytest.mark.parametrize(("name", "case"), [*MOST, *further(*REST)])
 def test_filter_and_smoother_equal_the_textbook(name: str, case: str) -> None:
     """Estimate and standard deviation against dense Joseph-form Kalman and Rauch-Tung-Striebel, one stamp repeated."""
@@ -53,7 +47,7 @@ def test_filter_and_smoother_equal_the_textbook(name: str, case: str) -> None:
     time, q, v, tau, known = record(model)
     size = float(pin.computeTotalMass(model))  # so that the walk is neither slow nor fast beside the sensors
     settings = {"force_walk": 40.0 * size, "prior": 10.0 * size, **CASES[case]}
-    twin = KalmanTwin(model, frames, sensors(model), **settings)
+    twin = KalmanTwin(model, frames, SensorNoise(*SENSORS).deviations(model), **settings)
     for kind in (KalmanObserver, SmootherObserver):
         force, deviation = twin.run(time, q, v, tau, known, smooth=kind is SmootherObserver)
         estimate = kind(model, frames, sensor_noise=SENSORS, **settings).run(time, q, v, tau, known)
@@ -81,12 +75,9 @@ def test_a_stream_is_a_batch_with_its_standard_deviation(case: str) -> None:
     time, q, v, tau, known = record(model)
     observer = KalmanObserver(model, frames, force_walk=1.0, **CASES[case])
     batch = observer.run(time, q, v, tau, known)
-    observer.reset(q[0], v[0], time[0])
-    for k in range(len(tau)):
+    for k, sample in enumerate(streamed(observer, time, q, v, tau, known)):
         if k == 7:
             observer.run(time, q, v, tau, known)
-        now = {name: values[k] for name, values in known.items()}
-        sample = observer.update(time[k + 1], q[k + 1], v[k + 1], tau[k], now)
         np.testing.assert_array_equal(sample.components, batch.components[k])
         np.testing.assert_array_equal(sample.force, batch.force[k])
         np.testing.assert_array_equal(sample.residual, batch.residual[k])
@@ -105,7 +96,7 @@ def resting_flight(seed: int, steps: int = 60) -> tuple[Any, ...]:
     model, dt, rng = ROBOT.model, 1e-3, np.random.default_rng(seed)
     data, nv = model.createData(), model.nv
     q = [pin.integrate(model, ROBOT.q0, 0.3 * np.sin(0.05 * k) * np.linspace(-1.0, 1.0, nv)) for k in range(steps + 1)]
-    v = rng.normal(size=(steps + 1, nv)) * sensors(model)
+    v = rng.normal(size=(steps + 1, nv)) * SensorNoise(*SENSORS).deviations(model)
     air = np.sin(0.1 * np.arange(steps))[:, None] * np.repeat([0.5, 0.01], [3, nv - 3])
     start = PRIOR * rng.normal(size=6)
     force = start + np.cumsum(WALK * np.sqrt(dt) * rng.normal(size=(steps, 6)), axis=0)
@@ -196,7 +187,7 @@ def test_a_covariance_stays_symmetric() -> None:
     """Where all torques but their power are unknown, entries differ by eight orders; rounding must not pile up."""
     model, robot_q = ROBOT.model, ROBOT.q0
     observer = KalmanObserver(model, FORCE_POINTS, force_walk=0.7, rows="base+power")
-    speeds = np.random.default_rng(0).normal(size=(400, model.nv)) * sensors(model)
+    speeds = np.random.default_rng(0).normal(size=(400, model.nv)) * SensorNoise(*SENSORS).deviations(model)
     observer.reset(robot_q, speeds[0])
     for k, v in enumerate(speeds[1:]):
         observer.update(1e-3 * (k + 1), robot_q, v, np.zeros(model.nv))

@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.signal import lfilter
-from support.arm import arm, push, rest
+from support.arm import arm, push, rest, settled
 
 from aerobat_description.meshes import parts
 from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
@@ -59,7 +59,7 @@ def at(spot: tuple[float, ...], force: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("link", [name for name in LINKS if name != "base_link"])
 def test_the_outline_of_a_panel_is_that_of_its_mesh(robot: Aerobat, link: str) -> None:
     """What is drawn lies within it, seen from above, and lacks only what would cut body and other wing: 12 mm."""
-    drawn = np.array([point for triangle in parts(robot.morphology)[f"{link}_membrane"].mesh for point in triangle])
+    drawn = np.array([point for triangle in parts(robot.morphology)[f"{link}_membrane"].mesh() for point in triangle])
     outline = robot.wing.outline(link)
     gaps = np.linalg.norm(drawn[:, None, :2] - outline[None, :, :2], axis=2)
     assert gaps.min(axis=0).max() < 0.012
@@ -204,12 +204,9 @@ def test_a_push_on_an_arms_last_link_is_found_through_an_observer() -> None:
     model, frame = arm()
     beside = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.3]))
     model.addFrame(pin.Frame("beside", model.njoints - 1, 0, beside, pin.FrameType.OP_FRAME))
-    q, v = np.random.default_rng(2).uniform(-1.0, 1.0, model.nq), np.zeros(model.nv)
+    q = np.random.default_rng(2).uniform(-1.0, 1.0, model.nq)
     observer = ForceLevelObserver(model, [Application(frame, "wrench", "frame")], gain=1e4)
-    observer.reset(q, v)
-    tau = rest(model, q) - push(model, "beside", q, np.array([1.5, -2.0, 0.7]))
-    for k in range(20):
-        sample = observer.update((k + 1) * 1e-3, q, v, tau)
+    sample = settled(observer, q, rest(model, q) - push(model, "beside", q, np.array([1.5, -2.0, 0.7])))
     square = np.array([[-0.2, -0.2, 0.0], [0.2, -0.2, 0.0], [0.2, 0.2, 0.0], [-0.2, 0.2, 0.0]])
     crossing = locate(sample.components, 1e-6 * np.eye(6)).cross(square)
     np.testing.assert_allclose(crossing.point, [0.1, 0.0, 0.0], atol=1e-6)

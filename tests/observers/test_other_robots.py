@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as draw
 from support import without_coriolis
 from support.arm import arm
+from support.kernel_cases import streamed
 from support.stepping import step
 from support.without_coriolis import AXES, JOINTS, chain, drift, links, mjcf_leg, random_record
 
@@ -165,9 +166,7 @@ def test_every_observer_is_right_on_any_kind_of_robot_or_refuses_it(
     seen = observer.applications.jacobian(flown.q[-1]) @ observer.believed.map(flown.v[-1])
     assert np.linalg.norm((found[-1] - true) @ seen) <= 0.05 * np.linalg.norm(true @ seen) + 1e-9
     if kind.name != "smoother":  # whose stream is the causal filter
-        observer.reset(flown.q[0], flown.v[0], flown.time[0])
-        for k, (time, q, v) in enumerate(zip(flown.time[1:], flown.q[1:], flown.v[1:], strict=True)):
-            sample = observer.update(time, q, v, flown.tau[k], {"thrust": flown.thrust[k]})
+        *_, sample = streamed(observer, flown.time, flown.q, flown.v, **inputs)
         np.testing.assert_allclose(sample.components, found[-1], rtol=1e-6, atol=1e-9)
 
 

@@ -8,9 +8,10 @@ import pickle
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.arm import ALIGNED
+from support.arm import push, rest
 from support.kernel_cases import MODELS, assert_equal, record
 from support.observer_twins import point_jacobian
+from support.robot_parts import efforts
 from support.without_coriolis import mjcf_leg
 
 from aerobat_pin.errors import ObserverError
@@ -45,13 +46,12 @@ def error_at_rest(kind: type[Observer], rows: Rows, friction: float) -> float:
     """Return the error [N] of the force on an arm that stands still, with friction on rail and shoulder [N, N m]."""
     model, frame = arm_on_a_rail()
     q = np.array([0.3, 0.4, -0.6, 0.5, 0.9, -0.3, 0.2])
-    data, push = model.createData(), np.array([2.0, -3.0, 4.0])
-    J = pin.computeFrameJacobian(model, data, q, model.getFrameId(frame), ALIGNED)[:3]
-    tau = pin.computeGeneralizedGravity(model, data, q) - J.T @ push
+    force = np.array([2.0, -3.0, 4.0])
+    tau = rest(model, q) - push(model, frame, q, force)
     tau[[0, 3]] += friction
     time = np.arange(401) * 1e-3
     record = np.tile(q, (401, 1)), np.zeros((401, model.nv)), np.tile(tau, (400, 1))
-    return float(np.linalg.norm(kind(model, [frame], 500.0, rows).run(time, *record).components[-1] - push))
+    return float(np.linalg.norm(kind(model, [frame], 500.0, rows).run(time, *record).components[-1] - force))
 
 
 @pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
@@ -175,19 +175,11 @@ def leg() -> pin.Model:
 
 def walked(force: np.ndarray) -> tuple[pin.Model, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return a leg that swings with a force (3,) [N] on its foot: model, q, v, mean accelerations, motor torques."""
-    model = leg()
-    data = model.createData()
-    swing, v, _ = moved()
+    model, (swing, v, _) = leg(), moved()
     q = swing + np.array([0.0, 0.3, -1.0])
-    tau = np.empty((len(TIME) - 1, 3))
-    for k in range(len(tau)):
-        middle, rate, bend = 0.5 * (q[k] + q[k + 1]), 0.5 * (v[k] + v[k + 1]), (v[k + 1] - v[k]) / 1e-3
-        needed = pin.rnea(model, data, middle, rate, bend)
-        J = pin.computeFrameJacobian(
-            model, data, middle, model.getFrameId("foot"), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )[:3]
-        tau[k] = needed - J.T @ force - TRUE.torque(rate, bend)
-    return model, q, v, np.diff(v, axis=0) / 1e-3, tau
+    middle, rate, a = 0.5 * (q[1:] + q[:-1]), 0.5 * (v[1:] + v[:-1]), np.diff(v, axis=0) / 1e-3
+    tau = efforts(model, "foot", middle, rate, a, np.tile(force, (len(a), 1))) - TRUE.torque(rate, a)
+    return model, q, v, a, tau
 
 
 def test_a_foot_reads_right_once_friction_is_known() -> None:

@@ -4,11 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat.aerobat import Aerobat
-from aerobat_pin.observers import (
-    Identifiability,
-    MomentumObserver,
-    Rows,
-)
+from aerobat_pin.observers import Identifiability, MomentumObserver, Observer, Rows, Sample
 from aerobat_pin.observers.identifiability import judge
 from support.observer_twins import point_jacobian
 
@@ -28,9 +24,18 @@ def rest(model: pin.Model, q: np.ndarray) -> np.ndarray:
 
 
 def push(model: pin.Model, frame: str, q: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Return J^T f of a world force at a frame's origin."""
+    """Return J^T f of a force (3,) or wrench (6,) at a frame's origin, world axes."""
     data = model.createData()
-    return pin.computeFrameJacobian(model, data, q, model.getFrameId(frame), ALIGNED)[:3].T @ force
+    return pin.computeFrameJacobian(model, data, q, model.getFrameId(frame), ALIGNED)[: len(force)].T @ force
+
+
+def settled(observer: Observer, q: np.ndarray, tau: np.ndarray, samples: int = 20) -> Sample:
+    """Return what an observer finds after some samples, 1 ms apart, of a robot that joint torques hold still."""
+    v = np.zeros(observer.model.nv)
+    observer.reset(q, v)
+    for k in range(samples):
+        sample = observer.update((k + 1) * 1e-3, q, v, tau)
+    return sample
 
 
 def identifiability(robot: Aerobat, frames: list[str], rows: Rows = "all") -> Identifiability:

@@ -2,7 +2,7 @@
 
 import copy
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -18,7 +18,7 @@ from aerobat_pin.aerobat.aerobat import FORCE_POINTS, Aerobat, flown_robot, load
 from aerobat_pin.aerobat.wing import Wing
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.plant_state import DIRECTION_AXES
-from aerobat_pin.observers import OBSERVERS, KalmanObserver
+from aerobat_pin.observers import OBSERVERS, KalmanObserver, Observer, Sample
 from aerobat_pin.scenario.scenario import load_scenario, parse_scenario
 
 PACKAGE = Path(aerobat_pin.__file__).parent
@@ -172,3 +172,18 @@ def record(model: pin.Model, count: int = 40, seed: int = 3) -> tuple[Any, ...]:
     v[count // 2 + 1] = v[count // 2]
     tau, *known = rng.uniform(-1.0, 1.0, (3, count, model.nv))
     return time, np.array(q), v, tau, dict(zip(("air", "other"), known, strict=True))
+
+
+def streamed(
+    observer: Observer,
+    time: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    tau: np.ndarray,
+    known: Mapping[str, np.ndarray],
+) -> Iterator[Sample]:
+    """Yield what an observer finds in a record that comes sample by sample."""
+    observer.reset(q[0], v[0], time[0])
+    for k, torque in enumerate(tau):
+        now = {name: values[k] for name, values in known.items()}
+        yield observer.update(time[k + 1], q[k + 1], v[k + 1], torque, now)

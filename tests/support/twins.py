@@ -20,9 +20,10 @@ from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.plant_state import Forces
 from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.flight.point_forces import PointForce
+from support.observer_twins import point_jacobian
 from support.stepping import stage_mean, step
 
-LOCAL, ALIGNED = pin.ReferenceFrame.LOCAL, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+LOCAL = pin.ReferenceFrame.LOCAL
 Vector = np.ndarray
 
 
@@ -77,12 +78,6 @@ def at_joints(model: pin.Model, data: pin.Data, wrenches: Vector) -> Vector:
     return sum(pin.getJointJacobian(model, data, joint, LOCAL).T @ f for joint, f in zip(joints, wrenches, strict=True))
 
 
-def at_frames(model: pin.Model, data: pin.Data, frames: Sequence[str], forces: Vector) -> Vector:
-    """Return sum J^T f (nv,) of world forces (p, 3) at the origins of frames."""
-    jacobians = [pin.getFrameJacobian(model, data, model.getFrameId(name), ALIGNED)[:3] for name in frames]
-    return sum((J.T @ f for J, f in zip(jacobians, forces, strict=True)), np.zeros(model.nv))
-
-
 # -------------------------------------------------------------------------------------------------------------- plant
 
 
@@ -112,7 +107,7 @@ def plant_rates(
     if plant.hold is not None:
         thrusters[:6] = hold_wrench(plant.hold, data.oMi[1].translation, data.oMi[1].rotation, v[:6])
     noisy, clean = forces_at_points(model, data, plant.forces, plant.points, joints[0, 1], *held)
-    unknown = at_frames(model, data, plant.points, noisy)
+    unknown = point_jacobian(model, plant.points, q).T @ noisy.ravel()
 
     M_air, bias_air = added_mass(plant, q, v, wind)
     H, h = M + M_air, nle + bias_air

@@ -71,7 +71,7 @@ def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tu
             block, estimated = record.block(begin, begin + count * piece), estimate.between(done, done + count * piece)
             at, done = np.arange(count) * piece + piece // 2, done + count * piece
             v, J = block.v[at], applications.jacobian(block.q[at])
-            error = np.sqrt(believed.variance_of(expected.row_deviation(v) ** 2, v))
+            error = np.sqrt(believed.of(expected.row_deviation(v) ** 2, v, power=2))
             y = estimated.unexplained.reshape(count, piece, -1)[:, :, : believed.count].mean(axis=1) / error
             B = believed.of(J, v) / error[:, None]
             A = B @ np.swapaxes(B, 1, 2) + np.diag(expected.force**-2.0)

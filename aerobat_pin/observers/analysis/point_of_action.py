@@ -114,9 +114,5 @@ def _misfits(r: Array, wrenches: Array) -> Array:
 
 def _information(F: Array, W: Array) -> Array:
     """Return the information sum [f]x' W' W [f]x (3, 3) on a point, from the scatter matrix F (3, 3) of the forces."""
-    skews = [pin.skew(axis) for axis in np.eye(3)]
-    total = np.zeros((3, 3))
-    for i in range(3):
-        for j in range(3):
-            total += F[i, j] * (W @ skews[i]).T @ (W @ skews[j])
-    return total
+    whitened = W @ np.array([pin.skew(axis) for axis in np.eye(3)])
+    return np.asarray(np.einsum("ij,ika,jkb->ab", F, whitened, whitened))

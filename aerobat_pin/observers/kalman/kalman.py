@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NoReturn
+from typing import ClassVar, NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_state, shown
+from aerobat_pin.observers.analysis.noise_and_lag import SensorNoise
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.equations import Observed, Samples
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
@@ -22,7 +23,7 @@ from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, LEAST_INFORMA
 from aerobat_pin.observers.kalman.noisy_sample import inertias_at, kinship_of
 from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
-from aerobat_pin.observers.rows import BASE_ROWS, Rows, has_free_base, moving_weight
+from aerobat_pin.observers.rows import Rows, moving_weight
 from aerobat_pin.observers.samples import Sampled
 
 SENSOR_NOISE = (0.02, 0.01, 0.05)  # per sample: linear velocity [m/s], gyro [rad/s], joint rates [rad/s]
@@ -84,6 +85,7 @@ class KalmanObserver(Observer):
     """
 
     name = "kalman"
+    _smooths: ClassVar[bool] = False  # whether a smoother walks back over a record
     _compute = staticmethod(compute_inertias)
 
     @guarded(
@@ -222,11 +224,7 @@ class KalmanObserver(Observer):
         """Return the standard deviation of the sensor noise of each velocity (nv,)."""
         if np.shape(sensor_noise) != (3,):
             raise ObserverError(f"sensor_noise = {sensor_noise}: three numbers were expected: linear, gyro, joints")
-        linear, angular, joints = (_positive("sensor_noise", size) for size in sensor_noise)
-        noise = np.full(self._nv, joints)
-        if has_free_base(self.model):
-            noise[:BASE_ROWS] = np.repeat([linear, angular], 3)
-        return noise
+        return SensorNoise(*(_positive("sensor_noise", size) for size in sensor_noise)).deviations(self.model)
 
     def _hidden(self) -> Array:
         """Return the projector (nv, nv) onto generalised forces that do not change the rows in use; (0, 0) if none."""
@@ -236,8 +234,9 @@ class KalmanObserver(Observer):
         return hidden @ hidden.T if hidden.shape[1] else np.zeros((0, 0))
 
     def _start(self, v: Array) -> None:
-        kernels.start_filter(self._memory, v)
-        self._begin(self._kalman, self._kalman.filter.samples[0])
+        sample = self._kalman.filter.samples[0]
+        kernels.record_noisy_sample(self._memory, v, sample)
+        self._begin(self._kalman, sample)
 
     def _begin(self, kalman: KalmanState, sample: Array) -> None:
         """Start the filter at a sample, with zero estimated forces and the initial uncertainty from the settings."""
@@ -262,15 +261,6 @@ class KalmanObserver(Observer):
     def _run(
         self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], sampled: list[Sampled]
     ) -> tuple[Observed, Samples]:
-        return self._filtered(time, q, v, u, known, new_steps(0, **self._step_sizes))
-
-    def _filtered(
-        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], steps: Array
-    ) -> tuple[Observed, Samples]:
-        """Filter a checked record; return the results, and the samples from which they follow.
-
-        The filter's steps are written to `steps` (m, step size), unless it has no rows; then a smoother walks back.
-        """
         memory = self._memory.copy()  # so that a running stream is not disturbed
         kalman, nv, c, model, data = fields_of(memory, KalmanState), self._nv, self._count, self.model, self.data
         samples = np.empty((len(time), *kalman.filter.samples.shape[1:]))
@@ -279,11 +269,11 @@ class KalmanObserver(Observer):
             kernels.record_noisy_sample(memory, velocity, sample)
         self._begin(kalman, samples[0])
         errors = np.array([np.asarray(self._of(known, name), float) for name in self._errors])
-        out = np.empty((len(u), self._width))
+        out, steps = np.empty((len(u), self._width)), new_steps(len(u) * self._smooths, **self._step_sizes)
         bad = kernels.filter_all(samples, time, u, errors.reshape(-1, len(u), nv), memory, steps, out)
         if bad >= 0:
             raise ShapeError(f"the residual after {time[bad]} s is not finite: q, v or a force is too large")
-        if len(steps):
+        if self._smooths:
             smooth_all(time, self._memory, steps, out)
             for k in np.flatnonzero(np.diff(time) == 0.0):
                 out[k] = out[k - 1] if k > 0 else 0.0
@@ -310,17 +300,13 @@ class SmootherObserver(KalmanObserver):
     """
 
     name = "smoother"
+    _smooths = True
 
     def update(
         self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
     ) -> NoReturn:
         """Raise ObserverError: the smoother needs a whole record and cannot take single samples."""
         raise ObserverError("observer smoother needs a whole record: use run, or the observer kalman for a stream")
-
-    def _run(
-        self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], sampled: list[Sampled]
-    ) -> tuple[Observed, Samples]:
-        return self._filtered(time, q, v, u, known, new_steps(len(u), **self._step_sizes))
 
 
 def _positive(name: str, value: float) -> float:

@@ -274,15 +274,8 @@ def update_filter(memory: Array, q: Array, v: Array, u: Array, dt: float, out: A
 
 
 @kernel
-def start_filter(memory: Array, v: Array) -> None:
-    """Write the first sample of a stream."""
-    kalman = fields_of(memory, KalmanState)
-    write_noisy_sample(kalman.observer, kalman.filter, v, kalman.filter.samples[0])
-
-
-@kernel
 def record_noisy_sample(memory: Array, v: Array, sample: Array) -> None:
-    """Write a sample (3 + c + 2 nv, nv) of a record at a velocity (nv,), for which Pinocchio has computed M."""
+    """Write a sample (3 + c + 2 nv, nv) at a velocity (nv,), for which Pinocchio has computed M."""
     kalman = fields_of(memory, KalmanState)
     write_noisy_sample(kalman.observer, kalman.filter, v, sample)
 

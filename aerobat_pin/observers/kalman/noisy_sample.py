@@ -40,19 +40,9 @@ def kinship_of(model: pin.Model) -> Integers:
 
     That is `ABOVE` if the other one moves the joint, `BELOW` if it is in a joint further out, else 0.
     """
-    nv, joint = int(model.nv), np.zeros(int(model.nv), np.intp)
-    for member in model.joints.tolist()[1:]:
-        joint[member.idx_v : member.idx_v + member.nv] = member.id
-    supports = [set(support.tolist()) for support in model.supports.tolist()]
-    table = np.zeros((nv, nv + 1), np.intp)
-    table[:, 0] = joint
-    for k in range(nv):
-        for other in range(nv):
-            if joint[other] in supports[joint[k]]:
-                table[k, 1 + other] = ABOVE
-            elif joint[k] in supports[joint[other]]:
-                table[k, 1 + other] = BELOW
-    return table
+    joint = np.repeat(np.arange(model.njoints), model.nvs.tolist())
+    above = np.array([np.isin(joint, model.supports[one].tolist()) for one in joint.tolist()])
+    return np.column_stack([joint, np.where(above, ABOVE, np.where(above.T, BELOW, 0))])
 
 
 def inertias_at(model: pin.Model, data: pin.Data) -> int:

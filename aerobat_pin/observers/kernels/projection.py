@@ -66,15 +66,8 @@ def power_unit(observer: ObserverState, velocity: Array) -> float:
     nv, speed = velocity.shape[0], 0.0
     if observer.sizes.rows == POWER_ROW:
         for k in range(BASE_ROWS, nv):
-            speed += in_unit_of_last_row(observer, velocity, k) ** 2
-    return float(observer.weight[nv - 1] / np.sqrt(speed)) if speed > 0.0 else 0.0
-
-
-@inlined
-def in_unit_of_last_row(observer: ObserverState, velocity: Array, k: int) -> float:
-    """Return a joint's velocity, divided by the lever arm if it slides and the last joint turns (or the reverse)."""
-    ratio: float = observer.weight[observer.weight.shape[0] - 1] / observer.weight[k]
-    return ratio * float(velocity[k])
+            speed += (velocity[k] / observer.weight[k]) ** 2
+    return float(1.0 / np.sqrt(speed)) if speed > 0.0 else 0.0
 
 
 @inlined
