@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import xarray as xr
-from support.flights import flight_findings
 from support.own_model import own_model_errors
 
 from aerobat_pin.aerobat import (
@@ -21,6 +20,7 @@ from aerobat_pin.aerobat import (
     believed_robot,
     estimate_flight,
     flight_channels,
+    flight_record,
     free_record,
 )
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
@@ -32,7 +32,7 @@ from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
 from aerobat_pin.aerobat.raw.results import notes_of, warnings_of
 from aerobat_pin.aerobat.raw.tuning import Tuning
 from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
-from aerobat_pin.estimation import calibrate, calibration_bytes, read_calibration
+from aerobat_pin.estimation import calibrate, calibration_bytes, read_calibration, record_findings
 from aerobat_pin.experiments import write_flight_mcap
 from aerobat_pin.flight import simulate
 from aerobat_pin.forces import r_squared
@@ -351,7 +351,8 @@ def test_misread_and_held_samples_are_named() -> None:
     log, robot = flight()
 
     def warned(flown: FlightLog) -> list[str]:
-        found = flight_findings(flown, AerobatRobot.of(robot, load_scenario("raw_sensors").believed_air))
+        seen_by = AerobatRobot.of(robot, load_scenario("raw_sensors").believed_air)
+        found = record_findings(flight_record(flown, seen_by))
         return [str(one) for one in found if one.verdict in ("warning", "refused")]
 
     def changed(name: str, values: np.ndarray) -> str:
