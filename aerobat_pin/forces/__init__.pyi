@@ -55,7 +55,7 @@ from .instants import settled_instants as settled_instants
 from .instants import settling_intervals as settling_intervals
 from .inverse_dynamics import accelerations as accelerations
 from .inverse_dynamics import contact_torque as contact_torque
-from .inverse_dynamics import frame_jacobians as frame_jacobians
+from .inverse_dynamics import halfway as halfway
 from .inverse_dynamics import required_torque as required_torque
 from .known_forces import BESIDE as BESIDE
 from .known_forces import CALIBRATION as CALIBRATION

@@ -7,7 +7,7 @@ Projected on the directions that A does not reach, f disappears.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.readings import Exchange
-from aerobat_pin.forces import KnownInputs, accelerations, ignored_rows, points_of, required_torque
+from aerobat_pin.forces import KnownInputs, accelerations, halfway, ignored_rows, points_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MOMENT_ARM, SMOOTH_RATE, AllBut, Applications
 from aerobat_pin.records import Block, Record
@@ -101,8 +101,69 @@ class Balance:
         return np.divide(effort, weight, out=np.zeros_like(effort), where=weight > 0.0), weight
 
 
-def balance_of(record: Record, inputs: InputsBetween, instants: int = INSTANTS) -> Balance | None:
-    """Return a free robot's equations at instants spread over its record; None if unknown forces leave no row."""
+@dataclass(frozen=True)
+class Motion:
+    """A free robot's motion at m instants.
+
+    Attributes:
+        q: (m, nq) at the start of an interval.
+        halfway: (m, nq) in its middle.
+        v: (m, nv) mean velocities.
+        a: (m, nv) accelerations.
+        tau: (m, nv) mean efforts [N, N m].
+        known: (m, nv) known forces.
+        span: time that the instants cover [s].
+        later: time [s] -> (m, joints) what the efforts are so much later [N m, N].
+    """
+
+    q: Array
+    halfway: Array
+    v: Array
+    a: Array
+    tau: Array
+    known: Array
+    span: float
+    later: Callable[[float], Array]
+
+    def every(self, step: int) -> Motion:
+        """Return one of so many instants."""
+        parts = {name: getattr(self, name)[::step] for name in ("q", "halfway", "v", "a", "tau", "known")}
+        return replace(self, **parts)
+
+
+def motion_of(record: Record, inputs: InputsBetween) -> Motion | None:
+    """Return a free robot's motion at instants spread over its record; None if it is too short."""
+    parts, seen = list[tuple[Array, ...]](), list[tuple[Array, slice]]()
+    most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
+    step, at = max(1, most // INSTANTS), [record.robot.v_index(joint) for joint in record.driven]
+    for stretch in record.spread(most, *(record.map.use.free or ())):
+        if stretch[1] - stretch[0] < SHORTEST:
+            continue
+        given = inputs(*stretch)
+        block = Block(given.time, given.q, given.v, given.tau)
+        count = len(given.tau)
+        chosen = slice(count // 10, count - count // 10, step)
+        v = 0.5 * (block.v[:-1] + block.v[1:])
+        known = sum(given.known.values(), np.zeros_like(given.tau))
+        rates = (each[chosen] for each in (v, accelerations(block, record), given.tau, known))
+        parts.append((block.q[:-1][chosen], halfway(record, block, chosen), *rates))
+        seen.append((given.time, chosen))
+    if not parts:
+        return None
+    q, middle, v, a, tau, known = (np.concatenate(part) for part in zip(*parts, strict=True))
+
+    def measured(by: float) -> Array:
+        return np.concatenate([record.means("joints.effort", time + by)[chosen] for time, chosen in seen])
+
+    def later(by: float) -> Array:  # times the factors that are known of the efforts
+        now = measured(0.0)
+        return np.asarray(measured(by) * np.sum(now * tau[:, at], axis=0) / np.maximum(np.sum(now**2, axis=0), 1e-300))
+
+    return Motion(q, middle, v, a, tau, known, len(q) * step * record.dt, later)
+
+
+def balance_of(record: Record, motion: Motion) -> Balance | None:
+    """Return a free robot's equations; None if unknown forces leave no row."""
     robot, model, free = record.robot, record.robot.model, record.map.use.free
     if free is None and not (record.map.robot.points or record.map.robot.wrenches):
         return None  # a force that is not sought may be in every row
@@ -110,49 +171,24 @@ def balance_of(record: Record, inputs: InputsBetween, instants: int = INSTANTS) 
     arms = 3 * [1.0] + 3 * [1.0 / MOMENT_ARM]
     arms += [1.0 if robot.slides(joint) else 1.0 / MOMENT_ARM for joint in robot.joints]
     weight, at = np.array(arms)[rows], [robot.v_index(joint) for joint in record.driven]
-    unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
-    lighter = _heavier_base(model)
-    lighter_data = lighter.createData()
-    projects, needed, motion, base = list[Array](), list[Array](), list[Array](), list[Array]()
-    seen = list[tuple[Array, slice]]()
-    most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
-    step = max(1, most // instants)
-    for stretch in record.spread(most, *(free or ())):
-        if stretch[1] - stretch[0] < SHORTEST:
-            continue
-        given = inputs(*stretch)
-        block = Block(given.time, given.q, given.v, given.tau)
-        a = accelerations(block, record)
-        count = len(given.tau)
-        chosen = slice(count // 10, count - count // 10, step)
-        whole = required_torque(record, block, a, chosen) - sum(force[chosen] for force in given.known.values())
-        q, v, tau = block.q[:-1][chosen], 0.5 * (block.v[:-1] + block.v[1:])[chosen], given.tau[chosen]
-        beyond: Sequence[Array] = len(q) * [np.eye(len(rows))]
-        if free is None:
-            beyond = _beyond_forces(record, q, rows, weight)
-        if any(Q.shape[1] == 0 for Q in beyond):
-            return None
-        projects += [Q.T * weight for Q in beyond]
-        needed.append(whole[:, rows])
-        motion.append(np.stack([tau[:, at], v[:, at], a[chosen][:, at]]))
-        seen.append((given.time, chosen))
-        moved = zip(q, v, a[chosen], strict=True)
-        base.append(np.array([pin.rnea(lighter, lighter_data, *each)[rows] for each in moved]))
-    if not projects:
+    beyond: Sequence[Array] = len(motion.q) * [np.eye(len(rows))]
+    if free is None:
+        beyond = _beyond_forces(record, motion.q, rows, weight)
+    if any(Q.shape[1] == 0 for Q in beyond):
         return None
-    instant = np.repeat(np.arange(len(projects)), [len(part) for part in projects])
-    project, (effort, rates, bends) = np.concatenate(projects), np.concatenate(motion, axis=1)
-    b, heavier = (np.einsum("nr,nr->n", project, np.concatenate(part)[instant]) for part in (needed, base))
+    instant = np.repeat(np.arange(len(beyond)), [Q.shape[1] for Q in beyond])
+    project = np.concatenate([Q.T * weight for Q in beyond])
+    needed = _weight_and_motion(model, motion.halfway, motion) - motion.known
+    base = _weight_and_motion(_heavier_base(model), motion.q, motion)
+    b, heavier = (np.einsum("nr,nr->n", project, part[:, rows][instant]) for part in (needed, base))
+    unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
+    effort, rates, bends = (part[:, at] for part in (motion.tau, motion.v, motion.a))
+    return Balance(b, project @ unit, heavier, instant, effort, rates, bends, motion.span, motion.later)
 
-    def measured(by: float) -> Array:
-        return np.concatenate([record.means("joints.effort", time + by)[chosen] for time, chosen in seen])
 
-    def later(by: float) -> Array:  # times the factors that are known of the efforts
-        now = measured(0.0)
-        return np.asarray(measured(by) * np.sum(now * effort, axis=0) / np.maximum(np.sum(now**2, axis=0), 1e-300))
-
-    span = len(projects) * step * record.dt
-    return Balance(b, project @ unit, heavier, instant, effort, rates, bends, span, later)
+def _weight_and_motion(model: pin.Model, q: Array, motion: Motion) -> Array:
+    data = model.createData()
+    return np.array([pin.rnea(model, data, *each) for each in zip(q, motion.v, motion.a, strict=True)])
 
 
 def _heavier_base(model: pin.Model) -> pin.Model:

@@ -23,7 +23,9 @@ from numpy.typing import NDArray
 from aerobat_pin.estimation.checks.balance import (
     Balance,
     InputsBetween,
+    Motion,
     balance_of,
+    motion_of,
 )
 from aerobat_pin.estimation.checks.late_efforts import late_efforts
 from aerobat_pin.estimation.checks.misread_limbs import reading_of
@@ -59,8 +61,9 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
         inputs: what an observer is given between two indices of the common times.
         beyond: whether joints are beyond their limits; before that is settled efforts say nothing of factors or places.
     """
-    balance = balance_of(record, inputs)
-    if balance is None:
+    motion = motion_of(record, inputs)
+    balance = None if motion is None else balance_of(record, motion)
+    if motion is None or balance is None:
         free = "" if record.map.use.free else "; use.free names a stretch without contact"
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{free}")
         return
@@ -76,7 +79,7 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
         text += ": they fit the angles as they are, also those of joints beyond their limits"
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
     if beyond:
-        yield from _read_otherwise(record, inputs, balance, np.ones(len(record.driven)))
+        yield from _read_otherwise(record, motion, balance, np.ones(len(record.driven)))
         return
     limbs, signs = limb_pairs(record), _best_signs(balance)
     joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
@@ -92,20 +95,20 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
     if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors):
         yield swapped(record.driven, "efforts", pair, _share_words(least_share, share))
         return
-    told = list(_read_otherwise(record, inputs, balance, signs))
+    told = list(_read_otherwise(record, motion, balance, signs))
     told = told or list(_factors(record, balance, signs, factors, least))
     if not told and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
         told = [left_unexplained("no factors, places or zeros", 100.0 * float(np.sqrt(share)))]
     yield from told
 
 
-def _read_otherwise(record: Record, inputs: InputsBetween, balance: Balance, signs: Array) -> Iterator[Finding]:
+def _read_otherwise(record: Record, motion: Motion, balance: Balance, signs: Array) -> Iterator[Finding]:
     """Yield how joints may have to be read, if that leaves far less beside friction than other efforts do."""
     reversed_, as_mapped = balance.beside_friction(balance.needed - balance.given @ signs), balance.beside_friction()
     _, least = _least_squares(balance, balance.rubbing)
     turned, share, least_left = (float(left @ left) / balance.size for left in (reversed_, as_mapped, least))
     if share > GOOD:
-        reading, left = reading_of(record, inputs, share)
+        reading, left = reading_of(record, motion)
         if left < min(LEFT_BY_JOINTS * share, RIGHT_PLACES, turned, NO_NUMBERS * least_left):
             yield from reading.told(record, _share_words(left, share))
 

@@ -10,13 +10,12 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.balance import InputsBetween, balance_of
+from aerobat_pin.estimation.checks.balance import Motion, balance_of
 from aerobat_pin.estimation.checks.readings import QUARTER, Reading, limbs_of
-from aerobat_pin.forces import KnownInputs
 from aerobat_pin.records import Record
 
 INSTANTS = 36  # of the record, at which each reading is looked at
@@ -28,33 +27,27 @@ DOWNHILL = np.radians([15.0, 7.5, 4.0, 2.0])  # from the best of them
 LIMBS_IN_ANY_ORDER = 4  # so many at most
 
 
-def reading_of(record: Record, inputs: InputsBetween, share: float) -> tuple[Reading, float]:
+def reading_of(record: Record, motion: Motion) -> tuple[Reading, float]:
     """Return the reading that leaves least beside friction, and that share of what is needed, in squares.
 
     Args:
         record: of a free robot.
-        inputs: what an observer is given between two indices of the common times.
-        share: what is left as the joints are mapped.
+        motion: its motion at some instants.
     """
-    given, reading = cache(inputs), Reading.as_mapped(record)
+    few, reading = motion.every(max(1, len(motion.q) // INSTANTS)), Reading.as_mapped(record)
     limbs = [limb for limb in limbs_of(record) if len(limb) > 1]
     limbs = [limb for limb in limbs if len(limb) == len(limbs[0])]
     alone = [(k,) for k in range(len(record.driven)) if not record.robot.slides(record.driven[k])]
     turning: list[Sequence[int]] = [*alone, *zip(*limbs, strict=True)]
     either, orders = [*((k,) for k in range(len(record.driven))), *_groups(limbs)], _orders(limbs)
 
-    @cache
-    def left_by(reading: Reading, **of: int) -> float:
-        def between(first: int, last: int) -> KnownInputs:
-            values = given(first, last)
-            q, v, tau = reading.of_motion(record, values.q, values.v, effort=values.tau)
-            return replace(values, q=q, v=v, tau=tau)
-
-        balance = balance_of(record, between, **of)
+    def left_at(motion: Motion, reading: Reading) -> float:
+        q, v, a, tau = reading.of_motion(record, motion.q, motion.v, motion.a, effort=motion.tau)
+        middle, _ = reading.of_motion(record, motion.halfway, effort=motion.tau)
+        balance = balance_of(record, replace(motion, q=q, halfway=middle, v=v, a=a, tau=tau))
         return np.inf if balance is None else float(np.sum(balance.beside_friction() ** 2)) / balance.size
 
-    def left(reading: Reading) -> float:
-        return left_by(reading, instants=INSTANTS)
+    left = cache(partial(left_at, few))
 
     def changes(reading: Reading) -> Iterator[tuple[Sequence[int], Reading]]:
         for group in turning:
@@ -73,7 +66,7 @@ def reading_of(record: Record, inputs: InputsBetween, share: float) -> tuple[Rea
         reading = best
         if left(reading) < WELL:
             break
-    return reading, left_by(reading)
+    return reading, left_at(motion, reading)
 
 
 def _groups(limbs: list[tuple[int, ...]]) -> list[list[int]]:
