@@ -1,5 +1,11 @@
 from .against_reference import PairedEstimate as PairedEstimate
 from .against_reference import sensor_references as sensor_references
+from .balance import Balance as Balance
+from .balance import Exchange as Exchange
+from .balance import FreeMotion as FreeMotion
+from .balance import InputsBetween as InputsBetween
+from .balance import balance_of as balance_of
+from .balance import motion_of as motion_of
 from .calibration_use import SURE_OF_CONTACT as SURE_OF_CONTACT
 from .calibration_use import CalibrationUse as CalibrationUse
 from .calibration_use import Cause as Cause

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_effort, wrong_effort
 from aerobat_pin.estimation.checks.late_efforts import late_finding
-from aerobat_pin.estimation.checks.readings import Exchange, limb_pairs, swapped
+from aerobat_pin.estimation.checks.readings import limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import SLIDES_AT, EffortRows, Explanation, Instants, most_likely_with
+from aerobat_pin.forces import SLIDES_AT, EffortRows, Exchange, Explanation, Instants, most_likely_with
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import LARGEST_DELAY, PlainRobot, Record
 

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.balance import InputsBetween
 from aerobat_pin.estimation.checks.changes import (
     Change,
     changes_of_efforts,
@@ -27,6 +26,7 @@ from aerobat_pin.forces import (
     EffortRows,
     Explanation,
     FittedValues,
+    InputsBetween,
     Instants,
     effort_rows,
     expected_of,

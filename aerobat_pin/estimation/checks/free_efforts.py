@@ -20,17 +20,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.balance import (
-    Balance,
-    InputsBetween,
-    Motion,
-    balance_of,
-    motion_of,
-)
 from aerobat_pin.estimation.checks.late_efforts import late_efforts
 from aerobat_pin.estimation.checks.misread_limbs import reading_of
-from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, Exchange, limb_pairs, swapped
+from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.forces import Balance, Exchange, FreeMotion, InputsBetween, balance_of, motion_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE
 from aerobat_pin.records import Record
@@ -102,7 +96,7 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
     yield from told
 
 
-def _read_otherwise(record: Record, motion: Motion, balance: Balance, signs: Array) -> Iterator[Finding]:
+def _read_otherwise(record: Record, motion: FreeMotion, balance: Balance, signs: Array) -> Iterator[Finding]:
     """Yield how joints may have to be read, if that leaves far less beside friction than other efforts do."""
     reversed_, as_mapped = balance.beside_friction(balance.needed - balance.given @ signs), balance.beside_friction()
     _, least = _least_squares(balance, balance.rubbing)

@@ -14,12 +14,20 @@ from functools import cache, partial
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.checks.balance import InputsBetween
 from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, driven_rows, slopes_of_weight
 from aerobat_pin.estimation.checks.free_efforts import reversed_effort
-from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, QUARTER, Exchange, Reading, limb_pairs
+from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, QUARTER, JointReading, limb_pairs
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import EffortRows, Explanation, Instants, KnownInputs, most_likely_with, screened
+from aerobat_pin.forces import (
+    EffortRows,
+    Exchange,
+    Explanation,
+    InputsBetween,
+    Instants,
+    KnownInputs,
+    most_likely_with,
+    screened,
+)
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record
 
@@ -54,20 +62,20 @@ def changes_of_reading(
     q, v = instants.q[some], instants.v[some]
     a, effort = np.zeros((2, len(q), model.nv))
     a[:, kept], effort[:, kept] = -instants.columns[2, some], instants.columns[3, some]
-    mapped, left = Reading.as_mapped(record), _left(model, q, v, a, effort)
+    mapped, left = JointReading.as_mapped(record), _left(model, q, v, a, effort)
 
-    def shift(read: Reading) -> Array:
+    def shift(read: JointReading) -> Array:
         return (left - _left(model, *read.of_motion(record, q, v, a, effort=effort)))[:, kept]
 
     @cache
-    def change_to(read: Reading) -> Change:
+    def change_to(read: JointReading) -> Change:
         anew = cache(partial(_anew, record, read, inputs, formed))
         return Change(partial(_told, record, read), anew=anew, doubt=FACTOR + PRICE, leaves=LEFT_BY_JOINTS)
 
-    def loss(read: Reading) -> float:
+    def loss(read: JointReading) -> float:
         return change_to(read).explained(rows, without).loss
 
-    slopes, kinds = np.abs(slopes_of_weight(model, q)).max(axis=(0, 1)), list[list[Reading]]()
+    slopes, kinds = np.abs(slopes_of_weight(model, q)).max(axis=(0, 1)), list[list[JointReading]]()
     joints = {joint for joint, _ in driven_rows(record, instants)}
     places = [k for k, joint in enumerate(record.driven) if joint in joints]  # else other rows would be compared
     for k in places:
@@ -100,15 +108,15 @@ def _left(model: pin.Model, q: Array, v: Array, a: Array, effort: Array) -> Arra
     return np.array([pin.rnea(model, data, *each) for each in zip(q, v, a, strict=True)]) - effort
 
 
-def _changed(read: Reading) -> tuple[int, float, float, float] | None:
+def _joint_changed(read: JointReading) -> tuple[int, float, float, float] | None:
     """Return the joint that is read otherwise, its turn, sense and effort; None if columns are exchanged."""
     each = zip(itertools.count(), read.turn, read.sense, read.effort)
     return next((one for one in each if one[1:] != (0.0, 1.0, 1.0)), None)
 
 
-def _told(record: Record, read: Reading, found: Explanation, left: str) -> Sequence[Finding] | None:
+def _told(record: Record, read: JointReading, found: Explanation, left: str) -> Sequence[Finding] | None:
     """Return what is found, None if the rest of the turn is too far."""
-    changed = _changed(read)
+    changed = _joint_changed(read)
     if changed is None:
         return read.told(record, left)
     k, turn, sense, effort = changed
@@ -121,7 +129,7 @@ def _told(record: Record, read: Reading, found: Explanation, left: str) -> Seque
     return read.otherwise([k], rest).told(record, left) if sense < 0.0 or abs(turn + rest) >= SMALLEST_TURN else None
 
 
-def _anew(record: Record, read: Reading, inputs: InputsBetween, formed: Formed) -> tuple[EffortRows, Array | None]:
+def _anew(record: Record, read: JointReading, inputs: InputsBetween, formed: Formed) -> tuple[EffortRows, Array | None]:
     """Return the rows as they would be, and what the rest of a turn does to them."""
 
     def between(first: int, last: int) -> KnownInputs:
@@ -130,7 +138,7 @@ def _anew(record: Record, read: Reading, inputs: InputsBetween, formed: Formed) 
         return replace(given, q=q, v=v, tau=tau)
 
     rows, instants = formed(between)
-    if (changed := _changed(read)) is None:
+    if (changed := _joint_changed(read)) is None:
         return rows, None
     slopes = slopes_of_weight(record.robot.model, instants.q[instants.weighed])
     return rows, slopes[:, instants.kept][:, :, [record.robot.v_index(record.driven[changed[0]])]]

@@ -14,34 +14,34 @@ from functools import cache, partial
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.balance import Motion, balance_of
-from aerobat_pin.estimation.checks.readings import QUARTER, Reading, limbs_of
+from aerobat_pin.estimation.checks.readings import QUARTER, JointReading, limbs_of
+from aerobat_pin.forces import FreeMotion, balance_of
 from aerobat_pin.records import Record
 
-INSTANTS = 36  # of the record, at which each reading is looked at
-MOST = 4  # changes, one after the other
+FEW_INSTANTS = 36  # of the record, at which each reading is looked at
+MOST_MISREADINGS = 4  # changes, one after the other
 FAR_LESS = 0.6  # of what was left before, in squares
 WELL = 0.002  # of what is needed, in squares, that a robot read right may leave
-TURNS_TRIED = np.radians([*range(30, 360, 30), -12, 12])
-DOWNHILL = np.radians([15.0, 7.5, 4.0, 2.0])  # from the best of them
+TURNS_OF_LEGS = np.radians([*range(30, 360, 30), -12, 12])
+DOWNHILL_OF_LEGS = np.radians([15.0, 7.5, 4.0, 2.0])  # from the best of them
 LIMBS_IN_ANY_ORDER = 4  # so many at most
 
 
-def reading_of(record: Record, motion: Motion) -> tuple[Reading, float]:
+def reading_of(record: Record, motion: FreeMotion) -> tuple[JointReading, float]:
     """Return the reading that leaves least beside friction, and that share of what is needed, in squares.
 
     Args:
         record: of a free robot.
         motion: its motion at some instants.
     """
-    few, reading = motion.every(max(1, len(motion.q) // INSTANTS)), Reading.as_mapped(record)
+    few, reading = motion.every(max(1, len(motion.q) // FEW_INSTANTS)), JointReading.as_mapped(record)
     limbs = [limb for limb in limbs_of(record) if len(limb) > 1]
     limbs = [limb for limb in limbs if len(limb) == len(limbs[0])]
     alone = [(k,) for k in range(len(record.driven)) if not record.robot.slides(record.driven[k])]
     turning: list[Sequence[int]] = [*alone, *zip(*limbs, strict=True)]
-    either, orders = [*((k,) for k in range(len(record.driven))), *_groups(limbs)], _orders(limbs)
+    either, orders = [*((k,) for k in range(len(record.driven))), *_sharing_a_sense(limbs)], _orders(limbs)
 
-    def left_at(motion: Motion, reading: Reading) -> float:
+    def left_at(motion: FreeMotion, reading: JointReading) -> float:
         q, v, a, tau = reading.of_motion(record, motion.q, motion.v, motion.a, effort=motion.tau)
         middle, _ = reading.of_motion(record, motion.halfway, effort=motion.tau)
         balance = balance_of(record, replace(motion, q=q, halfway=middle, v=v, a=a, tau=tau))
@@ -49,17 +49,17 @@ def reading_of(record: Record, motion: Motion) -> tuple[Reading, float]:
 
     left = cache(partial(left_at, few))
 
-    def changes(reading: Reading) -> Iterator[tuple[Sequence[int], Reading]]:
+    def changes(reading: JointReading) -> Iterator[tuple[Sequence[int], JointReading]]:
         for group in turning:
-            yield from ((group, reading.otherwise(group, turn)) for turn in TURNS_TRIED.tolist())
+            yield from ((group, reading.otherwise(group, turn)) for turn in TURNS_OF_LEGS.tolist())
             yield from ((group, reading.otherwise(group, k * QUARTER, -1.0, -1.0)) for k in range(1, 4))
         for group in either:
             yield group, reading.otherwise(group, 0.0, -1.0, -1.0)
         yield from (((), reading.moved(*order)) for order in orders)
 
-    for _ in range(MOST):
+    for _ in range(MOST_MISREADINGS):
         group, best = min(changes(reading), key=lambda change: left(change[1]))
-        for step in DOWNHILL.tolist() if any(best.turn[k] for k in group) else ():
+        for step in DOWNHILL_OF_LEGS.tolist() if any(best.turn[k] for k in group) else ():
             best = min((best, *(best.otherwise(group, sign * step) for sign in (1.0, -1.0))), key=left)
         if left(best) > FAR_LESS * left(reading):
             break
@@ -69,7 +69,7 @@ def reading_of(record: Record, motion: Motion) -> tuple[Reading, float]:
     return reading, left_at(motion, reading)
 
 
-def _groups(limbs: list[tuple[int, ...]]) -> list[list[int]]:
+def _sharing_a_sense(limbs: list[tuple[int, ...]]) -> list[list[int]]:
     """Return joints that may turn the other way together: of some places in two limbs, or in all."""
     of = range(len(limbs[0]) if limbs else 0)
     places = [chosen for n in (1, 2, len(of)) for chosen in itertools.combinations(of, n)]

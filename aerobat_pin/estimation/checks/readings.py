@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.forces import Exchange
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record
 
 QUARTER = 0.5 * np.pi
 LEFT_BY_JOINTS = 0.1  # of what is left, in squares, that a right reading leaves at most: it makes the rows exact
 AS_QUARTERS = np.radians(5.0)  # so near to quarters a turn is one
-Exchange = tuple[tuple[int, ...], tuple[int, ...]]  # columns of two joints, or of two limbs, that may be exchanged
 
 
 @dataclass(frozen=True)
-class Reading:
+class JointReading:
     """How the n driven joints may have to be read, each: q = turn + sense times what the columns of one of them say.
 
     Attributes:
@@ -35,12 +35,14 @@ class Reading:
     effort: tuple[float, ...]
 
     @classmethod
-    def as_mapped(cls, record: Record) -> Reading:
+    def as_mapped(cls, record: Record) -> JointReading:
         """Return how they are read."""
         n = len(record.driven)
         return cls(tuple(range(n)), n * (0.0,), n * (1.0,), n * (1.0,))
 
-    def otherwise(self, joints: Iterable[int], turn: float = 0.0, sense: float = 1.0, effort: float = 1.0) -> Reading:
+    def otherwise(
+        self, joints: Iterable[int], turn: float = 0.0, sense: float = 1.0, effort: float = 1.0
+    ) -> JointReading:
         """Return the same, some joints turned by an angle [rad], the other way round, or their efforts."""
         turns, senses, efforts = list(self.turn), list(self.sense), list(self.effort)
         for k in joints:
@@ -49,11 +51,11 @@ class Reading:
             efforts[k] *= effort
         return replace(self, turn=tuple(turns), sense=tuple(senses), effort=tuple(efforts))
 
-    def exchanged(self, pair: Exchange) -> Reading:
+    def exchanged(self, pair: Exchange) -> JointReading:
         """Return the same, with the columns of two joints, or limbs, in each other's place."""
         return self.moved([*pair[0], *pair[1]], [*pair[1], *pair[0]])
 
-    def moved(self, joints: Iterable[int], others: Iterable[int]) -> Reading:
+    def moved(self, joints: Iterable[int], others: Iterable[int]) -> JointReading:
         """Return the same, some joints having the columns that others have."""
         order = list(self.order)
         for k, other in zip(joints, others, strict=True):
@@ -93,12 +95,12 @@ class Reading:
             seem, its = ("seems", "its") if len(joints) == 1 else ("seem", "their")
             says = f"position{' says' if len(joints) == 1 else 's say'}"
             what = f"stand {np.degrees(turn):.0f} deg farther than {its} {says}"
-            keys = f"joints.offset = {_table(offset)}"
+            keys = f"joints.offset = {_inline_table(offset)}"
             if sense < 0.0:
                 zero = f", from a zero {np.degrees(turn):.0f} deg away" if turn else ""
                 what = f"turn the other way than {its} columns say{zero}"
                 factors = {joint: -table.factor.get(joint, 1.0) for joint in joints}
-                keys = f"joints.factor = {_table(factors)}{f' and {keys}' if any(offset.values()) else ''}"
+                keys = f"joints.factor = {_inline_table(factors)}{f' and {keys}' if any(offset.values()) else ''}"
             text = f"{', '.join(joints)} {seem} to {what}, which leaves {left}: {keys}"
             found.append(Finding("joint zero" if sense > 0.0 else "joint sense", "warning", text, turn, "rad"))
         return found
@@ -129,5 +131,5 @@ def limb_pairs(record: Record) -> list[Exchange]:
     return [pair for pair in pairs if len(pair[0]) == len(pair[1]) > 1]
 
 
-def _table(values: dict[str, float]) -> str:
+def _inline_table(values: dict[str, float]) -> str:
     return f"{{{', '.join(f'{joint} = {value:.4g}' for joint, value in values.items())}}}"

@@ -14,8 +14,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.readings import Exchange
-from aerobat_pin.forces import KnownInputs, accelerations, halfway, ignored_rows, points_of
+from aerobat_pin.forces.inputs import KnownInputs
+from aerobat_pin.forces.inverse_dynamics import accelerations, halfway
+from aerobat_pin.forces.run_observers import ignored_rows, points_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MOMENT_ARM, SMOOTH_RATE, AllBut, Applications
 from aerobat_pin.records import Block, Record
@@ -24,6 +25,7 @@ INSTANTS = 400  # of the record that are looked at
 COMPARED_FOR = 3.0  # [s] of the record, in stretches
 FEWEST_COMPARED, SHORTEST = 240, 10  # intervals together, and of a stretch
 RANK = 1e-6
+Exchange = tuple[tuple[int, ...], tuple[int, ...]]  # columns of two joints, or of two limbs, that may be exchanged
 InputsBetween = Callable[[int, int], KnownInputs]  # of first and last index of the common times
 
 
@@ -102,7 +104,7 @@ class Balance:
 
 
 @dataclass(frozen=True)
-class Motion:
+class FreeMotion:
     """A free robot's motion at m instants.
 
     Attributes:
@@ -125,13 +127,13 @@ class Motion:
     span: float
     later: Callable[[float], Array]
 
-    def every(self, step: int) -> Motion:
+    def every(self, step: int) -> FreeMotion:
         """Return one of so many instants."""
         parts = {name: getattr(self, name)[::step] for name in ("q", "halfway", "v", "a", "tau", "known")}
         return replace(self, **parts)
 
 
-def motion_of(record: Record, inputs: InputsBetween) -> Motion | None:
+def motion_of(record: Record, inputs: InputsBetween) -> FreeMotion | None:
     """Return a free robot's motion at instants spread over its record; None if it is too short."""
     parts, seen = list[tuple[Array, ...]](), list[tuple[Array, slice]]()
     most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
@@ -159,10 +161,10 @@ def motion_of(record: Record, inputs: InputsBetween) -> Motion | None:
         now = measured(0.0)
         return np.asarray(measured(by) * np.sum(now * tau[:, at], axis=0) / np.maximum(np.sum(now**2, axis=0), 1e-300))
 
-    return Motion(q, middle, v, a, tau, known, len(q) * step * record.dt, later)
+    return FreeMotion(q, middle, v, a, tau, known, len(q) * step * record.dt, later)
 
 
-def balance_of(record: Record, motion: Motion) -> Balance | None:
+def balance_of(record: Record, motion: FreeMotion) -> Balance | None:
     """Return a free robot's equations; None if unknown forces leave no row."""
     robot, model, free = record.robot, record.robot.model, record.map.use.free
     if free is None and not (record.map.robot.points or record.map.robot.wrenches):
@@ -186,7 +188,7 @@ def balance_of(record: Record, motion: Motion) -> Balance | None:
     return Balance(b, project @ unit, heavier, instant, effort, rates, bends, motion.span, motion.later)
 
 
-def _weight_and_motion(model: pin.Model, q: Array, motion: Motion) -> Array:
+def _weight_and_motion(model: pin.Model, q: Array, motion: FreeMotion) -> Array:
     data = model.createData()
     return np.array([pin.rnea(model, data, *each) for each in zip(q, motion.v, motion.a, strict=True)])
 
