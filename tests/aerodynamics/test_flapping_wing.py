@@ -279,3 +279,12 @@ def test_a_flight_that_cannot_be_is_refused(change: dict[str, Any], message: str
     motion, time = given.pop("motion"), given.pop("time")
     with pytest.raises(ShapeError, match=message):
         fly(LiftingLine(0.4, 0.1, strips=4), motion, time, **given)
+
+
+def test_air_takes_power_from_a_flapping_wing_and_gives_less_as_thrust() -> None:
+    """What the wing spends is thrust times speed and what stays in the wake, which cannot be negative."""
+    line = LiftingLine(0.40, 0.10)
+    flight = fly(line, Stroke(4.0, frequency=5.0, flap=np.radians(30.0)), [0.0, *np.linspace(0.8, 1.0, 101)])
+    wake, useful = -flight.power[-100:].mean(), 4.0 * flight.force[-100:, 0].mean()
+    assert useful > 0.0
+    assert 0.3 < useful / (useful + wake) < 1.0 / (1.0 + 2.0 / 4.0)  # Prandtl's downwash takes its share of the power
