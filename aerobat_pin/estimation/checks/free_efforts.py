@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.late_efforts import late_efforts
-from aerobat_pin.estimation.checks.misread_limbs import reading_of
-from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, limb_pairs, swapped
+from aerobat_pin.estimation.checks.misread_limbs import left_by_reading, reading_of
+from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, JointReading, limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import Balance, Exchange, FreeMotion, InputsBetween, balance_of, motion_of
 from aerobat_pin.numerics import Array
@@ -98,12 +98,22 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
 
 def _read_otherwise(record: Record, motion: FreeMotion, balance: Balance, signs: Array) -> Iterator[Finding]:
     """Yield how joints may have to be read, if that leaves far less beside friction than other efforts do."""
-    reversed_, as_mapped = balance.beside_friction(balance.needed - balance.given @ signs), balance.beside_friction()
-    _, least = _least_squares(balance, balance.rubbing)
-    turned, share, least_left = (float(left @ left) / balance.size for left in (reversed_, as_mapped, least))
-    if share > GOOD:
-        reading, left = reading_of(record, motion)
-        if left < min(LEFT_BY_JOINTS * share, RIGHT_PLACES, turned, NO_NUMBERS * least_left):
+    given = balance.given.sum(axis=1)
+    common = float(given @ balance.needed) / max(float(given @ given), 1e-300)
+    others = balance.needed - balance.given @ signs, balance.needed - common * given
+    left_by = (
+        balance.beside_friction(),
+        *map(balance.beside_friction, others),
+        _least_squares(balance, balance.rubbing)[1],
+    )
+    share, turned, scaled, least = (float(left @ left) / balance.size for left in left_by)
+    if min(share, scaled) > GOOD:
+        if turned > GOOD:
+            reading = reading_of(record, motion)
+        else:  # of joints that turn the other way efforts are reversed, too
+            reading = JointReading.as_mapped(record).otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)
+        left = left_by_reading(record, motion, reading)
+        if left < min(LEFT_BY_JOINTS * share, RIGHT_PLACES, turned, NO_NUMBERS * least):
             yield from reading.told(record, _share_words(left, share))
 
 

@@ -70,7 +70,7 @@ def changes_of_reading(
     @cache
     def change_to(read: JointReading) -> Change:
         anew = cache(partial(_anew, record, read, inputs, formed))
-        return Change(partial(_told, record, read), anew=anew, doubt=FACTOR + PRICE, leaves=LEFT_BY_JOINTS)
+        return Change(partial(_told_of_joint, record, read), anew=anew, doubt=FACTOR + PRICE, leaves=LEFT_BY_JOINTS)
 
     def loss(read: JointReading) -> float:
         return change_to(read).explained(rows, without).loss
@@ -114,7 +114,7 @@ def _joint_changed(read: JointReading) -> tuple[int, float, float, float] | None
     return next((one for one in each if one[1:] != (0.0, 1.0, 1.0)), None)
 
 
-def _told(record: Record, read: JointReading, found: Explanation, left: str) -> Sequence[Finding] | None:
+def _told_of_joint(record: Record, read: JointReading, found: Explanation, left: str) -> Sequence[Finding] | None:
     """Return what is found, None if the rest of the turn is too far."""
     changed = _joint_changed(read)
     if changed is None:

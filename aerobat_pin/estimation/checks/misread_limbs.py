@@ -18,7 +18,7 @@ from aerobat_pin.estimation.checks.readings import QUARTER, JointReading, limbs_
 from aerobat_pin.forces import FreeMotion, balance_of
 from aerobat_pin.records import Record
 
-FEW_INSTANTS = 36  # of the record, at which each reading is looked at
+FEW_INSTANTS = 24  # of the record, at which each reading is looked at
 MOST_MISREADINGS = 4  # changes, one after the other
 FAR_LESS = 0.6  # of what was left before, in squares
 WELL = 0.002  # of what is needed, in squares, that a robot read right may leave
@@ -27,8 +27,8 @@ DOWNHILL_OF_LEGS = np.radians([15.0, 7.5, 4.0, 2.0])  # from the best of them
 LIMBS_IN_ANY_ORDER = 4  # so many at most
 
 
-def reading_of(record: Record, motion: FreeMotion) -> tuple[JointReading, float]:
-    """Return the reading that leaves least beside friction, and that share of what is needed, in squares.
+def reading_of(record: Record, motion: FreeMotion) -> JointReading:
+    """Return the reading that leaves least beside friction.
 
     Args:
         record: of a free robot.
@@ -41,13 +41,7 @@ def reading_of(record: Record, motion: FreeMotion) -> tuple[JointReading, float]
     turning: list[Sequence[int]] = [*alone, *zip(*limbs, strict=True)]
     either, orders = [*((k,) for k in range(len(record.driven))), *_sharing_a_sense(limbs)], _orders(limbs)
 
-    def left_at(motion: FreeMotion, reading: JointReading) -> float:
-        q, v, a, tau = reading.of_motion(record, motion.q, motion.v, motion.a, effort=motion.tau)
-        middle, _ = reading.of_motion(record, motion.halfway, effort=motion.tau)
-        balance = balance_of(record, replace(motion, q=q, halfway=middle, v=v, a=a, tau=tau))
-        return np.inf if balance is None else float(np.sum(balance.beside_friction() ** 2)) / balance.size
-
-    left = cache(partial(left_at, few))
+    left = cache(partial(left_by_reading, record, few))
 
     def changes(reading: JointReading) -> Iterator[tuple[Sequence[int], JointReading]]:
         for group in turning:
@@ -66,7 +60,15 @@ def reading_of(record: Record, motion: FreeMotion) -> tuple[JointReading, float]
         reading = best
         if left(reading) < WELL:
             break
-    return reading, left_at(motion, reading)
+    return reading
+
+
+def left_by_reading(record: Record, motion: FreeMotion, reading: JointReading) -> float:
+    """Return what a reading leaves beside friction, over what is needed, in squares."""
+    q, v, a, tau = reading.of_motion(record, motion.q, motion.v, motion.a, effort=motion.tau)
+    middle, _ = reading.of_motion(record, motion.halfway, effort=motion.tau)
+    balance = balance_of(record, replace(motion, q=q, halfway=middle, v=v, a=a, tau=tau))
+    return np.inf if balance is None else float(np.sum(balance.beside_friction() ** 2)) / balance.size
 
 
 def _sharing_a_sense(limbs: list[tuple[int, ...]]) -> list[list[int]]:
