@@ -91,7 +91,8 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
         return
     told = list(_read_otherwise(record, motion, balance, signs))
     told = told or list(_factors(record, balance, signs, factors, least))
-    if not told and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
+    unfit = float(least @ least) > UNFIT * balance.size
+    if not told and unfit and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
         told = [left_unexplained("no factors, places or zeros", 100.0 * float(np.sqrt(share)))]
     yield from told
 
