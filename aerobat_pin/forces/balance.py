@@ -76,10 +76,16 @@ class Balance:
         v = self.v[self.at]
         return np.column_stack([self.reach * np.tanh(v / SMOOTH_RATE), self.reach * v])
 
-    def beside_friction(self, residual: Array | None = None) -> Array:
-        """Return what friction of the joints cannot make up of a residual (n,), of the efforts if none is given."""
-        residual = self.residual if residual is None else residual
-        return np.asarray(residual - self.rubbing @ np.linalg.lstsq(self.rubbing, residual, rcond=RANK)[0])
+    @cached_property
+    def common_factor(self) -> float:
+        """Factor of all efforts with which they come nearest to what is needed."""
+        given = self.given.sum(axis=1)
+        return float(given @ self.needed) / max(float(given @ given), 1e-300)
+
+    def beside_friction(self, residual: Array) -> float:
+        """Return the sum of squares of a residual (n,) that friction of the joints leaves, over the needed one."""
+        left = residual - self.rubbing @ np.linalg.lstsq(self.rubbing, residual, rcond=RANK)[0]
+        return float(left @ left) / self.size
 
     def explained_by(self, table: Array) -> Array:
         """Return how much (k,) of each column (n, k) makes up best for what the efforts leave."""
@@ -108,12 +114,12 @@ class FreeMotion:
     """A free robot's motion at m instants.
 
     Attributes:
-        q: (m, nq) at the start of an interval.
+        q: (m, nq) at the start of an interval; placement of the base and joint positions [m, rad].
         halfway: (m, nq) in its middle.
-        v: (m, nv) mean velocities.
-        a: (m, nv) accelerations.
+        v: (m, nv) mean velocities, the base's twist in its own axes [m/s, rad/s].
+        a: (m, nv) their rates [m/s2, rad/s2].
         tau: (m, nv) mean efforts [N, N m].
-        known: (m, nv) known forces.
+        known: (m, nv) generalised forces that are known [N, N m].
         span: time that the instants cover [s].
         later: time [s] -> (m, joints) what the efforts are so much later [N m, N].
     """

@@ -99,22 +99,17 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
 
 def _read_otherwise(record: Record, motion: FreeMotion, balance: Balance, signs: Array) -> Iterator[Finding]:
     """Yield how joints may have to be read, if that leaves far less beside friction than other efforts do."""
-    given = balance.given.sum(axis=1)
-    common = float(given @ balance.needed) / max(float(given @ given), 1e-300)
-    others = balance.needed - balance.given @ signs, balance.needed - common * given
-    left_by = (
-        balance.beside_friction(),
-        *map(balance.beside_friction, others),
-        _least_squares(balance, balance.rubbing)[1],
-    )
-    share, turned, scaled, least = (float(left @ left) / balance.size for left in left_by)
+    scaled_efforts = balance.common_factor * balance.given.sum(axis=1)
+    residuals = balance.residual, balance.needed - balance.given @ signs, balance.needed - scaled_efforts
+    share, turned, scaled = map(balance.beside_friction, residuals)
+    _, least = _least_squares(balance, balance.rubbing)
     if min(share, scaled) > GOOD:
         if turned > GOOD:
             reading = reading_of(record, motion)
         else:  # of joints that turn the other way efforts are reversed, too
             reading = JointReading.as_mapped(record).otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)
         left = left_by_reading(record, motion, reading)
-        if left < min(LEFT_BY_JOINTS * share, RIGHT_PLACES, turned, NO_NUMBERS * least):
+        if left < min(LEFT_BY_JOINTS * share, RIGHT_PLACES, turned, NO_NUMBERS * float(least @ least) / balance.size):
             yield from reading.told(record, _share_words(left, share))
 
 
@@ -158,8 +153,8 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     gain, unsure = _measured_per_needed(balance, signs, balance.needed - balance.given @ signs)
     if np.any(turned := gain + SURE * unsure < 0.0):
         left = balance.beside_friction(balance.needed - balance.given @ np.where(turned, -1.0, 1.0))
-        before = balance.beside_friction()
-        if left @ left < RIGHT_PLACES * (before @ before):
+        before = balance.beside_friction(balance.residual)
+        if left < RIGHT_PLACES * before:
             yield from _reversed(record, gain, np.flatnonzero(turned))
         elif balance.imbalance() > 1.0:  # more is left than is needed
             yield left_unexplained("no signs", 100.0 * float(np.sqrt(balance.imbalance())))
@@ -174,9 +169,8 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
         return
     alone = -float(balance.base @ balance.residual)
     alone /= max(float(balance.base @ balance.base), 1e-300)
-    heavier, given = balance.residual + balance.base * alone, balance.given.sum(axis=1)
-    common = float(given @ balance.needed) / max(float(given @ given), 1e-300)
-    stronger, by_mass = balance.needed - common * given, float(heavier @ heavier)
+    heavier, common = balance.residual + balance.base * alone, balance.common_factor
+    stronger, by_mass = balance.needed - common * balance.given.sum(axis=1), float(heavier @ heavier)
     share = by_mass / max(float(stronger @ stronger), 1e-300)  # left by one mass, over what one factor leaves
     explains = fitted[n] > -1.0 and by_mass < EXPLAINED * float(balance.residual @ balance.residual)
     agree = fitted[n] * alone > 0.0 and share < EXPLAINED

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, driven_rows, slopes_of_weight
 from aerobat_pin.estimation.checks.free_efforts import reversed_effort
-from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, QUARTER, JointReading, limb_pairs
+from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, QUARTER, JointReading, downhill, limb_pairs
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     EffortRows,
@@ -32,7 +32,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record
 
 TURNS_TRIED = np.pi / 6.0 * np.arange(1, 12)  # that are tried [rad]
-DOWNHILL = np.pi / np.array([6.0, 6.0, 6.0, 12.0, 12.0])  # from the likeliest of them [rad]
+DOWNHILL = (np.pi / np.array([6.0, 6.0, 6.0, 12.0, 12.0])).tolist()  # from the likeliest of them [rad]
 LIKELIEST = 6  # of which the rows are formed anew
 REST_AT_MOST = np.radians(20.0)  # from a turn that was tried to the one that is found: within it the weight is linear
 UPRIGHT = 1e-6  # of the largest change of the weight: an axis along gravity
@@ -95,10 +95,8 @@ def changes_of_reading(
     first = sorted((read for read in likeliest if losses[read] < without.loss + FACTOR + PRICE), key=losses.__getitem__)
     chosen = first[:LIKELIEST]
     best = min(chosen, key=loss, default=None)
-    turned = np.flatnonzero([] if best is None else best.turn).tolist()
-    for step in DOWNHILL if turned else ():
-        assert best is not None
-        best = min((best, *(best.otherwise(turned, sign * step) for sign in (1.0, -1.0))), key=loss)
+    if best is not None and any(best.turn):
+        best = downhill(best, np.flatnonzero(best.turn).tolist(), DOWNHILL, loss)
     yield from map(change_to, dict.fromkeys([*([] if best is None else [best]), *chosen]))
 
 

@@ -14,7 +14,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.readings import QUARTER, JointReading, limbs_of
+from aerobat_pin.estimation.checks.readings import QUARTER, JointReading, downhill, limbs_of
 from aerobat_pin.forces import FreeMotion, balance_of
 from aerobat_pin.records import Record
 
@@ -22,8 +22,8 @@ FEW_INSTANTS = 24  # of the record, at which each reading is looked at
 MOST_MISREADINGS = 4  # changes, one after the other
 FAR_LESS = 0.6  # of what was left before, in squares
 WELL = 0.002  # of what is needed, in squares, that a robot read right may leave
-TURNS_OF_LEGS = np.radians([*range(30, 360, 30), -12, 12])
-DOWNHILL_OF_LEGS = np.radians([15.0, 7.5, 4.0, 2.0])  # from the best of them
+TURNS_OF_LEGS = np.radians([*range(30, 360, 30), -12, 12]).tolist()  # that are tried [rad]
+DOWNHILL_OF_LEGS = np.radians([15.0, 7.5, 4.0, 2.0]).tolist()  # from the best of them [rad]
 LIMBS_IN_ANY_ORDER = 4  # so many at most
 
 
@@ -45,7 +45,7 @@ def reading_of(record: Record, motion: FreeMotion) -> JointReading:
 
     def changes(reading: JointReading) -> Iterator[tuple[Sequence[int], JointReading]]:
         for group in turning:
-            yield from ((group, reading.otherwise(group, turn)) for turn in TURNS_OF_LEGS.tolist())
+            yield from ((group, reading.otherwise(group, turn)) for turn in TURNS_OF_LEGS)
             yield from ((group, reading.otherwise(group, k * QUARTER, -1.0, -1.0)) for k in range(1, 4))
         for group in either:
             yield group, reading.otherwise(group, 0.0, -1.0, -1.0)
@@ -53,8 +53,8 @@ def reading_of(record: Record, motion: FreeMotion) -> JointReading:
 
     for _ in range(MOST_MISREADINGS):
         group, best = min(changes(reading), key=lambda change: left(change[1]))
-        for step in DOWNHILL_OF_LEGS.tolist() if any(best.turn[k] for k in group) else ():
-            best = min((best, *(best.otherwise(group, sign * step) for sign in (1.0, -1.0))), key=left)
+        if any(best.turn[k] for k in group):
+            best = downhill(best, group, DOWNHILL_OF_LEGS, left)
         if left(best) > FAR_LESS * left(reading):
             break
         reading = best
@@ -68,7 +68,7 @@ def left_by_reading(record: Record, motion: FreeMotion, reading: JointReading) -
     q, v, a, tau = reading.of_motion(record, motion.q, motion.v, motion.a, effort=motion.tau)
     middle, _ = reading.of_motion(record, motion.halfway, effort=motion.tau)
     balance = balance_of(record, replace(motion, q=q, halfway=middle, v=v, a=a, tau=tau))
-    return np.inf if balance is None else float(np.sum(balance.beside_friction() ** 2)) / balance.size
+    return np.inf if balance is None else balance.beside_friction(balance.residual)
 
 
 def _sharing_a_sense(limbs: list[tuple[int, ...]]) -> list[list[int]]:

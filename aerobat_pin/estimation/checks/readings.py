@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,7 +46,7 @@ class JointReading:
         """Return the same, some joints turned by an angle [rad], the other way round, or their efforts."""
         turns, senses, efforts = list(self.turn), list(self.sense), list(self.effort)
         for k in joints:
-            turns[k] = float(np.pi - np.remainder(np.pi - turn - sense * turns[k], 2.0 * np.pi))  # beyond -180 deg
+            turns[k] = _within_a_turn(turn + sense * turns[k])
             senses[k] *= sense
             efforts[k] *= effort
         return replace(self, turn=tuple(turns), sense=tuple(senses), effort=tuple(efforts))
@@ -86,8 +86,7 @@ class JointReading:
             found.append(Finding("swapped joints", "warning", f"{ours} with all columns of {theirs} leave {left}"))
         for joint, turn, sense in zip(names, self.turn, self.sense, strict=True):
             quarters = QUARTER * round(turn / QUARTER)
-            near = quarters if abs(turn - quarters) < AS_QUARTERS else turn
-            near = float(np.pi - np.remainder(np.pi - near, 2.0 * np.pi))  # beyond -180 deg, up to 180
+            near = _within_a_turn(quarters if abs(turn - quarters) < AS_QUARTERS else turn)
             if near or sense < 0.0:
                 alike.setdefault((near, sense), []).append(joint)
         for (turn, sense), joints in alike.items():
@@ -129,6 +128,20 @@ def limb_pairs(record: Record) -> list[Exchange]:
     """Return pairs of limbs with equally many driven joints, two or more."""
     pairs = itertools.combinations(limbs_of(record), 2)
     return [pair for pair in pairs if len(pair[0]) == len(pair[1]) > 1]
+
+
+def downhill(
+    reading: JointReading, joints: Sequence[int], steps: Iterable[float], loss: Callable[[JointReading], float]
+) -> JointReading:
+    """Return a reading whose loss is least as some joints turn by these steps [rad], each taken either way or not."""
+    for step in steps:
+        reading = min((reading, *(reading.otherwise(joints, by) for by in (step, -step))), key=loss)
+    return reading
+
+
+def _within_a_turn(angle: float) -> float:
+    """Return an angle [rad] beyond -180 deg, up to 180."""
+    return float(np.pi - np.remainder(np.pi - angle, 2.0 * np.pi))
 
 
 def _inline_table(values: dict[str, float]) -> str:
