@@ -71,7 +71,7 @@ def estimate(
     forces, expected, instants = _with_noise(given)
     beside = knows_friction(forces) and not knows_friction(given)  # found in this record, of which no calibration knew
     record = forces.record  # whose robot carries what was found
-    inputs = inputs_between(record, forces)
+    inputs = as_known = inputs_between(record, forces)
 
     model = None
     if calibration is not None and not record.robot.smooths(record.channels):
@@ -94,7 +94,7 @@ def estimate(
         sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
     else:
         if record.robot.measures_effort:
-            findings += efforts_and_friction(given, forces, findings, instants, expected)
+            findings += efforts_and_friction(given, forces, as_known, findings, instants, expected)
         stored = run_observers(record, inputs, running, progress, watch, expected, model)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -25,6 +26,7 @@ INSTANTS = 400  # of the record that are looked at
 COMPARED_FOR = 3.0  # [s] of the record, in stretches
 FEWEST_COMPARED, SHORTEST = 240, 10  # intervals together, and of a stretch
 RANK = 1e-6
+SERIES = ("q", "halfway", "v", "a", "tau", "known")  # of a motion at its instants
 Exchange = tuple[tuple[int, ...], tuple[int, ...]]  # columns of two joints, or of two limbs, that may be exchanged
 InputsBetween = Callable[[int, int], KnownInputs]  # of first and last index of the common times
 
@@ -54,6 +56,13 @@ class Balance:
     a: Array
     span: float
     later: Callable[[float], Array]
+
+    def between(self, first: int, last: int) -> Balance:
+        """Return the equations of the instants from one to before another."""
+        low, high = np.searchsorted(self.at, (first, last))
+        rows = {name: getattr(self, name)[low:high] for name in ("needed", "reach", "base")}
+        instants = {name: getattr(self, name)[first:last] for name in ("effort", "v", "a")}
+        return replace(self, at=self.at[low:high] - first, **rows, **instants)
 
     @cached_property
     def given(self) -> Array:
@@ -135,8 +144,12 @@ class FreeMotion:
 
     def every(self, step: int) -> FreeMotion:
         """Return one of so many instants."""
-        parts = {name: getattr(self, name)[::step] for name in ("q", "halfway", "v", "a", "tau", "known")}
-        return replace(self, **parts)
+        return replace(self, **{name: getattr(self, name)[::step] for name in SERIES})
+
+    def joined(self, motions: Sequence[FreeMotion]) -> FreeMotion:
+        """Return other motions one after the other, as if in this one's time."""
+        series: dict[str, Any] = {name: np.concatenate([getattr(each, name) for each in motions]) for name in SERIES}
+        return replace(self, **series)
 
 
 def motion_of(record: Record, inputs: InputsBetween) -> FreeMotion | None:

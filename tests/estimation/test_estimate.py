@@ -9,13 +9,18 @@ import pytest
 import xarray as xr
 from support.commands import aerobat
 
-from aerobat_pin.aerobat.aerobat import believed_robot
+from aerobat_pin.aerobat import robot as robot_of_records
+from aerobat_pin.aerobat.aerobat import Aerobat, believed_robot
+from aerobat_pin.aerobat.air.believed_air import reconstructed_air
 from aerobat_pin.aerobat.estimate import belief_about, describe_belief, estimate_flight
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import Check
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.experiments.self_check import self_check
+from aerobat_pin.numerics import Array
+from aerobat_pin.scenario import AirSection
 
 HEADER = ("time [s]", "x [m]", "y [m]", "z [m]", "qx", "qy", "qz", "qw", "crank_angle [rad]", "airspeed [m/s]")
 THRUST = tuple(f"thrust_{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz"))
@@ -48,6 +53,19 @@ def test_a_simulated_log_gives_again_what_its_run_gave(paper: Experiment, tmp_pa
     names = {path.relative_to(tmp_path / "found").as_posix() for path in (tmp_path / "found").rglob("*.*")}
     pages = {"report.html", "replay.html", "figures/estimation.png", "figures/estimation.pdf", "figures/states.png"}
     assert names >= {"belief.toml", "estimate.nc", "estimate.csv", "metrics.json", *pages}
+
+
+def test_a_sample_meets_its_air_once(paper: Experiment, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By all observers and all checks together: it is what costs most of a sample."""
+    flown: list[int] = []
+
+    def counted(robot: Aerobat, air: AirSection, moved: Motion) -> dict[str, Array]:
+        flown.append(len(moved.time))
+        return reconstructed_air(robot, air, moved)
+
+    monkeypatch.setattr(robot_of_records, "reconstructed_air", counted)
+    estimate_flight(paper.log, paper.robot, paper.scenario)
+    assert flown == [len(paper.log.time)]
 
 
 @pytest.mark.usefixtures("unrendered")

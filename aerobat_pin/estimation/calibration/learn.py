@@ -39,6 +39,7 @@ from aerobat_pin.forces import (
     fits_to_sensor,
     fitted_by_map,
     given_forces,
+    inputs_between,
     kept_of,
     mean_motion,
     taken_as_free,
@@ -144,7 +145,7 @@ def calibrate(
     values, learnt = kept_of(records[0], forces[0].values), tested is not runs or identified is not None
     bar = error_bar([(raw, replace(known, series=tested_series)) for raw, known in zip(plain, forces, strict=True)])
     for raw, known in zip(plain, forces, strict=True):  # friction that is fitted first takes up a reversed effort
-        findings += efforts_and_friction(raw or known, known, findings)
+        findings += efforts_and_friction(raw or known, known, inputs_between(known.record, known), findings)
         findings += fit_findings(known)
     notes.append(f"as calibrated: {_sizes(runs)} unexplained" if runs else "contacts: not learnt, as something pushed")
     return Calibration(

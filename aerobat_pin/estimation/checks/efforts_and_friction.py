@@ -6,13 +6,14 @@ from collections.abc import Sequence
 
 from aerobat_pin.estimation.checks.efforts import effort_findings
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import Instants, KnownForces, inputs_between
+from aerobat_pin.forces import InputsBetween, Instants, KnownForces, inputs_between
 from aerobat_pin.observers import Expected
 
 
 def efforts_and_friction(
     given: KnownForces,
     forces: KnownForces,
+    inputs: InputsBetween,
     before: Sequence[Finding],
     instants: Instants | None = None,
     expected: Expected | None = None,
@@ -22,15 +23,17 @@ def efforts_and_friction(
     Args:
         given: the known forces without the friction that was found, which takes up a reversed effort.
         forces: those with it.
+        inputs: what an observer is given between two indices, with these.
         before: what was found before.
         instants: of the record, if it was looked at.
         expected: what is expected of it, if that is known.
     """
     record = forces.record
-    doubts = list(effort_findings(record, inputs_between(record, given), before, instants, expected))
+    plain = inputs if forces is given else inputs_between(record, given)
+    doubts = list(effort_findings(record, plain, before, instants, expected))
     if forces is given or not record.robot.free or not any(map(_names_friction, doubts)):
         return doubts
-    with_friction = effort_findings(record, inputs_between(record, forces), before)
+    with_friction = effort_findings(record, inputs, before)
     remaining = {finding.check for finding in with_friction if finding.warns}
     return [finding for finding in doubts if not _names_friction(finding) or finding.check in remaining]
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.late_efforts import late_efforts
-from aerobat_pin.estimation.checks.misread_limbs import left_by_reading, reading_of
+from aerobat_pin.estimation.checks.misread_limbs import left_by_readings, reading_of
 from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, JointReading, limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import Balance, Exchange, FreeMotion, InputsBetween, balance_of, motion_of
@@ -108,7 +108,7 @@ def _read_otherwise(record: Record, motion: FreeMotion, balance: Balance, signs:
             reading = reading_of(record, motion)
         else:  # of joints that turn the other way efforts are reversed, too
             reading = JointReading.as_mapped(record).otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)
-        left = left_by_reading(record, motion, reading)
+        (left,) = left_by_readings(record, motion, [reading])
         if left < min(LEFT_BY_JOINTS * share, RIGHT_PLACES, turned, NO_NUMBERS * float(least @ least) / balance.size):
             yield from reading.told(record, _share_words(left, share))
 

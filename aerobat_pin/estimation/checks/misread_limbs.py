@@ -10,7 +10,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache, partial
 
 import numpy as np
 
@@ -41,8 +40,6 @@ def reading_of(record: Record, motion: FreeMotion) -> JointReading:
     turning: list[Sequence[int]] = [*alone, *zip(*limbs, strict=True)]
     either, orders = [*((k,) for k in range(len(record.driven))), *_sharing_a_sense(limbs)], _orders(limbs)
 
-    left = cache(partial(left_by_reading, record, few))
-
     def changes(reading: JointReading) -> Iterator[tuple[Sequence[int], JointReading]]:
         for group in turning:
             yield from ((group, reading.otherwise(group, turn)) for turn in TURNS_OF_LEGS)
@@ -51,24 +48,33 @@ def reading_of(record: Record, motion: FreeMotion) -> JointReading:
             yield group, reading.otherwise(group, 0.0, -1.0, -1.0)
         yield from (((), reading.moved(*order)) for order in orders)
 
+    (left,) = left_by_readings(record, few, [reading])
     for _ in range(MOST_MISREADINGS):
-        group, best = min(changes(reading), key=lambda change: left(change[1]))
+        tried = list(changes(reading))
+        group, best = tried[np.argmin(left_by_readings(record, few, [each for _, each in tried]))]
         if any(best.turn[k] for k in group):
-            best = downhill(best, group, DOWNHILL_OF_LEGS, left)
-        if left(best) > FAR_LESS * left(reading):
+            best = downhill(best, group, DOWNHILL_OF_LEGS, lambda each: left_by_readings(record, few, [each])[0])
+        (least,) = left_by_readings(record, few, [best])
+        if least > FAR_LESS * left:
             break
-        reading = best
-        if left(reading) < WELL:
+        reading, left = best, least
+        if left < WELL:
             break
     return reading
 
 
-def left_by_reading(record: Record, motion: FreeMotion, reading: JointReading) -> float:
-    """Return what a reading leaves beside friction, over what is needed, in squares."""
-    q, v, a, tau = reading.of_motion(record, motion.q, motion.v, motion.a, effort=motion.tau)
-    middle, _ = reading.of_motion(record, motion.halfway, effort=motion.tau)
-    balance = balance_of(record, replace(motion, q=q, halfway=middle, v=v, a=a, tau=tau))
-    return np.inf if balance is None else balance.beside_friction(balance.residual)
+def left_by_readings(record: Record, motion: FreeMotion, readings: Sequence[JointReading]) -> list[float]:
+    """Return what each reading leaves beside friction, over what is needed, in squares."""
+    read, count = list[FreeMotion](), len(motion.q)
+    for reading in readings:
+        q, v, a, tau = reading.of_motion(record, motion.q, motion.v, motion.a, effort=motion.tau)
+        middle, _ = reading.of_motion(record, motion.halfway, effort=motion.tau)
+        read.append(replace(motion, q=q, halfway=middle, v=v, a=a, tau=tau))
+    balance = balance_of(record, motion.joined(read))
+    if balance is None:
+        return len(readings) * [np.inf]
+    parts = (balance.between(k * count, (k + 1) * count) for k in range(len(readings)))
+    return [part.beside_friction(part.residual) for part in parts]
 
 
 def _sharing_a_sense(limbs: list[tuple[int, ...]]) -> list[list[int]]:
