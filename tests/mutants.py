@@ -71,7 +71,7 @@ MUTANTS = (
     Mutant("rectangle for trapezoid", RESIDUAL, "0.5 * (before[1, i] + after[1, i])", "before[1, i]",
            "tests/observers/test_observer_kernels.py"),
     Mutant("p0 omitted", RESIDUAL, "(after[0, i] - before[0, i]) / dt", "after[0, i] / dt", OBSERVERS),
-    Mutant("tau one sample late", "observers/equations.py", "mean_residuals(samples, time, u)\n    v",
+    Mutant("tau one sample late", "observers/momentum_equations.py", "mean_residuals(samples, time, u)\n    v",
            "mean_residuals(samples, time, np.roll(u, 1, axis=0))\n    v", "tests/observers/test_observer_kernels.py"),
     Mutant("body for world axes in the observer", RESIDUAL, "if turns > 0.0:", "if turns <= 0.0:",
            "tests/observers/test_applications.py"),

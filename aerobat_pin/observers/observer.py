@@ -33,13 +33,13 @@ from aerobat_pin.numerics import (
     rebuilt,
 )
 from aerobat_pin.observers.applications import Application, Applications
-from aerobat_pin.observers.equations import Equations, Observed, Samples, observe_record, sample_robot
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
+from aerobat_pin.observers.momentum_equations import Equations, Observed, Samples, observe_record, sample_robot
 from aerobat_pin.observers.rows import BelievedRows, Rows, moving_weight, serial_model
 from aerobat_pin.observers.samples import (
     Sampled,

@@ -13,8 +13,8 @@ from pinocchio import computeCoriolisMatrix, computeGeneralizedGravity, crba
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked_shape, real_numbers
 from aerobat_pin.observers.applications import Application
-from aerobat_pin.observers.equations import Samples
 from aerobat_pin.observers.kernels.residual import FARTHEST, LENGTH_TOLERANCE
+from aerobat_pin.observers.momentum_equations import Samples
 
 # Number of last coordinates of a joint that form a unit vector: a quaternion, or a cosine and a sine.
 DIRECTIONS = {"JointModelFreeFlyer": 4, "JointModelSpherical": 4, "JointModelPlanar": 2} | dict.fromkeys(

@@ -7,10 +7,10 @@ from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record
 
 from aerobat_pin.numerics import fields_of, new_state
 from aerobat_pin.observers import Observer
-from aerobat_pin.observers.equations import Projection
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
 from aerobat_pin.observers.kernels.projection import project
+from aerobat_pin.observers.momentum_equations import Projection
 from aerobat_pin.observers.rows import ROWS, BelievedRows, Rows
 
 

@@ -14,7 +14,6 @@ from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_state, shown
 from aerobat_pin.observers.analysis.noise_and_lag import SensorNoise
 from aerobat_pin.observers.applications import Application
-from aerobat_pin.observers.equations import Observed, Samples
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
 from aerobat_pin.observers.expected import Expected
 from aerobat_pin.observers.kalman import kernels
@@ -22,6 +21,7 @@ from aerobat_pin.observers.kalman.kalman_state import KalmanState, new_steps
 from aerobat_pin.observers.kalman.learning import DIFFERENCE_GAIN, LEAST_INFORMATION, ROOT_MEAN
 from aerobat_pin.observers.kalman.noisy_sample import inertias_at, kinship_of
 from aerobat_pin.observers.kalman.smoother_kernels import smooth_all
+from aerobat_pin.observers.momentum_equations import Observed, Samples
 from aerobat_pin.observers.observer import DEFAULT_GAIN, Observer
 from aerobat_pin.observers.rows import Rows, moving_weight
 from aerobat_pin.observers.samples import Sampled

@@ -47,8 +47,8 @@ for map_name in ("drone.toml", "drone_known.toml"):
 
 
 def test_the_lines_shown_beside_the_equations_stand_in_the_reference() -> None:
-    """Every Python line of docs/method.md is a line of equations.py, and each of its sampled equations shows one."""
-    code = {line.strip() for line in (PACKAGE / "observers" / "equations.py").read_text().splitlines()}
+    """Every Python line of docs/method.md is one of theirs, and each of its sampled equations shows one."""
+    code = {line.strip() for line in (PACKAGE / "observers" / "momentum_equations.py").read_text().splitlines()}
     shown = re.findall(r"```python\n(.*?)```", METHOD.read_text(), re.S)
     lines = [line for block in shown for line in block.splitlines()]
     assert len(lines) >= 8
