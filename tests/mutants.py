@@ -51,6 +51,8 @@ MUTANTS = (
            "tests/estimation/test_misread_limbs.py"),
     Mutant("legs in another order keep their turns", "estimation/checks/readings.py",
            "order[k] = self.order[other]", "order[k] = k", "tests/estimation/test_misread_limbs.py"),
+    Mutant("a base may weigh less than nothing", "estimation/checks/free_efforts.py",
+           "other[0][n] > -1.0 and ", "", "tests/estimation/test_misread_limbs.py tests/estimation/test_legs.py"),
     Mutant("a contained change counts as much", "estimation/checks/efforts.py",
            "max([ENOUGH, *(gains_of.get(case, ENOUGH) for case in change.cases)])", "ENOUGH",
            "tests/estimation/test_explained_efforts.py"),

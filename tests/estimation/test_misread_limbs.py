@@ -123,7 +123,9 @@ def test_a_misread_walk_says_how_to_read_it(
 
 
 @pytest.mark.evidence
-@pytest.mark.parametrize(("gait", "base", "least"), [("TROT", "imu", 26), ("WALK", "measured", 23)])
+@pytest.mark.parametrize(
+    ("gait", "base", "least"), [("TROT", "imu", 27), ("WALK", "measured", 27), ("FAST_TROT", "measured", 26)]
+)
 def test_a_go2_that_mujoco_moves_is_read_right(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, gait: str, base: str, least: int
 ) -> None:

@@ -31,7 +31,7 @@ from aerobat_pin.records import Record
 
 ERRORS_LAST = 0.2  # [s]: instants farther apart have independent errors, those of friction and model
 NAMED, NAMED_MASS = 0.1, 0.05  # deviation of a factor from 1 that is named
-SAME_FACTOR = 0.15  # deviation from their mean by which factors are all the same
+SAME_FACTOR = 0.15  # deviation from a thousandth that is one
 SURE = 4.0  # in standard deviations
 EXPLAINED = 0.5  # share of the imbalance that the factors must explain before they are named
 UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
@@ -86,10 +86,10 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
     if idle:
         return
     by_factors = float(least @ least) / (SWAP * balance.size)
-    if share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors):
-        yield swapped(record.driven, "efforts", pair, _share_words(least_share, share))
-        return
-    told = list(_read_otherwise(record, motion, balance, signs))
+    exchanged = share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors)
+    told = list(_read_otherwise(record, motion, balance, signs, SWAP * least_share if exchanged else np.inf))
+    if exchanged and not told:
+        told = [swapped(record.driven, "efforts", pair, _share_words(least_share, share))]
     told = told or list(_factors(record, balance, signs, factors, least))
     unfit = float(least @ least) > UNFIT * balance.size
     if not told and unfit and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
@@ -97,8 +97,13 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
     yield from told
 
 
-def _read_otherwise(record: Record, motion: FreeMotion, balance: Balance, signs: Array) -> Iterator[Finding]:
-    """Yield how joints may have to be read, if that leaves far less beside friction than other efforts do."""
+def _read_otherwise(
+    record: Record, motion: FreeMotion, balance: Balance, signs: Array, most: float = np.inf
+) -> Iterator[Finding]:
+    """Yield how joints may have to be read, if that leaves far less beside friction than other efforts do.
+
+    And less than `most` of what is needed, in squares.
+    """
     scaled_efforts = balance.common_factor * balance.given.sum(axis=1)
     residuals = balance.residual, balance.needed - balance.given @ signs, balance.needed - scaled_efforts
     share, turned, scaled = map(balance.beside_friction, residuals)
@@ -109,7 +114,8 @@ def _read_otherwise(record: Record, motion: FreeMotion, balance: Balance, signs:
         else:  # of joints that turn the other way efforts are reversed, too
             reading = JointReading.as_mapped(record).otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)
         (left,) = left_by_readings(record, motion, [reading])
-        if left < min(LEFT_BY_JOINTS * share, RIGHT_PLACES, turned, NO_NUMBERS * float(least @ least) / balance.size):
+        factors = float(least @ least) / balance.size  # what they leave, with a number for each joint and friction
+        if left < min(max(LEFT_BY_JOINTS * share, factors), RIGHT_PLACES, turned, NO_NUMBERS * factors, most):
             yield from reading.told(record, _share_words(left, share))
 
 
@@ -137,14 +143,21 @@ def _best_signs(balance: Balance) -> Array:
 def _least_squares(balance: Balance, *more: Array) -> tuple[Array, Array]:
     """Return the factors of the efforts and the change of the base's mass (joints + 1,), and what they leave (n,).
 
-    Columns (n, k) of `more` may make up for some of it.
+    The mass changes only if it stays above 0 and the efforts alone leave far more: without most of weight and motion
+    any efforts would do. Columns (n, k) of `more` may make up for some of it.
     """
-    table = np.column_stack([balance.given, -balance.base, *more])
-    scale = np.linalg.norm(table, axis=0)
+    table, n = np.column_stack([balance.given, -balance.base, *more]), balance.given.shape[1]
+    scale, start = np.linalg.norm(table, axis=0), np.pad(np.ones(n), (0, table.shape[1] - n))
     seen = scale > 1e-6 * max(float(scale.max()), 1e-300)
-    fitted = np.pad(np.ones(balance.given.shape[1]), (0, table.shape[1] - balance.given.shape[1]))
-    fitted[seen] = np.linalg.lstsq(table[:, seen] / scale[seen], balance.needed, rcond=1e-6)[0] / scale[seen]
-    return fitted, balance.needed - table @ fitted
+
+    def best(free: NDArray[np.bool_]) -> tuple[Array, Array]:
+        fitted = start.copy()
+        fitted[free] = np.linalg.lstsq(table[:, free] / scale[free], balance.needed, rcond=1e-6)[0] / scale[free]
+        return fitted, balance.needed - table @ fitted
+
+    alone, other = best(seen & (np.arange(len(seen)) != n)), best(seen)
+    heavy = other[0][n] > -1.0 and other[1] @ other[1] < EXPLAINED * (alone[1] @ alone[1])
+    return other if heavy else alone
 
 
 def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, residual: Array) -> Iterator[Finding]:
@@ -172,7 +185,7 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     heavier, common = balance.residual + balance.base * alone, balance.common_factor
     stronger, by_mass = balance.needed - common * balance.given.sum(axis=1), float(heavier @ heavier)
     share = by_mass / max(float(stronger @ stronger), 1e-300)  # left by one mass, over what one factor leaves
-    explains = fitted[n] > -1.0 and by_mass < EXPLAINED * float(balance.residual @ balance.residual)
+    explains = by_mass < EXPLAINED * float(balance.residual @ balance.residual)
     agree = fitted[n] * alone > 0.0 and share < EXPLAINED
     if explains and agree and min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
         what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link, or a force on it"
@@ -182,7 +195,7 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     sure = deviation * SURE < np.abs(shown) * np.minimum(1.0, np.maximum(np.abs(1.0 - shown), NAMED))
     off = np.flatnonzero(sure & (np.abs(factors - 1.0) > NAMED))
     c = float(np.mean(factors[off])) if len(off) else 1.0
-    alike = bool(np.all(np.abs(c * shown - 1.0) < SAME_FACTOR + SURE * abs(c) * deviation))
+    alike = float(residual @ residual) > EXPLAINED * float(stronger @ stronger)  # no other factors explain far more
     if len(off) and alike and c * common > 0.0 and abs(common - 1.0) > NAMED:
         if c < 0.0:
             yield from _reversed(record, shown, off)
