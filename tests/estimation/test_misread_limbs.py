@@ -122,6 +122,18 @@ def test_a_misread_walk_says_how_to_read_it(
         assert told == pytest.approx(value, abs=0.03)
 
 
+@pytest.mark.parametrize("factor", [2.0, 0.5])
+def test_all_efforts_of_a_walk_that_rubs_are_wrong_by_a_factor(
+    noisy: pd.DataFrame, tmp_path: Path, factor: float
+) -> None:
+    """Not the base, which would have to weigh less than nothing: most of what is needed is its weight."""
+    log = noisy.copy()
+    log[[f"{joint}_tau" for joint in JOINTS]] *= factor
+    [said] = warned(log, of_walk(tmp_path), tmp_path)
+    assert said.check == "effort unit or mass"
+    assert said.value == pytest.approx(1.0 / factor, rel=0.05)
+
+
 @pytest.mark.evidence
 @pytest.mark.parametrize(
     ("gait", "base", "least"), [("TROT", "imu", 27), ("WALK", "measured", 27), ("FAST_TROT", "measured", 26)]
