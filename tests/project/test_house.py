@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from mutants import MUTANTS
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
@@ -27,6 +28,13 @@ def text_files() -> list[Path]:
         and path.suffix in TEXT
         and not any(part in skipped or part.endswith(".egg-info") for part in path.relative_to(ROOT).parts)
     ]
+
+
+def test_every_mutant_can_still_be_made() -> None:
+    """The lines that `make mutants` changes stand where it looks for them, and the tests that should notice, too."""
+    for mutant in MUTANTS:
+        assert (ROOT / "aerobat_pin" / mutant.file).read_text().count(mutant.text) == 1, mutant.name
+        assert all((ROOT / word.partition("::")[0]).exists() for word in mutant.tests.split()), mutant.name
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
