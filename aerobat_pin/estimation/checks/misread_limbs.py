@@ -18,7 +18,7 @@ from aerobat_pin.forces import FreeMotion, balance_of
 from aerobat_pin.records import Record
 
 FEW_INSTANTS = 24  # of the record, at which readings are looked at
-FIRST_LOOK, LIKELY = 3, 40  # each of so many of them, at which all are; so many are looked at again
+FIRST_LOOK, SEEN_AGAIN = 3, 40  # of so many of them one, at which all are; so many are looked at again
 MOST_MISREADINGS = 4  # changes, one after the other
 FAR_LESS = 0.6  # of what was left before, in squares
 WELL = 0.002  # of what is needed, in squares, that a robot read right may leave
@@ -53,7 +53,7 @@ def reading_of(record: Record, motion: FreeMotion) -> JointReading:
     for _ in range(MOST_MISREADINGS):
         tried = list(changes(reading))
         first = left_by_readings(record, few.every(FIRST_LOOK), [each for _, each in tried])
-        tried = [tried[k] for k in np.argsort(first)[:LIKELY]]
+        tried = [tried[k] for k in np.argsort(first)[:SEEN_AGAIN]]
         group, best = tried[np.argmin(left_by_readings(record, few, [each for _, each in tried]))]
         if any(best.turn[k] for k in group):
             best = downhill(best, group, DOWNHILL_OF_LEGS, lambda each: left_by_readings(record, few, [each])[0])
