@@ -1,8 +1,9 @@
 """How exact coefficients are that were found by least squares beside unknown forces, and what that does to the rows.
 
 Where b was found and c is true, rows y = J^T f + X c + e are wrong by X (c - b), and the most likely forces, which are
-f = G (y - X b) with G = P J R^-1 (`equations.posterior`), by G X (c - b). With C the covariance of b, the diagonal of
-X C X^T belongs to the variance R of the rows, and P then contains the projected error, in records and streams alike.
+f = G (y - X b) with G = P J R^-1 (`momentum_equations.posterior`), by G X (c - b). With C the covariance of b, the
+diagonal of X C X^T belongs to the variance R of the rows, and P then contains the projected error, in records and
+streams alike.
 """
 
 from __future__ import annotations

@@ -11,7 +11,15 @@ from support.kernel_cases import KINDS, MODELS, assert_equal, believable, record
 from support.without_coriolis import links
 
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.observers import OBSERVERS, Application, Estimate, Expected, ForceLevelObserver, Observer, equations
+from aerobat_pin.observers import (
+    OBSERVERS,
+    Application,
+    Estimate,
+    Expected,
+    ForceLevelObserver,
+    Observer,
+    momentum_equations,
+)
 from aerobat_pin.observers import rows as believed_rows
 from aerobat_pin.observers.applications import Applications
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
@@ -54,7 +62,7 @@ def test_tolerances_of_the_projection_do_not_touch_the_posterior(monkeypatch: py
     for changed in (False, True):
         if changed:
             for name, value in (("DAMPING", 1e-3), ("SUSPECT", 0.0), ("UNSEEN_EIGENVALUE", 0.1)):
-                monkeypatch.setattr(equations, name, value)
+                monkeypatch.setattr(momentum_equations, name, value)
             monkeypatch.setattr(believed_rows, "MOMENT_ARM", 0.3)
         observer = ForceLevelObserver(model, frames, 300.0, expected=some(model, 3 * len(frames)))
         found.append(observer.run(*record(model)))
