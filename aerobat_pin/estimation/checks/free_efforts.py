@@ -209,6 +209,11 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
         return
     gain, unsure = _measured_per_needed(balance, np.ones(n), balance.residual)
     off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]
+    changed = np.ones(n)
+    changed[off] = factors[off]
+    left = balance.beside_friction(balance.needed - balance.given @ changed)
+    if left > EXPLAINED * balance.beside_friction(balance.residual):
+        return
     yield from _reversed(record, shown, off[factors[off] < 0.0])
     yield from (wrong_effort(record.driven[k], float(factors[k])) for k in off[factors[off] > 0.0])
 

@@ -21,7 +21,7 @@ MEMORY_OF_K = 2.5  # [s]: how long errors of the rows last
 def estimate_posterior(
     observer: ObserverState, before: Array, after: Array, generalized: Array, dt: float, force: Array, doubt: Array
 ) -> None:
-    """Write the components `force` (c,), given the generalised force (nv,): `momentum_equations.posterior` of one instant.
+    """Write the components `force` (c,), given the generalised force (nv,): one row of `momentum_equations.posterior`.
 
     To `doubt` (c + 1,) are written their standard deviations, then k of this instant alone; NaN without a row to spare.
     """
