@@ -31,9 +31,9 @@ from aerobat_pin.records import Record
 
 ERRORS_LAST = 0.2  # [s]: instants farther apart have independent errors, those of friction and model
 NAMED, NAMED_MASS = 0.1, 0.05  # deviation of a factor from 1 that is named
-SAME_FACTOR = 0.15  # deviation from a thousandth that is one
+AS_MILLI = 0.15  # of the logarithm: a factor so near to a thousandth is one
 SURE = 4.0  # in standard deviations
-EXPLAINED = 0.5  # share of the imbalance that the factors must explain before they are named
+EXPLAINED = 0.5  # share of what is left otherwise that factors, or another mass, must explain
 UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
 CLEAR = 0.9  # share of the imbalance that is explained, from which they are named all the same
 SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
@@ -62,7 +62,8 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{free}")
         return
     share, (factors, least) = balance.imbalance(), _least_squares(balance)
-    idle = UNFIT * share > 1.0 and float(least @ least) > UNFIT * balance.size
+    unfit = float(least @ least) > UNFIT * balance.size
+    idle = UNFIT * share > 1.0 and unfit
     text = (
         f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
         "efforts and known forces"
@@ -91,7 +92,6 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
     if exchanged and not told:
         told = [swapped(record.driven, "efforts", pair, _share_words(least_share, share))]
     told = told or list(_factors(record, balance, signs, factors, least))
-    unfit = float(least @ least) > UNFIT * balance.size
     if not told and unfit and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
         told = [left_unexplained("no factors, places or zeros", 100.0 * float(np.sqrt(share)))]
     yield from told
@@ -102,7 +102,7 @@ def _read_otherwise(
 ) -> Iterator[Finding]:
     """Yield how joints may have to be read, if that leaves far less beside friction than other efforts do.
 
-    And less than `most` of what is needed, in squares.
+    It must leave less than `most`, too, of what is needed, in squares.
     """
     scaled_efforts = balance.common_factor * balance.given.sum(axis=1)
     residuals = balance.residual, balance.needed - balance.given @ signs, balance.needed - scaled_efforts
@@ -224,7 +224,7 @@ def of_all(record: Record, names: Sequence[str], factor: float) -> Finding:
         what = f"all efforts are reversed ({', '.join(names)}): torque_per_unit"
         return Finding("effort sign", "warning", what, factor, "1")
     what, effort = f"all efforts would have to be {factor:.3g} times as large: ", record.map.joints.effort
-    milli = abs(np.log(1e3 * factor)) < SAME_FACTOR
+    milli = abs(np.log(1e3 * factor)) < AS_MILLI
     if milli and effort is not None and effort.torque_per_unit and effort.unit in MILLI:
         what += f"torque_per_unit counts for each {effort.unit}, as the map states: a thousandth was expected"
         return Finding("effort unit or mass", "refused", what, factor, "1")
