@@ -27,10 +27,10 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # the hundreds of programs that
 sys.dont_write_bytecode = False
 
 LONGEST = (  # ten seconds of processor time and more
-    "docs sweep_interrupted bad_inputs tutorials site play screens files calibration changed_robot bad_logs house "
-    "wheel recordings estimate_recordings strange_arm planted_mistakes changed_model moving_page replay flights "
-    "gains live_page stream map_calibration calibrate simulated_elsewhere crank_page map_joints raw_sensors "
-    "contradictions ros_node jit events cli shipped_scenarios kalman mistakes estimate legs pages "
+    "docs types sweep_interrupted bad_inputs tutorials site play screens files calibration changed_robot bad_logs "
+    "house wheel recordings estimate_recordings strange_arm planted_mistakes changed_model moving_page replay "
+    "flights gains live_page stream map_calibration calibrate simulated_elsewhere crank_page map_joints "
+    "raw_sensors contradictions ros_node jit events cli shipped_scenarios kalman mistakes estimate legs pages "
     "lattice_cases closed_loop locate observer_kernels"
 ).split()
 
@@ -106,6 +106,11 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     """Lay figures out, but save empty files: rendering takes six seconds of a processor for each folder of results."""
     monkeypatch.setattr(style, "_rendered", lambda figure: {"png": b"", "pdf": b""})
+
+
+def pytest_xdist_auto_num_workers() -> int:
+    """Return one process more than there are cores: tests wait for programs, browsers and each other's compilers."""
+    return 1 + (os.cpu_count() or 1)
 
 
 @pytest.hookimpl(trylast=True)

@@ -52,7 +52,7 @@ LowestLargest: TypeAlias = "tuple[float | tuple[float, ...], float | tuple[float
 Draw: TypeAlias = Mapping[str, LowestLargest]
 
 
-class AerobatEnv(gymnasium.Env[Array, Array]):
+class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasium is not followed
     """Fly Aerobat by its six thrusters.
 
     Args:

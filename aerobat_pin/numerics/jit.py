@@ -40,8 +40,12 @@ def inner(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """Make a kernel that is inlined in the kernels that call it, so that unused variables in it cost nothing."""
-    return _compiled(function, forceinline=True)
+    """Make a kernel that becomes part of those that call it, and is not compiled alone.
+
+    Machine code of a kernel contains that of all which it calls: what stands between Python and long kernels, and has
+    one or two callers, would be compiled once more at each level.
+    """
+    return _compiled(function, inline="always", no_cpython_wrapper=True)
 
 
 def _compiled(function: Function, **more: Any) -> Function:
@@ -109,7 +113,7 @@ def kernels_within(entry: Any) -> int:
             if hasattr(named, "py_func") and named not in kernels and not named.signatures:
                 kernels.add(named)
                 waiting.append(named)
-    return len(kernels)
+    return sum("inline" not in each.targetoptions for each in kernels)
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types

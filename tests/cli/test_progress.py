@@ -35,10 +35,16 @@ def middle(x: float) -> float:
     return float(halved(halved(x)))
 
 
+@numba.njit(inline="always")
+def one() -> float:
+    """Return 1, within those that call it."""
+    return 1.0
+
+
 @numba.njit
 def outer(x: float) -> float:
-    """Return 3 x / 4."""
-    return float(middle(x) + halved(x))
+    """Return 3 x / 4 + 1."""
+    return float(middle(x) + halved(x) + one())
 
 
 SHORT = ["simulation.duration=0.02", "air.warm_up_cycles=1"]
@@ -61,8 +67,14 @@ def test_what_is_compiled_is_told_by_its_name() -> None:
 
 
 def test_kernels_that_are_left_are_counted() -> None:
-    """Those that a kernel calls by name, and those that they call, each once."""
+    """Those that a kernel calls by name, and those that they call, each once; not one that becomes part of another."""
     assert kernels_within(outer) == 3
+    told: list[tuple[str, float]] = []
+    for each in (halved, middle, outer):
+        each.py_func.__module__ = "aerobat_pin.observers.somewhere"
+    with told_of_compilation(lambda *words: told.append(words)):
+        assert outer(4.0) == 4.0
+    assert told[-1] == ("compiling outer of observers, 0 of 3 kernels left, once per installation", 1.0)
 
 
 def test_each_observer_is_a_stage_of_its_own() -> None:

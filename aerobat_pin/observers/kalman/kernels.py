@@ -22,7 +22,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, factorise, fields_of, kernel, mirror
+from aerobat_pin.numerics import (
+    Array,
+    add_product,
+    add_row_product,
+    copy_values,
+    factorise,
+    fields_of,
+    inlined,
+    kernel,
+    mirror,
+)
 from aerobat_pin.observers.kalman.kalman_state import Filter, KalmanState, Step
 from aerobat_pin.observers.kalman.learning import (
     DIFFERENCES,
@@ -206,7 +216,7 @@ def report(step: Step, dt: float, out: Array) -> None:
             out[i] += step.shear[a, i] / dt * force
 
 
-@kernel
+@inlined
 def filter_interval(
     before: Array, after: Array, u: Array, dt: float, observer: ObserverState, filter_: Filter, step: Step, out: Array
 ) -> bool:

@@ -15,7 +15,6 @@ from aerobat_pin.numerics import (
     copy_values,
     dot,
     factorise,
-    inlined,
     inner,
     kernel,
 )
@@ -39,7 +38,7 @@ JUMPED = 5.0  # deviations of what one interval says of a component: beyond, it 
 UNKNOWN_TORQUE = 1.0e8  # variance of the impulse of an unknown torque, relative to that of all other noise
 
 
-@inlined
+@inner
 def learn_noise(
     values: Array, known: float, recent: float, stated: Array, differences: Array, roots: Array, sensed: Array
 ) -> None:
@@ -63,7 +62,7 @@ def learn_noise(
             sensed[i] = min(max(shown, LEAST_NOISE * stated[i]), stated[i])
 
 
-@inlined
+@inner
 def learn_misfit(remainder: Array, redundant: int, share: float, recent: float, leak: float, filter_: Filter) -> None:
     """Update the running mean square of what no force explains from one interval's rows `remainder` (nv,).
 
@@ -81,7 +80,7 @@ def learn_misfit(remainder: Array, redundant: int, share: float, recent: float, 
     filter_.disbelief[0] += recent * (size - filter_.disbelief[0])
 
 
-@inlined
+@inner
 def leak_of_noise(
     before: Array, after: Array, dt: float, share: float, observer: ObserverState, filter_: Filter
 ) -> float:
@@ -143,7 +142,7 @@ def drop_unseen(step: Step, start: int, values: Array) -> None:
                     values[first + a, j] -= unseen[a, b] * kept[b]
 
 
-@inlined
+@inner
 def misfit_variance(filter_: Filter) -> float:
     """Return the variance [N^2] that errors of the model give to every weighted row.
 
@@ -221,7 +220,7 @@ def add_unknown_torques(before: Array, after: Array, misfit: float, filter_: Fil
                 P[i, j] -= along * (before[2, j] + after[2, j])
 
 
-@inlined
+@inner
 def write_row_errors(before: Array, after: Array, filter_: Filter) -> None:
     """Write the standard deviation of each row's lasting error in an interval, see `Expected`."""
     first = filter_.errors.shape[0] - filter_.rows.shape[1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, copy_values, dot, inlined, inner, solve_factored, solve_positive
+from aerobat_pin.numerics import Array, copy_values, dot, inner, solve_factored, solve_positive
 from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.projection import POWER_ROW, power_unit, put_rows
 from aerobat_pin.observers.rows import BASE_ROWS, TIED
@@ -49,7 +49,7 @@ def estimate_posterior(
         solve_for_components(observer, k, force, doubt)
 
 
-@inlined
+@inner
 def whiten_rows(observer: ObserverState, before: Array, after: Array, generalized: Array) -> None:
     """Write the rows in use of the Jacobians, and then of the generalised force, over the rows' standard deviations."""
     c, nv, span, given = observer.fitted.shape[0], generalized.shape[0], observer.span, observer.given
@@ -80,7 +80,7 @@ def whiten_rows(observer: ObserverState, before: Array, after: Array, generalize
             span[i, s] *= scale
 
 
-@inlined
+@inner
 def solve_for_components(observer: ObserverState, k: float, force: Array, doubt: Array) -> None:
     """Write the components and their standard deviations, given whitened rows and k."""
     A, span, c = observer.equations, observer.span, force.shape[0]
@@ -113,7 +113,7 @@ def solve_for_components(observer: ObserverState, k: float, force: Array, doubt:
         doubt[j] = np.sqrt(size)
 
 
-@inlined
+@inner
 def forget_errors(observer: ObserverState) -> None:
     """Begin without errors of the rows."""
     if observer.sizes.expected > 0:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, copy_values, dot, eigenvectors, inlined, inner, solve_positive
+from aerobat_pin.numerics import Array, copy_values, dot, eigenvectors, inner, kernel, solve_positive
 from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.rows import BASE_ROWS, ROWS, TIED
 
@@ -14,7 +14,7 @@ UNSEEN_EIGENVALUE = 1.0e-10  # share of the trace: a smaller eigenvalue belongs 
 ALL_ROWS, POWER_ROW = ROWS.index("all"), ROWS.index("base+power")
 
 
-@inlined
+@inner
 def normal_equations(
     observer: ObserverState, J: Array, velocity: Array, generalized: Array, A: Array, b: Array
 ) -> float:
@@ -36,7 +36,7 @@ def normal_equations(
     return trace
 
 
-@inlined
+@inner
 def put_rows(observer: ObserverState, generalized: Array, velocity: Array, unit: float, rows: Array) -> None:
     """Write the weighted rows in use of generalised forces (m, nv), padded with zeros; unit is `power_unit`."""
     weight, kind, tied, (count, nv) = observer.weight, observer.sizes.rows, observer.tied, rows.shape
@@ -60,7 +60,7 @@ def put_rows(observer: ObserverState, generalized: Array, velocity: Array, unit:
                 row[BASE_ROWS] += unit * velocity[k] * force[k]
 
 
-@inlined
+@inner
 def power_unit(observer: ObserverState, velocity: Array) -> float:
     """Return the weight of the row of the joints' power, over the joints' speed; 0 if they stand still."""
     nv, speed = velocity.shape[0], 0.0
@@ -70,7 +70,7 @@ def power_unit(observer: ObserverState, velocity: Array) -> float:
     return float(1.0 / np.sqrt(speed)) if speed > 0.0 else 0.0
 
 
-@inlined
+@kernel
 def project(observer: ObserverState, before: Array, after: Array, generalized: Array, force: Array) -> float:
     """Write the components `force` (c,) that best fit a generalised force (nv,), using the mid-interval Jacobian.
 
@@ -93,7 +93,7 @@ def project(observer: ObserverState, before: Array, after: Array, generalized: A
     return least / trace if trace > 0.0 else 0.0
 
 
-@inlined
+@inner
 def fit_forces(observer: ObserverState, before: Array, after: Array, generalized: Array, remainder: Array) -> None:
     """Split a generalised force into what forces can explain and what no force explains.
 

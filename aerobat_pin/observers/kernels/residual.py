@@ -111,7 +111,7 @@ def mean_residual(before: Array, after: Array, u: Array, dt: float, observer: Ob
     return True
 
 
-@kernel
+@inlined
 def observe(before: Array, after: Array, u: Array, dt: float, observer: ObserverState, out: Array) -> bool:
     """Compute the estimate for one interval; return False if the residual is NaN or huge.
 
