@@ -13,9 +13,9 @@ SCRIPTS := pictures lifting_line/lifting_line section_law screenshots studies re
 BIN := $(VENV)/bin
 # Without --no-compile, Python's copies of modules that nobody imports take 130 MB.
 PIP := -m pip install --quiet --no-compile --disable-pip-version-check
-# Tests of a file stay together, as they share flights; the longest files come first, and there is one process more than
-# cores (tests/conftest.py).
-PARALLEL := -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# Tests of a file stay together, as they share flights; the longest files come first (tests/conftest.py). One process
+# more than there are cores makes it no faster.
+PARALLEL := -n logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 # Says which Python was found and which would do, and how to name it; exit code 1 for one that would not do.
 RIGHT_PYTHON = -c 'import sys; v = sys.version_info[:2]; ok = (3, 11) <= v <= (3, 13); ok or print("%s is Python %d.%d: Python 3.11 to 3.13 was expected; name one, as in: make PYTHON=python3.12 $(or $(MAKECMDGOALS),demo)" % (sys.argv[1], *v), file=sys.stderr); sys.exit(not ok)'
 

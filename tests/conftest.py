@@ -108,11 +108,6 @@ def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(style, "_rendered", lambda figure: {"png": b"", "pdf": b""})
 
 
-def pytest_xdist_auto_num_workers() -> int:
-    """Return one process more than there are cores: tests wait for programs, browsers and each other's compilers."""
-    return 1 + (os.cpu_count() or 1)
-
-
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the files that take longest, so that no process is busy with one long after the others have ended."""
