@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from aerobat_pin.estimation.checks.efforts import effort_findings
+from aerobat_pin.estimation.checks.free_efforts import of_free
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import InputsBetween, Instants, KnownForces, inputs_between
 from aerobat_pin.observers import Expected
@@ -33,7 +34,7 @@ def efforts_and_friction(
     doubts = list(effort_findings(record, plain, before, instants, expected))
     if forces is given or not record.robot.free or not any(map(_names_friction, doubts)):
         return doubts
-    with_friction = effort_findings(record, inputs, before)
+    with_friction = of_free(record, inputs, beyond=False, readings=False)  # without friction none was found
     remaining = {finding.check for finding in with_friction if finding.warns}
     return [finding for finding in doubts if not _names_friction(finding) or finding.check in remaining]
 

@@ -47,13 +47,14 @@ WHITE_SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of w
 MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if for A and N m
 
 
-def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[Finding]:
+def of_free(record: Record, inputs: InputsBetween, *, beyond: bool, readings: bool = True) -> Iterator[Finding]:
     """Yield factors of a free robot's efforts, columns that are exchanged, and its base's mass, as the rows show them.
 
     Args:
         record: the record.
         inputs: what an observer is given between two indices of the common times.
         beyond: whether joints are beyond their limits; before that is settled efforts say nothing of factors or places.
+        readings: whether another reading of the joints is sought, too.
     """
     motion = motion_of(record, inputs)
     balance = None if motion is None else balance_of(record, motion)
@@ -88,7 +89,8 @@ def of_free(record: Record, inputs: InputsBetween, *, beyond: bool) -> Iterator[
         return
     by_factors = float(least @ least) / (SWAP * balance.size)
     exchanged = share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors)
-    told = list(_read_otherwise(record, motion, balance, signs, SWAP * least_share if exchanged else np.inf))
+    most = SWAP * least_share if exchanged else np.inf
+    told = list(_read_otherwise(record, motion, balance, signs, most)) if readings else []
     if exchanged and not told:
         told = [swapped(record.driven, "efforts", pair, _share_words(least_share, share))]
     told = told or list(_factors(record, balance, signs, factors, least))
