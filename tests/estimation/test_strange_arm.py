@@ -25,6 +25,7 @@ from aerobat_pin.forces.deviations import lag_of_filter
 from aerobat_pin.forces.fit_known_forces import fitted_forces
 from aerobat_pin.observers import DOUBTFUL, OBSERVERS, SHOWN
 from aerobat_pin.records import parse_map, suggested_map
+from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.figures.record import unexplained_limit
 
 pytestmark = pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
@@ -190,6 +191,13 @@ def test_what_the_pose_does_not_show_is_said_in_every_output(
     with xr.open_dataset(folder / "out" / "estimate.nc") as stored:
         assert np.abs(stored["force_W"]).max() < 100.0
         assert stored["seen"].dims == stored["force_deviation_W"].dims == stored["force_W"].dims
+
+
+def test_the_close_up_shows_what_is_seen(folder: Path) -> None:
+    """The figure enlarges the fastest change, not one where the pose shows nothing: all was hatched there."""
+    close_up = draw_estimation(estimate(opened(folder / "push.csv", ["tool0"]))).axes[3].lines[0].get_ydata()
+    assert np.all(np.isfinite(close_up))
+    assert np.ptp(close_up) > 5.0
 
 
 def test_friction_that_was_found_is_no_fault_of_the_efforts(tmp_path: Path) -> None:

@@ -232,7 +232,8 @@ def _enlarged(result: Result, panels: _Panels, events: Sequence[TrueEvent]) -> _
         return _Enlarged(start, end, ("Fx", "Fy", "Fz")[int(np.argmax(size))], event.name)
     length = max(SHORTEST_ENLARGED, ENLARGED_SHARE * (panels.span[1] - panels.span[0]))
     begin = first.start[0] + length  # until then filters rise
-    time, force = estimate_lines(first, lambda part, _: part.components, begin if begin < first.start[-1] else -np.inf)
+    begin = begin if begin < first.start[-1] else -np.inf
+    time, force = estimate_lines(first, lambda part, _: np.where(part.shown, part.components, np.nan), begin)
     middle, column = _fastest_change(time, force, length)
     label = first.head.identifiability.components[column].rpartition(".")[2]
     start, end = _samples_around(first, middle - 0.5 * length, middle + 0.5 * length)
@@ -240,12 +241,17 @@ def _enlarged(result: Result, panels: _Panels, events: Sequence[TrueEvent]) -> _
 
 
 def _fastest_change(time: Array, force: Array, length: float) -> tuple[float, int]:
-    """Return when (time [s], column) the means of components (m, c) over half a length before and after differ most."""
+    """Return when (time [s], column) the means of components (m, c) over half a length before and after differ most.
+
+    Of those that are seen, NaN where not, all that time.
+    """
     width = max(int(0.25 * length * len(force) / (time[-1] - time[0])), 1) if len(time) > 1 else 1
-    sums = np.concatenate([np.zeros((1, force.shape[1])), np.cumsum(force, axis=0)])
-    if len(sums) <= 2 * width:
+    if len(force) < 2 * width:
         return float(time[len(time) // 2]), min(1, force.shape[1] - 1)
+    none, unseen = np.zeros((1, force.shape[1])), np.isnan(force)
+    sums, missing = (np.cumsum(np.concatenate([none, part]), axis=0) for part in (np.nan_to_num(force), unseen))
     change = np.abs(sums[2 * width :] - 2.0 * sums[width:-width] + sums[: -2 * width])
+    change[missing[2 * width :] > missing[: -2 * width]] = 0.0
     at, column = np.unravel_index(int(np.argmax(change)), change.shape)
     return float(time[at + width]), int(column)
 
