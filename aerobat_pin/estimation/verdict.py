@@ -265,7 +265,7 @@ def _way(force: Array, axes: Sequence[str]) -> str:
         return ""
     if abs(force[at]) > MOSTLY * size:
         return f" {WAYS[axes[at]][int(force[at] < 0.0)]}"
-    return f" along ({', '.join(f'{part:.2f}' for part in force / size)})"
+    return f" along ({', '.join(f'{part:.2f}' for part in (force / size).round(2) + 0.0)})"
 
 
 def _place_of(event: Contact, estimate: StoredEstimate) -> str:

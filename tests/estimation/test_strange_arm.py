@@ -180,6 +180,10 @@ def test_what_the_pose_does_not_show_is_said_in_every_output(
     assert "tool0.Fz: seen" in said
     assert "not seen 0 to " in said
     assert "the arm is straight" in said
+    assert "-0.00" not in said
+    report = (folder / "out" / "report.html").read_text()
+    assert "no part left</td>" in report
+    assert "nan N m" not in report
     own = json.loads((folder / "out" / "metrics.json").read_text())["observers"]["force_level"]
     assert all(0.0 <= share < 1.0 for share in own["seen"]["tool0"])
     assert own["k"] < 3.0

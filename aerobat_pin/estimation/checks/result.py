@@ -288,7 +288,7 @@ def _reason(record: Record, estimate: StoredEstimate, at: int, component: int) -
     loudest = int(np.argmax(np.linalg.norm(hidden, axis=1)))
     direction = hidden[loudest] / np.linalg.norm(hidden[loudest])
     direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    axes = ", ".join(f"{value:.2f}" for value in direction + 0.0)
+    axes = ", ".join(f"{value:.2f}" for value in direction.round(2) + 0.0)  # no -0.00
     words = f"a force along ({axes}) at {head.frames[loudest]} hardly turns a joint"
     straight = not record.robot.free and _is_straight(record, q, head.frames[loudest], direction)
     return f"{words}: the arm is straight" if straight else words
