@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.further import further
 from support.pushed_robots import EDGES, GAIN, RATE, pushed_robot
 
 from aerobat_pin import estimate
@@ -34,6 +35,13 @@ def test_what_a_fast_filter_lets_through_is_part_of_the_deviation(name: str, tmp
     middle = 0.5 * (found.time[1:] + found.time[:-1])
     good = found.shown & (middle > 0.15)[:, None]
     assert np.mean((np.abs(found.components - log.true(middle)) < 2.0 * found.standard_deviation)[good]) > 0.95
+
+
+@pytest.mark.parametrize(("name", "seed"), [("ur5", 49), ("z1", 43), *further(("talos_arm", 46), ("tiago", 57))])
+def test_what_motors_differ_by_is_no_wrong_unit(name: str, seed: int, tmp_path: Path) -> None:
+    """Efforts 2 % off and friction of 3 % were told as a unit of one, which would be 1.11 to 1.2 times as large."""
+    found = estimate(pushed_robot(name, seed).record(tmp_path))
+    assert [one.text for one in found.findings if one.warns and one.check.startswith("effort")] == []
 
 
 def test_no_pose_of_a_flying_body_hides_a_force(tmp_path: Path) -> None:

@@ -163,7 +163,7 @@ def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[F
     """Yield the mean (3,) of all forces together over the weight, for a robot whose base nothing else holds."""
     if not record.robot.free or record.map.base.held or "base" in record.map.robot.rows.ignore:
         return
-    mean = force / record.robot.weight
+    mean = np.round(force / record.robot.weight, 3) + 0.0  # no -0.000
     carried = bool(record.map.known) or record.robot.knows_forces
     expected = 0.0 if carried else 1.0
     text = f"mean force over weight is {mean[0]:.3f}, {mean[1]:.3f}, {mean[2]:.3f} (x, y, z)"
