@@ -47,6 +47,8 @@ MUTANTS = (
     Mutant("a joint the other way keeps its rate", "estimation/checks/readings.py",
            "self.sense * values[:, at_v[order]]", "values[:, at_v[order]]",
            "tests/estimation/test_explained_efforts.py"),
+    Mutant("what motors differ by is a wrong unit", "estimation/checks/changes.py", "OWN = 1.25", "OWN = 1.1",
+           "tests/estimation/test_named_robots.py"),
     Mutant("a leg the other way keeps its effort", "estimation/checks/misread_limbs.py",
            "reading.otherwise(group, 0.0, -1.0, -1.0)", "reading.otherwise(group, 0.0, -1.0, 1.0)",
            "tests/estimation/test_misread_limbs.py"),

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.bad_inputs import CLASSES, Doors, drawn_classes
+from support.further import further
 from support.wrong_values import EXCLUDED, WRONG, api_case, calls, fault, public_callables
 
 from aerobat_pin import load_aerobat
@@ -29,7 +30,7 @@ def doors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Doors]:
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("times", [1, pytest.param(3, marks=pytest.mark.evidence)])
+@pytest.mark.parametrize("times", [1, *further(3)])
 @pytest.mark.parametrize("number", CLASSES)
 def test_bad_inputs_are_refused_or_told(number: int, times: int, doors: Doors) -> None:
     """Each with the fault that it found, if any."""

@@ -24,11 +24,10 @@ from aerobat_pin.records import LARGEST_DELAY, PlainRobot, Record
 
 PRICE = 2.0  # in the logarithm of the likelihood: what each number of a change costs
 FACTOR = 4.0  # what factors of efforts cost more, as rows of joints that hardly carry anything look like some
-GROSS = 5.0  # a factor that no stiction looks like
+GROSS = 5.0  # a factor that is named of joints at rest: no stiction looks like it
 OWN = 1.25  # a factor of one effort that is named, or its inverse: motors differ by less from what is known of them
 MOST_WRONG = 2  # efforts, each by a factor of its own
 CLEARLY = 4.0  # standard deviations by which a factor is told from 1, and its inverse from 0
-STANDS_OUT = 4.0  # times the median of the others, by which one effort is off, if these are known at as many joints
 LEFT_BY_ROBOT = 1.1  # of what is left, in squares, with a robot that stands, turns or weighs otherwise: hardly more
 LEFT_BY_CHANGE = 0.5  # of what is left, in squares, if columns change places, or efforts come at another time
 LEAST_TURN = np.radians(3.0)  # by which a robot must be mounted otherwise than believed before that is said
@@ -140,29 +139,24 @@ def slopes_of_weight(model: pin.Model, q: Array) -> Array:
 
 
 def _common(record: Record, names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:
-    factor = float(_factor_of(found.size)[0])
-    return [of_all(record, names, factor)] if _worth_naming(np.array([factor]), moving)[0] else []
+    """Return that all efforts would have to be larger or smaller by one factor, or reversed."""
+    factors = _factor_of(found.size)
+    named = np.abs(factors - 1.0) > NAMED if moving else _beyond(factors, GROSS)
+    return [of_all(record, names, float(factors[0]))] if named[0] else []
 
 
 def _own_factors(names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:
     """Return the efforts that would have to be larger or smaller by a factor of their own, or reversed.
 
-    Not if they are many, or hardly more than those of the others: then it is the model that is wrong, or what pushes.
+    Not if they are many: then it is the model that is wrong, or what pushes.
     """
-    clearly, off = CLEARLY * found.deviation * found.independent**-0.5, np.abs(found.size)
-    sure = (off > clearly) & (np.abs(1.0 - found.size) > clearly)  # neither 1 nor of any size
-    if len(off) > STANDS_OUT:
-        sure &= off > STANDS_OUT * np.array([np.median(np.delete(off, k)) for k in range(len(off))])
+    clearly = CLEARLY * found.deviation * found.independent**-0.5
+    sure = (np.abs(found.size) > clearly) & (np.abs(1.0 - found.size) > clearly)  # neither 1 nor of any size
     factors = _factor_of(found.size)
     wrong = np.flatnonzero(sure & _beyond(factors, OWN if moving else GROSS)).tolist()
     if len(wrong) > MOST_WRONG:
         return []
     return [(reversed_effort if factors[k] < 0.0 else wrong_effort)(names[k], float(factors[k])) for k in wrong]
-
-
-def _worth_naming(factors: Array, moving: bool) -> NDArray[np.bool_]:
-    """Return which factors are worth naming: of joints at rest, which stiction holds, only those that are gross."""
-    return np.asarray(np.abs(factors - 1.0) > NAMED) if moving else _beyond(factors, GROSS)
 
 
 def _beyond(factors: Array, size: float) -> NDArray[np.bool_]:

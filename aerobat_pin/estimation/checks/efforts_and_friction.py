@@ -34,7 +34,7 @@ def efforts_and_friction(
     doubts = list(effort_findings(record, plain, before, instants, expected))
     if forces is given or not record.robot.free or not any(map(_names_friction, doubts)):
         return doubts
-    with_friction = of_free(record, inputs, beyond=False, readings=False)  # without friction none was found
+    with_friction = of_free(record, inputs, beyond=False, readings=False)  # of which none was told without it
     remaining = {finding.check for finding in with_friction if finding.warns}
     return [finding for finding in doubts if not _names_friction(finding) or finding.check in remaining]
 
