@@ -137,12 +137,12 @@ def most_likely_with(rows: EffortRows, columns: Array | None = None, start: Expl
         b = inverse @ (flat.T @ (W @ y[..., None]).ravel())
         remainder = y - x @ b
         white = (W @ remainder[..., None])[..., 0]
-        loss = 0.5 * (np.sum(np.linalg.slogdet(cov)[1]) + np.sum(remainder * white) + prior @ b**2)
         errors = R * white
         spare = np.maximum(np.mean(R * np.diagonal(W, axis1=1, axis2=2), axis=0), SPARE_AT_LEAST)
         size = np.maximum(np.mean(errors**2 / rows.variance, axis=0) / spare, SMALLEST_SIZE)
         means = size * rows.mean_variance
         size = np.maximum(means, NO_BETTER * np.median(means[rows.driven])) / rows.mean_variance
+    loss = 0.5 * (np.sum(np.linalg.slogdet(cov)[1]) + np.sum(remainder * white) + prior @ b**2)
     deviation = np.sqrt(np.maximum(np.diag(inverse), 0.0))
     n = len(rows.prior)
     force = np.pad((rows.forces @ white[..., None])[..., 0], ((1, 1), (0, 0)), mode="reflect")

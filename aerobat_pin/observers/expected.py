@@ -115,21 +115,25 @@ def with_record(
     y = believed.of(residual, v) / size  # whitened rows (m, r), and what forces do to them
     B = np.swapaxes(believed.of(jacobians, v) / size[:, None], 1, 2) * expected.force
     count, r, c = B.shape
-    factors, k, one = np.ones(c), 1.0, np.eye(c)
-    G, By, yy = np.swapaxes(B, 1, 2) @ B, np.einsum("mrc,mr->mc", B, y), float(np.sum(y**2))
-
-    def unlikely(sizes: Array) -> float:
-        """Return -2 log-likelihood, up to a constant, by a determinant and an inverse of c (Sylvester, Woodbury)."""
-        sizes = np.maximum(sizes, 1.0)
-        cov, b = k * one + sizes[:, None] * G * sizes, sizes * By
-        explained = float(np.sum(b * np.linalg.solve(cov, b[..., None])[..., 0]))
-        return float(np.sum(np.linalg.slogdet(cov)[1]) + count * (r - c) * np.log(k) + (yy - explained) / k)
-
+    G, By, k = np.swapaxes(B, 1, 2) @ B, np.einsum("mrc,mr->mc", B, y), 1.0
+    eigenvalues, Q = np.linalg.eigh(G)
+    eigenvalues, shown = np.maximum(eigenvalues, 0.0), np.einsum("mcd,mc->md", Q, By)
     for _ in range(SIZE_ROUNDS):
-        factors = np.full(c, min(SIZES_TRIED, key=lambda size: unlikely(np.full(c, size))))
-        for axis in one:
-            tried = [np.maximum(factors * np.where(axis > 0.0, change, 1.0), 1.0) for change in CHANGES_TRIED]
-            factors = min(tried, key=unlikely)
+        # V = k 1 + B S^2 B^T of one size s has log det V = sum(log(k + s^2 g)) + const., g the eigenvalues of B^T B.
+        scaled = k + SIZES_TRIED[:, None, None] ** 2 * eigenvalues
+        unlikely = np.sum(np.log(scaled) - SIZES_TRIED[:, None, None] ** 2 * shown**2 / scaled / k, axis=(1, 2))
+        size_of_all = SIZES_TRIED[np.argmin(unlikely)]
+        factors, inverse = np.full(c, size_of_all), 1.0 / (k + size_of_all**2 * eigenvalues)
+        M = (Q * (eigenvalues * inverse)[:, None]) @ np.swapaxes(Q, 1, 2)  # B^T V^-1 B, and B^T V^-1 y
+        n = np.einsum("mcd,md->mc", Q, inverse * shown)
+        for j in range(c):  # another size of one component changes V by a matrix of rank one (Sherman and Morrison)
+            tried = np.maximum(factors[j] * CHANGES_TRIED, 1.0)
+            added = tried**2 - factors[j] ** 2
+            scaled = 1.0 + added[:, None] * M[:, j, j]
+            best = np.argmin(np.sum(np.log(scaled) - added[:, None] * n[:, j] ** 2 / scaled, axis=1))
+            along = M[:, j] * (added[best] / scaled[best])[:, None]
+            n, M = n - along * n[:, j, None], M - along[:, :, None] * M[:, None, j]
+            factors[j] = tried[best]
         # The share of a row's error that no force takes up is the square of this, see `estimate_posterior`.
         unsettled = np.linalg.inv(np.eye(r) + (B * factors**2) @ np.swapaxes(B, 1, 2))
         unsettled = unsettled @ unsettled
