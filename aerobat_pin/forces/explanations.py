@@ -133,7 +133,7 @@ def most_likely_with(rows: EffortRows, columns: Array | None = None, start: Expl
         normal = flat.T @ (W @ x).reshape(y.size, -1) + np.diag(prior)
         unit = np.maximum(np.diag(normal), np.finfo(float).tiny) ** -0.5
         unit = unit * unit[:, None]
-        inverse = np.linalg.pinv(normal * unit, rcond=RANK_OF_ROWS, hermitian=True) * unit
+        inverse = _inverse_of_shown(normal * unit) * unit
         b = inverse @ (flat.T @ (W @ y[..., None]).ravel())
         remainder = y - x @ b
         white = (W @ remainder[..., None])[..., 0]
@@ -157,13 +157,20 @@ def screened(rows: EffortRows, without: Explanation, columns: Sequence[Array], s
     gram = x.reshape(rows.y.size, -1).T @ (without.precision @ x).reshape(rows.y.size, -1)
     n = len(rows.prior)
     gram[range(n), range(n)] += rows.prior
-    own = np.linalg.pinv(gram[:n, :n], rcond=RANK_OF_ROWS, hermitian=True)
+    own = _inverse_of_shown(gram[:n, :n])
     gram = gram[n:, n:] - gram[n:, :n] @ own @ gram[:n, n:]  # what friction and constants leave
     gains, at = [], 0
     for part in columns:
         chosen = slice(at, at + part.shape[2])
         at += part.shape[2]
         t = gram[chosen, -1]
-        gains.append(0.5 * float(t @ np.linalg.pinv(gram[chosen, chosen], rcond=RANK_OF_ROWS, hermitian=True) @ t))
+        gains.append(0.5 * float(t @ _inverse_of_shown(gram[chosen, chosen]) @ t))
     alone = gram[range(at, len(gram) - 1), range(at, len(gram) - 1)]
     return np.array([*gains, *(gram[at:-1, -1] - 0.5 * alone)])
+
+
+def _inverse_of_shown(normal: Array) -> Array:
+    """Return the pseudo-inverse of a positive semidefinite matrix: `numpy.linalg.pinv` takes twice as long."""
+    values, vectors = np.linalg.eigh(normal)
+    shown = values > RANK_OF_ROWS * values[-1]
+    return np.asarray((vectors[:, shown] / values[shown]) @ vectors[:, shown].T)

@@ -241,9 +241,7 @@ def most_likely(
         offset: force [N] that a base's accelerometer with an offset may find in each of the first three rows for ever.
     """
     k, (kinds, _, n) = y.shape[1], x.shape
-    forces = np.einsum("mci,mc,mcj->mij", J, force**2, J, optimize=True)
-    felt, inverse = np.flatnonzero(forces.any(axis=(0, 1))), np.zeros_like(forces)
-    both = np.ix_(np.arange(len(y)), felt, felt)  # rows that a force reaches; errors of the others are apart
+    B, one = force[..., None] * J, np.eye(J.shape[1])
     stiction, every, prior = np.zeros(k), range(kinds * n), np.repeat(known**-2.0, n)
     slid, shown = np.abs(sliding).max(axis=0), np.abs(x).max(axis=1) + LEAST_SHOWN
     largest = np.maximum(np.abs(y).max(axis=0), error)[at] * (slid[at] + LEAST_SHOWN) / shown  # of friction
@@ -253,29 +251,31 @@ def most_likely(
     slides = slid[at] > SLIDES_AT
     for _ in range(EXPECTATION_ROUNDS):
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
-        cov = forces.copy()
-        cov[:, range(k), range(k)] += R
-        inverse[:, range(k), range(k)] = 1.0 / R
-        inverse[both] = np.linalg.inv(cov[both])
-        normal = np.einsum("ami,mij,bmj->aibj", x, inverse[:, at][:, :, at], x, optimize=True).reshape(kinds * n, -1)
+        Z = B / R[:, None]  # the rows' covariance has the inverse R^-1 - Z^T P (Woodbury)
+        P = np.linalg.solve(one + Z @ np.swapaxes(B, 1, 2), Z)
+        normal = -np.tensordot(x[:, :, None] * Z[:, :, at], x[:, :, None] * P[:, :, at], axes=[(1, 2), (1, 2)])
+        normal[:, range(n), :, range(n)] += np.einsum("ami,bmi->iab", x / R[:, at], x)
+        normal = normal.reshape(kinds * n, -1)
         normal[every, every] += LEAST_SHOWN * np.diag(normal) + information
-        target = np.einsum("ami,mi->ai", x, (inverse @ y[..., None])[:, at, 0]).ravel()
+        white = y / R - np.einsum("mck,mc->mk", Z, np.einsum("mck,mk->mc", P, y))
+        target = np.einsum("ami,mi->ai", x, white[:, at]).ravel()
         b = _bounded(normal, target, largest).reshape(kinds, n)
         if limits is not None:
             b[0] = as_others_rub(b[0], slides, limits)
         stiction[at] = b[0]
         remainder = y.copy()
         remainder[:, at] -= np.einsum("ami,ai->mi", x, b)
-        white = (inverse @ remainder[..., None])[..., 0]
+        white = remainder / R - np.einsum("mck,mc->mk", Z, np.einsum("mck,mk->mc", P, remainder))
         mean = R * white  # of e, given the rows
-        square = mean**2 + R - R**2 * np.diagonal(inverse, axis1=1, axis2=2)
+        square = mean**2 + R**2 * np.sum(Z * P, axis=1)
         size = np.sum(sliding**2 * square, axis=0) / np.maximum(np.sum(sliding**2, axis=0), 1e-9) / error**2
         size = np.where(slid > SLIDES_AT, np.maximum(size, LEAST_SIZE), 1.0)
     count = np.maximum(independent(mean), FEWEST_INDEPENDENT)
     checked = spare_share(J, force, np.sqrt(size) * error) > CHECKED
     size *= count / (count - 2.0)  # Student's variance: r follows from so few
     size = np.where(checked, size, np.minimum(size, 1.0))
-    pushed = np.einsum("ami,mio->aio", x, inverse[:, at, :3]) * offset  # what an offset of each axis adds to the target
+    seen = np.eye(k)[at, :3] / R[:, at, None] - np.swapaxes(Z[:, :, at], 1, 2) @ P[:, :, :3]
+    pushed = np.einsum("ami,mio->aio", x, seen) * offset  # what an offset of each axis adds to the target
     change = np.linalg.solve(normal, pushed.reshape(kinds * n, -1)).reshape(kinds, n, -1)
     free = (b.ravel() > 0.0) & (b.ravel() < largest)
     scores = np.swapaxes(x * white[:, at], 0, 1).reshape(len(y), -1)
@@ -298,6 +298,9 @@ def _bounded(normal: Array, target: Array, largest: Array) -> Array:
 
     scale = np.diag(normal) ** -0.5
     L = np.linalg.cholesky(normal * scale * scale[:, None])
-    bounds = np.where(np.isfinite(largest), 0.0, -np.inf), largest / scale
-    x = lsq_linear(L.T, np.linalg.solve(L, scale * target), bounds, method="bvls").x
+    low, high = np.where(np.isfinite(largest), 0.0, -np.inf), largest / scale
+    t = np.linalg.solve(L, scale * target)
+    x = np.linalg.solve(L.T, t)
+    if np.any((x < low) | (x > high)):
+        x = lsq_linear(L.T, t, (low, high), method="bvls").x
     return np.asarray(scale * np.where(np.abs(x) < AT_BOUND * np.abs(x).max(), 0.0, x))
