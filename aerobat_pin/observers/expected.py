@@ -114,7 +114,7 @@ def with_record(
     size = np.maximum(np.sqrt(believed.of(expected.row_deviation(v) ** 2, v, power=2)), 1e-150)
     y = believed.of(residual, v) / size  # whitened rows (m, r), and what forces do to them
     B = np.swapaxes(believed.of(jacobians, v) / size[:, None], 1, 2) * expected.force
-    count, r, c = B.shape
+    r, c = B.shape[1:]
     G, By, k = np.swapaxes(B, 1, 2) @ B, np.einsum("mrc,mr->mc", B, y), 1.0
     eigenvalues, Q = np.linalg.eigh(G)
     eigenvalues, shown = np.maximum(eigenvalues, 0.0), np.einsum("mcd,mc->md", Q, By)

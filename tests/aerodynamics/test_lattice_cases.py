@@ -7,6 +7,7 @@ pitch. The rest is its aerodynamic centre, 0.205 c in steady flow: a lifting lin
 
 import numpy as np
 import pytest
+from support.further import further
 from support.lattice_cases import errors, flown
 from support.references import LATTICE_CASES, LATTICE_FINE, LATTICE_FLAP, indicial_rise, lattice
 
@@ -53,7 +54,7 @@ def test_the_moment_is_nearer_to_a_lattice_with_half_the_step(name: str, moment:
     assert abs(ours.moment[1]) / abs(fine[1]) == pytest.approx(moment, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", ["flap 5 deg", "plunge 10 mm", "pitch 5 deg"])
+@pytest.mark.parametrize("name", ["flap 5 deg", *further("plunge 10 mm", "pitch 5 deg")])
 def test_at_small_angles_the_robots_strips_give_the_same(name: str) -> None:
     """Incidence below 10 deg: lift within 0.3 %, thrust within 1.1 %, moment within 0.1 % of `fly`."""
     line, strips = flown(name), flown(name, robot=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from support.commands import aerobat, call
+from support.further import further
 from typer.main import get_command
 
 import aerobat_pin
@@ -190,7 +191,7 @@ def test_a_shell_completes_what_can_be_named(typed: str, offered: str) -> None:
         ("crank --out", "crank --output"),
         ("urdf -o", "urdf --output"),
         ("linkage --out", None),
-        ("trim paper_open_loop --set robot.changes.body.mass=0.025 -o", None),
+        *further(("trim paper_open_loop --set robot.changes.body.mass=0.025 -o", None)),
     ],
 )
 def test_out_is_called_so_everywhere_and_makes_folders(

@@ -121,6 +121,7 @@ def test_an_elbow_that_bends_is_noticed_and_named() -> None:
     assert np.max(better.error["force_level"]) < 0.25 * np.max(found.error["force_level"])
 
 
+@pytest.mark.evidence
 def test_an_elbow_is_found_as_it_is_where_the_believed_air_is_right() -> None:
     """5 rad/(N m) behind a lag of 10 ms, within 5 %: the air meets the wings where they are bent to."""
     air = ('believed.air.model="lifting_line"', "unknown_force=[]", *AT)

@@ -13,7 +13,7 @@ from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.forces.fit_known_forces import fitted_forces
 
 
-@pytest.mark.parametrize("seed", [21, 22])
+@pytest.mark.parametrize("seed", [21, *further(22)])
 def test_the_thrusts_of_several_rotors_are_fitted_together(seed: int, tmp_path: Path) -> None:
     """The accelerometer shows their sum: each by itself took all of it, and four made four times the thrust."""
     fly(seed)[0].to_csv(tmp_path / "free.csv", index=False)
@@ -81,7 +81,7 @@ def test_a_calibration_in_which_the_arm_rests_knows_nothing_of_its_friction(seed
     assert any(one.check == "calibration" and "friction" in one.text for one in result.findings)
 
 
-@pytest.mark.parametrize("seed", [13, 29])
+@pytest.mark.parametrize("seed", [13, *further(29)])
 def test_nothing_is_said_of_rotors_that_hover(seed: int, tmp_path: Path) -> None:
     """They differ by 2 %, which makes moments as other commands would; and each follows the acceleration no better."""
     fly(seed, swings=False)[0].to_csv(tmp_path / "hover.csv", index=False)

@@ -181,6 +181,7 @@ def test_a_killed_worker_costs_nothing_but_time(file: Path, uninterrupted: Path,
     same_tables(tmp_path, uninterrupted)
 
 
+@pytest.mark.evidence
 def test_a_cluster_survives_the_death_of_a_worker(
     file: Path, uninterrupted: Path, cluster: LocalCluster, tmp_path: Path
 ) -> None:

@@ -1,8 +1,8 @@
-"""A hundred bad inputs at all doors, drawn from a seed: none costs a traceback, a hang, a result or a wrong answer.
+"""Some 80 bad inputs at all doors, drawn from a seed: none costs a traceback, a hang, a result or a wrong answer.
 
 `make evidence` tries three hundred, `make reliability` thousands of the same kinds, and writes their counts to
-docs/reliability.md. Wrong arguments, all of them: every public function names the one that is wrong, in an error of
-the package.
+docs/reliability.md. Wrong arguments, half of them and all as evidence: every public function names the one that is
+wrong, in an error of the package.
 """
 
 from collections import Counter
@@ -19,7 +19,7 @@ from aerobat_pin import load_aerobat
 from aerobat_pin.errors import ArgumentError, ShapeError
 from aerobat_pin.numerics import guarded
 
-COUNTS = dict.fromkeys(CLASSES, 7) | {2: 11, 13: 11}  # files and maps can be bad in most ways
+COUNTS = dict.fromkeys(CLASSES, 5) | {2: 8, 13: 8}  # files and maps can be bad in most ways
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def doors(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Doors]:
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("times", [1, *further(3)])
+@pytest.mark.parametrize("times", [1, *further(4)])
 @pytest.mark.parametrize("number", CLASSES)
 def test_bad_inputs_are_refused_or_told(number: int, times: int, doors: Doors) -> None:
     """Each with the fault that it found, if any."""
@@ -41,8 +41,8 @@ def test_bad_inputs_are_refused_or_told(number: int, times: int, doors: Doors) -
 
 def test_every_class_is_tried_often_enough() -> None:
     """As evidence, and in a run of 2,000: each class at least 20 times."""
-    assert 3 * sum(COUNTS.values()) >= 300
-    assert 3 * min(COUNTS.values()) >= 20
+    assert 4 * sum(COUNTS.values()) >= 300
+    assert 4 * min(COUNTS.values()) >= 20
     drawn = Counter(drawn_classes(np.random.default_rng(1), 2000))
     assert sum(drawn.values()) == 2000
     assert set(drawn) == set(CLASSES)
@@ -61,10 +61,12 @@ def test_every_public_function_has_its_wrong_calls() -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_every_wrong_argument_is_refused_by_name() -> None:
+@pytest.mark.parametrize("half", [0, *further(1)])
+def test_every_wrong_argument_is_refused_by_name(half: int) -> None:
     """Each argument of each public function, with values of some twenty kinds that do not belong there."""
-    cases = [(name, argument, kind) for name, call in calls().items() for argument in call.arguments for kind in WRONG]
-    assert len(cases) > 5000
+    arguments = [(name, argument) for name, call in calls().items() for argument in call.arguments]
+    cases = [(*one, kind) for n, one in enumerate(arguments) for k, kind in enumerate(WRONG) if (n + k) % 2 == half]
+    assert len(cases) > 2500
     assert [said for case in cases if (said := fault(*case))] == []
 
 
