@@ -59,7 +59,7 @@ def build(folder: Path) -> int:
     count = sum(path.suffix in (".md", ".rst") for path in source.rglob("*"))
     print(f"building {count} pages: about a minute ...", flush=True)
     places = ["-c", Path(__file__).parent, "-d", folder / "doctrees", source, folder / "html"]
-    return build_main(["-W", "--keep-going", "-q", "-j", "auto", *map(str, places)])
+    return build_main(["-W", "--keep-going", "-q", *map(str, places)])
 
 
 if __name__ == "__main__":

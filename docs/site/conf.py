@@ -25,6 +25,7 @@ autodoc_member_order = "bysource"
 autodoc_class_signature = "mixed"
 autodoc_type_aliases = {"Array": "Array", "ArrayLike": "ArrayLike", "Integers": "Integers"}
 python_maximum_signature_line_length = 100
+toc_object_entries = False  # each page begins with a list of its names
 napoleon_use_ivar = True
 
 html_theme = "furo"
