@@ -253,7 +253,7 @@ def most_likely(
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
         Z = B / R[:, None]  # the rows' covariance has the inverse R^-1 - Z^T P (Woodbury)
         P = np.linalg.solve(one + Z @ np.swapaxes(B, 1, 2), Z)
-        normal = -np.tensordot(x[:, :, None] * Z[:, :, at], x[:, :, None] * P[:, :, at], axes=[(1, 2), (1, 2)])
+        normal = -np.tensordot(x[:, :, None] * Z[:, :, at], x[:, :, None] * P[:, :, at], axes=((1, 2), (1, 2)))
         normal[:, range(n), :, range(n)] += np.einsum("ami,bmi->iab", x / R[:, at], x)
         normal = normal.reshape(kinds * n, -1)
         normal[every, every] += LEAST_SHOWN * np.diag(normal) + information
