@@ -89,7 +89,7 @@ class Stroke:
             origin[i] = hinge @ (axis - turn @ axis)
             # A point on the pitch axis moves with the hinge: flapping about x leaves it where it is.
             spin = turn.T @ [side * flap_rate, 0.0, 0.0] - [0.0, pitch_rate, 0.0]
-            twist[i] = *(rotation[i].T @ velocity - np.cross(spin, axis)), *spin
+            twist[i] = *(rotation[i].T @ velocity - self.pitch_axis * np.array([0.0, spin[2], -spin[1]])), *spin
         return Halves(rotation, twist, origin)
 
 
