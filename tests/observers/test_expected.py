@@ -1,6 +1,7 @@
 """What is expected of forces and rows: the posterior equals its twin, its limits are known, and it knows its errors."""
 
 import pickle
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -22,6 +23,7 @@ from aerobat_pin.observers import (
 )
 from aerobat_pin.observers import rows as believed_rows
 from aerobat_pin.observers.applications import Applications
+from aerobat_pin.observers.expected import CHANGES_TRIED, SIZES_TRIED, with_record
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.rows import ROWS, Rows
 
@@ -174,3 +176,32 @@ def test_what_cannot_be_expected_is_refused() -> None:
     ):
         with pytest.raises(ObserverError, match="expected"):
             OBSERVERS["force_level"](model, [frame], 100.0, "all", bad)
+
+
+@pytest.mark.parametrize("worse", [0.5, 3.0])
+def test_forces_have_the_likeliest_of_the_sizes_that_are_tried(worse: float) -> None:
+    """By the density of the rows with all covariances written out; errors smaller than stated, and larger.
+
+    One size for all components first, then a factor for each, one after the other, at the k that is found. Here three
+    components do nearly the same, so that the size of one moves those of the others.
+    """
+    model = pin.buildSampleModelManipulator()
+    before, still, one = some(model, 3, force=0.1), np.zeros((40, model.nv)), np.eye(3)
+    R = before.row_deviation(still) ** 2
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        J = 0.3 * rng.normal(size=(40, 3, model.nv)) + rng.normal(size=(40, 1, model.nv))
+        force = rng.normal(size=(40, 3)) * 10.0 ** rng.uniform(-1.0, 1.5, size=3)
+        y = np.einsum("mc,mcn->mn", force, J) + worse * rng.normal(size=R.shape) * R**0.5
+        found = with_record(before, "all", model, still, y, J)
+
+        def density(factors: Any, y: Any = y, J: Any = J, k: float = found.doubt) -> float:
+            V = k * np.eye(model.nv) * R[:, None] + np.swapaxes(J, 1, 2) * (factors * before.force) ** 2 @ J
+            white = np.linalg.solve(V, y[..., None])[..., 0]
+            return -float(np.sum(np.linalg.slogdet(V)[1]) + np.sum(y * white))
+
+        factors = max((np.full(3, size) for size in SIZES_TRIED), key=density)
+        for axis in one:
+            tried = (np.maximum(factors * np.where(axis, change, 1.0), 1.0) for change in CHANGES_TRIED)
+            factors = max(tried, key=density)
+        assert found.force == pytest.approx(factors * before.force, rel=1e-12)
