@@ -170,7 +170,7 @@ def screened(rows: EffortRows, without: Explanation, columns: Sequence[Array], s
 
 
 def _inverse_of_shown(normal: Array) -> Array:
-    """Return the pseudo-inverse of a positive semidefinite matrix: `numpy.linalg.pinv` takes twice as long."""
+    """Return the pseudo-inverse of a positive semidefinite (p, p) matrix; `numpy.linalg.pinv` takes twice as long."""
     values, vectors = np.linalg.eigh(normal)
     shown = values > RANK_OF_ROWS * values[-1]
     return np.asarray((vectors[:, shown] / values[shown]) @ vectors[:, shown].T)

@@ -115,13 +115,13 @@ def with_record(
     y = believed.of(residual, v) / size  # whitened rows (m, r), and what forces do to them
     B = np.swapaxes(believed.of(jacobians, v) / size[:, None], 1, 2) * expected.force
     r, c = B.shape[1:]
-    G, By, k = np.swapaxes(B, 1, 2) @ B, np.einsum("mrc,mr->mc", B, y), 1.0
-    eigenvalues, Q = np.linalg.eigh(G)
-    eigenvalues, shown = np.maximum(eigenvalues, 0.0), np.einsum("mcd,mc->md", Q, By)
+    eigenvalues, Q = np.linalg.eigh(np.swapaxes(B, 1, 2) @ B)
+    eigenvalues, shown = np.maximum(eigenvalues, 0.0), np.einsum("mcd,mrc,mr->md", Q, B, y, optimize=True)
+    k, squares_tried = 1.0, SIZES_TRIED[:, None, None] ** 2
     for _ in range(SIZE_ROUNDS):
         # V = k 1 + B S^2 B^T of one size s has log det V = sum(log(k + s^2 g)) + const., g the eigenvalues of B^T B.
-        scaled = k + SIZES_TRIED[:, None, None] ** 2 * eigenvalues
-        unlikely = np.sum(np.log(scaled) - SIZES_TRIED[:, None, None] ** 2 * shown**2 / scaled / k, axis=(1, 2))
+        scaled = k + squares_tried * eigenvalues
+        unlikely = np.sum(np.log(scaled) - squares_tried * shown**2 / scaled / k, axis=(1, 2))
         size_of_all = SIZES_TRIED[np.argmin(unlikely)]
         factors, inverse = np.full(c, size_of_all), 1.0 / (k + size_of_all**2 * eigenvalues)
         M = (Q * (eigenvalues * inverse)[:, None]) @ np.swapaxes(Q, 1, 2)  # B^T V^-1 B, and B^T V^-1 y

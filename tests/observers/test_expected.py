@@ -186,7 +186,7 @@ def test_forces_have_the_likeliest_of_the_sizes_that_are_tried(worse: float) -> 
     components do nearly the same, so that the size of one moves those of the others.
     """
     model = pin.buildSampleModelManipulator()
-    before, still, one = some(model, 3, force=0.1), np.zeros((40, model.nv)), np.eye(3)
+    before, still = some(model, 3, force=0.1), np.zeros((40, model.nv))
     R = before.row_deviation(still) ** 2
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -201,7 +201,7 @@ def test_forces_have_the_likeliest_of_the_sizes_that_are_tried(worse: float) -> 
             return -float(np.sum(np.linalg.slogdet(V)[1]) + np.sum(y * white))
 
         factors = max((np.full(3, size) for size in SIZES_TRIED), key=density)
-        for axis in one:
+        for axis in np.eye(3):
             tried = (np.maximum(factors * np.where(axis, change, 1.0), 1.0) for change in CHANGES_TRIED)
             factors = max(tried, key=density)
         assert found.force == pytest.approx(factors * before.force, rel=1e-12)

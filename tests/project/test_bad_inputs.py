@@ -1,8 +1,8 @@
 """Some 80 bad inputs at all doors, drawn from a seed: none costs a traceback, a hang, a result or a wrong answer.
 
 `make evidence` tries three hundred, `make reliability` thousands of the same kinds, and writes their counts to
-docs/reliability.md. Wrong arguments, half of them and all as evidence: every public function names the one that is
-wrong, in an error of the package.
+docs/reliability.md. Wrong arguments, the other half as evidence: every public function names the one that
+is wrong, in an error of the package.
 """
 
 from collections import Counter

@@ -23,7 +23,6 @@ from support.bad_inputs import AllAnswers
 from support.bad_robots import ARM, SHAPE
 from support.browser import at, needs_browser, node, opened, ready
 from support.commands import call, interrupted, last_words, of_session, served
-from support.further import further
 
 from aerobat_description import PACKAGE_PATH, URDF_PATH
 from aerobat_pin.aerobat.flight_log import FlightLog
@@ -41,7 +40,7 @@ def sent_again(connection: socket.socket) -> int:
     return int(struct.unpack_from("I", told, 100)[0])
 
 
-@pytest.mark.parametrize("how", [signal.SIGTERM, *further(signal.SIGINT)])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
 def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Path, how: signal.Signals) -> None:
     """The address is printed and gives the page; one process alone; afterwards it is gone and its port is free."""
     with served("play", str(paper_folder), "--rate", "0.05") as (server, address):
