@@ -93,8 +93,11 @@ class Balance:
 
     def beside_friction(self, residual: Array) -> float:
         """Return the sum of squares of a residual (n,) that friction of the joints leaves, over the needed one."""
-        left = residual - self.rubbing @ np.linalg.lstsq(self.rubbing, residual, rcond=RANK)[0]
-        return float(left @ left) / self.size
+        size = np.linalg.norm(self.rubbing, axis=0)
+        X = self.rubbing / np.maximum(size, max(RANK * float(size.max()), 1e-300))
+        along = X.T @ residual
+        explained = along @ np.linalg.solve(X.T @ X + RANK**2 * len(size) * np.eye(len(size)), along)
+        return max(float(residual @ residual - explained), 0.0) / self.size
 
     def explained_by(self, table: Array) -> Array:
         """Return how much (k,) of each column (n, k) makes up best for what the efforts leave."""
@@ -223,6 +226,7 @@ def _heavier_base(model: pin.Model) -> pin.Model:
 def _beyond_forces(record: Record, q: Array, rows: list[int], weight: Array) -> list[Array]:
     """Return orthonormal bases (rows, k) of what the forces sought cannot reach, at each configuration (m, nq)."""
     A = Applications(record.robot.model, points_of(record.map)).jacobian(q)[:, :, rows] * weight
-    u, values, _ = np.linalg.svd(np.swapaxes(A, 1, 2))
+    reached, values, _ = np.linalg.svd(np.swapaxes(A, 1, 2), full_matrices=False)
     ranks = np.sum(values > RANK * np.maximum(values.max(axis=1, keepdims=True), 1e-300), axis=1)
-    return [basis[:, rank:] for basis, rank in zip(u, ranks, strict=True)]
+    every = np.linalg.qr(reached, mode="complete").Q  # begins with what is reached, in the order of the values
+    return [basis[:, rank:] for basis, rank in zip(every, ranks, strict=True)]
