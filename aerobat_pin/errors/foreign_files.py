@@ -14,9 +14,11 @@ NetCDF: `records/checked_netcdf.py`. TOML: `aerobat_description/toml_text.py`.
 from __future__ import annotations
 
 import errno
+import io
 import json
 import math
 import os
+import re
 import stat
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,9 +59,10 @@ def foreign_xml(path: Path, name: str, tag: str, largest: int = LARGEST_XML) -> 
 
     level, count = 0, 0
     root: Element | None = None
-    foreign_file(path, name, largest)
     try:
-        for event, element in ElementTree.iterparse(path, ("start", "end")):
+        content = foreign_file(path, name, largest).read_bytes()
+        whole = re.sub(rb"(</?[\w-]+):", rb"\1.", content)  # a prefix may be one that nobody declared
+        for event, element in ElementTree.iterparse(io.BytesIO(whole), ("start", "end")):
             root = element if root is None else root
             level, count = (level + 1, count + 1) if event == "start" else (level - 1, count)
             if level > DEEPEST_XML:
@@ -70,7 +73,7 @@ def foreign_xml(path: Path, name: str, tag: str, largest: int = LARGEST_XML) -> 
         if isinstance(error, LogError):
             raise
         raise LogError(f"{name}: cannot be read as XML: {error}") from error
-    if root is None or root.tag.rpartition("}")[2] != tag:
+    if root is None or re.split("[}.]", root.tag)[-1] != tag:
         raise LogError(f"{name}: an outermost element <{tag}> was expected")
     return root
 

@@ -30,14 +30,16 @@ LARGEST_NUMBERS = {  # keys with numbers -> the largest; of lengths and angles, 
     **dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz", "diaginertia", "fullinertia", "ref"), 1e30),
     **dict.fromkeys(("axis", "quat", "quat_xyzw", "zaxis", "xyaxes", "offset", "multiplier"), 1e30),
 }
-EXTENTS = ("radius", "length")  # of a box, a ball, a cylinder: more than 0, in a URDF also `size`
+URDF_ELEMENTS = (  # whose numbers are read; others may have keys that are called alike
+    *("origin", "mass", "inertia", "axis", "limit", "mimic", "box", "sphere", "cylinder", "capsule", "mesh", "color"),
+)
 DIRECTION_KEYS = ("axis", "quat", "quat_xyzw", "zaxis")  # keys whose numbers are not all 0
 ROUNDED_INERTIA = 1e-15  # of inertias that files round to less than 0 [kg m2]
 INSIDE = (
     "a file in the folder of the robot's file, in a folder above it that has a package.xml, in such a package beside "
     "these, or in one of ROS_PACKAGE_PATH was expected"
 )
-WEIGHTY_KEYS = ("mass", "density", "ixx", "iyy", "izz", "diaginertia")
+NEVER_NEGATIVE = ("mass", "density", "ixx", "iyy", "izz", "diaginertia", "size", "radius", "length")
 
 
 def checked_robot(path: Path, kind: str) -> Element:
@@ -88,13 +90,13 @@ def _with_places(element: Element, where: str) -> Iterator[tuple[Element, str]]:
     if not (element.tag == "joint" and element.get("type") == "fixed"):
         yield element, where
     for inner in element:
-        if not (inner.tag == "axis" and element.get("type") == "fixed"):  # not used
+        if inner.tag != "gazebo" and not (inner.tag == "axis" and element.get("type") == "fixed"):  # not used
             yield from _with_places(inner, where)
 
 
 def _broken_rule(element: Element, key: str, text: str, kind: str) -> str | None:
     """Return the rule that a number of a robot breaks; None if it breaks none, or is no number."""
-    if key not in LARGEST_NUMBERS:
+    if key not in LARGEST_NUMBERS or (kind == "urdf" and element.tag not in URDF_ELEMENTS):
         return None
     try:
         numbers = np.array(text.split(), float)
@@ -102,14 +104,11 @@ def _broken_rule(element: Element, key: str, text: str, kind: str) -> str | None
         numbers = np.array([np.nan])
     if not numbers.size or not bool(np.all(np.abs(numbers) <= LARGEST_NUMBERS[key])):
         return f"numbers up to {LARGEST_NUMBERS[key]:g} were expected"
-    extent = key in EXTENTS or (key == "size" and kind == "urdf")
-    direction = key in DIRECTION_KEYS or (element.tag == "axis" and key == "xyz")
-    weighty = key in WEIGHTY_KEYS or element.tag == "mass" or key == "size"
-    if (extent and not np.all(numbers > 0.0)) or (direction and not np.any(numbers)):
+    if (key in DIRECTION_KEYS or (element.tag == "axis" and key == "xyz")) and not np.any(numbers):
         return "more than 0 was expected"
     if key == "axisangle" and not np.any(numbers[:3]):
         return "an axis longer than 0 was expected"
-    if weighty and np.any(numbers < -ROUNDED_INERTIA):
+    if (key in NEVER_NEGATIVE or element.tag == "mass") and np.any(numbers < -ROUNDED_INERTIA):
         return "0 or more was expected"
     if key == "fullinertia" and np.any(numbers[:3] < 0.0):
         return "0 or more was expected on the diagonal"

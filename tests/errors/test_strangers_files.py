@@ -16,6 +16,11 @@ from aerobat_pin.records.netcdf import netcdf_bytes
 from aerobat_pin.records.read import read_columns
 from aerobat_pin.records.robot_files import FIXED, FREE, named_robot
 
+UNREAD = (  # what public files of Sawyer, Jaco, Valkyrie, PR2, OpenManipulator and Fetch have, and no dynamics read
+    '<box size="0 0 0"/><sphere radius="0.0"/><material value="PR2/wheel"/><RefLink ref="link1"/>'
+    '<gazebo><axis xyz="0 0 0"/><sensor:camera name="rgb"/></gazebo>'
+)
+
 
 def test_a_file_is_regular_and_not_too_large(tmp_path: Path) -> None:
     """A pipe would wait for ever, whatever its name says."""
@@ -68,6 +73,8 @@ def test_xml_nests_to_a_depth(tmp_path: Path) -> None:
         (urdf().replace('xyz="1 0 0"', 'xyz="0 0 0"', 1), "joint 'FL_HAA': <axis xyz=\"0 0 0\">: more than 0"),
         (urdf().replace("</robot>", '<mesh filename="/etc/passwd"/></robot>'), 'passwd">: a file in the folder'),
         (urdf().replace("</robot>", '<mesh filename="/nowhere/a.stl"/></robot>'), None),
+        (urdf().replace("</robot>", f"{UNREAD}</robot>"), None),
+        (urdf().replace("</robot>", '<box size="0 -1 0"/></robot>'), '<box size="0 -1 0">: 0 or more'),
     ],
 )
 def test_a_urdf_can_be_a_robot(text: str, said: str | None, tmp_path: Path) -> None:

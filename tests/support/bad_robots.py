@@ -38,7 +38,7 @@ ROBOTS = {  # text -> what is said of it
     ARM.replace("0 1 0", "0 0 0"): '<axis xyz="0 0 0">: more than 0 was expected',
     ARM.replace("1 1 1", "nan 1 1"): '<box size="nan 1 1">: numbers up to 1e',
     ARM.replace("1 1 1", "1e300 1 1"): '<box size="1e300 1 1">: numbers up to 1e',
-    ARM.replace("1 1 1", "-1 1 1"): '<box size="-1 1 1">: more than 0',
+    ARM.replace("1 1 1", "-1 1 1"): '<box size="-1 1 1">: 0 or more',
     ARM.replace('name="bar"', 'name="base"'): "Pinocchio cannot read it: link 'base' is not unique",
     ARM.replace('name="bar"', 'name=""'): r"child link \[bar\] of joint \[hinge\] not found",
     ARM.replace("<limit", "<!-- ").replace('velocity="1"/>', "-->"): "it does not specify limits",

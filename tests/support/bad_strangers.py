@@ -160,14 +160,14 @@ def _robot(place: Path, words: list[str], text: str) -> list[str]:
 
 def impossible(rng: Rng) -> str:
     """Return a URDF or MJCF in which one number, drawn among all that it has, cannot be."""
-    from aerobat_pin.numerics.foreign_robots import DIRECTION_KEYS, LARGEST_NUMBERS, WEIGHTY_KEYS
+    from aerobat_pin.numerics.foreign_robots import DIRECTION_KEYS, LARGEST_NUMBERS, NEVER_NEGATIVE
 
     root = ElementTree.fromstring(urdf() if rng.integers(2) else ARM_MJCF)
     places = [(one, key) for one in root.iter() for key in one.attrib if key in LARGEST_NUMBERS]
     one, key = places[rng.integers(len(places))]
     count = len(one.attrib[key].split())
     wrong = ["nan", "inf", "-inf", "1e300", "far", ""]
-    wrong += ["-1"] if key in WEIGHTY_KEYS or one.tag == "mass" or key == "size" else []
+    wrong += ["-1"] if key in NEVER_NEGATIVE or one.tag == "mass" else []
     wrong += ["0"] if key in DIRECTION_KEYS or one.tag == "axis" else []
     one.set(key, " ".join(count * [str(rng.choice(wrong))]))
     return ElementTree.tostring(root, encoding="unicode")
