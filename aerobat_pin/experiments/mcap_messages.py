@@ -23,7 +23,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import OutputError, check_file, write_files
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.numerics import Array, frame_id, guarded
 from aerobat_pin.records import FREE_NQ
 
 PACKAGE = "foxglove_msgs/msg"
@@ -202,7 +202,7 @@ def _put_arrows(topics: _Topics, part: McapStretch, data: pin.Data, k: int, time
     """Put each force as an arrow from its point, for Foxglove and for RViz."""
     markers, entities = [], []
     for number, (topic, (frame, force)) in enumerate(part.forces.items()):
-        start = data.oMf[part.model.getFrameId(frame)].translation
+        start = data.oMf[frame_id(part.model, frame)].translation
         along = LONGEST_MARKER / part.largest * force[k, :3]
         length = float(np.linalg.norm(along))
         turn = pin.Quaternion.FromTwoVectors(np.array([1.0, 0.0, 0.0]), along) if length else pin.Quaternion.Identity()

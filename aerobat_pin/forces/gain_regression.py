@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.forces.inverse_dynamics import accelerations, contact_torque, halfway, required_torque
 from aerobat_pin.forces.known_forces import KnownForces
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.observers import SMOOTH_RATE
 from aerobat_pin.records import Block, Map, Record
 
@@ -248,7 +248,7 @@ def regression(
     record, model = forces.record, forces.record.robot.model
     section, data = record.map.joints.friction, model.createData()
     errors = block_diag(*link_errors(record.robot.stated_model))
-    body = None if frame is None else model.frames[model.getFrameId(frame)]
+    body = None if frame is None else model.frames[frame_id(model, frame)]
     carrier = slice(0, 0) if body is None else slice(10 * body.parentJoint - 10, 10 * body.parentJoint)
     driven = {record.robot.v_index(joint) for joint in record.driven}
     known, law = dict[int, Array](), forces.values.friction

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.numerics import Array, frame_jacobian
+from aerobat_pin.numerics import Array, frame_id, frame_jacobian
 from aerobat_pin.records import Block, Record, slopes, world_turn
 
 ALL = slice(None)
@@ -86,7 +86,7 @@ def turned(wrench: Array, turn: Array) -> Array:
 def frame_axes(record: Record, block: Block, frame: str) -> Array:
     """Return the axes (m, 3, 3) of a frame in the world at the start of each interval."""
     model = record.robot.model
-    data, index = model.createData(), model.getFrameId(frame)
+    data, index = model.createData(), frame_id(model, frame)
     axes = np.empty((len(block.tau), 3, 3))
     for k in range(len(axes)):
         pin.framesForwardKinematics(model, data, block.q[k])
@@ -127,6 +127,6 @@ def contact_torque(record: Record, block: Block) -> Array:
     assert section is not None
     axes = frame_axes(record, block, point) if section.axes == "frame" else None
     force = sensor_force(record, block.time, axes)
-    jacobians = frame_jacobians(model, block.q[:-1], model.getFrameId(point))
+    jacobians = frame_jacobians(model, block.q[:-1], frame_id(model, point))
     torque = [J[: force.shape[1]].T @ f for J, f in zip(jacobians, force, strict=True)]
     return np.array(torque).reshape(-1, model.nv)

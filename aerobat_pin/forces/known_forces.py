@@ -16,7 +16,7 @@ import pinocchio as pin
 from aerobat_pin.errors import MapError
 from aerobat_pin.forces.inverse_dynamics import frame_jacobians, turned
 from aerobat_pin.forces.learnt_error import LearntError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.observers import SMOOTH_RATE, JointFriction, as_others_rub, effort_limits
 from aerobat_pin.records import Block, KnownSection, PlainRobot, Record, world_turn
 
@@ -203,9 +203,9 @@ def frame_wrench(record: Record, section: KnownSection, block: Block, wrench: Ar
     """Return the generalised force (m, nv) of a wrench (m, 6) at a frame, in its axes or those of the world."""
     model = record.robot.model
     base = model.names[1] if record.robot.free else "universe"
-    frame = model.getFrameId(base if section.frame is None else section.frame)
     if section.frame is not None and not model.existFrame(section.frame):
         raise MapError(f"map: known: no frame '{section.frame}' in robot {record.robot.title}")
+    frame = frame_id(model, base if section.frame is None else section.frame)
     axes = pin.ReferenceFrame.LOCAL if section.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     if record.robot.free and model.frames[frame].parentJoint == 1 and section.axes == "frame":
         return wrench @ next(frame_jacobians(model, block.q[:1], frame, axes))  # the same at every configuration

@@ -17,7 +17,7 @@ from aerobat_pin.forces.inputs import KnownInputs, inputs_of, with_zeroed_veloci
 from aerobat_pin.forces.known_forces import KnownForces
 from aerobat_pin.forces.stored_estimate import ROWS_READ, TIME_CONSTANTS_TO_SETTLE, StoredEstimate, some_intervals
 from aerobat_pin.forces.trust import NOISE_STRETCH
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.observers import (
     OBSERVERS,
     AllBut,
@@ -137,7 +137,7 @@ def rows_of(
         plate = any(not known.powers for known in chosen.known.values())
         frames = (*chosen.robot.points, *chosen.robot.wrenches)
         model = robot.model
-        if not plate and not any(model.frames[model.getFrameId(frame)].parentJoint == 1 for frame in frames):
+        if not plate and not any(model.frames[frame_id(model, frame)].parentJoint == 1 for frame in frames):
             ignored.append("base")
             notes.append("what holds the base is not measured: its six rows are not believed")
     return AllBut(*ignored) if ignored else "all", tuple(notes)

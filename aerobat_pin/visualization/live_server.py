@@ -24,7 +24,7 @@ from scipy.spatial import ConvexHull
 from aerobat_pin.aerobat import place_bars, visual_model_with_bars
 from aerobat_pin.errors import AerobatError, ExtraError, OutputError, raising
 from aerobat_pin.experiments import LIVE_OBSERVERS, LiveFlight, LiveRow, LiveSource
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.any_robot import visible_parts
 from aerobat_pin.visualization.replay.scene import box_corners, round_number_above
@@ -52,7 +52,7 @@ class _Picture:
         else:
             self.visual = visible_parts(source.urdf, source.model, source.title)[1]
         self._data, self._placed = source.model.createData(), self.visual.createData()
-        self._frames = [source.model.getFrameId(point) for point in source.points]
+        self._frames = [frame_id(source.model, point) for point in source.points]
         self._free = source.model.joints[1].nq == 7
         self._place()
         placed = zip(self._placed.oMg, self.visual.geometryObjects, strict=True)

@@ -117,6 +117,20 @@ def test_a_component_is_hidden_by_the_pose_only_where_no_joint_feels_it(
     assert of_x in told["tip.Fx"]
 
 
+def test_a_point_may_be_called_like_the_joint_that_carries_it(tmp_path: Path) -> None:
+    """As `right_hand` of Rethink's Sawyer: the same estimate as of a joint with a name of its own."""
+    recording(tmp_path, "log", True, 1, seconds=2.0)
+    section = {"columns": ["fx", "fy", "fz"], "unit": "N", "axes": "frame"}
+    chosen = edited(arm_map(), {"check.wrench": section, "known.hand": section | {"frame": "tool"}})
+    found = []
+    for name in ("end", "tool"):
+        (tmp_path / "arm.urdf").write_text(arm().replace('joint name="end"', f'joint name="{name}"'))
+        found.append(estimate(recorded(tmp_path / "log.csv", edited(chosen, {"joints.friction": None}))))
+    first, second = (result.estimates["force_level"].components for result in found)
+    np.testing.assert_array_equal(first, second)
+    assert list(map(str, found[0].findings)) == list(map(str, found[1].findings))
+
+
 @pytest.mark.parametrize(
     ("kind", "part", "unit", "said"),
     [

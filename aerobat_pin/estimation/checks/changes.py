@@ -19,7 +19,7 @@ from aerobat_pin.estimation.checks.late_efforts import late_finding
 from aerobat_pin.estimation.checks.readings import limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import SLIDES_AT, EffortRows, Exchange, Explanation, Instants, most_likely_with
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.records import LARGEST_DELAY, PlainRobot, Record
 
 PRICE = 2.0  # in the logarithm of the likelihood: what each number of a change costs
@@ -125,7 +125,7 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         slope = slopes[:, :, [record.robot.v_index(joint)]]
         yield Change(partial(_zero, record.robot, joint), slope, leaves=LEFT_BY_ROBOT)
     for name in (*record.map.robot.points, *record.map.robot.wrenches):
-        first = 10 * model.frames[model.getFrameId(name)].parentJoint - 10
+        first = 10 * model.frames[frame_id(model, name)].parentJoint - 10
         weighs = np.array([pin.computeJointTorqueRegressor(model, data, each, rest, rest).copy() for each in q])
         weighs = weighs.reshape(len(q), model.nv, -1)[:, kept, first : first + 4]
         yield Change(partial(_load, record.robot, name), weighs, leaves=LEFT_BY_ROBOT)
@@ -216,7 +216,7 @@ def _zero(robot: PlainRobot, joint: str, found: Explanation, left: str) -> Seque
 
 def _load(robot: PlainRobot, name: str, found: Explanation, left: str) -> Sequence[Finding]:
     """Return a load beside a point: its weight passes for a force there, its moment about it is left."""
-    frame = robot.model.frames[robot.model.getFrameId(name)]
+    frame = robot.model.frames[frame_id(robot.model, name)]
     moment = float(np.linalg.norm(found.size[1:] - found.size[0] * frame.placement.translation))
     if moment < LEAST_MOMENT * robot.mass:
         return []

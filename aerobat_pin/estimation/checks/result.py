@@ -25,7 +25,7 @@ from aerobat_pin.forces import (
     settled,
     unit_direction,
 )
-from aerobat_pin.numerics import Array, runs_of_true
+from aerobat_pin.numerics import Array, frame_id, runs_of_true
 from aerobat_pin.observers import AllBut, Applications, Expected
 from aerobat_pin.records import Record
 
@@ -204,7 +204,7 @@ def _held_still(record: Record, frames: tuple[str, ...], speeds: Array) -> Itera
     """
     model, fixed = record.robot.model, ["the base"] if record.map.base.held else []
     fast = [(frame, speed) for frame, speed in zip(frames, speeds.tolist(), strict=True) if speed > STANDS]
-    bodies = [model.frames[model.getFrameId(frame)].parentJoint for frame, _ in fast]
+    bodies = [model.frames[frame_id(model, frame)].parentJoint for frame, _ in fast]
     carrying = {joint for body in bodies for joint in model.supports[body]}
     fixed += [name for name in record.map.joints.held if model.getJointId(name) in carrying]
     if fixed and fast:
@@ -297,7 +297,7 @@ def _reason(record: Record, estimate: StoredEstimate, at: int, component: int) -
 def _is_straight(record: Record, q: Array, frame: str, direction: Array) -> bool:
     """Return whether a direction at a frame points to all joints that carry the frame from afar."""
     model = record.robot.model
-    data, index = model.createData(), model.getFrameId(frame)
+    data, index = model.createData(), frame_id(model, frame)
     pin.framesForwardKinematics(model, data, q)
     carrying = [joint for joint in model.supports[model.frames[index].parentJoint] if joint > 0]
     lines = np.array([data.oMf[index].translation - data.oMi[joint].translation for joint in carrying])

@@ -23,7 +23,7 @@ from aerobat_pin.estimation import OnlineEstimator, Result
 from aerobat_pin.experiments.experiment import Progress
 from aerobat_pin.experiments.live.heard_robot import LiveStream
 from aerobat_pin.experiments.live.source import KEPT, PUSH_SHARE, LiveRow
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.numerics import Array, frame_id, guarded
 from aerobat_pin.observers import robot_length
 from aerobat_pin.records import RobotTable, parse_map, robot_of_map
 
@@ -74,7 +74,7 @@ class LiveRobot(LiveStream):
         super().__init__(robot.title, OnlineEstimator(chosen, Path()), chosen, Path())
         self.limit = PUSH_SHARE * robot.weight
         self._data = robot.model.createData()
-        self._frames = [self.model.getFrameId(point) for point in points]
+        self._frames = [frame_id(self.model, point) for point in points]
         self.q = self.posture = _posture(self.model)
         self._v = np.zeros(self.model.nv)
         self.spring = self.limit * robot_length(self.model) / GIVES
