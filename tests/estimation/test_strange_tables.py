@@ -13,9 +13,11 @@ from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import estimate
-from aerobat_pin.records import read_columns, suggested_map
+from aerobat_pin.estimation.checks.samples import channel_findings
+from aerobat_pin.records import Channel, read_columns, suggested_map
 from aerobat_pin.records.csv_columns import read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
+from aerobat_pin.records.spool import Spool, series_of
 
 
 def test_decimals_are_judged_over_the_whole_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,6 +146,19 @@ def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> Non
     frame.to_csv(tmp_path / "walk.csv", index=False)
     found = estimate(recorded(tmp_path / "walk.csv", table_map(Path("quadruped.urdf"))))
     assert not any(one.check == "held channel" for one in found.findings)
+
+
+@pytest.mark.parametrize("rest", [0.6, 1.4])
+def test_an_arm_that_rests_between_its_moves_is_not_held(rest: float) -> None:
+    """Its encoder stands still then, which is a note; one that is read at 100 Hz into a log of 500 Hz is held."""
+    time = np.arange(0.0, 16.0, 0.002)
+    angle = np.round(np.cumsum(np.where(time % 4.0 < rest, 0.0, np.sin(time))) * 0.002 * 2**17) / 2**17
+    spool = Spool()
+    for every, said in ((1, "note"), (5, "warning")):
+        values = series_of(spool, angle[np.arange(len(time)) // every * every, None])
+        channel = Channel("joints.position", ("q",), series_of(spool, time), values)
+        found = channel_findings(channel, [(0.0, float(time[-1]))], alone=False)
+        assert [one.verdict for one in found if one.check == "held channel"] == [said]
 
 
 def test_columns_that_a_suggestion_does_not_use_are_listed(tmp_path: Path) -> None:

@@ -177,13 +177,14 @@ def _constant(channel: Channel) -> NDArray[np.bool_]:
 
 
 def _held(changed: NDArray[np.bool_]) -> bool:
-    """Return whether samples repeat at even intervals, as those of a slower sensor do."""
+    """Return whether samples repeat at even intervals, as those of a slower sensor do, also while they change."""
     at = np.flatnonzero(changed)
     if not FEWEST_CHANGES < len(at) < FREQUENT * len(changed):
         return False
     run = min(RUN, len(at) // 2)
     lengths = at[run:] - at[:-run]
-    return float(np.mean(np.abs(lengths - np.median(lengths)) <= 1.0)) >= REGULAR
+    usual = float(np.median(lengths))
+    return run < FREQUENT * usual and float(np.mean(np.abs(lengths - usual) <= 1.0)) >= REGULAR
 
 
 def _stuck(
@@ -195,7 +196,7 @@ def _stuck(
     """
     for low, high in parts:
         first, last = channel.time.index(low), channel.time.index(high, "right") - 1
-        changes = first + np.flatnonzero(changed[first:last])
+        changes = first + 1 + np.flatnonzero(changed[first:last])
         edges = np.concatenate([[first], changes, [last]])
         k = int(np.argmax(np.diff(edges)))
         begin, end = float(channel.time[int(edges[k])]), float(channel.time[int(edges[k + 1])])
