@@ -32,8 +32,8 @@ from aerobat_pin.records.suggest_joints import (
 )
 
 TIME = re.compile(
-    r"^_*(t|time|timestamp|stamp|time_stamp|elapsed|duration|seconds|(?=[mun]s$))"
-    r"[ _]*[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$",
+    r"^_*(((t|time|stamp|epoch|unix|elapsed|duration|seconds)[ _]*)+|(?=[mun]s$))"
+    r"[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$",
     re.IGNORECASE,
 )
 UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
@@ -188,15 +188,18 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
 def _suggested_time(log: Path, columns: Columns) -> tuple[str, float | None]:
     """Return the line about a table's time, by the column that looks like one, and its step [s]; None if none does."""
     match = next((match for match in map(TIME.match, header_of(log)[1]) if match), None)
-    if match is None:
-        asked = "no column looks like a time: how many samples a second, time = {rate = 1000}?"
-        return f'# MISSING: {asked} Or time = {{column = ..., unit = "s"}}', None
-    series = columns.values.get(match[0], columns.clocks["table"].time)
-    step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
-    guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
-    unit = UNITS_IN_NAMES["time"].get((match["unit"] or "").lower(), guess)
-    line = f'time = {{column = "{match[0]}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?'
-    return line, step * SECONDS[unit]
+    asked = "no column looks like a time"
+    if match is not None:
+        series = columns.values.get(match[0], columns.clocks["table"].time)
+        step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
+        if step:
+            guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
+            unit = UNITS_IN_NAMES["time"].get((match["unit"] or "").lower(), guess)
+            line = f'time = {{column = "{match[0]}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?'
+            return line, step * SECONDS[unit]
+        asked = f"{match[0]} repeats from row to row (add the parts of a second to it, if another column has them)"
+    asked += ': how many samples a second, time = {rate = 1000}? Or time = {column = ..., unit = "s"}'
+    return f"# MISSING: {asked}", None
 
 
 def _spacing_of_lead(columns: Columns) -> float | None:

@@ -15,8 +15,8 @@ from aerobat_pin.records.robots import PlainRobot
 
 NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)(?P<tail>(?:\D.*)?)$", re.IGNORECASE)
 PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
-    "velocity": {"v", "vel", "velocity", "velocities", "qd", "dq", "rate", "speed"},
-    "effort": {"tau", "torque", "effort", "efforts", "eff", "current", "cur", "i", "moment"},
+    "velocity": {"v", "vel", "velocity", "velocities", "qd", "dq", "qdot", "rate", "speed"},
+    "effort": {"tau", "torque", "trq", "effort", "efforts", "eff", "current", "cur", "i", "moment"},
     "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
 }
 CURRENT_WORDS = {"current", "cur", "i"}
@@ -158,7 +158,8 @@ def _rate_unit(columns: Columns, places: list[str], rates: list[str], angle: str
     if not places or len(places) != len(rates):
         return f"{angle}/s"
     place, rate = (np.stack([columns.sample(name) for name in names]) for names in (places, rates))
-    changes = np.diff(place)
+    changes, turn = np.diff(place), 360.0 if angle == "deg" else 2.0 * np.pi
+    changes -= turn * np.round(changes / turn)  # where an angle begins anew
     if not (np.any(np.isfinite(changes)) and np.any(np.isfinite(rate))):
         return f"{angle}/s"
     moved, said = np.nanstd(changes), np.nanstd(rate) * (step or 0.0)

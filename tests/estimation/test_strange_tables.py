@@ -114,6 +114,8 @@ def arm_of(count: int) -> str:
     [
         ("A{}_deg", "A{}_vel_deg_s", "A{}_current_A", ["deg", "deg/s", "A"]),
         ("axis {} (rad)", "axis {} (rad/s)", "axis {} (mNm)", ["rad", "rad/s", "mN m"]),
+        ("q{}", "qdot_{}", "tau_{}", ["rad", "rad/s", "N m"]),
+        ("j{}_pos_deg", "j{}_vel_dps", "j{}_trq_Nm", ["deg", "deg/s", "N m"]),
         ("J{} [deg]", "J{} [deg/s]", "J{} [N m]", ["deg", "deg/s", "N m"]),
         ("m{}_actual_pos_rad", "m{}_actual_rad_per_s", "m{}_mA", ["rad", "rad/s", "mA"]),
     ],
@@ -172,6 +174,26 @@ def test_columns_that_a_suggestion_does_not_use_are_listed(tmp_path: Path) -> No
     assert suggested["log"]["time"] == {"column": "ms", "unit": "ms"}
     assert suggested["joints"]["effort"]["columns"] == ["eff_joint1"]
     assert text.rstrip().endswith("# Columns that are not used here: thrust")
+
+
+def test_angles_that_begin_anew_tell_the_unit_of_their_rates(tmp_path: Path) -> None:
+    """A jump from 360 deg to 0 was taken for motion of the joint, and its rate for one in rad/s."""
+    (tmp_path / "arm.urdf").write_text(arm_of(1))
+    time = 0.01 * np.arange(500.0)
+    table = pd.DataFrame({"t": time, "pos_joint1": 30.0 * np.sin(time) % 360.0, "vel_joint1": 30.0 * np.cos(time)})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    suggested = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))
+    assert suggested["joints"]["velocity"]["unit"] == "deg/s"
+
+
+def test_a_time_since_1970_is_one_and_a_column_of_whole_seconds_is_not(tmp_path: Path) -> None:
+    """A map reads one column of time; steps of 0 were suggested."""
+    for columns, said in (
+        ({"t_epoch_ms": 1.7e12 + 10.0 * np.arange(50), "x": 0.0}, 'time = {column = "t_epoch_ms", unit = "ms"}'),
+        ({"stamp_sec": np.ones(50), "stamp_nsec": 1e7 * np.arange(50)}, "# MISSING: stamp_sec repeats from row to row"),
+    ):
+        pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+        assert f"\n{said}" in suggested_map(tmp_path / "log.csv", None)
 
 
 def test_packed_numbers_of_a_netcdf_log_are_refused(tmp_path: Path) -> None:
