@@ -27,6 +27,7 @@ SPARE_AT_LEAST = 1e-3  # share of a row's error that no force takes up
 NO_BETTER = 0.01  # of the middle one of the driven rows' squared errors: forces, which fit some rows, make none exact
 OFFSET = 0.1  # of a row's effort, rms: what a sensor's offset may be
 SMALLEST_SIZE = 1e-4  # of what is expected of a row's squared errors: none has smaller ones
+LEAST_FELT = 1e-12  # of what rows expect, squared: what h = 1 does less to them is rounding, and h stays 0
 RANK_OF_ROWS = 1e-12  # of the largest eigenvalue: what no row shows is 0
 
 
@@ -131,7 +132,8 @@ def most_likely_with(rows: EffortRows, columns: Array | None = None, start: Expl
         cov[:, at, at] += R
         W = np.linalg.inv(cov)
         normal = flat.T @ (W @ x).reshape(y.size, -1) + np.diag(prior)
-        unit = np.maximum(np.diag(normal), np.finfo(float).tiny) ** -0.5
+        felt = np.diag(normal)
+        unit = np.divide(1.0, np.sqrt(felt), out=np.zeros(len(felt)), where=felt > LEAST_FELT)
         unit = unit * unit[:, None]
         inverse = _inverse_of_shown(normal * unit) * unit
         b = inverse @ (flat.T @ (W @ y[..., None]).ravel())

@@ -308,7 +308,8 @@ def test_a_full_disk_costs_a_message(free: int, bench: Bench) -> None:
     assert broken.full_disk(free).play(bench, bench.new_folder()) == []
 
 
-def test_a_diverged_flight_can_be_replayed_and_estimated(request: pytest.FixtureRequest, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("unrendered")
+def test_a_diverged_flight_can_be_replayed_and_estimated(tmp_path: Path) -> None:
     """Report, replay and `aerobat estimate` mark it; none of them goes beyond `diverged_at`."""
     push = "unknown_force=[{frame='left_force_point', signal='step', start=0.005, height=1e5}]"
     words = [word for word in RUN if word != "--no-report"]
@@ -320,7 +321,6 @@ def test_a_diverged_flight_can_be_replayed_and_estimated(request: pytest.Fixture
     for page in ("report.html", "replay.html"):
         assert f"DIVERGED at {log.measured.attrs['diverged_at']:.4g} s" in (tmp_path / "result" / page).read_text()
     assert "diverged at" in (tmp_path / "result" / "report.html").read_text()
-    request.getfixturevalue("unrendered")  # the same figures once more
     for words in (["play", "result", "--out", "page.html"], ["estimate", "result/flight.nc", "--out", "again"]):
         assert aerobat(*words, cwd=tmp_path).returncode == 0
     assert "DIVERGED at" in (tmp_path / "page.html").read_text()

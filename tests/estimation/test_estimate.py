@@ -40,6 +40,7 @@ def recorded(paper: Experiment, tmp_path: Path) -> Path:
     return tmp_path / "hall.csv"
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_simulated_log_gives_again_what_its_run_gave(paper: Experiment, tmp_path: Path) -> None:
     """Belief from the log's own notes; the same forces to the last bit, scored against the truth that is there."""
     paper.log.save(tmp_path / "flight.nc")

@@ -125,6 +125,23 @@ def test_a_factor_of_all_efforts_is_told_and_is_no_load(seed: int, rubs: float, 
     assert one.value == pytest.approx(1.0 / given, rel=0.05)
 
 
+@pytest.mark.parametrize("given", [1.5, 0.5])
+def test_a_factor_of_all_efforts_is_told_of_motors_that_differ(given: float, tmp_path: Path) -> None:
+    """By 4 % of each other: factors of their own were likelier, too many to be named, and nothing was said."""
+    [one] = told(tmp_path, 1, 0.3, given * (1.0 + 0.04 * np.random.default_rng(1).uniform(-1.0, 1.0, 7)))
+    assert one.check == "effort unit or mass"
+    assert one.value == pytest.approx(1.0 / given, rel=0.05)
+
+
+def test_what_a_joint_hardly_feels_explains_nothing() -> None:
+    """Behind one without inertia what is needed is rounding, and any effort was 1e15 times that."""
+    rng = np.random.default_rng(1)
+    y, one = 0.01 * rng.standard_normal((200, 2)), np.eye(2)
+    own, forces = np.broadcast_to(one, (200, 2, 2)), np.zeros((200, 0, 2))
+    rows = EffortRows(y, y, y, y, forces, own, np.ones(2), np.ones((200, 2)), [0, 1])
+    assert most_likely_with(rows, 1e-16 * y[:, :, None] * one[:, :1]).size == 0.0
+
+
 @pytest.mark.parametrize(("seed", "given"), [(3, 1.25), (5, 1.25)])
 def test_what_small_errors_explain_as_well_is_said_and_is_not_certain(seed: int, given: float, tmp_path: Path) -> None:
     """A factor of all efforts of a light arm, or a steady push and a joint's effort wrong by 5 %: nothing was said."""

@@ -152,12 +152,19 @@ def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("rest", [0.6, 1.4])
 def test_an_arm_that_rests_between_its_moves_is_not_held(rest: float) -> None:
-    """Its encoder stands still then, which is a note; one that is read at 100 Hz into a log of 500 Hz is held."""
+    """Its encoder stands still then, which is a note; one that is read at 100 Hz into a log of 500 Hz is held.
+
+    So is one that stands still in motion, and jumps.
+    """
     time = np.arange(0.0, 16.0, 0.002)
     angle = np.round(np.cumsum(np.where(time % 4.0 < rest, 0.0, np.sin(time))) * 0.002 * 2**17) / 2**17
     spool = Spool()
-    for every, said in ((1, "note"), (5, "warning")):
-        values = series_of(spool, angle[np.arange(len(time)) // every * every, None])
+    every_fifth, frozen = (
+        angle[np.arange(len(time)) // 5 * 5],
+        np.where((time > 10.0) & (time < 11.5), angle[5000], angle),
+    )
+    for shown, said in ((angle, "note"), (every_fifth, "warning"), (frozen, "warning")):
+        values = series_of(spool, shown[:, None])
         channel = Channel("joints.position", ("q",), series_of(spool, time), values)
         found = channel_findings(channel, [(0.0, float(time[-1]))], alone=False)
         assert [one.verdict for one in found if one.check == "held channel"] == [said]

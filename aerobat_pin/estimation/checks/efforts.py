@@ -40,6 +40,7 @@ from aerobat_pin.records import Record
 
 ENOUGH = 6.0  # gain of the logarithm of the likelihood from which a change is named
 AS_LIKELY = 3.0  # loss of it with which a change explains about as well as the likeliest
+MOST_OF_IT = 2.0 / 3.0  # of the gain of factors of all efforts, that one factor brings
 TRIED = 6  # changes of which the likelihood is found, after a first look at all
 ANY_FORCE = 10.0  # times what is expected of a force: no change need explain a steady one
 MISPLACED = 0.05**2  # share of what is needed, in squares, from which joints may have another zero or sense
@@ -115,18 +116,25 @@ def effort_findings(
         changes += [*changes_of_efforts(record, instants, rows, without), *changes_of_robot(record, instants)]
     if share > MISPLACED and sliding_rows(instants).any():  # one pose fits many
         changes += changes_of_reading(record, inputs, instants, rows, without, formed)
-    told = []
+    explaining = []
     for gain, found, change in _likely(rows, without, changes):
         after = left(found)
         findings = change.told(found, _leaves(after, share))
         if findings is not None and after < change.leaves * share:
-            told.append((gain, findings))
+            explaining.append((gain, findings, change))
+    by_name = {change: gain for gain, findings, change in explaining if findings}
+    told = [  # too many factors to name are one of all, where that explains most of what they do
+        (gain, findings)
+        for gain, findings, change in explaining
+        if findings or max((by_name.get(case, 0.0) for case in change.cases[:1]), default=0.0) < MOST_OF_IT * gain
+    ]
     if told:
         most = max(gain for gain, _ in told)
         likeliest = [findings for gain, findings in told if gain > most - AS_LIKELY]
         named = _as_likely(next((findings for findings in likeliest if findings), ()), likeliest)
         yield from named if all(likeliest) else map(_in_doubt, named)
-        return
+        if named:
+            return
     if beyond or share < UNEXPLAINED or without.independent > WHITE:
         return
     yield left_unexplained("no factors, delay or places", 100.0 * share**0.5)
