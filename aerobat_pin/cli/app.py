@@ -82,6 +82,7 @@ def run_command(
             lambda number, folder: run_command(
                 scenario, folder, force, number, settings, observers, calibration, correct, no_report, plant
             ),
+            force=force,
         )
         return
     from aerobat_pin import experiments
@@ -110,12 +111,12 @@ def run_command(
             diverged.append(error)
             return error.kept
 
-    failed: list[str] = []
-    write_results(flown, target, force=force, pages=not no_report, also=lambda outcome: failed.append(outcome.failed))
+    outcomes: list[experiments.Experiment] = []
+    write_results(flown, target, force=force, pages=not no_report, also=outcomes.append)
     if diverged:
         raise diverged[0]
-    if failed[0]:
-        raise SimulationError(f"{loaded.name}: the controller is {failed[0]}", 0.0)
+    if outcomes[0].failed:
+        raise SimulationError(f"{loaded.name}: the controller is {outcomes[0].failed}", 0.0, outcomes[0])
 
 
 app.command("compare")(compare_command)

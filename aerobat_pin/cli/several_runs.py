@@ -27,7 +27,9 @@ AXIS = ["observer", "point", "axis"]
 SEED_SCORES = ["r2", "r2_noise_free", "rmse", "lag_s"]
 
 
-def run_seeds(text: str, seed: int | None, scenario: str, out: Path | None, run: Callable[[int, Path], None]) -> None:
+def run_seeds(
+    text: str, seed: int | None, scenario: str, out: Path | None, run: Callable[[int, Path], None], *, force: bool
+) -> None:
     """Run a scenario with several seeds, a folder `seed_N` for each, and write and print one table of all scores.
 
     Args:
@@ -36,18 +38,21 @@ def run_seeds(text: str, seed: int | None, scenario: str, out: Path | None, run:
         scenario: scenario as typed.
         out: output folder, or None for `runs/<scenario>-seeds`.
         run: runs one seed, and writes its results into a folder.
+        force: replace the table of earlier seeds.
 
     Raises:
         ScenarioError: the seeds are no list of whole numbers, or `--seed` is given too.
+        OutputError: there is a table of earlier seeds.
         SimulationError: a flight diverged; raised after all others were run, and their results are there.
     """
     import pandas as pd
 
-    from aerobat_pin.errors import ScenarioError, SimulationError, write_text
+    from aerobat_pin.errors import ScenarioError, SimulationError, check_file, write_text
 
     if seed is not None:
         raise ScenarioError("run: --seed and --seeds: one of them was expected")
     target = out or Path("runs") / f"{Path(scenario).stem}-seeds"
+    check_file(target / SEED_TABLE, force=force)
     rows: list[dict[str, Any]] = []
     failed: SimulationError | None = None
     for number in seeds_of(text):
@@ -57,11 +62,14 @@ def run_seeds(text: str, seed: int | None, scenario: str, out: Path | None, run:
                 run(number, folder)
         except SimulationError as error:
             failed = failed or error
+            if error.kept is None:  # nothing was written
+                continue
         typer.echo(f"seed {number}: {folder}/")
         rows += _scores(number, json.loads((folder / "metrics.json").read_text(encoding="utf-8")))
-    table = pd.DataFrame(rows, columns=["seed", *AXIS, *SEED_SCORES])
-    write_text(target / SEED_TABLE, table.to_csv(index=False, lineterminator="\n"))
-    typer.echo(f"\n{summary(table)}\n\nresults in {target}/\nopen {target / SEED_TABLE}")
+    if rows:
+        table = pd.DataFrame(rows, columns=["seed", *AXIS, *SEED_SCORES])
+        write_text(target / SEED_TABLE, table.to_csv(index=False, lineterminator="\n"))
+        typer.echo(f"\n{summary(table)}\n\nresults in {target}/\nopen {target / SEED_TABLE}")
     if failed is not None:
         raise failed
 

@@ -100,6 +100,8 @@ def _end(number: int, frame: FrameType | None) -> None:
 def _say_what_was_written() -> None:
     line = "nothing was written"
     if _now.written:
-        more = f" and {len(_now.written) - 1} more" if len(_now.written) > 1 else ""
-        line = f"{_now.written[0]}{more} had been written and is whole"
+        first, *others = _now.written
+        line = f"{first} had been written and is whole"
+        if others:
+            line = f"{first} and {len(others)} more had been written and are whole"
     os.write(2, f"interrupted: {line}\n".encode())

@@ -52,6 +52,7 @@ FILES = {
         (["run", "nan.toml"], "flight.velocity.0 = nan: input should be a finite number"),
         *((["run", "paper", "--seeds", words], "run: --seeds") for words in ("3-1", "one", "1-", "", "1-99999")),
         (["run", "paper", "--seeds", "1-2", "--seed", "1"], "--seed and --seeds: one of them was expected"),
+        ([*FLIGHT, "--seeds", "1-2", "--set", "flight.velocity=[300,0,0]"], "paper: the flight diverged at t = 0.0000"),
         (["linkage", "--out", "kept.png"], "output kept.png exists; --force overwrites it"),
         (["linkage", "--out", "."], "output aerobat.png exists; --force overwrites it"),
         (["linkage", "--out", "kept"], "output kept: is a file; a folder, or a .png, .pdf or .svg file was expected"),
@@ -123,6 +124,8 @@ def test_several_seeds_are_runs_of_their_own_and_one_table(tmp_path: Path, capsy
     assert float(line.split()[4]) == pytest.approx(sum(r2) / 3, abs=6e-6)
     assert float(line.split()[5]) == pytest.approx(min(r2), abs=6e-6)
     assert printed.endswith(f"open {out / 'seeds.csv'}\n")
+    assert call("run", "paper", "--seeds", "7", "--out", str(out), *SHORT) == 2
+    assert "seeds.csv exists; --force overwrites it" in capsys.readouterr().err
 
 
 def test_two_runs_stand_side_by_side(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

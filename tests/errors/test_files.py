@@ -25,6 +25,7 @@ from support.commands import aerobat, last_words
 from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import OutputError, OutputWarning, claimed, output_folder, write_files
 
+ending = import_module("aerobat_pin.errors.ending")
 folders = import_module("aerobat_pin.errors.output_folder")  # the door has a function of this name
 REPLACES = ("a.txt", "b.txt")
 PROGRAM = [sys.executable, "-m", "aerobat_pin"]
@@ -249,6 +250,16 @@ def test_ctrl_c_while_the_program_loads_is_one_line(module: str, tmp_path: Path)
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, last_words(done)) == (130, "interrupted: nothing was written\n")
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(("count", "words"), [(1, "a0 had been written and is whole"), (3, "and 2 more .* are whole")])
+def test_what_was_written_before_ctrl_c_is_counted(
+    count: int, words: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """One folder, or several seeds'."""
+    monkeypatch.setattr(ending._now, "written", [Path(f"a{k}") for k in range(count)])
+    ending._say_what_was_written()
+    assert re.search(words, capfd.readouterr().err)
 
 
 def test_a_program_in_the_background_ignores_ctrl_c(tmp_path: Path) -> None:

@@ -64,7 +64,7 @@ def killed(share: float, number: signal.Signals) -> Case:
     return Case(f"{number.name} after {share:.0%} of the time", play)
 
 
-INTERRUPTED = r"interrupted: (nothing was written|.* had been written and is whole)"
+INTERRUPTED = r"interrupted: (nothing was written|.* had been written and (is|are) whole)"
 
 
 def ignored(share: float) -> Case:
