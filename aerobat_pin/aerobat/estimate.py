@@ -20,7 +20,7 @@ from aerobat_pin.errors import CalibrationError, ScenarioError
 from aerobat_pin.estimation import Calibration, Result, estimate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import OBSERVERS
-from aerobat_pin.scenario import RawSection, Scenario, parse_scenario, with_settings
+from aerobat_pin.scenario import RawSection, Scenario, name_for, parse_scenario, with_settings
 
 BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # tables and key of a belief that can be set
 
@@ -36,7 +36,7 @@ def belief_about(
     Args:
         log: the flight log. By default, the robot and the air noted in its attributes are assumed. None if there is
             no flight.
-        name: name of the returned scenario.
+        name: name of the log's file; the returned scenario is called so, with `_` for signs that its name cannot have.
         morphology: morphology of the robot, a shipped name or a TOML file.
         names: names of the observers; empty for the default observers.
         settings: `dotted.key=value` texts.
@@ -63,7 +63,7 @@ def belief_about(
     if log is not None and log.is_raw and not names:
         names = ("smoother",)
     values: dict[str, Any] = {
-        "name": name,
+        "name": name_for(name) or "flight",
         "robot": robot,
         "air": {} if log is None else noted_air(log).model_dump(exclude_none=True),
         "observers": {"torque": torque, **({"names": list(names)} if names else {})},

@@ -22,6 +22,7 @@ from .scenario import MOST_SECONDS as MOST_SECONDS
 from .scenario import SECONDS_PER_STEP as SECONDS_PER_STEP
 from .scenario import Scenario as Scenario
 from .scenario import load_scenario as load_scenario
+from .scenario import name_for as name_for
 from .scenario import parse_scenario as parse_scenario
 from .scenario import scenario_of_run as scenario_of_run
 from .scenario import shipped_scenarios as shipped_scenarios

@@ -211,8 +211,13 @@ def load_scenario(source: str | Path, settings: Iterable[str] = ()) -> Scenario:
     return _named_by_file(scenario, Path(source).stem) if os.path.isfile(source) else scenario
 
 
+def name_for(stem: str) -> str:
+    """Return what a scenario can be called that belongs to a file of this name; empty where no letter is left."""
+    return re.sub(r"[^\w.-]+", "_", stem, flags=re.ASCII).lstrip("_.-")[:SCENARIO_NAME_LENGTH]
+
+
 def _named_by_file(scenario: Scenario, stem: str) -> Scenario:
-    name = re.sub(r"[^\w.-]+", "_", stem, flags=re.ASCII).lstrip("_.-")[:SCENARIO_NAME_LENGTH]
+    name = name_for(stem)
     if scenario.name not in shipped_names(SHIPPED_SCENARIOS) or name in ("", scenario.name, "scenario"):
         return scenario
     shipped = read_toml("scenario", scenario.name, SHIPPED_SCENARIOS, ScenarioError)["description"]

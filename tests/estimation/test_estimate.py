@@ -113,6 +113,14 @@ def test_the_believed_robot_is_named_with_the_reason(
     assert describe_belief(belief, morphology, settings) == f"believed: {told}"
 
 
+@pytest.mark.parametrize(
+    ("stem", "name"), [("flight 3 (wind)", "flight_3_wind_"), ("_x", "x"), ("Flügel", "Fl_gel"), ("ü", "flight")]
+)
+def test_a_log_may_have_any_name(stem: str, name: str) -> None:
+    """As a copy of a scenario, the belief is called what a scenario can be called."""
+    assert belief_about(None, stem, None, [], []).name == name
+
+
 @pytest.mark.parametrize("key", ["flight.velocity", "simulation.seed", "sensors.gyro.noise", "believed.air", "name"])
 def test_what_no_estimate_would_heed_cannot_be_set(key: str) -> None:
     """The message names the key and what may be set; gravity may, for the believed robot falls by it."""
