@@ -36,6 +36,7 @@ RESULTS = (  # all that a run or an estimate writes, as glob patterns
     "belief.toml",
     "map.toml",
     "morphology.toml",
+    "believed_morphology.toml",
     "unknown_force_*.csv",
     "flight.nc",
     "estimate.nc",
@@ -159,11 +160,16 @@ def read_map(result: Result) -> Map:
 
 
 def write_scenario(scenario: Scenario, folder: Path, name: str = "scenario.toml") -> None:
-    """Write a scenario, and copy the user's files that it names (morphology, recorded forces) into the same folder."""
+    """Write a scenario, and copy the files of the user that it names (morphologies, recorded forces) beside it."""
     if scenario.robot.morphology not in MORPHOLOGIES:
         shutil.copyfile(scenario.robot.morphology, folder / "morphology.toml")
         robot = scenario.robot.model_copy(update={"morphology": "morphology.toml"})
         scenario = scenario.model_copy(update={"robot": robot})
+    believed = scenario.believed.robot
+    if (named := believed.get("morphology")) is not None and named not in MORPHOLOGIES:
+        shutil.copyfile(named, folder / "believed_morphology.toml")
+        belief = scenario.believed.model_copy(update={"robot": {**believed, "morphology": "believed_morphology.toml"}})
+        scenario = scenario.model_copy(update={"believed": belief})
     forces = list(scenario.unknown_force)
     for i, force in enumerate(forces):
         if isinstance(force, RecordedForce):

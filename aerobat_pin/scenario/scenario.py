@@ -235,19 +235,20 @@ def scenario_of_run(folder: Path, settings: Iterable[str] = ()) -> Scenario:
     source = str(folder / "scenario.toml")
     stored = load_scenario(source)
     forces = (force.file for force in stored.unknown_force if isinstance(force, RecordedForce))
-    for name in (stored.robot.morphology, *forces):
+    for name in (stored.robot.morphology, stored.believed_robot.morphology, *forces):
         if name not in MORPHOLOGIES and not Path(name).is_relative_to(os.path.realpath(folder)):
             raise ScenarioError(f"scenario {source}: names {name}, outside the folder of its run; a copy was expected")
     return load_scenario(source, settings)
 
 
 def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:
-    """Make the paths of morphology and recorded forces absolute; relative ones start at the scenario's folder.
+    """Make the paths of morphologies and recorded forces absolute; relative ones start at the scenario's folder.
 
     Names of shipped morphologies are left unchanged.
     """
-    robot, forces = values.get("robot"), values.get("unknown_force")
-    named: list[tuple[Any, str]] = [(robot, "morphology")]
+    believed, forces = values.get("believed"), values.get("unknown_force")
+    robots = values.get("robot"), believed.get("robot") if isinstance(believed, dict) else None
+    named: list[tuple[Any, str]] = [(robot, "morphology") for robot in robots]
     named += [(force, "file") for force in forces] if isinstance(forces, list) else []
     for table, key in named:
         if isinstance(table, dict) and isinstance(table.get(key), str) and table[key] not in MORPHOLOGIES:

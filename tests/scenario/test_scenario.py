@@ -13,6 +13,7 @@ from aerobat_pin.aerobat import load_morphology
 from aerobat_pin.errors import AerobatError, MorphologyFileError, ScenarioError, SweepError, TrimError
 from aerobat_pin.experiments import run
 from aerobat_pin.experiments.sweep.sweep_file import read_sweep
+from aerobat_pin.experiments.write_results import write_scenario
 from aerobat_pin.flight import find_trim, simulate
 from aerobat_pin.scenario import (
     changed_keys,
@@ -20,6 +21,7 @@ from aerobat_pin.scenario import (
     described,
     load_scenario,
     parse_scenario,
+    scenario_of_run,
     scenario_toml,
     shipped_scenarios,
 )
@@ -47,6 +49,21 @@ def test_a_copy_of_a_shipped_scenario_takes_its_files_name(stem: str, given: str
     assert copied.name == name
     if name.startswith("my"):
         assert copied.description == "made from paper"
+
+
+def test_a_believed_robot_of_ones_own_is_found_beside_its_scenario_and_copied(tmp_path: Path) -> None:
+    """As the robot that flies; what comes of the first file later changes nothing."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    (tmp_path / "bird.toml").write_text('extends = "aerobat_guard"\nname = "bird"\n[body]\nmass = 0.09\n')
+    (tmp_path / "flight.toml").write_text('name = "flight"\n[believed.robot]\nmorphology = "bird.toml"\n')
+    write_scenario(load_scenario(tmp_path / "flight.toml"), folder)
+    (tmp_path / "bird.toml").unlink()
+    believed = scenario_of_run(folder).believed_robot
+    assert load_morphology(believed.morphology).body.mass == 0.09
+    (folder / "scenario.toml").write_text('name = "flight"\n[believed.robot]\nmorphology = "../bird.toml"\n')
+    with pytest.raises(ScenarioError, match="outside the folder of its run"):
+        scenario_of_run(folder)
 
 
 def test_a_part_that_is_taken_off_in_python_is_off_in_the_written_scenario(tmp_path: Path) -> None:
