@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerobat_description import MORPHOLOGIES
 from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.aerobat.channels import (
     KNOWN,
@@ -60,9 +61,15 @@ def table_record(path: Path, robot: AerobatRobot, section: ObserverSection | Non
 
 @guarded()
 def read_log(path: Path) -> FlightLog:
-    """Read a flight log: a NetCDF file written by this package, or one of Aerobat's tables. Raises LogError."""
+    """Read a flight log: a NetCDF file written by this package, or one of Aerobat's tables. Raises LogError.
+
+    A robot of the user's own that a log notes is the copy beside the log, which a run writes, if there is one.
+    """
     if kind_of_log(path) is None:
-        return FlightLog.load(path)
+        log, copy = FlightLog.load(path), path.with_name("morphology.toml")
+        if log.measured.attrs.get("morphology", "aerobat") not in MORPHOLOGIES and copy.is_file():
+            log.measured.attrs["morphology"] = str(copy)
+        return log
     record = table_record(path, AerobatRobot.of(load_aerobat()))
     time = record.times(record.parts[0][0], record.parts[-1][1])
     coords: dict[str, Any] = {"time": channel(time, ("time",), "s", "sample time")}

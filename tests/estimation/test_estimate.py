@@ -10,11 +10,12 @@ import xarray as xr
 from support.commands import aerobat
 
 from aerobat_pin.aerobat import robot as robot_of_records
-from aerobat_pin.aerobat.aerobat import Aerobat, believed_robot
+from aerobat_pin.aerobat.aerobat import Aerobat, believed_robot, load_morphology
 from aerobat_pin.aerobat.air.believed_air import reconstructed_air
 from aerobat_pin.aerobat.estimate import belief_about, describe_belief, estimate_flight
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.motion import Motion
+from aerobat_pin.aerobat.tables import read_log
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.estimation import Check
 from aerobat_pin.experiments.experiment import Experiment
@@ -119,6 +120,16 @@ def test_the_believed_robot_is_named_with_the_reason(
 def test_a_log_may_have_any_name(stem: str, name: str) -> None:
     """As a copy of a scenario, the belief is called what a scenario can be called."""
     assert belief_about(None, stem, None, [], []).name == name
+
+
+def test_a_robot_of_ones_own_is_believed_as_the_run_copied_it(paper: Experiment, tmp_path: Path) -> None:
+    """Not as its file is by now, nor where it is; a shipped robot is never a file beside the log."""
+    for name, noted in (("own", "wings/bird.toml"), ("shipped", "aerobat_guard")):
+        FlightLog(paper.log.measured.assign_attrs(morphology=noted)).save(tmp_path / f"{name}.nc")
+    (tmp_path / "morphology.toml").write_text('extends = "aerobat_guard"\nname = "bird"\n[body]\nmass = 0.09\n')
+    own, shipped = (belief_about(read_log(tmp_path / f"{name}.nc"), name, None, [], []) for name in ("own", "shipped"))
+    assert load_morphology(own.robot.morphology).body.mass == 0.09
+    assert shipped.robot.morphology == "aerobat_guard"
 
 
 @pytest.mark.parametrize("key", ["flight.velocity", "simulation.seed", "sensors.gyro.noise", "believed.air", "name"])
