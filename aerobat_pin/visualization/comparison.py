@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import errno
 import os
 from collections.abc import Iterator
@@ -201,8 +202,8 @@ class RunComparison:
     def write(self, folder: Path) -> None:
         """Write `comparison.html`, `comparison.csv`, the figure of the forces and a replay of both into a folder."""
         style.save_figure(self.draw(), folder / "forces")
-        lines = [",".join(row) for row in (self.header, *self.rows())]
-        (folder / "comparison.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        with (folder / "comparison.csv").open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows((self.header, *self.rows()))
         first, second = self.first.figures, self.second.figures
         labels = self.first.label, self.second.label
         page = fill_template(

@@ -130,32 +130,33 @@ def test_several_seeds_are_runs_of_their_own_and_one_table(tmp_path: Path, capsy
 
 def test_two_runs_stand_side_by_side(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What differs, both scores of every axis as `metrics.json` has them, the forces, and figures that both have."""
-    for name, words in (("one", []), ("two", ["--set", "believed.air.density=1.47"])):
+    for name, words in (("one, calm", []), ("two", ["--set", "believed.air.density=1.47"])):
         assert call("run", "paper", "--out", name, "--no-report", *SHORT, *words) == 0
         (here / name / "figures").mkdir()
         (here / name / "figures" / "states.png").write_bytes(b"\x89PNG")
     capsys.readouterr()
-    assert call("compare", "one", "two") == 0
+    assert call("compare", "one, calm", "two") == 0
     printed = capsys.readouterr().out
     assert "in two: believed.air.density = 1.47\n" in printed
-    both = [json.loads((here / name / "metrics.json").read_text())["observers"] for name in ("one", "two")]
+    both = [json.loads((here / name / "metrics.json").read_text())["observers"] for name in ("one, calm", "two")]
     score = [f"{found['force_level']['right']['Fz']['r2']:.5f}" for found in both]
     assert re.search(rf"force_level +right +Fz +{score[0]} +{score[1]} ", printed)
-    folder = here / "runs" / "compare-one-two"
+    folder = here / "runs" / "compare-one, calm-two"
     names = ["comparison.csv", "comparison.html", "forces.pdf", "forces.png", "replay.html"]
     assert sorted(path.name for path in folder.iterdir()) == names
-    assert len((folder / "comparison.csv").read_text().splitlines()) == 13
+    table = list(csv.reader((folder / "comparison.csv").read_text().splitlines()))
+    assert (len(table), {len(row) for row in table}, table[0][3]) == (13, {7}, "R2 one, calm")
     page = (folder / "comparison.html").read_text()
     assert "momentum is off the true force by " in page
     assert page.count("data:image/png;base64,") == 3
     assert score[1] in page
-    assert call("compare", "one", "runs") == 2
+    assert call("compare", "one, calm", "runs") == 2
     assert "runs is not the folder of a run: it has no scenario.toml" in capsys.readouterr().err
     (here / "circle").symlink_to("circle")
     assert call("compare", "circle", "circle") == 2
     assert "circle is not the folder of a run" in capsys.readouterr().err
     (here / "two" / "metrics.json").write_text("[]")
-    assert call("compare", "one", "two", "--force") == 2
+    assert call("compare", "one, calm", "two", "--force") == 2
     assert "the scores of a run were expected" in capsys.readouterr().err
 
 
