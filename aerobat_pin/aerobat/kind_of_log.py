@@ -114,6 +114,6 @@ def needs_map(path: Path, lacks: str = "", robot: str = "") -> LogError:
     why = f"{lacks}; if it is another robot's, " if lacks else ""
     return LogError(
         f"log {path}: {why}a map says what its columns mean and which robot it was (--map MAP.toml of estimate, "
-        f"calibrate and check); `aerobat estimate {path} "
+        f"calibrate, check and live); `aerobat estimate {path} "
         f"--suggest{f' --urdf {robot}' if robot else ''}` prints one to begin with"
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -52,16 +53,25 @@ def live_command(
 
 
 def _source(what: str, map_file: Path | None, points: str | None, settings: list[str]) -> LiveSource:
-    """Return what is to be watched."""
+    """Return what is to be watched. Raises LogError for an option of something else, or for a log without a map."""
+    from aerobat_pin.aerobat import needs_map
+    from aerobat_pin.errors import LogError
     from aerobat_pin.experiments import LiveFlight, LiveRecording, LiveRobot, LiveTopics
     from aerobat_pin.records import load_map
     from aerobat_pin.scenario import load_scenario, shipped_scenarios
 
+    flies = map_file is None and (not what or what in shipped_scenarios() or what.endswith(".toml"))
+    if points is not None and (flies or map_file is not None):
+        raise LogError("live: --points is for a robot by name or URDF file; a scenario or a map says its own")
+    if settings and not flies:
+        raise LogError("live: --set is for a scenario")
     if map_file is not None:
         chosen, folder = load_map(map_file), map_file.absolute().parent
         return LiveRecording(Path(what), chosen, folder) if what else LiveTopics(chosen, folder, typer.echo)
-    if not what or what in shipped_scenarios() or what.endswith(".toml"):
+    if flies:
         return LiveFlight(load_scenario(what or "hover_closed_loop", settings))
+    if os.path.isfile(what) and not what.endswith(".urdf"):
+        raise needs_map(Path(what))
     return LiveRobot(what, tuple(option_names(points)))
 
 
