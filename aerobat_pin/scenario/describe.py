@@ -70,7 +70,8 @@ def describe_tables(root: type[Section], head: str, kind: str, wanted: str | Non
 def _part_of(text: str, wanted: str, kind: str) -> str:
     """Return the blocks of a description that belong to a table, or the title and lines of one key in them."""
     blocks = text.split("\n\n")
-    names = [re.findall(r"\[([\w.]+)\]", block.partition("  ")[0]) for block in blocks]
+    titles = [re.split(r"(?<!\n)  ", block)[0] for block in blocks]  # a long one goes on in the next line
+    names = [re.findall(r"\[([\w.]+)\]", title) for title in titles]
     plain = ".".join(part for part in wanted.split(".") if part != "*" and not part.isdigit())
     parts = [
         block
@@ -79,11 +80,11 @@ def _part_of(text: str, wanted: str, kind: str) -> str:
     ]
     table, _, key = plain.rpartition(".")
     known = {name for tables in names for name in tables}
-    for block, tables in zip(blocks, names, strict=True):
-        entries = {entry.split()[0]: entry for entry in re.split(r"\n(?=  \S)", block)[1:]}
+    for block, title, tables in zip(blocks, titles, names, strict=True):
+        entries = {entry.split()[0]: entry for entry in re.split(r"\n(?=  \w+  )", block)[1:]}
         known |= {f"{name}.{entry}".lstrip(".") for name in tables or [""] for entry in entries}
         if not parts and key in entries and table in (tables or [""]):
-            parts.append("\n".join([*([block.partition("  ")[0]] if tables else []), entries[key]]))
+            parts.append("\n".join([*([title] if tables else []), entries[key]]))
     if not parts:
         hint = did_you_mean(plain, sorted(known))
         raise ScenarioError(f"describe {kind} {wanted[:60]}: there is no such table or key: {hint}")

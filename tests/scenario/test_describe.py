@@ -5,6 +5,7 @@ Observers take settings of their own from a scenario, under the names and defaul
 
 import inspect
 import re
+from collections.abc import Callable
 from typing import get_args
 
 import numpy as np
@@ -15,8 +16,9 @@ from aerobat_pin.aerobat import estimate_flight, known_inputs
 from aerobat_pin.errors import AerobatError, ScenarioError
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
+from aerobat_pin.records import Map, describe_map
 from aerobat_pin.scenario import Scenario, Section, load_scenario
-from aerobat_pin.scenario.describe import COLUMNS, describe_scenario, kind_of, unit_and_meaning
+from aerobat_pin.scenario.describe import COLUMNS, _keys_below, _part_of, describe_scenario, kind_of, unit_and_meaning
 from aerobat_pin.scenario.tables import ObserverSection, SimulationSection, sections_of
 
 
@@ -57,6 +59,23 @@ def test_a_key_that_is_none_is_told_its_neighbours() -> None:
     """One line, with what was probably meant."""
     with pytest.raises(ScenarioError, match=r"observers\.gian: there is no such .* did you mean 'observers\.gain'"):
         describe_scenario("observers.gian")
+
+
+@pytest.mark.parametrize(("root", "describe"), [(Scenario, describe_scenario), (Map, describe_map)])
+def test_every_key_is_described_alone_and_no_other_is_offered(
+    root: type[Section], describe: Callable[[], str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also those of tables whose titles fill more than a line; a word with which a line begins is no key."""
+    offered: list[str] = []
+    monkeypatch.setattr("aerobat_pin.scenario.describe.did_you_mean", lambda _, known: offered.extend(known) or "")
+    text, there = describe(), set()
+    for key in _keys_below(root, ""):
+        assert f"  {key.rpartition('.')[2]} " in _part_of(text, key, "")
+        parts = key.replace(".*", "").split(".")
+        there |= {".".join(parts[: k + 1]) for k in range(len(parts))}
+    with pytest.raises(ScenarioError):
+        _part_of(text, "nothing", "")
+    assert set(offered) <= there
 
 
 @pytest.mark.parametrize("name", sections())
