@@ -11,6 +11,7 @@ from __future__ import annotations
 import csv
 import difflib
 import os
+import shlex
 from functools import cache
 from pathlib import Path
 
@@ -114,6 +115,6 @@ def needs_map(path: Path, lacks: str = "", robot: str = "") -> LogError:
     why = f"{lacks}; if it is another robot's, " if lacks else ""
     return LogError(
         f"log {path}: {why}a map says what its columns mean and which robot it was (--map MAP.toml of estimate, "
-        f"calibrate, check and live); `aerobat estimate {path} "
-        f"--suggest{f' --urdf {robot}' if robot else ''}` prints one to begin with"
+        f"calibrate, check and live); `aerobat estimate {shlex.quote(str(path))} "
+        f"--suggest{f' --urdf {shlex.quote(robot)}' if robot else ''}` prints one to begin with"
     )

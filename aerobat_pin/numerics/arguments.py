@@ -122,7 +122,11 @@ def _check_of(hint: Any, rule: Rule | None = None) -> ArgumentCheck:
         return _whole_number
     if not isinstance(kind, type):
         return _anything
-    return _only(lambda value: isinstance(value, kind), WORDS.get(kind, f"a {kind.__name__}"))
+    return _only(lambda value: isinstance(value, kind), _word(kind))
+
+
+def _word(kind: type) -> str:
+    return WORDS.get(kind, f"a {kind.__name__}")
 
 
 def _wrong(name: str, value: Any, expected: str) -> ArgumentError:
@@ -158,8 +162,13 @@ def _array(value: Any, name: str, sizes: dict[Any, Any], shape: Any = None, keep
 
 
 def _one_of(parts: tuple[Any, ...], rule: Rule | None) -> ArgumentCheck:
-    """Return the check of a union: the first member that fits counts; of the errors, the last is raised."""
-    members = [_check_of(part, rule) for part in parts if part is not type(None)]
+    """Return the check of a union: the first member that fits counts; of the errors, the last is raised.
+
+    Where all members are classes but numbers, the error names them all.
+    """
+    kinds = [part for part in parts if part is not type(None)]
+    members = [_check_of(part, rule) for part in kinds]
+    classes = [part for part in kinds if isinstance(part, type) and part not in (float, int)]
     optional = len(members) < len(parts)
 
     def check(value: Any, name: str, sizes: dict[Any, Any]) -> Any:
@@ -170,7 +179,12 @@ def _one_of(parts: tuple[Any, ...], rule: Rule | None) -> ArgumentCheck:
                 return member(value, name, sizes)
             except (ArgumentError, ShapeError):
                 continue
-        return members[-1](value, name, sizes)
+        try:
+            return members[-1](value, name, sizes)
+        except ArgumentError:
+            if len(classes) < len(members):
+                raise
+            raise _wrong(name, value, " or ".join(map(_word, classes))) from None
 
     return check
 

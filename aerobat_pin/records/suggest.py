@@ -6,6 +6,7 @@ import itertools
 import json
 import os
 import re
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -69,7 +70,7 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     groups = dict(_column_groups(columns))
     lines = [
         f"# A map for {log.name}: what it looks like. Answer the questions, then",
-        f"#   aerobat estimate {log} --map map.toml",
+        f"#   aerobat estimate {shlex.quote(str(log))} --map map.toml",
         *(f"# {note}" for note in columns.notes),
         "",
     ]

@@ -65,7 +65,10 @@ def explain_plainly(error: dict[str, Any], where: str, known: Sequence[str]) -> 
         return f"missing key '{where}'"
     if error["type"] == "value_error":
         return f"{where}: {error['ctx']['error']}" if where else str(error["ctx"]["error"])
-    return f"{where} = {_shown(error['input'])}: {error['msg'][:1].lower()}{error['msg'][1:]}"
+    message = f"{error['msg'][:1].lower()}{error['msg'][1:]}"
+    if error["type"] == "string_pattern_mismatch":  # of a name
+        message = "letters, digits, '.', '_' and '-' without spaces were expected, a letter or digit first"
+    return f"{where} = {_shown(error['input'])}: {message}"
 
 
 def _shown(value: object) -> str:

@@ -115,6 +115,7 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ("sensors.gyro.delay=1e300", "sensors.gyro.delay = 1e+300"),
         ("sensors.gyro.delay=100", "sensors.gyro.delay = 100: input should be less than or equal to 60"),
         ("simulation.seed=-1", "simulation.seed = -1"),
+        ("name=my paper", "name = 'my paper': letters, digits, '.', '_' and '-' without spaces were expected"),
         ("simulation.duration=[1]", "simulation.duration"),
         ("air.wind=[1,0]", "air.wind = [1, 0]: 3 numbers were expected"),
         ("air.wind=[1,0,0,0]", "air.wind = [1, 0, 0, 0]: 3 numbers were expected"),

@@ -45,6 +45,7 @@ ROBOTS = {  # text -> what is said of it
     ARM.replace('child link="bar"', 'child link="base"'): "links in a row, or a closed chain",
     ARM.replace("revolute", "magic"): r"has no known type \[magic\]",
     ARM.replace("revolute", "floating"): "1 columns of configuration; arm.urdf takes 7, or 14 on a free base",
+    ARM.replace("revolute", "continuous"): r"takes 2, or 9 on a free base, in the order hinge \(cosine and sine\)",
     ARM.replace("revolute", "fixed"): "no joint of it moves",
     ARM.replace(HINGE, ""): "Two root links found",
     ARM.replace('name="arm"', ""): "No name given for the robot",

@@ -63,9 +63,11 @@ def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pi
             f"robot {urdf}: no joint of it moves; a joint, or the {FREE_NQ} columns of a free base, were expected"
         )
     if columns != model.nq:
+        joints = zip(list(model.names)[1:], model.joints.tolist()[1:], strict=True)
+        order = [f"{name}{' (cosine and sine)' * ((joint.nq, joint.nv) == (2, 1))}" for name, joint in joints]
         raise LogError(
             f"motion {table}: {columns} columns of configuration; {urdf.name} takes {fixed}, or "
-            f"{fixed + FREE_NQ} on a free base, in the order {', '.join(list(model.names)[1:])}"
+            f"{fixed + FREE_NQ} on a free base, in the order {', '.join(order)}"
         )
     kind = pin.GeometryType.VISUAL
     visual_model = read_robot(urdf, lambda: pin.buildGeomFromUrdfString(model, text, kind))
