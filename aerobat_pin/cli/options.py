@@ -16,6 +16,7 @@ SHIPPED = {  # command -> folder of what its first argument can name
     "sweep": "aerobat_pin/experiments/sweep/shipped",
     "urdf": "aerobat_description/morphologies",
     "linkage": "aerobat_description/morphologies",
+    "crank": "aerobat_description/morphologies",
 }
 
 RENAMED = {  # command -> how options were called -> how they are called now
@@ -73,16 +74,20 @@ def complete_observer(incomplete: str) -> list[str]:
     return [name for name in OBSERVERS if name.startswith(incomplete)]
 
 
-def complete_key(incomplete: str) -> list[str]:
-    """Return the keys of a scenario that begin with what was typed, for completion in a shell."""
+def complete_key(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Return the keys of a scenario, or of a map, that begin with what was typed, for completion in a shell."""
     from aerobat_pin.scenario import scenario_keys
 
+    if ctx.params.get("what") == "map":
+        from aerobat_pin.records import Map
+
+        return [key for key in scenario_keys(Map) if key.startswith(incomplete)]
     return [key for key in scenario_keys() if key.startswith(incomplete)]
 
 
-def complete_setting(incomplete: str) -> list[str]:
+def complete_setting(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the keys of a scenario as `--set` takes them, for completion in a shell."""
-    return [f"{key}=" for key in complete_key(incomplete)]
+    return [f"{key}=" for key in complete_key(ctx, incomplete)]
 
 
 NameOrFile = Annotated[

@@ -35,9 +35,9 @@ def describe_scenario(wanted: str | None = None) -> str:
     return describe_tables(Scenario, head, "scenario", wanted)
 
 
-def scenario_keys() -> list[str]:
-    """Return the dotted keys of a scenario file; `*` stands for the number of an item in a list."""
-    return list(_keys_below(Scenario, ""))
+def scenario_keys(root: type[Section] = Scenario) -> list[str]:
+    """Return the dotted keys of a scenario file, or of another; `*` stands for the number of an item in a list."""
+    return list(_keys_below(root, ""))
 
 
 def _keys_below(section: type[Section], table: str) -> dict[str, None]:

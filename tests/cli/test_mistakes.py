@@ -179,6 +179,8 @@ def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
         ("run paper --set crank.f", "crank.frequency="),
         ("run paper --observer kal", "kalman"),
         ("describe scenario unknown_force.*.fr", "unknown_force.*.frame"),
+        ("describe map joints.eff", "joints.effort.columns"),
+        ("crank aerobat_g", "aerobat_guard"),
     ],
 )
 def test_a_shell_completes_what_can_be_named(typed: str, offered: str) -> None:
