@@ -313,14 +313,14 @@ SampledSection LoadSection PlantSection SineForce"""  # pydantic checks
 MEMORY = "air_memory fill channel Pieces RateControlledMotor"  # fields of kernels, and a channel of a log
 HOT = "prescribed_joint_dynamics"  # called for every sample
 # Without arguments.
-NOTHING = "closed_settings describe_map describe_scenario scenario_keys shipped_scenarios shipped_sweeps"
+NOTHING = "closed_settings describe_map describe_scenario shipped_scenarios shipped_sweeps"
 LONG = "run_sweep ForceNode LiveTopics"  # start processes or nodes; sweep and map come from load_sweep and load_map
 # Called by other rooms, with what these have checked.
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
 seal_netcdf netcdf_bytes torque_per_unit read_netcdf read_run joint_series
 effort_findings record_findings moving_weight AllBut with_record robot_length has_free_base low_passed
 as_others_rub effort_limits quantity typical_step redundancy_of slow_part describe_tables explain validated fit_friction
-one_unit rotation_matrices force_size said_unit
+one_unit rotation_matrices force_size said_unit name_for scenario_keys
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew
 SeriesSculpture scenario_of_run changed_keys changes_text differing_keys keys_text blocks_of component_sizes
 found_contacts belief_of described flight_log_of log_with_motion shipped_description
