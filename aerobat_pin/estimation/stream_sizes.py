@@ -18,7 +18,15 @@ from aerobat_pin.forces import (
     walks_on,
 )
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Expected, ObserversTogether, Rows, Sample, as_others_rub, effort_limits
+from aerobat_pin.observers import (
+    Expected,
+    ObserversTogether,
+    Rows,
+    Sample,
+    as_others_rub,
+    effort_limits,
+    moving_weight,
+)
 from aerobat_pin.records import Map, PlainRobot
 
 LEGS_EVERY, LEGS_KEPT = 50, 200  # estimates of a robot that walks: one in so many shows the errors of legs in the air
@@ -74,7 +82,7 @@ class StreamSizes:
         """
         if not self._robot.limits_forces:
             return None
-        carried = self._robot.weight * row_scale(self._robot.model)
+        carried = moving_weight(self._robot.model) * row_scale(self._robot.model)
         expected = expected_from(self._robot, self._rows, self._values, self._points, effort, carried)
         errors = np.zeros_like(expected.row_error)
         if self._walks and self._taken:

@@ -123,7 +123,7 @@ def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
 
 def walks_on(robot: PlainRobot, chosen: Map) -> bool:
     """Return whether a robot has feet to stand on, by its model and its map; a sole with moments is none."""
-    points = bool(chosen.robot.points) and not chosen.robot.wrenches
+    points = bool(chosen.robot.points) and not chosen.robot.wrenches and not robot.weightless
     return points and robot.free and bool(robot.joints) and robot.limits_forces and not chosen.base.held
 
 

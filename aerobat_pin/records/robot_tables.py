@@ -58,7 +58,7 @@ class RobotTable(Section):
     )
     wrenches: tuple[str, ...] = Field((), description="frames at which an unknown force and moment act")
     rows: RowsSection = RowsSection()
-    gravity: Annotated[Positive, Field(ge=1e-3)] = Field(9.81, description="along `down` [m/s2]")
+    gravity: NonNegative = Field(9.81, description="along `down`; 0 in an orbit [m/s2]")
     down: Three = Field(
         (0.0, 0.0, -1.0), description="of a fixed robot, in its root's axes: on a wall it is not -z [-]"
     )

@@ -23,6 +23,7 @@ from aerobat_pin.records.reference import Agreement
 from aerobat_pin.records.robot_tables import PayloadSection
 
 FREE_NQ, FREE_NV = 7, 6
+WEIGHTLESS = 1.0  # [m/s2] of gravity, below which motion hides the weight and which way is up; on the Moon it is 1.6
 
 
 @dataclass(frozen=True)
@@ -174,6 +175,11 @@ class PlainRobot(ShownInNotebooks):
     def weight(self) -> float:
         """Weight of everything that moves [N]."""
         return self.mass * float(np.linalg.norm(self.model.gravity.linear))
+
+    @property
+    def weightless(self) -> bool:
+        """Whether gravity is too weak to compare anything with, as in an orbit."""
+        return bool(np.linalg.norm(self.model.gravity.linear) < WEIGHTLESS)
 
     def q_index(self, joint: str) -> int:
         """Return the index in q of a joint of one coordinate."""

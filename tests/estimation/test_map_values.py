@@ -50,7 +50,7 @@ RIGHT = table_map(Path("robot.urdf"))
             r"payload\.com = \[0\.1, 0\.2\]: 3 numbers were",
         ),
         ("payload", {"frame": "trunk", "mass": 1.0, "com": [0.1, 0.2, 0.3, 0.4]}, r"payload\.com = .*3 numbers were"),
-        ("robot.gravity", 1e-300, r"robot\.gravity = 1e-300"),
+        ("robot.gravity", -9.81, r"robot\.gravity = -9\.81"),
         ("robot.down", [0.0, 1.0], r"robot\.down"),
         ("joints.effort.torque_per_unit", {"*": 0.0}, "another number than 0 was expected"),
         ("joints.effort.torque_per_unit", [6.1, 5.2], r"\[6\.1, 5\.2\]: a table \{joint = 6\.1, \.\.\.\} was expected"),

@@ -1,10 +1,12 @@
-"""An arm on a base that something else moves, as a ship does: by an IMU at the base its forces are right."""
+"""An arm on a base that something else moves, as a ship does: by an IMU at the base its forces are right; an orbit."""
 
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pinocchio as pin
+import pytest
+from scipy.spatial.transform import Rotation
 from support.recorded import edited, recorded
 from support.six_joints import SIX, six_joints, six_map
 
@@ -52,3 +54,33 @@ def test_an_arm_on_a_ship_needs_its_imu(tmp_path: Path) -> None:
     assert errors[1] < 0.3 * errors[0]
     assert np.mean(np.abs(found.components[100:]) < 2.0 * found.standard_deviation[100:]) > 0.95
     assert not any(finding.check == "mean force" for finding in result.findings)
+
+
+@pytest.mark.parametrize("gravity", [0.0, 1e-3])
+def test_nothing_is_compared_with_gravity_in_an_orbit(gravity: float, tmp_path: Path) -> None:
+    """A body with an accelerometer tumbles head down and is pushed for half of the time: no word of its weight."""
+    rng, time, mass, push = np.random.default_rng(2), np.arange(800) / 100.0, 10.0, np.array([0.6, 0.0, -0.9])
+    turns = Rotation.from_rotvec([2.6, 0.0, 0.0]) * Rotation.from_rotvec(0.1 * time[:, None] * [1.0, -2.0, 0.5])
+    force = push * (time > 4.0)[:, None]
+    place = 0.5 * push / mass * np.maximum(time - 4.0, 0.0)[:, None] ** 2
+    felt = turns.inv().apply(force / mass)
+    columns = {"t": time} | {f"q{axis}": turns.as_quat()[:, k] for k, axis in enumerate("xyzw")}
+    for name, values, noise in (("p", place, 1e-5), ("w", 0.0 * place + [0.1, -0.2, 0.05], 1e-4), ("a", felt, 0.01)):
+        noisy = values + noise * rng.standard_normal(values.shape)
+        columns |= {f"{name}{axis}": noisy[:, k] for k, axis in enumerate(AXES)}
+    pd.DataFrame(columns).to_csv(tmp_path / "orbit.csv", index=False)
+    place_and_rate = {"position": {"columns": ["px", "py", "pz"]}, "rate": {"columns": ["wx", "wy", "wz"]}}
+    values = {
+        "robot": {"body": {"mass": mass, "inertia": [0.4, 0.4, 0.4]}, "points": ["body"], "gravity": gravity},
+        "log": {"time": {"column": "t"}},
+        "base": {
+            **place_and_rate,
+            "quaternion": {"columns": ["qx", "qy", "qz", "qw"]},
+            "velocity": {"from": "pose", "window": 0.2},
+        },
+        "check": {"specific_force": {"columns": ["ax", "ay", "az"]}},
+        "observer": {"names": ["force_level"], "gain": 10.0},
+    }
+    result = estimate(recorded(tmp_path / "orbit.csv", values))
+    assert not any(finding.warns for finding in result.findings)
+    np.testing.assert_allclose(result.estimates["force_level"].force[600:, 0].mean(axis=0), push, atol=0.05)

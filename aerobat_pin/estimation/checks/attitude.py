@@ -33,7 +33,10 @@ def turned_so_far(attitude: Array) -> Array:
 
 
 def reading_findings(
-    attitudes: Mapping[Reading, Array], pairs: Callable[[Array], list[Agreement]], specific_force: Array | None
+    attitudes: Mapping[Reading, Array],
+    pairs: Callable[[Array], list[Agreement]],
+    specific_force: Array | None,
+    weightless: bool,
 ) -> Iterator[Finding]:
     """Yield that another reading of the quaternion fits motion or gravity better than the map's, which is the first.
 
@@ -41,9 +44,11 @@ def reading_findings(
         attitudes: reading -> (m, 4) body to world.
         pairs: function of an attitude: what must agree with it, gyro and velocity, as far as they are measured.
         specific_force: (m, 3) of an accelerometer, body axes; without it, the body is taken to fly upright.
+        weightless: whether nothing is up.
     """
     mapped, *others = attitudes
     low, gain = (UPWARD, UPWARD) if specific_force is not None else (-UPWARD, 2.0 * UPWARD)
+    low = -np.inf if weightless else low
     shares, misfit, upward = dict[Reading, Array](), dict[Reading, float](), dict[Reading, float]()
     for reading, turns in attitudes.items():
         shares[reading] = share = _shares(pairs(turns))

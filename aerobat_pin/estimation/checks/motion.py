@@ -136,7 +136,10 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
     elif felt is not None:
         felt = felt @ (body @ _sensor_turn(record, "check.specific_force")).T
     attitudes = _attitudes(record, time, measured)
-    misread = list(reading_findings(attitudes, lambda attitude: [pair(attitude) for pair in evidence], felt))
+    weightless = record.robot.weightless
+    misread = list(
+        reading_findings(attitudes, lambda attitude: [pair(attitude) for pair in evidence], felt, weightless)
+    )
     yield from misread
     if any(finding.warns for finding in misread):
         return
@@ -148,12 +151,12 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
         if early < 0.0:  # the attitude is late; a channel is never early
             attitude = sampled_turns(time, attitude, time - early)
     if position is None:
-        if felt is not None:
+        if felt is not None and not weightless:
             still = np.zeros((len(time), 3))  # an IMU's record has no place, and over it hardly another mean speed
             yield from accelerometer_findings(felt, attitude, still, time, chosen.robot.gravity, record.robot.weight)
         return
     yield from _accelerations(position, time) if steps is None else agreement_findings(steps(attitude))
-    if felt is not None:
+    if felt is not None and not weightless:
         yield from accelerometer_findings(felt, attitude, position, time, chosen.robot.gravity, record.robot.weight)
 
 

@@ -26,7 +26,7 @@ from aerobat_pin.forces import (
     unit_direction,
 )
 from aerobat_pin.numerics import Array, frame_id, runs_of_true
-from aerobat_pin.observers import AllBut, Applications, Expected
+from aerobat_pin.observers import AllBut, Applications, Expected, moving_weight
 from aerobat_pin.records import Record
 
 LATE_COMMAND = 5.0e-3  # [s]
@@ -153,7 +153,8 @@ def _check_commands(record: Record, forces: KnownForces) -> Iterator[Finding]:
 
 def _force_sizes(record: Record, estimate: StoredEstimate, rms: Array) -> Iterator[Finding]:
     """Yield that a force is larger than any that a robot stands; `rms` (c,) is that of each component [N, N m]."""
-    weights = [size / record.robot.weight for size, unit in zip(rms, estimate.head.units, strict=True) if unit == "N"]
+    weight = moving_weight(record.robot.model)
+    weights = [size / weight for size, unit in zip(rms, estimate.head.units, strict=True) if unit == "N"]
     if max(weights, default=0.0) > MOST_WEIGHTS:
         what = f"a force of {max(weights):.0f} weights of the robot, rms: rad, rad/s, N m and s were expected"
         yield Finding("size of forces", "warning", what, max(weights), "1")
@@ -161,7 +162,8 @@ def _force_sizes(record: Record, estimate: StoredEstimate, rms: Array) -> Iterat
 
 def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[Finding]:
     """Yield the mean (3,) of all forces together over the weight, for a robot whose base nothing else holds."""
-    if not record.robot.free or record.map.base.held or "base" in record.map.robot.rows.ignore:
+    robot = record.robot
+    if not robot.free or robot.weightless or record.map.base.held or "base" in record.map.robot.rows.ignore:
         return
     mean = np.round(force / record.robot.weight, 3) + 0.0  # no -0.000
     carried = bool(record.map.known) or record.robot.knows_forces
