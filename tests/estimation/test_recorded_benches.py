@@ -47,6 +47,8 @@ def test_a_misread_attitude_makes_two_weights_of_force(tmp_path: Path) -> None:
     thrust = {"known.thrust.coefficients": [0.0067, 0.00132], "known.thrust.fit": None}
     values = edited(MAP, {"check": None, "base.rate": {"from": "pose"}, **thrust})
     estimate(recorded(tmp_path / "flight.csv", values))
+    faint = edited(values, {"known.thrust.coefficients": [7e-5, 1.4e-5]})  # as of another unit
+    assert any("little was expected" in text for text in estimate(recorded(tmp_path / "flight.csv", faint)).warnings)
     misread = edited(values, {"base.quaternion.columns": ["qw", "qx", "qy", "qz"]})
     with pytest.raises(LogError, match=r"mean force over weight is .*, 2\.0\d+ .*about 2 if the attitude is misread"):
         estimate(recorded(tmp_path / "flight.csv", misread))

@@ -55,6 +55,14 @@ def test_a_table_gives_the_feet_their_forces(folder: Path) -> None:
     assert score.factor == pytest.approx(1.0, abs=1e-3)
 
 
+def test_the_weight_is_expected_where_known_forces_do_not_carry_it(folder: Path) -> None:
+    """A known pull of a twentieth of it leaves the rest to the feet."""
+    table(walk(1.0)).assign(hx=3.0, hy=0.0, hz=3.0).to_csv(folder / "walk.csv", index=False)
+    handle = {"handle": {"columns": ["hx", "hy", "hz"], "axes": "world"}}
+    found = estimated(folder / "walk.csv", {**table_map(folder / "quadruped.urdf"), "known": handle})
+    assert [each.verdict for each in found.findings if each.check == "mean force"] == ["good"]
+
+
 def test_a_bag_by_its_headers_and_by_its_recorder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Topics at their own rates: 0.1 N by the sensors' stamps; by the recorder's, a warning names the 3 ms."""
     pytest.importorskip("rosbags")

@@ -33,6 +33,7 @@ LATE_COMMAND = 5.0e-3  # [s]
 FIT_WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
 HARDLY, LARGE = 0.8, 0.2  # of what is left without a fit of friction, and of the effort, from which it explains nothing
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
+CARRIES = 0.5  # of the weight: mean size of known forces, from which they may be what carries the robot
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
 ALWAYS_SEEN = 0.95  # share of the time from which a component counts as always seen
 MOST_WEIGHTS = 10.0  # rms of a force, from which units are doubted
@@ -166,7 +167,7 @@ def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[F
     if not robot.free or robot.weightless or record.map.base.held or "base" in record.map.robot.rows.ignore:
         return
     mean = np.round(force / record.robot.weight, 3) + 0.0  # no -0.000
-    carried = bool(record.map.known) or record.robot.knows_forces
+    carried = _carries(record, forces)
     expected = 0.0 if carried else 1.0
     text = f"mean force over weight is {mean[0]:.3f}, {mean[1]:.3f}, {mean[2]:.3f} (x, y, z)"
     off = float(np.linalg.norm(mean - [0.0, 0.0, expected]))
@@ -176,6 +177,16 @@ def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[F
     elif off > 0.5:
         verdict, text = "warning", f"{text}; {'the weight' if expected else 'little'} was expected"
     yield Finding("mean force", verdict, text, off, "1")
+
+
+def _carries(record: Record, forces: KnownForces) -> bool:
+    """Return whether known forces carry a free robot: by their size, or since rotors have nothing to stand on."""
+    robot, known, (first, last) = record.robot, record.map.known, record.parts[0]
+    if robot.knows_forces or (not robot.joints and any(section.powers for section in known.values())):
+        return True
+    block = record.block(first, min(last, first + MANY))
+    force = sum((forces.force_of(*each, block)[:, :3] for each in known.items()), np.zeros((1, 3)))
+    return float(np.linalg.norm(force, axis=1).mean()) > CARRIES * robot.weight
 
 
 def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:
