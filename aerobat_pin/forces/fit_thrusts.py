@@ -21,6 +21,7 @@ from aerobat_pin.records import Block, KnownSection, Record
 
 ONE_WAY = 0.7  # cosine of the angle between thrusts from which they count as rotors of one kind
 FEWEST_SAMPLES = 10  # for each coefficient
+TESTED_PIECES, CALM = 20, 0.25  # of the rest, and the share of them that nothing need push for the fit to be tested
 
 
 def fit_thrusts(given: KnownForces) -> tuple[dict[str, Array], tuple[Fit, ...]]:
@@ -65,9 +66,15 @@ def fit_thrusts(given: KnownForces) -> tuple[dict[str, Array], tuple[Fit, ...]]:
         shown, left = (np.sum(along[name] * force, axis=1) for force in (target, residual))
         spread = shown if inside.all() else shown[~inside]
         values = {f"of power {p}": float(c) for p, c in zip(section.powers, coefficients[name], strict=True)}
-        before, within, beyond = map(rms_or_nan, (spread - spread.mean(), left[inside], left[~inside]))
-        fits.append(Fit(f"known.{name}", values, "N", before, within, beyond))
+        before, within = map(rms_or_nan, (spread - spread.mean(), left[inside]))
+        fits.append(Fit(f"known.{name}", values, "N", before, within, _calm_rms(left[~inside])))
     return {name: coefficients[name] for name in thrusts}, tuple(fits)
+
+
+def _calm_rms(left: Array) -> float:
+    """Return the rms of a calm piece of what is left (m,): a push, which is sought, lasts for a part of it at most."""
+    pieces = np.array_split(left, min(TESTED_PIECES, max(len(left), 1)))
+    return float(np.quantile([rms_or_nan(piece) for piece in pieces], CALM))
 
 
 def _common_part(thrusts: Mapping[str, KnownSection]) -> tuple[float, float]:

@@ -37,7 +37,7 @@ class Fit:
         unit: of the residuals.
         before: rms of what is left without the fit, on the part that was not fitted.
         inside: rms of what is left on the fitted part.
-        outside: rms of what is left on the rest, NaN if there is none.
+        outside: rms of what is left on the rest, of thrusts in a calm piece of it; NaN if there is none.
         log: the recording, if it is another one.
         untold: what the record does not tell, in words.
     """

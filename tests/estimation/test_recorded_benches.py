@@ -13,6 +13,8 @@ from support.robot_parts import efforts, joint, link
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import calibrate, estimate
+from aerobat_pin.estimation.checks.result import fit_findings
+from aerobat_pin.forces.fit_known_forces import fitted_forces
 
 
 def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
@@ -32,6 +34,18 @@ def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
     assert fit.outside < 0.02 * fit.before + 4e-3
     said = estimate(recorded(tmp_path / "flight.csv", edited(MAP, {"known.thrust.delay": 0.0}))).warnings
     assert any(re.search(r"known\.thrust leads the acceleration by (3[6-9]|4\d) ms", text) for text in said), said
+
+
+@pytest.mark.parametrize(("push", "worn", "told"), [(0.5, 0.0, 0), (0.0, 0.6, 1)])
+def test_a_push_is_no_fit_that_does_not_hold(push: float, worn: float, told: int, tmp_path: Path) -> None:
+    """For seven of the fifteen seconds that test the fit; another size of thrusts in all of them is told."""
+    table = flight()
+    time = table.t - table.t[0]
+    table["imu_acc_z"] += push * time.between(17.0, 24.0)
+    table["m1"] *= 1.0 + worn * (time > 15.0)
+    table.to_csv(tmp_path / "flight.csv", index=False)
+    found = [*fit_findings(fitted_forces(recorded(tmp_path / "flight.csv", MAP)))]
+    assert len(found) == told
 
 
 def test_the_mean_force_of_wind(tmp_path: Path) -> None:
