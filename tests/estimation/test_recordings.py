@@ -16,6 +16,7 @@ from aerobat_pin.aerobat import needs_map
 from aerobat_pin.errors import AerobatError, ArgumentError, LogError, MapError
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.estimation.checks import record_findings
+from aerobat_pin.estimation.checks.attitude import accelerometer_findings
 from aerobat_pin.estimation.checks.compare import compare
 from aerobat_pin.records import describe_map, open_record
 from aerobat_pin.records.resample import line_means, turn_rates
@@ -61,6 +62,16 @@ def test_the_weight_is_expected_where_known_forces_do_not_carry_it(folder: Path)
     handle = {"handle": {"columns": ["hx", "hy", "hz"], "axes": "world"}}
     found = estimated(folder / "walk.csv", {**table_map(folder / "quadruped.urdf"), "known": handle})
     assert [each.verdict for each in found.findings if each.check == "mean force"] == ["good"]
+
+
+@pytest.mark.parametrize(("tilt", "words"), [(91.0, "is the log's y axis up"), (170.0, "up is down")])
+def test_a_world_on_its_side_is_asked_for_its_axes(tilt: float, words: str) -> None:
+    """Of a body at rest."""
+    up = 9.81 * np.array([0.0, np.sin(np.radians(tilt)), np.cos(np.radians(tilt))])
+    still, attitude = np.zeros((50, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (50, 1))
+    (found,) = accelerometer_findings(still + up, attitude, still, np.arange(50) / 50.0, 9.81, 100.0)
+    assert found.verdict == "refused"
+    assert words in found.text
 
 
 def test_a_bag_by_its_headers_and_by_its_recorder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -19,6 +19,7 @@ CERTAINLY_FITS = 0.05  # of the motion: what the map's reading leaves, where no 
 MISREAD = 0.9  # of the motion: what a reading leaves that is certainly wrong
 WORSE, WORSE_FROM = 1.5, 0.1  # of the own share of gyro or velocity: a reading that spoils one does not fit
 ALIKE = 1.3  # of the smallest misfit: readings that the motion does not tell apart
+SIDEWAYS = 10.0  # [deg] about 90: another axis is up
 UPWARD = 0.5  # share of gravity, or mean cosine of the tilt
 
 
@@ -120,6 +121,9 @@ def accelerometer_findings(
         f"turned to the world it is {np.linalg.norm(world) / gravity:.3f} of gravity and {tilt:.2f} deg off the "
         f"vertical: {f'{seeming:.3g} N' if seeming >= 1.0 else f'{1e3 * seeming:.3g} mN'} of seeming force"
     )
-    text += "; up is down: log.world or base.axes" if tilt > 90.0 else ""
+    if abs(tilt - 90.0) < SIDEWAYS:
+        text += "; up is sideways: is the log's y axis up? z was expected, or down by log.world"
+    elif tilt > 90.0:
+        text += "; up is down: log.world or base.axes"
     verdict: FindingVerdict = "refused" if tilt > 90.0 else "good" if tilt < 5.0 else "warning"
     yield Finding("accelerometer against gravity", verdict, text, tilt, "deg")
