@@ -79,7 +79,7 @@ def thrust_order_findings(record: Record, forces: KnownForces) -> Iterator[Findi
         moved = ", ".join(f"known.{names[i]} of known.{names[j]}" for i, j in enumerate(order) if i != j)
         text = (
             f"with the commands of others the thrusts leave {100.0 * share:.0f} % of what they leave as mapped: "
-            f"{moved}: the order of the rotors' columns, or their frames"
+            f"{moved}: the order of the rotors' columns, their frames, or a push beside the points"
         )
         yield Finding("swapped thrusts", "warning", text, share, "1")
 
