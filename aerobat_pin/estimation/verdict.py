@@ -247,7 +247,8 @@ def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
 
 def _along_itself(force: Array, deviation: Array) -> Array:
     """Return the deviation (...) of forces (..., n) along themselves, with deviations (..., n) of their components."""
-    squares = np.sum((force * deviation) ** 2, axis=-1) / np.maximum(np.sum(force**2, axis=-1), TINY**2)
+    known = np.where(force == 0.0, 0.0, deviation)  # what is not shown is 0 +- inf
+    squares = np.sum((force * known) ** 2, axis=-1) / np.maximum(np.sum(force**2, axis=-1), TINY**2)
     return np.asarray(np.sqrt(squares))
 
 

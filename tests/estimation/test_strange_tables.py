@@ -159,10 +159,8 @@ def test_an_arm_that_rests_between_its_moves_is_not_held(rest: float) -> None:
     time = np.arange(0.0, 16.0, 0.002)
     angle = np.round(np.cumsum(np.where(time % 4.0 < rest, 0.0, np.sin(time))) * 0.002 * 2**17) / 2**17
     spool = Spool()
-    every_fifth, frozen = (
-        angle[np.arange(len(time)) // 5 * 5],
-        np.where((time > 10.0) & (time < 11.5), angle[5000], angle),
-    )
+    every_fifth = angle[np.arange(len(time)) // 5 * 5]
+    frozen = np.where((time > 10.0) & (time < 11.5), angle[5000], angle)
     for shown, said in ((angle, "note"), (every_fifth, "warning"), (frozen, "warning")):
         values = series_of(spool, shown[:, None])
         channel = Channel("joints.position", ("q",), series_of(spool, time), values)
