@@ -161,7 +161,9 @@ def test_an_arm_that_rests_between_its_moves_is_not_held(rest: float) -> None:
     spool = Spool()
     every_fifth = angle[np.arange(len(time)) // 5 * 5]
     frozen = np.where((time > 10.0) & (time < 11.5), angle[5000], angle)
-    for shown, said in ((angle, "note"), (every_fifth, "warning"), (frozen, "warning")):
+    speed = np.sin(np.pi * np.maximum(time % 4.0 - rest, 0.0) / (4.0 - rest)) ** 2
+    coarse = np.round(np.cumsum(speed) * 0.002 * 2000.0) / 2000.0  # it begins by one count, and the next comes later
+    for shown, said in ((angle, "note"), (coarse, "note"), (every_fifth, "warning"), (frozen, "warning")):
         values = series_of(spool, shown[:, None])
         channel = Channel("joints.position", ("q",), series_of(spool, time), values)
         found = channel_findings(channel, [(0.0, float(time[-1]))], alone=False)

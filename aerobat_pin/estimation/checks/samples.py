@@ -20,7 +20,7 @@ MOSTLY_HELD = 0.9  # share of repeats beyond which a channel counts as slow, not
 RUN = 16  # changes whose distances are even in a channel that is held; those of a rounded slow signal are not
 REGULAR = 0.5  # share of runs that must be even: one lost sample spoils a run
 STUCK = 0.5  # [s] without change, of a channel that otherwise changes
-MOVED_ON, STEPS_AFTER = 10.0, 10  # times the largest of so many steps afterwards: it moved on unseen
+MOVED_ON, STEPS_AFTER = 10.0, 10  # times the largest of so many steps afterwards, or one count: it moved on unseen
 STRAIGHT = 0.5  # share of triples of neighbours on a straight line, from which a channel is interpolated
 STRAIGHT_ERROR = 1e-7  # of the channel's size: how straight
 FEWEST_STRAIGHT = 20  # samples that can be told to be interpolated
@@ -211,7 +211,9 @@ def _moved(angles: Channel, begin: float, end: float) -> bool:
     """Return whether joint positions change between two times [s], or jump at the second."""
     first, last = angles.time.index(begin), angles.time.index(end)
     seen, after = angles.values[first:last], np.abs(np.diff(angles.values[last - 1 : last + STEPS_AFTER], axis=0))
-    jumps = len(after) > 1 and bool(np.any(after[0] > MOVED_ON * after[1:].max(axis=0) + 1e-9))
+    steps = np.abs(np.diff(angles.values[:EXTENT], axis=0))
+    least = np.maximum(np.min(steps, axis=0, initial=np.inf, where=steps > 0.0), after[1:].max(axis=0, initial=0.0))
+    jumps = len(after) > 1 and bool(np.any(after[0] > MOVED_ON * least))
     return jumps or bool(np.any(seen != seen[:1]))
 
 
