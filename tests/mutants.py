@@ -58,6 +58,8 @@ MUTANTS = (
            "order[k] = self.order[other]", "order[k] = k", "tests/estimation/test_misread_limbs.py"),
     Mutant("a base may weigh less than nothing", "estimation/checks/free_efforts.py",
            "other[0][n] > -1.0 and ", "", "tests/estimation/test_misread_limbs.py tests/estimation/test_legs.py"),
+    Mutant("too many factors silence one of all", "estimation/checks/efforts.py", "default=0.0) < MOST_OF_IT * gain",
+           "default=0.0) >= 0.0", "tests/estimation/test_explained_efforts.py"),
     Mutant("a contained change counts as much", "estimation/checks/efforts.py",
            "max([ENOUGH, *(gains_of.get(case, ENOUGH) for case in change.cases)])", "ENOUGH",
            "tests/estimation/test_explained_efforts.py"),

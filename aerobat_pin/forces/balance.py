@@ -92,9 +92,12 @@ class Balance:
         return float(given @ self.needed) / max(float(given @ given), 1e-300)
 
     def beside_friction(self, residual: Array) -> float:
-        """Return the sum of squares of a residual (n,) that friction of the joints leaves, over the needed one."""
+        """Return the sum of squares of a residual (n,) that friction of the joints leaves, over the needed one.
+
+        By normal equations, damped by what `RANK` counts as nothing: least squares take several times as long.
+        """
         size = np.linalg.norm(self.rubbing, axis=0)
-        X = self.rubbing / np.maximum(size, max(RANK * float(size.max()), 1e-300))
+        X = self.rubbing / np.maximum(size, max(RANK * float(size.max(initial=0.0)), 1e-300))
         along = X.T @ residual
         explained = along @ np.linalg.solve(X.T @ X + RANK**2 * len(size) * np.eye(len(size)), along)
         return max(float(residual @ residual - explained), 0.0) / self.size

@@ -4,6 +4,7 @@ Before changes were compared by likelihood, one in six good logs of light arms w
 factor of all efforts, whose forces are wrong by as much, was found in one of three.
 """
 
+import itertools
 import sysconfig
 from collections.abc import Sequence
 from pathlib import Path
@@ -131,6 +132,17 @@ def test_a_factor_of_all_efforts_is_told_of_motors_that_differ(given: float, tmp
     [one] = told(tmp_path, 1, 0.3, given * (1.0 + 0.04 * np.random.default_rng(1).uniform(-1.0, 1.0, 7)))
     assert one.check == "effort unit or mass"
     assert one.value == pytest.approx(1.0 / given, rel=0.05)
+
+
+@pytest.mark.evidence
+def test_of_motors_that_differ_most_are_told_and_none_is_called_something_else(tmp_path: Path) -> None:
+    """By 4 or 8 % of each other, 24 logs of two arms: design note 23."""
+    said = []
+    for arm, seed, spread, given in itertools.product((PANDA, KINOVA), (1, 2, 3), (0.04, 0.08), (1.5, 0.5)):
+        factors = 1.0 + spread * np.random.default_rng(seed).uniform(-1.0, 1.0, len(arm.joints))
+        said += [one for one in told(tmp_path, seed, 0.3, given * factors, arm=arm) if one.warns]
+    assert {one.check for one in said} == {"effort unit or mass"}
+    assert len(said) >= 17
 
 
 def test_what_a_joint_hardly_feels_explains_nothing() -> None:

@@ -48,7 +48,7 @@ class Change:
         anew: returns rows and columns as they would be, where neither says what it does.
         doubt: what it costs beside its coefficients.
         leaves: share of what is left, in squares, that it must leave at most.
-        cases: changes that it contains: it counts only if it is likelier than each.
+        cases: changes that it contains, one factor of all efforts first: it counts only if it is likelier than each.
     """
 
     told: Callable[[Explanation, str], Sequence[Finding] | None]
