@@ -9,7 +9,7 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
 from aerobat_pin.estimation.calibration.check_model import CheckedModel, check_model
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
-from aerobat_pin.estimation.checks import efforts_and_friction, record_findings, result_findings
+from aerobat_pin.estimation.checks import efforts_and_friction, record_findings, result_findings, untested_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.online import OnlineEstimator
 from aerobat_pin.estimation.result import Result
@@ -117,7 +117,10 @@ def estimate(
         forces=forces,
         smoothed=smoothed,
     )
-    findings += [] if smoothed is not None else result_findings(result, expected)
+    if smoothed is None:
+        findings += result_findings(result, expected)
+        if calibration is None:
+            findings += untested_findings(forces, instants, expected, next(iter(stored.values())))
     findings += [] if calibration is None else [calibration.finding()]
     if calibration is not None and beside:
         text = WITHOUT_FRICTION if given.values.friction is None else WITH_SOME.format(_unseen_before(given, forces))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.estimation.findings import Finding
+from aerobat_pin.estimation.findings import UNTESTED, WOULD_LOOK, Finding
 from aerobat_pin.forces import (
     SURE_OF_CONTACT,
     ComponentSize,
@@ -49,7 +49,6 @@ HARMLESS_CHECKS = (  # a warning of theirs makes no force wrong: it says what is
     "control",
     "calibration",
 )
-UNTESTED = "no row is to spare: a wrong sign, order, mass, mounting or friction would look like this force"
 COMPARED_WITH = {"truth": "true force", "sensor": "force sensor"}
 
 
@@ -146,8 +145,10 @@ def verdict_of(
     doubted = [check for check in warned if check not in HARMLESS_CHECKS]
     doubts += [f"a check doubts the record: {', '.join(doubted)}"] if doubted else []
     words, wrong = scores.judgement
-    blind = estimate.redundancy.verdict == "blind" and not scores.points
-    doubts += [UNTESTED] if blind and certain else []
+    if certain and not scores.points:  # which test it
+        blind = estimate.redundancy.verdict == "blind"
+        untested = [finding.text for finding in findings if finding.check == UNTESTED]
+        doubts += [f"no row is to spare: {WOULD_LOOK}"] if blind else untested
     doubts += [words.removeprefix("belief: ").partition(";")[0]] * wrong
     doubts += ["something has changed since the calibration"] * (model is not None and model.verdict == "changed")
     parts = [sentence, _sureness(scores, kind, certain, pushes), *doubts, _unseen(scores)]

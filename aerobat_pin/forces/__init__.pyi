@@ -39,6 +39,7 @@ from .explanations import screened as screened
 from .fit_beside_forces import CHECKED as CHECKED
 from .fit_beside_forces import FEWEST_INSTANTS as FEWEST_INSTANTS
 from .fit_beside_forces import LEAST_SHOWN as LEAST_SHOWN
+from .fit_beside_forces import checked_share as checked_share
 from .fit_beside_forces import fit_beside_forces as fit_beside_forces
 from .fit_beside_forces import knows_friction as knows_friction
 from .fit_beside_forces import most_likely as most_likely

@@ -292,6 +292,18 @@ def spare_share(J: Array, force: Array, error: Array) -> Array:
     return np.asarray(1.0 - np.mean(np.einsum("mic,mci->mi", np.linalg.pinv(B, rcond=LEAST_TRACE), B), axis=0))
 
 
+def checked_share(J: Array, force: Array, error: Array) -> tuple[Array, Array]:
+    """Return how much of the rows that show each component others check (c,), and each row's share in it (c, k).
+
+    The first is the mean of `spare_share`, by the shares of the rows, which are those of what errors make of it.
+    """
+    B = force[..., None] * J / error
+    inverse = np.linalg.pinv(B, rcond=LEAST_TRACE)
+    spare, squares = 1.0 - np.einsum("mic,mci->mi", inverse, B), inverse**2
+    shares = squares / np.maximum(squares.sum(axis=1, keepdims=True), np.finfo(float).tiny)
+    return np.einsum("mic,mi->c", shares, spare) / len(B), shares.mean(axis=0).T
+
+
 def _bounded(normal: Array, target: Array, largest: Array) -> Array:
     """Return b (p,) that makes b^T N b / 2 - b^T t least, all at once, as they correlate; bounded are from 0 up."""
     from scipy.optimize import lsq_linear

@@ -1,15 +1,20 @@
 """Three joints and a force at the tool: nothing tells friction that nobody knows from the force."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from numpy.typing import NDArray
 from support.recorded import recorded
 from support.robot_parts import channels, efforts
 
 from aerobat_pin.estimation import estimate
+from aerobat_pin.records import Record
+
+Vector = NDArray[np.float64]
 
 RATE, SECONDS = 250.0, 14.0  # [Hz], [s]
 LINK = (
@@ -23,9 +28,38 @@ SCARA = (
     + LINK.format(1, "0.15 0 0", 3.0, 0.03, "revolute", "base", "0 0 0.4", 40)
     + LINK.format(2, "0.12 0 0", 2.0, 0.016, "revolute", "l1", "0.3 0 0", 20)
     + LINK.format(3, "0 0 -0.05", 0.8, 0.002, "prismatic", "l2", "0.25 0 0", 60)
-    + '<link name="tool"/><joint name="end" type="fixed"><parent link="l3"/><child link="tool"/>'
-    '<origin xyz="0 0 -0.15"/></joint></robot>'
+    + '<link name="tool"/><joint name="end" type="fixed"><parent link="l{}"/><child link="tool"/>'
+    '<origin xyz="{} 0 -0.15"/></joint></robot>'
 )
+HAND = LINK.format(4, "0.1 0 0", 0.4, 0.001, "revolute", "l3", "0 0 0", 5)
+
+
+def swung(folder: Path, robot: str, seed: int, rubs: float, lasts: float) -> tuple[Record, Vector, Vector]:
+    """Write a recording of a SCARA, and return it, its times and the true force."""
+    (folder / "scara.urdf").write_text(robot)
+    model, rng = pin.buildModelFromUrdf(str(folder / "scara.urdf")), np.random.default_rng(seed)
+    n, time = model.nv, np.arange(round(RATE * SECONDS)) / RATE
+    size, pace, mid = (
+        np.array(each)[:n] for each in ([0.8, 0.7, 0.06, 0.7], [1.3, 1.9, 1.6, 1.1], [0.2, 0.9, -0.02, 0])
+    )
+    angle = pace * time[:, None] + rng.uniform(0.0, 6.28, n)
+    q, v, a = mid + size * np.sin(angle), size * pace * np.cos(angle), -size * pace**2 * np.sin(angle)
+    force = np.where(((time > 9.5 - lasts) & (time < 9.5))[:, None], [8.0, 0.0, 12.0], 0.0)
+    dry, viscous, noise = (
+        np.array(each)[:n] for each in ([1.2, 0.7, 1.5, 0.1], [0.5, 0.3, 8.0, 0], [0.05, 0.03, 0.3, 0.02])
+    )
+    tau = efforts(model, "tool", q, v, a, force) + rubs * (dry * np.tanh(v / 0.01) + viscous * v)
+    tau += noise * rng.standard_normal(tau.shape)
+    table = {f"{name}{k}": values[:, k] for name, values in {"q": q, "v": v, "tau": tau}.items() for k in range(n)}
+    pd.DataFrame({"t": time, **table}).to_csv(folder / "log.csv", index=False)
+    names = {"names": [f"j{k + 1}" for k in range(n)]}
+    chosen = {
+        "robot": {"urdf": str(folder / "scara.urdf"), "root": "fixed", "points": ["tool"]},
+        "log": {"time": {"column": "t", "unit": "s"}},
+        "joints": names | channels(range(n), position="q{}", velocity="v{}", effort="tau{}"),
+        "observer": {"gain": 30.0},
+    }
+    return recorded(folder / "log.csv", chosen), time, force
 
 
 @pytest.mark.parametrize(
@@ -39,23 +73,8 @@ def test_friction_that_nobody_knows_is_among_the_errors_where_no_row_is_to_spare
     Where its joints do not rub it loses nothing: the push moves least absolute errors so little. For half of a record
     it moved them as much as friction: 38 % or more were within two deviations.
     """
-    (tmp_path / "scara.urdf").write_text(SCARA)
-    model, rng = pin.buildModelFromUrdf(str(tmp_path / "scara.urdf")), np.random.default_rng(seed)
-    time, size, pace = np.arange(round(RATE * SECONDS)) / RATE, np.array([0.8, 0.7, 0.06]), np.array([1.3, 1.9, 1.6])
-    angle = pace * time[:, None] + rng.uniform(0.0, 6.28, 3)
-    q, v, a = [0.2, 0.9, -0.02] + size * np.sin(angle), size * pace * np.cos(angle), -size * pace**2 * np.sin(angle)
-    force = np.where(((time > 9.5 - lasts) & (time < 9.5))[:, None], [8.0, 0.0, 12.0], 0.0)
-    tau = efforts(model, "tool", q, v, a, force) + rubs * ([1.2, 0.7, 1.5] * np.tanh(v / 0.01) + [0.5, 0.3, 8.0] * v)
-    tau += [0.05, 0.03, 0.3] * rng.standard_normal(tau.shape)
-    table = {f"{name}{k}": values[:, k] for name, values in {"q": q, "v": v, "tau": tau}.items() for k in range(3)}
-    pd.DataFrame({"t": time, **table}).to_csv(tmp_path / "log.csv", index=False)
-    chosen = {
-        "robot": {"urdf": str(tmp_path / "scara.urdf"), "root": "fixed", "points": ["tool"]},
-        "log": {"time": {"column": "t", "unit": "s"}},
-        "joints": {"names": ["j1", "j2", "j3"], **channels(range(3), position="q{}", velocity="v{}", effort="tau{}")},
-        "observer": {"gain": 30.0},
-    }
-    [found] = estimate(recorded(tmp_path / "log.csv", chosen)).estimates.values()
+    record, time, force = swung(tmp_path, SCARA.format(3, 0), seed, rubs, lasts)
+    [found] = estimate(record).estimates.values()
     middle = 0.5 * (found.time[1:] + found.time[:-1])
     truth = np.column_stack([np.interp(middle, time, axis) for axis in force.T])
     assert found.standard_deviation is not None
@@ -67,3 +86,22 @@ def test_friction_that_nobody_knows_is_among_the_errors_where_no_row_is_to_spare
     assert np.all(shown.mean(axis=0) > (0.3 if rubs else 0.9))
     if not rubs:
         assert np.all(found.standard_deviation[shown.all(axis=1)].mean(axis=0) < 1.2)
+
+
+@pytest.mark.parametrize(("beside", "untested"), [(0.0, ["Fx", "Fy", "Fz"]), (0.15, ["Fz"])])
+def test_a_row_to_spare_that_feels_none_of_a_force_tests_nothing_of_it(
+    beside: float, untested: list[str], tmp_path: Path
+) -> None:
+    """A hand that turns about the tool's axis: its row is to spare, and the verdict was that of a tested belief.
+
+    Other masses or a sign of the slide's effort would be a push. A tool beside the axis leaves two forces for three
+    joints that turn about a vertical.
+    """
+    robot = SCARA.format(4, beside).replace('<link name="tool"/>', f'{HAND}<link name="tool"/>')
+    record, _, _ = swung(tmp_path, robot, 41, 0.0, 1.5)
+    verdict = estimate(record).verdict
+    assert "finds a push at tool" in verdict
+    [words] = re.findall("nothing tests (.*?): a wrong sign", verdict)
+    assert re.findall(r"tool\.(F.) \(by ([\w, ]+) alone\)", words) == [
+        (axis, "j3" if axis == "Fz" else "j1, j2") for axis in untested
+    ]

@@ -1,0 +1,42 @@
+"""Components of forces that no row to spare tests: what is wrong with the rows that show them would look like a force.
+
+Rows to spare may all belong to other components. Of a gantry each slide alone shows a force along it; that its last
+joint feels none tests nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from aerobat_pin.estimation.findings import UNTESTED, WOULD_LOOK, Finding
+from aerobat_pin.forces import CHECKED, Instants, KnownForces, StoredEstimate, checked_share, short_label
+from aerobat_pin.observers import Expected, row_names
+
+PART = 0.1  # of what errors make of a component: a row's that is named
+MOST_NAMED = 3  # components
+
+
+def untested_findings(
+    forces: KnownForces, instants: Instants | None, expected: Expected | None, estimate: StoredEstimate
+) -> Iterator[Finding]:
+    """Yield which of the components that are seen nothing tests, and the rows that show them.
+
+    Where nothing touched the robot its rows were tested: nothing is said of a record with `use.free`. Nor of one with
+    no row to spare at all, which `error bar` says.
+    """
+    told = forces.record.map.use.free is not None or estimate.redundancy.verdict == "blind"
+    if told or expected is None or instants is None or not len(instants.rows):
+        return
+    error = expected.row_deviation(instants.v)[:, None, instants.kept]
+    checked, shares = checked_share(instants.jacobians[..., instants.kept], expected.force, error)
+    names = np.array(list(row_names(forces.record.robot.model)))[instants.kept]
+    words = [
+        f"{short_label(size.name)} (by {', '.join(names[share > PART])} alone)"
+        for size, tested, share in zip(estimate.component_sizes(), checked, shares, strict=True)
+        if size.seen and tested < CHECKED
+    ]
+    if words:
+        more = f" and {len(words) - MOST_NAMED} more" * (len(words) > MOST_NAMED)
+        yield Finding(UNTESTED, "note", f"nothing tests {', '.join(words[:MOST_NAMED])}{more}: {WOULD_LOOK}")
