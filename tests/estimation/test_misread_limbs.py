@@ -50,6 +50,7 @@ MISTAKES = [  # whose columns joints have; joints that turn the other way; where
     ("order", legs("FR", "FL", "RR", "RL"), [], {}),
     ("sense", {}, RIGHT, {}),
     ("zero", {}, [], dict.fromkeys(of_legs("KFE"), 90.0)),
+    ("zero", {}, [], {"RR_HFE": 10.0}),  # that leaves 8 %
     *further(
         ("order", legs("FR", "FL", "RL", "RR"), [], {}),
         ("order", legs("RL", "RR", "FL", "FR"), [], {}),
@@ -67,6 +68,8 @@ MISTAKES = [  # whose columns joints have; joints that turn the other way; where
         ("sense", {}, JOINTS, {}),
         ("zero", {}, [], {"FL_HFE": 45.0}),
         ("zero", {}, [], {"FL_HAA": 20.0}),
+        ("zero", {}, [], {"FL_HAA": 10.0}),
+        ("zero", {}, [], {"RL_KFE": -10.0}),
         ("zero", {}, [], {"RL_KFE": -90.0}),
         ("zero", {}, [], dict.fromkeys(of_legs("HFE"), 45.0)),
         ("zero", {}, [], dict.fromkeys(of_legs("HFE"), -10.0)),

@@ -110,15 +110,28 @@ def _read_otherwise(
     residuals = balance.residual, balance.needed - balance.given @ signs, balance.needed - scaled_efforts
     share, turned, scaled = map(balance.beside_friction, residuals)
     _, least = _least_squares(balance, balance.rubbing)
-    if min(share, scaled) > GOOD:
-        if turned > GOOD:
+    if min(share, scaled) > WORTH:
+        mapped = JointReading.as_mapped(record)
+        if turned > GOOD or np.all(signs > 0.0):
             reading = reading_of(record, motion)
         else:  # of joints that turn the other way efforts are reversed, too
-            reading = JointReading.as_mapped(record).otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)
+            reading = mapped.otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)
         (left,) = left_by_readings(record, motion, [reading])
         factors = float(least @ least) / balance.size  # what they leave, with a number for each joint and friction
-        if left < min(max(LEFT_BY_JOINTS * share, factors), RIGHT_PLACES, turned, NO_NUMBERS * factors, most):
+        enough = max(LEFT_BY_JOINTS * share, factors)
+        k = int(np.argmax(np.abs(reading.turn)))
+        if reading == mapped.otherwise([k], reading.turn[k]):  # one number explains it better than any other one
+            enough = max(enough, min(EXPLAINED * share, _left_by_one_number(balance)))
+        if left < min(enough, RIGHT_PLACES, turned, NO_NUMBERS * factors, most):
             yield from reading.told(record, _share_words(left, share))
+
+
+def _left_by_one_number(balance: Balance) -> float:
+    """Return what the best of one effort's factor, one of all, and the base's mass leaves beside friction."""
+    columns = np.column_stack([balance.given, balance.given.sum(axis=1), balance.base])
+    tables = [np.column_stack([balance.rubbing, column]) for column in columns.T]
+    left = [balance.residual + table @ balance.explained_by(table) for table in tables]
+    return min(float(each @ each) for each in left) / balance.size
 
 
 def _share_words(after: float, before: float) -> str:
