@@ -39,6 +39,7 @@ from aerobat_pin.estimation import (
     estimate,
     read_calibration,
 )
+from aerobat_pin.estimation.calibration.error_bar import bar_words
 from aerobat_pin.observers import SHOWN
 from aerobat_pin.records import (
     Block,
@@ -86,6 +87,12 @@ def test_a_slip_of_the_efforts_is_no_friction(slip: str, folder: Path) -> None:
     free.assign(**wrong).to_csv(folder / f"{slip}.csv", index=False)
     warnings = calibrated(folder, slip, edited(arm_map(), {"joints.friction.law": "coulomb+viscous"})).warnings
     assert any("lift" in line and ("reversed" in line or "exchanged" in line) for line in warnings)
+
+
+def test_an_error_bar_says_what_was_not_seen() -> None:
+    """One joint shows nothing of a force along its axis: `nan N` was its error."""
+    bar = {"tip.Fx": (0.2, 0.1), "tip.Fy": (np.nan, np.nan)}
+    assert bar_words(bar).endswith("nothing was fitted: tip.Fx 0.1 N (without 0.2), tip.Fy not seen")
 
 
 @pytest.mark.usefixtures("unrendered")

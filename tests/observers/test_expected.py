@@ -18,7 +18,9 @@ from aerobat_pin.observers import (
     Estimate,
     Expected,
     ForceLevelObserver,
+    KalmanObserver,
     Observer,
+    SmootherObserver,
     momentum_equations,
 )
 from aerobat_pin.observers import rows as believed_rows
@@ -160,6 +162,23 @@ def test_the_smallest_robots_keep_their_memory() -> None:
         found = held(model, point, q, tau, expected, rows)
         np.testing.assert_allclose(found.components[-1], force, atol=1e-5)
         assert np.all(np.isfinite(found.standard_deviation))
+
+
+@pytest.mark.parametrize("kind", [KalmanObserver, SmootherObserver])
+def test_one_joint_that_swings_states_what_it_knows_of_a_point(kind: type[KalmanObserver]) -> None:
+    """The direction that it shows turns with it, so that each force may be in what it does not: deviations stay finite."""
+    model, time = links(pin.JointModelRY()), np.arange(0.0, 3.0, 0.005)
+    q, v, a = np.sin(2.0 * time), 2.0 * np.cos(2.0 * time), -4.0 * np.sin(2.0 * time)
+    force, data = np.array([3.0, 0.0, -2.0]), model.createData()
+    J = Applications(model, ["tip0"]).jacobian(q[:, None])
+    tau = np.array([pin.rnea(model, data, *(np.array([x]) for x in each)) for each in zip(q, v, a, strict=True)])
+    tau = (tau - np.einsum("mcv,c->mv", J, force))[:-1]
+    expected = Expected(np.full(3, 5.0), np.full(1, 0.05), np.zeros(1), np.ones(1))
+    found = kind(model, ["tip0"], expected=expected).run(time, q[:, None], v[:, None], tau)
+    deviation = found.standard_deviation
+    assert np.all(deviation <= expected.force * (1.0 + 1e-9))
+    assert deviation[100:].min() < 3.0
+    assert np.all(np.abs(found.components - force)[100:] < 2.0 * deviation[100:])
 
 
 def test_what_cannot_be_expected_is_refused() -> None:

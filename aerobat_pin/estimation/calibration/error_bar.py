@@ -123,5 +123,6 @@ def bar_words(bar: Mapping[str, tuple[float, float]]) -> str:
     parts = []
     for label, (before, after) in bar.items():
         unit = "N m" if ".M" in label else "N"
-        parts.append(f"{label} {after:.3g} {unit}" + (f" (without {before:.3g})" if np.isfinite(before) else ""))
+        size = f"{after:.3g} {unit}" if np.isfinite(after) else "not seen"
+        parts.append(f"{label} {size}" + (f" (without {before:.3g})" if np.isfinite(before) else ""))
     return f"error bar, rms where nothing was fitted: {', '.join(parts)}"

@@ -50,7 +50,8 @@ class KalmanObserver(Observer):
     Other errors of the model are white noise on every row, as large as what no force explains (see `redundancy`), and
     the sum of torques and other known forces has the white noise that the record shows, in each row up to a fiftieth of
     the robot's weight (moments over 50 mm).
-    Patterns of forces that leave no trace in the rows are held at zero, with infinite standard deviations. C^T v is
+    Patterns of forces that leave no trace in the rows are held at zero, with infinite standard deviations, unless it is
+    `expected` how large forces are: then they fade to zero, and their deviations grow to what is expected. C^T v is
     taken at the filter's own velocity, not at the measured one: on a tumbling robot the noise of the measured velocity
     passes it with a gain of about 3.
 

@@ -237,8 +237,8 @@ def filter_interval(
         for i in range(nv):
             filter_.phi[i] -= x[n - 1] * u[i]
     fit_forces(observer, before, after, filter_.phi, remainder)
-    step.blind[0] = observer.blind[0]
-    if observer.blind[0] > 0:
+    step.blind[0] = 0.0 if filter_.rate[0] > 0.0 else observer.blind[0]  # forces of a limited size need no trace
+    if step.blind[0] > 0.0:
         for a in range(c):
             copy_values(observer.unseen[a], step.unseen[a])
     if not predict_momentum(before, after, u, dt, filter_, step):
