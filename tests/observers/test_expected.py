@@ -166,7 +166,7 @@ def test_the_smallest_robots_keep_their_memory() -> None:
 
 @pytest.mark.parametrize("kind", [KalmanObserver, SmootherObserver])
 def test_one_joint_that_swings_states_what_it_knows_of_a_point(kind: type[KalmanObserver]) -> None:
-    """The direction that it shows turns with it, so that each force may be in what it does not: deviations stay finite."""
+    """The direction that it shows turns with it: each force may be in what it does not, and is known so far."""
     model, time = links(pin.JointModelRY()), np.arange(0.0, 3.0, 0.005)
     q, v, a = np.sin(2.0 * time), 2.0 * np.cos(2.0 * time), -4.0 * np.sin(2.0 * time)
     force, data = np.array([3.0, 0.0, -2.0]), model.createData()
