@@ -130,6 +130,7 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         pulls.append([pin.computeGeneralizedGravity(pulling, data, each)[kept] for each in q])
     yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1), leaves=LEFT_BY_ROBOT)
     slopes = slopes_of_weight(model, q)[:, kept]
+    bends = instants.columns[2, instants.weighed][:, :, None] * np.eye(len(kept))
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
         slope = slopes[:, :, [record.robot.v_index(joint)]]
         yield Change(partial(_zero, record.robot, joint), slope, leaves=LEFT_BY_ROBOT)
@@ -137,7 +138,8 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         first = 10 * model.frames[frame_id(model, name)].parentJoint - 10
         weighs = np.array([pin.computeJointTorqueRegressor(model, data, each, rest, rest).copy() for each in q])
         weighs = weighs.reshape(len(q), model.nv, -1)[:, kept, first : first + 4]
-        yield Change(partial(_load, record.robot, name), weighs, leaves=LEFT_BY_ROBOT)
+        both = np.concatenate([weighs, bends], axis=2)  # with rotors, as factors of efforts are
+        yield Change(partial(_load, record.robot, name), both, leaves=LEFT_BY_ROBOT)
 
 
 def slopes_of_weight(model: pin.Model, q: Array) -> Array:
@@ -235,7 +237,7 @@ def _zero(robot: PlainRobot, joint: str, found: Explanation, left: str) -> Seque
 def _load(robot: PlainRobot, name: str, found: Explanation, left: str) -> Sequence[Finding]:
     """Return a load beside a point: its weight passes for a force there, its moment about it is left."""
     frame = robot.model.frames[frame_id(robot.model, name)]
-    moment = float(np.linalg.norm(found.size[1:] - found.size[0] * frame.placement.translation))
+    moment = float(np.linalg.norm(found.size[1:4] - found.size[0] * frame.placement.translation))
     if moment < LEAST_MOMENT * robot.mass:
         return []
     text = (
