@@ -12,6 +12,8 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.forces.fit_known_forces import fitted_forces
 
+BELIEVED = {"fit": None, "coefficients": [1.07 * THRUST]}
+
 
 @pytest.mark.parametrize("seed", [21, *further(22)])
 def test_the_thrusts_of_several_rotors_are_fitted_together(seed: int, tmp_path: Path) -> None:
@@ -57,6 +59,36 @@ def test_rotors_in_another_order_are_named(seed: int, tmp_path: Path) -> None:
         for one in told:
             for k in wrong:
                 assert f"known.rotor_{order[k] + 1} of known.rotor_{k + 1}" in one.text
+
+
+@pytest.mark.parametrize("seed", [24, *further(25, 26)])
+@pytest.mark.parametrize(("turn", "says"), [("", ""), ("z down", "180 deg about (1"), ("y up", "90 deg about")])
+def test_a_pose_in_other_axes_is_named_by_thrusts(turn: str, says: str, seed: int, tmp_path: Path) -> None:
+    """Gyro and pose agree in any axes; thrusts then push against the motion, and rotors in another order were named."""
+    table = fly(seed, pushed)[0]
+    for one in ("p", "q", "w"):
+        y, z = table[f"{one}y"].copy(), table[f"{one}z"].copy()
+        turned = {"": (y, z), "z down": (-y, -z), "y up": (z, -y)}[turn]
+        table[f"{one}y"], table[f"{one}z"] = turned
+    table.to_csv(tmp_path / "log.csv", index=False)
+    thrusts = {f"known.rotor_{k}.{key}": one for k in range(1, 5) for key, one in BELIEVED.items()}
+    chosen = edited(flying_map(tmp_path, ["tip", "base"]), {"check": None, **thrusts})
+    found = estimate(recorded(tmp_path / "log.csv", chosen)).findings
+    told = [each.text for each in found if each.check in {"known forces against motion", "swapped thrusts"}]
+    assert len(told) == bool(turn)
+    assert all(f"the body and the world turned by {says}" in text for text in told)
+
+
+def test_thrusts_of_another_unit_are_named_where_the_pose_does_not_show_them(tmp_path: Path) -> None:
+    """Coefficients for rad/s of speeds in rpm; what was too large for a point to be shown counted as no force."""
+    fly(24, pushed)[0].to_csv(tmp_path / "log.csv", index=False)
+    thrusts = {f"known.rotor_{k}.fit": None for k in range(1, 5)}
+    thrusts |= {f"known.rotor_{k}.coefficients": [THRUST * (30.0 / np.pi) ** 2] for k in range(1, 5)}
+    chosen = edited(flying_map(tmp_path, ["tip"]), {"check": None, **thrusts})
+    [told] = [each for each in estimate(recorded(tmp_path / "log.csv", chosen)).findings if each.check == "mean force"]
+    assert told.warns
+    assert told.value is not None
+    assert told.value > 50.0  # weights
 
 
 @pytest.mark.parametrize("seed", [27, *further(28)])

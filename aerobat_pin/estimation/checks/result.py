@@ -1,4 +1,4 @@
-"""Checks of the estimate: mean force over weight, the stretch without contact, power, fits, commands, the sensor."""
+"""Checks of the estimate: the stretch without contact, power, fits, commands, the sensor."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
+from aerobat_pin.estimation.checks.known_against_motion import TURNED, known_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.checks.push_elsewhere import elsewhere_findings
 from aerobat_pin.estimation.checks.thrust_order import thrust_order_findings
-from aerobat_pin.estimation.findings import Finding, FindingVerdict
+from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.forces import (
     BESIDE,
@@ -32,8 +33,6 @@ from aerobat_pin.records import Record
 LATE_COMMAND = 5.0e-3  # [s]
 FIT_WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
 HARDLY, LARGE = 0.8, 0.2  # of what is left without a fit of friction, and of the effort, from which it explains nothing
-UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
-CARRIES = 0.5  # of the weight: mean size of known forces, from which they may be what carries the robot
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
 ALWAYS_SEEN = 0.95  # share of the time from which a component counts as always seen
 MOST_WEIGHTS = 10.0  # rms of a force, from which units are doubted
@@ -53,22 +52,24 @@ def result_findings(result: Result, expected: Expected | None = None) -> Iterato
     assert forces is not None
     yield from fit_findings(forces)
     yield from _check_commands(record, forces)
-    yield from thrust_order_findings(record, forces)
+    known = [*known_findings(record, forces)]
+    yield from known
+    if all(each.check != TURNED for each in known):
+        yield from thrust_order_findings(record, forces)
     estimate = next(iter(estimates.values()))
     for side in next(iter(result.compared.values())):
         yield from _sensor_findings(record, side, estimate)
-    (sums, squares), count = np.zeros((2, len(estimate.head.units))), 0
+    squares, count = np.zeros(len(estimate.head.units)), 0
     for block in estimate.blocks():
         good = settled(record, block.time[:-1])
         shown = np.where(block.shown, block.components, 0.0)[good]
-        sums, squares = sums + shown.sum(axis=0), squares + (shown**2).sum(axis=0)
+        squares += (shown**2).sum(axis=0)
         count += int(good.sum())
     if not count:
         yield Finding("settling", "warning", "no part is longer than five time constants 1/K of the observer")
         return
     yield from _force_sizes(record, estimate, np.sqrt(squares / count))
     if estimate.head.are_world_forces:
-        yield from _mean_force(record, forces, sums.reshape(-1, 3).sum(axis=0) / count)
         yield from _power(record, estimate)
     yield from elsewhere_findings(record, estimate, expected)
     yield from seen_findings(record, forces, estimates)
@@ -159,34 +160,6 @@ def _force_sizes(record: Record, estimate: StoredEstimate, rms: Array) -> Iterat
     if max(weights, default=0.0) > MOST_WEIGHTS:
         what = f"a force of {max(weights):.0f} weights of the robot, rms: rad, rad/s, N m and s were expected"
         yield Finding("size of forces", "warning", what, max(weights), "1")
-
-
-def _mean_force(record: Record, forces: KnownForces, force: Array) -> Iterator[Finding]:
-    """Yield the mean (3,) of all forces together over the weight, for a robot whose base nothing else holds."""
-    robot = record.robot
-    if not robot.free or robot.weightless or record.map.base.held or "base" in record.map.robot.rows.ignore:
-        return
-    mean = np.round(force / record.robot.weight, 3) + 0.0  # no -0.000
-    carried = _carries(record, forces)
-    expected = 0.0 if carried else 1.0
-    text = f"mean force over weight is {mean[0]:.3f}, {mean[1]:.3f}, {mean[2]:.3f} (x, y, z)"
-    off = float(np.linalg.norm(mean - [0.0, 0.0, expected]))
-    verdict: FindingVerdict = "good"
-    if carried and float(np.linalg.norm(mean - [0.0, 0.0, 2.0])) < 2.0 - UPSIDE_DOWN:
-        verdict, text = "refused", f"{text}: about 2 if the attitude is misread and thrust points down"
-    elif off > 0.5:
-        verdict, text = "warning", f"{text}; {'the weight' if expected else 'little'} was expected"
-    yield Finding("mean force", verdict, text, off, "1")
-
-
-def _carries(record: Record, forces: KnownForces) -> bool:
-    """Return whether known forces carry a free robot: by their size, or since rotors have nothing to stand on."""
-    robot, known, (first, last) = record.robot, record.map.known, record.parts[0]
-    if robot.knows_forces or (not robot.joints and any(section.powers for section in known.values())):
-        return True
-    block = record.block(first, min(last, first + MANY))
-    force = sum((forces.force_of(*each, block)[:, :3] for each in known.items()), np.zeros((1, 3)))
-    return float(np.linalg.norm(force, axis=1).mean()) > CARRIES * robot.weight
 
 
 def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:

@@ -1,0 +1,121 @@
+"""Whether a free robot's known forces are what its motion needs: their mean over the weight, and the axes they are in.
+
+With m the base forces and moments that the motion needs, and k the known ones, about their means and forces in world
+axes, a reading of the motion leaves
+
+    E = sum over forces and moments of  |m - k|^2 / (|m|^2 + |k|^2),
+
+each 0 if known forces are all that moves the robot, 1 if the two have nothing to do with each other, 2 if they are
+opposite. What pushes at points adds to each reading. Where known forces explain less than half as mapped, the motion is
+read in axes turned by quarters: the body's alone, or the world's alike, as of a log whose z axes point down.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from aerobat_pin.estimation.findings import Finding, FindingVerdict
+from aerobat_pin.forces import FreeMotion, KnownForces, inputs_between, motion_of
+from aerobat_pin.numerics import Array
+from aerobat_pin.observers import rotation_matrices
+from aerobat_pin.records import Record
+
+UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
+CARRIES = 0.5  # of the weight: mean of known forces, from which they may be what carries the robot
+LEFT_BY_TURN = 1.0 / 3.0  # of E as mapped, up to which a turn is named: rotors in another order left .37 by one
+TURNED = "known forces against motion"
+SAYS_NOTHING = 1.0  # E of forces and moments of which half are explained
+QUARTER_TURNS = [
+    turn
+    for order in itertools.permutations(np.eye(3))
+    for signs in itertools.product((1.0, -1.0), repeat=3)
+    if np.linalg.det(turn := np.array(order) * signs) > 0.0
+]
+
+
+def known_findings(record: Record, forces: KnownForces) -> Iterator[Finding]:
+    """Yield the mean of all unknown forces over the weight, and other axes in which known ones are what motion needs.
+
+    For a robot whose base nothing else holds.
+    """
+    robot, chosen = record.robot, record.map
+    if not robot.free or robot.weightless or chosen.base.held or "base" in chosen.robot.rows.ignore:
+        return
+    motion = motion_of(record, inputs_between(record, forces))
+    if motion is None:
+        return
+    turns, needed = _needed(record, motion)
+    yield _mean_force(record, *((turns @ each[:, :3, None]).mean(axis=(0, 2)) for each in (needed, motion.known)))
+    if motion.known.any():
+        yield from _turned(record, motion)
+
+
+def _needed(record: Record, motion: FreeMotion) -> tuple[Array, Array]:
+    """Return the base's axes in the world (m, 3, 3), and the generalised forces (m, nv) that a motion needs."""
+    model, data = record.robot.model, record.robot.model.createData()
+    each = zip(motion.halfway, motion.v, motion.a, strict=True)
+    return rotation_matrices(motion.halfway[:, 3:7]), np.array([pin.rnea(model, data, *one) for one in each])
+
+
+def _mean_force(record: Record, needed: Array, known: Array) -> Finding:
+    """Return the mean of all forces that are not known together over the weight; of means (3,) in world axes."""
+    weight = record.robot.weight
+    rotors = not record.robot.joints and any(section.powers for section in record.map.known.values())
+    carried = record.robot.knows_forces or rotors  # which have nothing to stand on
+    carried = carried or float(np.linalg.norm(known)) > CARRIES * weight
+    mean = np.round((needed - known) / weight, 3) + 0.0  # no -0.000
+    expected = 0.0 if carried else 1.0
+    text = f"mean force over weight is {mean[0]:.3f}, {mean[1]:.3f}, {mean[2]:.3f} (x, y, z)"
+    off = float(np.linalg.norm(mean - [0.0, 0.0, expected]))
+    verdict: FindingVerdict = "good"
+    if carried and float(np.linalg.norm(mean - [0.0, 0.0, 2.0])) < 2.0 - UPSIDE_DOWN:
+        verdict, text = "refused", f"{text}: about 2 if the attitude is misread and thrust points down"
+    elif off > 0.5:
+        verdict, text = "warning", f"{text}; {'the weight' if expected else 'little'} was expected"
+    return Finding("mean force", verdict, text, off, "1")
+
+
+def _turned(record: Record, motion: FreeMotion) -> Iterator[Finding]:
+    """Yield other axes of a motion, if known forces then explain far more of it."""
+    mapped = _left(record, motion)
+    if mapped < SAYS_NOTHING:
+        return
+    tried = [(_left(record, _read(motion, turn, world)), turn, world) for turn in QUARTER_TURNS for world in (0, 1)]
+    least, turn, world = min(tried, key=lambda each: each[0])
+    if least < LEFT_BY_TURN * mapped:
+        vector = pin.log3(turn)
+        angle = float(np.linalg.norm(vector))
+        axis = ", ".join(f"{x:.2g}" for x in (vector / angle).round(2) + 0.0)
+        share = float(np.sqrt(least / mapped))
+        text = (
+            f"axes of the body{' and the world' * world} turned by {np.degrees(angle):.0f} deg about ({axis}) leave "
+            f"{100.0 * share:.0f} % of what known forces leave of the motion as mapped: base.axes and log.world (is z "
+            "down, or y up?), the axes of known forces, or something moves the robot against them"
+        )
+        yield Finding(TURNED, "warning", text, share, "1")
+
+
+def _read(motion: FreeMotion, turn: Array, world: int) -> FreeMotion:
+    """Return a motion of which what is read is the body turned (3, 3), and the world, too."""
+    attitude = rotation_matrices(motion.halfway[:, 3:7]) @ turn
+    attitude = turn.T @ attitude if world else attitude
+    halfway, v, a = motion.halfway.copy(), motion.v.copy(), motion.a.copy()
+    halfway[:, 3:7] = [pin.Quaternion(each).coeffs() for each in attitude]
+    for rates in (v, a):
+        rates[:, :6] = np.concatenate([rates[:, :3] @ turn, rates[:, 3:6] @ turn], axis=1)
+    return replace(motion, halfway=halfway, v=v, a=a)
+
+
+def _left(record: Record, motion: FreeMotion) -> float:
+    """Return E of a motion."""
+    (attitude, needed), total = _needed(record, motion), 0.0
+    for part, axes in ((slice(3), attitude), (slice(3, 6), np.eye(3)[None])):
+        both = (np.einsum("mij,mj->mi", axes, side[:, part]) for side in (needed, motion.known))
+        m, k = (side - side.mean(axis=0) for side in both)
+        total += float(np.sum((m - k) ** 2) / max(np.sum(m**2) + np.sum(k**2), 1e-300))
+    return total
