@@ -18,11 +18,11 @@ from aerobat_pin.forces.calibration_use import SURE_OF_CONTACT, CalibrationUse, 
 from aerobat_pin.forces.scores import point_label
 from aerobat_pin.forces.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Estimate, LevelDetector
+from aerobat_pin.observers import Estimate, Event, LevelDetector
 from aerobat_pin.records import Map, PlainRobot, Record
 
 ONSET_SHARE, END_SHARE, LIKELY_SHARE = 0.08, 0.04, 0.03  # of the weight
-ROW_CONTACT_ENDS = 0.5  # of a row's threshold, where its contact begins and ends
+ROW_CONTACT_ENDS = 0.5  # of a row's threshold, or a force's, where its contact begins and ends
 
 
 @dataclass(frozen=True)
@@ -139,8 +139,9 @@ def stances_on_ground(record: Record, stored: Mapping[str, StoredEstimate]) -> d
 def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list[Contact] | None:
     """Return the contacts of a calibration with the largest force that is seen during each, or those of rows.
 
-    None without a calibration, which says what is normal. A contact of which nothing is seen is none, nor is one that
-    errors of the belief can make up, where their size is known: friction, as a joint begins to move.
+    None without a calibration, which says what is normal. A contact of which nothing is seen is none. Where the size of
+    errors of the belief is known, nor is one that they can make up (friction, as a joint begins to move), and it lasts
+    as long as the force stands out from them: a faint push passes the thresholds of single samples only here and there.
     """
     head = estimate.head
     if use is None or not head.frames:
@@ -148,7 +149,7 @@ def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list
     if use.contacts is None:
         return None
     contacts = []
-    for contact in use.contacts:
+    for contact in _lasting(estimate, use.contacts):
         if contact.point in head.frames and head.are_world_forces:
             during = during_contact(estimate, contact)
             rows, at = during.time[1:] > contact.onset, head.frames.index(contact.point)
@@ -164,6 +165,44 @@ def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list
     return contacts
 
 
+def _lasting(estimate: StoredEstimate, contacts: Iterable[Contact]) -> list[Contact]:
+    """Return contacts, those together during which the force at their point stands out from its errors, and as long."""
+    from scipy.ndimage import grey_closing  # takes a while to import
+
+    head, whole = estimate.head, dict[tuple[str, float], Contact]()
+    if head.expected_force is None or head.standard_deviation is None:
+        return list(contacts)
+    time, _, over = _over_bars(estimate)
+    resolved = max(1, round(len(over) * estimate.time_constant / (time[-1] - time[0])))
+    over = grey_closing(over, (resolved, 1))  # a filter does not see shorter pauses
+    lasts = LevelDetector(np.zeros(()), ROW_CONTACT_ENDS, ROW_CONTACT_ENDS, 0.0)
+    each = np.split(over, len(head.frames), axis=1)
+    stretches = {frame: lasts.detect(time, part.max(axis=1)) for frame, part in zip(head.frames, each, strict=True)}
+    for contact in contacts:
+        during = (event for event in stretches.get(contact.point, ()) if _meet(event, contact))
+        stretch = next(during, contact)
+        before = whole.setdefault((contact.point, stretch.onset), contact)
+        onsets, ends = zip(*((one.onset, one.end) for one in (before, contact, stretch)), strict=True)
+        whole[contact.point, stretch.onset] = replace(
+            before, onset=min(onsets), end=None if None in ends else max(end for end in ends if end is not None)
+        )
+    return sorted(whole.values(), key=lambda contact: contact.onset)
+
+
+def _meet(event: Event, contact: Contact) -> bool:
+    return (contact.end is None or event.onset < contact.end) and (event.end is None or event.end > contact.onset)
+
+
+def _over_bars(estimate: StoredEstimate) -> tuple[Array, Array, Array]:
+    """Return times (m + 1,) [s], the components (m, c), 0 where not shown, and their sizes over what is a contact."""
+    parts = [
+        (np.where(block.shown, block.components, 0.0), SURE_OF_CONTACT * np.asarray(block.standard_deviation))
+        for block in estimate.blocks()
+    ]
+    values, bars = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return np.concatenate([estimate.start[:], [estimate.end]]), values, np.abs(values) / bars
+
+
 def during_contact(estimate: StoredEstimate, contact: Contact) -> Estimate:
     """Return the intervals of an estimate from that in which a contact begins."""
     last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
@@ -175,12 +214,10 @@ def row_contacts(estimate: StoredEstimate) -> list[Contact] | None:
     head = estimate.head
     if head.frames or head.standard_deviation is None:
         return None
-    time = np.concatenate([estimate.start[:], [estimate.end]])
-    values = np.concatenate([block.components for block in estimate.blocks()])
-    bars = np.concatenate([SURE_OF_CONTACT * np.asarray(block.standard_deviation) for block in estimate.blocks()])
+    time, values, over = _over_bars(estimate)
     contacts, detector = [], LevelDetector(np.zeros(()), ROW_CONTACT_ENDS, 1.0, 0.0)
     for k, label in enumerate(head.identifiability.components):
-        for event in detector.detect(time, np.abs(values[:, k]) / bars[:, k]):
+        for event in detector.detect(time, over[:, k]):
             during = (time[1:] > event.onset) & (time[:-1] < (np.inf if event.end is None else event.end))
             size = float(np.max(np.abs(values[during, k])))
             contacts.append(Contact(label, event.onset, event.alarm, event.end, size))

@@ -150,6 +150,12 @@ class StoredEstimate:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # of a component that is never seen
             return np.asarray(np.nanmedian(np.concatenate(stated), axis=0))
 
+    @property
+    def time_constant(self) -> float:
+        """The largest 1/K [s]; 0 without a gain."""
+        gain = float(np.min(np.diagonal(self.head.gain) if self.head.gain.ndim == 2 else self.head.gain))
+        return 1.0 / gain if gain > 0.0 else 0.0
+
     @cached_property
     def risen(self) -> float:
         """Start [s] of the first interval at which the estimate no longer rises from what it began with.
@@ -158,8 +164,7 @@ class StoredEstimate:
         their medians.
         """
         if self.deviation is None:
-            gain = float(np.min(np.diagonal(self.head.gain) if self.head.gain.ndim == 2 else self.head.gain))
-            at = self.index(self.start[0] + TIME_CONSTANTS_TO_SETTLE / gain) if gain > 0.0 else 0
+            at = self.index(self.start[0] + TIME_CONSTANTS_TO_SETTLE * self.time_constant)
         else:
             stated = self.between(0, min(len(self), ROWS_READ)).standard_deviation
             assert stated is not None

@@ -10,6 +10,7 @@ from support.recorded import edited, recorded
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import calibrate, estimate
+from aerobat_pin.forces.contacts import found_contacts
 from aerobat_pin.forces.fit_known_forces import fitted_forces
 
 BELIEVED = {"fit": None, "coefficients": [1.07 * THRUST]}
@@ -120,3 +121,18 @@ def test_nothing_is_said_of_rotors_that_hover(seed: int, tmp_path: Path) -> None
     findings = estimate(recorded(tmp_path / "hover.csv", flying_map(tmp_path, ["tip"]))).findings
     told = {one.check for one in findings if one.warns}
     assert not told & {"swapped thrusts", "lag of command", "fit"}
+
+
+@pytest.mark.parametrize("seed", [32, *further(31)])
+def test_a_faint_push_that_lasts_is_one_contact(seed: int, tmp_path: Path) -> None:
+    """Its single samples pass a threshold only here and there: 0.8 N for 1.5 s were four contacts."""
+    pushes = ((2.0, 4.0), (5.5, 7.0))
+    fly(seed)[0].to_csv(tmp_path / "free.csv", index=False)
+    fly(seed + 10, lambda t: np.array([1.5 * (2.0 < t < 4.0), -0.8 * (5.5 < t < 7.0), 0.0]))[0].to_csv(
+        tmp_path / "pushed.csv", index=False
+    )
+    chosen = flying_map(tmp_path, ["tip"])
+    calibration = calibrate([recorded(tmp_path / "free.csv", chosen)])
+    result = estimate(recorded(tmp_path / "pushed.csv", chosen), calibration=calibration)
+    contacts = found_contacts(result.stored["force_level"], result.calibration)
+    np.testing.assert_allclose([(each.onset, each.end) for each in contacts or ()], pushes, atol=0.05)
