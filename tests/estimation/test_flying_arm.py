@@ -92,6 +92,16 @@ def test_thrusts_of_another_unit_are_named_where_the_pose_does_not_show_them(tmp
     assert told.value > 50.0  # weights
 
 
+def test_a_lighter_robot_and_larger_thrusts_are_the_same_to_a_flight(tmp_path: Path) -> None:
+    """Thrusts that are believed 30 % too small were told as a base that weighs less, alone."""
+    fly(24)[0].to_csv(tmp_path / "log.csv", index=False)
+    small = {f"known.rotor_{k}.{key}": one for k in range(1, 5) for key, one in BELIEVED.items()}
+    small |= {f"known.rotor_{k}.coefficients": [0.7 * 1.07 * THRUST] for k in range(1, 5)}
+    warned = estimate(recorded(tmp_path / "log.csv", edited(flying_map(tmp_path, ["tip"]), small))).warnings
+    [told] = [text for text in warned if "believed mass of the base" in text]
+    assert "or known forces of another size" in told
+
+
 @pytest.mark.parametrize("seed", [27, *further(28)])
 def test_a_calibration_in_which_the_arm_rests_knows_nothing_of_its_friction(seed: int, tmp_path: Path) -> None:
     """Noise of rates passed for motion, and errors of joints at rest for those of joints that move."""

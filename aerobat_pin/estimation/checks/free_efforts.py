@@ -204,6 +204,7 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     agree = fitted[n] * alone > 0.0 and share < EXPLAINED
     if explains and agree and min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
         what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link, or a force on it"
+        what += ", or known forces of another size" * bool(record.map.known)  # which carry it in proportion
         yield Finding("mass", "warning", what, 1.0 + float(fitted[n]), "1")
     shown, deviation = _measured_per_needed(balance, fitted[:n], residual)
     factors = 1.0 / np.where(shown == 0.0, np.inf, shown)

@@ -28,7 +28,7 @@ from aerobat_pin.records import Record
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 CARRIES = 0.5  # of the weight: mean of known forces, from which they may be what carries the robot
 LEFT_BY_TURN = 1.0 / 3.0  # of E as mapped, up to which a turn is named: rotors in another order left .37 by one
-TURNED = "known forces against motion"
+OTHER_AXES = "known forces against motion"
 SAYS_NOTHING = 1.0  # E of forces and moments of which half are explained
 QUARTER_TURNS = [
     turn
@@ -82,10 +82,12 @@ def _mean_force(record: Record, needed: Array, known: Array) -> Finding:
 
 def _turned(record: Record, motion: FreeMotion) -> Iterator[Finding]:
     """Yield other axes of a motion, if known forces then explain far more of it."""
-    mapped = _left(record, motion)
+    mapped = _opposed(record, motion)
     if mapped < SAYS_NOTHING:
         return
-    tried = [(_left(record, _read(motion, turn, world)), turn, world) for turn in QUARTER_TURNS for world in (0, 1)]
+    tried = [
+        (_opposed(record, _turned_back(motion, turn, world)), turn, world) for turn in QUARTER_TURNS for world in (0, 1)
+    ]
     least, turn, world = min(tried, key=lambda each: each[0])
     if least < LEFT_BY_TURN * mapped:
         vector = pin.log3(turn)
@@ -97,10 +99,10 @@ def _turned(record: Record, motion: FreeMotion) -> Iterator[Finding]:
             f"{100.0 * share:.0f} % of what known forces leave of the motion as mapped: base.axes and log.world (is z "
             "down, or y up?), the axes of known forces, or something moves the robot against them"
         )
-        yield Finding(TURNED, "warning", text, share, "1")
+        yield Finding(OTHER_AXES, "warning", text, share, "1")
 
 
-def _read(motion: FreeMotion, turn: Array, world: int) -> FreeMotion:
+def _turned_back(motion: FreeMotion, turn: Array, world: int) -> FreeMotion:
     """Return a motion of which what is read is the body turned (3, 3), and the world, too."""
     attitude = rotation_matrices(motion.halfway[:, 3:7]) @ turn
     attitude = turn.T @ attitude if world else attitude
@@ -111,7 +113,7 @@ def _read(motion: FreeMotion, turn: Array, world: int) -> FreeMotion:
     return replace(motion, halfway=halfway, v=v, a=a)
 
 
-def _left(record: Record, motion: FreeMotion) -> float:
+def _opposed(record: Record, motion: FreeMotion) -> float:
     """Return E of a motion."""
     (attitude, needed), total = _needed(record, motion), 0.0
     for part, axes in ((slice(3), attitude), (slice(3, 6), np.eye(3)[None])):

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
-from aerobat_pin.estimation.checks.known_against_motion import TURNED, known_findings
+from aerobat_pin.estimation.checks.known_against_motion import OTHER_AXES, known_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.checks.push_elsewhere import elsewhere_findings
 from aerobat_pin.estimation.checks.thrust_order import thrust_order_findings
@@ -54,7 +54,7 @@ def result_findings(result: Result, expected: Expected | None = None) -> Iterato
     yield from _check_commands(record, forces)
     known = [*known_findings(record, forces)]
     yield from known
-    if all(each.check != TURNED for each in known):
+    if all(each.check != OTHER_AXES for each in known):
         yield from thrust_order_findings(record, forces)
     estimate = next(iter(estimates.values()))
     for side in next(iter(result.compared.values())):
