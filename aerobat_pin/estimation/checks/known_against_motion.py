@@ -38,10 +38,11 @@ QUARTER_TURNS = [
 ]
 
 
-def known_findings(record: Record, forces: KnownForces) -> Iterator[Finding]:
+def known_findings(record: Record, forces: KnownForces, estimated: Array | None) -> Iterator[Finding]:
     """Yield the mean of all unknown forces over the weight, and other axes in which known ones are what motion needs.
 
-    For a robot whose base nothing else holds.
+    For a robot whose base nothing else holds. `estimated` (3,) is the mean of all forces that are sought, which must
+    carry it where known forces do not; of others, what is not known counts, whether or not points show it.
     """
     robot, chosen = record.robot, record.map
     if not robot.free or robot.weightless or chosen.base.held or "base" in chosen.robot.rows.ignore:
@@ -50,7 +51,9 @@ def known_findings(record: Record, forces: KnownForces) -> Iterator[Finding]:
     if motion is None:
         return
     turns, needed = _needed(record, motion)
-    yield _mean_force(record, *((turns @ each[:, :3, None]).mean(axis=(0, 2)) for each in (needed, motion.known)))
+    yield _mean_force(
+        record, estimated, *((turns @ each[:, :3, None]).mean(axis=(0, 2)) for each in (needed, motion.known))
+    )
     if motion.known.any():
         yield from _turned(record, motion)
 
@@ -62,13 +65,14 @@ def _needed(record: Record, motion: FreeMotion) -> tuple[Array, Array]:
     return rotation_matrices(motion.halfway[:, 3:7]), np.array([pin.rnea(model, data, *one) for one in each])
 
 
-def _mean_force(record: Record, needed: Array, known: Array) -> Finding:
+def _mean_force(record: Record, estimated: Array | None, needed: Array, known: Array) -> Finding:
     """Return the mean of all forces that are not known together over the weight; of means (3,) in world axes."""
     weight = record.robot.weight
     rotors = not record.robot.joints and any(section.powers for section in record.map.known.values())
     carried = record.robot.knows_forces or rotors  # which have nothing to stand on
     carried = carried or float(np.linalg.norm(known)) > CARRIES * weight
-    mean = np.round((needed - known) / weight, 3) + 0.0  # no -0.000
+    force = needed - known if carried or estimated is None else estimated
+    mean = np.round(force / weight, 3) + 0.0  # no -0.000
     expected = 0.0 if carried else 1.0
     text = f"mean force over weight is {mean[0]:.3f}, {mean[1]:.3f}, {mean[2]:.3f} (x, y, z)"
     off = float(np.linalg.norm(mean - [0.0, 0.0, expected]))

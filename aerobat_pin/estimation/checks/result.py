@@ -52,19 +52,20 @@ def result_findings(result: Result, expected: Expected | None = None) -> Iterato
     assert forces is not None
     yield from fit_findings(forces)
     yield from _check_commands(record, forces)
-    known = [*known_findings(record, forces)]
-    yield from known
-    if all(each.check != OTHER_AXES for each in known):
-        yield from thrust_order_findings(record, forces)
     estimate = next(iter(estimates.values()))
     for side in next(iter(result.compared.values())):
         yield from _sensor_findings(record, side, estimate)
-    squares, count = np.zeros(len(estimate.head.units)), 0
+    (sums, squares), count = np.zeros((2, len(estimate.head.units))), 0
     for block in estimate.blocks():
         good = settled(record, block.time[:-1])
         shown = np.where(block.shown, block.components, 0.0)[good]
-        squares += (shown**2).sum(axis=0)
+        sums, squares = sums + shown.sum(axis=0), squares + (shown**2).sum(axis=0)
         count += int(good.sum())
+    mean = sums.reshape(-1, 3).sum(axis=0) / max(count, 1) if estimate.head.are_world_forces else None
+    known = [*known_findings(record, forces, mean)]
+    yield from known
+    if all(each.check != OTHER_AXES for each in known):
+        yield from thrust_order_findings(record, forces)
     if not count:
         yield Finding("settling", "warning", "no part is longer than five time constants 1/K of the observer")
         return
