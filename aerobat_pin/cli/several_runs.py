@@ -55,8 +55,9 @@ def run_seeds(
     check_file(target / SEED_TABLE, force=force)
     rows: list[dict[str, Any]] = []
     failed: SimulationError | None = None
-    for number in seeds_of(text):
-        folder = target / f"seed_{number}"
+    names = {f"seed_{number}": number for number in seeds_of(text)}
+    for name, number in names.items():
+        folder = target / name
         try:
             with redirect_stdout(io.StringIO()):
                 run(number, folder)
@@ -70,6 +71,8 @@ def run_seeds(
         table = pd.DataFrame(rows, columns=["seed", *AXIS, *SEED_SCORES])
         write_text(target / SEED_TABLE, table.to_csv(index=False, lineterminator="\n"))
         typer.echo(f"\n{summary(table)}\n\nresults in {target}/\nopen {target / SEED_TABLE}")
+        if older := sorted(path.name for path in target.glob("seed_*") if path.name not in names):
+            typer.echo(f"of earlier runs, and not in the table: {', '.join(older)}")
     if failed is not None:
         raise failed
 

@@ -31,6 +31,7 @@ from aerobat_pin.records.suggest_joints import (
     suggest_joints,
     topic_of,
 )
+from aerobat_pin.records.suggest_rotors import ROTOR_WORDS, suggest_rotors
 
 TIME = re.compile(
     r"^_*(((t|time|stamp|epoch|unix|elapsed|duration|seconds)[ _]*)+|(?=[mun]s$))"
@@ -46,7 +47,7 @@ GROUP_WORDS = {  # what a group of columns may be -> words in its name
     "quaternion": ("q", "quat", "orientation", "attitude"),
     "velocity": ("v", "vel", "velocity", "linear"),
     "position": ("p", "pos", "position", "translation", "mocap", "vicon", "optitrack", "base", "xyz", ""),
-    "force": ("f", "force", "wrench"),
+    "force": ("f", "force", "wrench", "thrust"),
 }
 
 
@@ -86,6 +87,9 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     lines += [*_suggest_base(columns, groups), *suggest_joints(columns, built, step)]
     if check := list(_suggest_check(columns, groups)):
         lines += ["[check]", *check, ""]
+    if free and not columns.kinds:
+        model = None if built is None else built.model
+        lines += suggest_rotors(columns, model, groups.get("rotors", ()), "\n".join(lines))
     gain = min(GAIN, SHARE_OF_RATE / spacing) if spacing else GAIN
     lines += [
         "[observer]",
@@ -134,6 +138,9 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
                 len(last) > 2 and any(len(word) > 2 and word in stem for word in words)
             )
             first_of_kind = kind not in taken and (kind == "quaternion" or "w" not in axes or tail)
+            if kind == "force" and exact and set(re.split(r"[_ .]", stem)) & ROTOR_WORDS and set(needed) <= set(axes):
+                yield "rotors", tuple(axes[axis] for axis in needed)
+                break
             if set(needed) <= set(axes) and exact and (first_of_kind or kind == "force"):
                 taken |= {kind} if first_of_kind else set()
                 yield kind if first_of_kind else f"force {next(further)}", tuple(axes[axis] for axis in needed)

@@ -129,6 +129,8 @@ def test_several_seeds_are_runs_of_their_own_and_one_table(tmp_path: Path, capsy
     assert printed.endswith(f"open {out / 'seeds.csv'}\n")
     assert call("run", "paper", "--seeds", "7", "--out", str(out), *SHORT) == 2
     assert "seeds.csv exists; --force overwrites it" in capsys.readouterr().err
+    assert call("run", "paper", "--seeds", "6", "--out", str(out), "--no-report", "--force", *SHORT) == 0
+    assert capsys.readouterr().out.endswith("of earlier runs, and not in the table: seed_2, seed_5\n")
 
 
 def test_two_runs_stand_side_by_side(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -53,6 +53,13 @@ def test_xml_nests_to_a_depth(tmp_path: Path) -> None:
         foreign_xml(file, "x", "a")
 
 
+@pytest.mark.parametrize("before", ["\n", "  \t\n", "\ufeff", "\ufeff\r\n"])
+def test_what_stands_before_the_declaration_of_an_xml_file_is_no_matter(before: str, tmp_path: Path) -> None:
+    """Public robots' files begin with an empty line, which ROS and Pinocchio read; they were refused."""
+    (tmp_path / "a.xml").write_text(f'{before}<?xml version="1.0" encoding="utf-8"?>\n<a/>', encoding="utf-8")
+    assert foreign_xml(tmp_path / "a.xml", "x", "a").tag == "a"
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

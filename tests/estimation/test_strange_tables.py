@@ -183,6 +183,42 @@ def test_columns_that_a_suggestion_does_not_use_are_listed(tmp_path: Path) -> No
     assert text.rstrip().endswith("# Columns that are not used here: thrust")
 
 
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ("rpm{}", {"law": "polynomial 2", "fit": {"to": "check.specific_force"}}),
+        ("motor_omega[{}]", {"law": "polynomial 2", "fit": {"to": "check.specific_force"}}),
+        ("rotor_{}_thrust_N", {"law": "polynomial 1", "coefficients": [1.0]}),
+        ("pwm_{}", {"law": "polynomial 1 2", "full_scale": 2.0, "fit": {"to": "check.specific_force"}}),
+        ("motor_temperature_{}", None),
+    ],
+)
+def test_rotors_are_suggested_with_their_frames(names: str, said: dict[str, object] | None, tmp_path: Path) -> None:
+    """By thrust, speed or command; what only has a motor's name is none, nor is a rotor that an arm has."""
+    links = [link(f"prop{k}") + joint(f"at{k}", "fixed", "hub", f"prop{k}") for k in range(1, 5)]
+    hub = link("hub", 1.0, moments=(1.0, 1.0, 1.0))
+    (tmp_path / "drone.urdf").write_text(f'<robot name="drone">{hub}{"".join(links)}</robot>')
+    (tmp_path / "arm.urdf").write_text(arm_of(1))
+    wave = 1.0 + np.sin(np.arange(50) / 10.0)
+    rotors = {names.format(k): 2.0 * wave / wave.max() for k in range(4)}
+    table = pd.DataFrame({"t": 0.01 * np.arange(50), "q1": wave, **rotors})
+    table.to_csv(tmp_path / "arm.csv", index=False)
+    assert "known" not in tomllib.loads(suggested_map(tmp_path / "arm.csv", tmp_path / "arm.urdf"))
+    table = table.assign(**dict.fromkeys(["x", "y", "z", "acc_x", "acc_y", "acc_z"], wave))
+    table.to_csv(tmp_path / "drone.csv", index=False)
+    known = tomllib.loads(suggested_map(tmp_path / "drone.csv", tmp_path / "drone.urdf")).get("known", {})
+    expected = {
+        f"rotor_{k}": {"columns": [names.format(k)], "frame": f"prop{k + 1}", "direction": [0, 0, 1], **(said or {})}
+        for k in range(4)
+    }
+    assert known == (expected if said else {})
+    measured = dict.fromkeys([f"rotor_{kind}{axis}" for kind in "fm" for axis in "xyz"], wave)
+    table.assign(**measured).to_csv(tmp_path / "drone.csv", index=False)
+    suggested = tomllib.loads(suggested_map(tmp_path / "drone.csv", tmp_path / "drone.urdf"))
+    assert suggested["known"] == {"rotors": {"columns": [*measured]}}, "their force is not sought, nor compared with"
+    assert "wrench" not in suggested["check"]
+
+
 def test_angles_that_begin_anew_tell_the_unit_of_their_rates(tmp_path: Path) -> None:
     """A jump from 360 deg to 0 was taken for motion of the joint, and its rate for one in rad/s."""
     (tmp_path / "arm.urdf").write_text(arm_of(1))
