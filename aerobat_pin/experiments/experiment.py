@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -31,6 +32,10 @@ from aerobat_pin.observers import Estimate
 from aerobat_pin.scenario import Scenario, changed_keys, changes_text
 
 NOISE_ADVICE = "a smaller observers.gain follows the sensors' noise less"
+KEY_OF_MAP = re.compile(r"in a map|in the map|order = |joints\.|use\.free|log\.clock")
+NO_MAP = Finding(
+    "keys of a map", "note", "logs of Aerobat have none: shift, turn, scale or exchange the columns of the log instead"
+)
 Progress = Callable[[str, float], None]  # called with the name of the stage and the share of the stage that is done
 PD_ALONE = {"integral": False, "feedforward": False}
 
@@ -160,7 +165,11 @@ def run_recorded(
         AerobatError: the log or the belief lacks something that the observers need.
     """
     robot = believed_robot(belief)
-    return _estimated(log, robot, belief, recorded_note(log, robot), progress, calibration)
+    experiment = _estimated(log, robot, belief, recorded_note(log, robot), progress, calibration)
+    findings = experiment.scores.findings
+    if any(finding.warns and KEY_OF_MAP.search(finding.text) for finding in findings):
+        findings = (*findings, NO_MAP)
+    return replace(experiment, scores=replace(experiment.scores, findings=findings))
 
 
 def _estimated(

@@ -38,6 +38,7 @@ LONGEST_HEADER, MOST_CELLS = 1_000_000, 10_000  # characters; columns
 NUMBER, LETTER = re.compile(r"nan|inf|(?<=[\d.])e(?=[-+\d])", re.IGNORECASE), re.compile(r"[^\W\d]")
 DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:")
 COMMENT_SIGN = re.compile(r"^\s*[#%]+\s*")  # before a header, as numpy.savetxt writes it
+ABOVE_HEADER = re.compile(r"\s*(#|%|\"?(?!nan|inf)[a-z_])", re.IGNORECASE)  # what follows a comment that is no header
 NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\]]*)\]")
 
 
@@ -49,6 +50,8 @@ def header_of(path: Path, log: LogTable = LogTable()) -> tuple[str, list[str]]: 
             line = file.readline(LONGEST_HEADER)
             while line and not line.strip():  # empty lines before the header
                 line = file.readline(LONGEST_HEADER)
+            if COMMENT_SIGN.match(line) and ABOVE_HEADER.match(file.readline(LONGEST_HEADER)):
+                raise LogError(f"log {path}: '{line[:40].strip()}': take off what stands above the columns' names")
             line = COMMENT_SIGN.sub("", line.strip("\r\n"))
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(f"log {path}: is no text: a table, .nc, .mcap or a bag was expected ({error})") from error

@@ -16,7 +16,7 @@ from aerobat_pin.aerobat.tables import write_csv
 from aerobat_pin.control import Controller
 from aerobat_pin.estimation import record_findings
 from aerobat_pin.experiments import write as write_results
-from aerobat_pin.experiments.experiment import Experiment, run_recorded
+from aerobat_pin.experiments.experiment import NO_MAP, Experiment, run_recorded
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario import AirSection
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
@@ -153,6 +153,14 @@ def test_warnings_stand_in_terminal_report_and_metrics(
     assert "gyro against attitude" in report_html(experiment, {})
     write_results(experiment, here)
     assert json.loads((here / "metrics.json").read_text())["warnings"] == experiment.scores.warnings
+
+
+def test_who_has_no_map_is_not_left_with_its_keys(recorded: FlightLog) -> None:
+    """Warnings name keys of maps, such as the order of a quaternion, which Aerobat's own logs do not have."""
+    scenario = load_scenario("real_log_demo", ['observers.names=["momentum"]'])
+    wrong = changed(recorded, "q", slice(3, 6), -recorded.measured["q"].values[:, 3:6])
+    for log, times in ((recorded, 0), (wrong, 1)):
+        assert [str(one) for one in run_recorded(log, scenario).scores.findings].count(str(NO_MAP)) == times
 
 
 def test_a_short_or_uneven_log_is_no_reason_to_fail(recorded: FlightLog) -> None:

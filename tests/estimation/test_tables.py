@@ -217,12 +217,14 @@ def test_a_record_can_have_the_times_of_its_table(tmp_path: Path) -> None:
             r"named time \(is it 'timestamp'\?\), crank_angle \(is it 'crank'\?\); if",
         ),
         ("t,x,y,z,qx,qy,qz,qw,crank_angle", r"no column named time; if it is another robot's, a map says"),
+        ("TIME,X,Y,Z,QX,QY,QZ,QW,CRANK_ANGLE", r"no column named time \(is it 'TIME'\?\), x \(is it 'X'\?\), y"),
+        ("time,px,py,pz,q0,q1,q2,q3,thrust_fx", r"no column named x \(is it 'px'\?\),.* qw.* crank_angle; if"),
         ("time,q1,q2,q3,tau1,tau2,tau3", r"hall\.csv: a map says .*\(--map MAP\.toml of estimate.*--suggest"),
         ("", r"hall\.csv: its first line has numbers alone .* no header"),
     ],
 )
 def test_a_log_that_is_none_of_aerobats_is_told_what_it_lacks(header: str, message: str, tmp_path: Path) -> None:
-    """One or two columns, or a map."""
+    """The columns, if some of the others are only Aerobat's or are called alike, or a map."""
     (tmp_path / "hall.csv").write_text(f"{header}\n" + rows())
     with pytest.raises(LogError, match=message):
         read_log(tmp_path / "hall.csv")
