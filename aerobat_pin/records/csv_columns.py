@@ -54,7 +54,9 @@ def header_of(path: Path, log: LogTable = LogTable()) -> tuple[str, list[str]]: 
                 raise LogError(f"log {path}: '{line[:40].strip()}': take off what stands above the columns' names")
             line = COMMENT_SIGN.sub("", line.strip("\r\n"))
     except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"log {path}: is no text: a table, .nc, .mcap or a bag was expected ({error})") from error
+        raise LogError(
+            f"log {path}: is no text in UTF-8: a table, .nc, .mcap or a bag was expected ({error})"
+        ) from error
     separator = log.delimiter or max((sign for sign in ",;\t" if sign in line), key=line.count, default=" ")
     try:
         names = [name.strip() for name in next(csv.reader([line], delimiter=separator), [])]

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.numerics import guarded
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import SECONDS, header_of
 from aerobat_pin.records.map_tables import LogTable, TimeSection
@@ -24,7 +24,6 @@ from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robo
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.spool import typical_spacing
 from aerobat_pin.records.suggest_joints import (
-    UNITS_IN_NAMES,
     joint_columns,
     listed,
     named_unit,
@@ -35,7 +34,7 @@ from aerobat_pin.records.suggest_rotors import ROTOR_WORDS, suggest_rotors
 
 TIME = re.compile(
     r"^_*(((t|time|stamp|epoch|unix|elapsed|duration|seconds)[ _]*)+|(?=[mun]s$))"
-    r"[(\[]?(?P<unit>s|sec|ms|us|ns)?[)\]]?$",
+    r"[(\[]?(s|sec|ms|us|ns)?[)\]]?$",
     re.IGNORECASE,
 )
 UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
@@ -195,19 +194,27 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
 
 def _suggested_time(log: Path, columns: Columns) -> tuple[str, float | None]:
     """Return the line about a table's time, by the column that looks like one, and its step [s]; None if none does."""
-    match = next((match for match in map(TIME.match, header_of(log)[1]) if match), None)
+    rising = (name for name, series in columns.values.items() if _is_evenly_rising(series[:1000]))
+    name = next((match[0] for match in map(TIME.match, header_of(log)[1]) if match), next(rising, None))
     asked = "no column looks like a time"
-    if match is not None:
-        series = columns.values.get(match[0], columns.clocks["table"].time)
+    if name is not None:
+        series = columns.values.get(name, columns.clocks["table"].time)
         step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
         if step:
             guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
-            unit = UNITS_IN_NAMES["time"].get((match["unit"] or "").lower(), guess)
-            line = f'time = {{column = "{match[0]}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?'
+            unit = named_unit("time", [name]) or guess
+            line = f'time = {{column = "{name}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?'
             return line, step * SECONDS[unit]
-        asked = f"{match[0]} repeats from row to row (add the parts of a second to it, if another column has them)"
+        asked = f"{name} repeats from row to row (add the parts of a second to it, if another column has them)"
     asked += ': how many samples a second, time = {rate = 1000}? Or time = {column = ..., unit = "s"}'
     return f"# MISSING: {asked}", None
+
+
+def _is_evenly_rising(series: Array) -> bool:
+    """Return whether samples rise as a clock does, row by row about as far, and do not count the rows."""
+    steps = np.diff(series)
+    middle = float(np.median(steps)) if len(steps) else 0.0
+    return middle not in (0.0, 1.0) and bool(np.all(steps > 0.0) and np.mean(np.abs(steps / middle - 1.0)) < 0.5)
 
 
 def _spacing_of_lead(columns: Columns) -> float | None:
@@ -263,11 +270,11 @@ def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iter
         unit = named_unit("acceleration", groups["acceleration"]) or ("g" if 0.5 < size < 2.0 else "m/s2")
         names = listed(groups["acceleration"])
         yield f'specific_force = {{columns = {names}, unit = "{unit}"}}  # its median is {size:.3g}'
-    asked = "force on the robot (1) or on the sensor (-1)?"
+    asked = 'force on the robot (1) or on the sensor (-1)? In its own axes: axes = "frame".'
     if wrench:
         yield f'wrench = {{topic = "{wrench}", sign = 1}}  # {asked} At which point?'
     elif "force" in groups:
-        yield f'wrench = {{columns = {listed(groups["force"])}, unit = "N", sign = 1}}  # {asked}'
+        yield f'wrench = {{columns = {listed(groups["force"])}, unit = "N", sign = 1}}  # {asked} At which point?'
         others = [name for kind, names in groups.items() if kind.startswith("force ") for name in names]
         if others:
             yield f"# And {', '.join(others)}? A sensor can also be a known input, 3 or 6 columns at its frame:"

@@ -237,10 +237,13 @@ def test_angles_that_begin_anew_tell_the_unit_of_their_rates(tmp_path: Path) -> 
     assert suggested["joints"]["velocity"]["unit"] == "deg/s"
 
 
-def test_a_time_since_1970_is_one_and_a_column_of_whole_seconds_is_not(tmp_path: Path) -> None:
+def test_a_time_since_1970_is_one_so_is_what_rises_evenly_and_a_column_of_whole_seconds_is_not(tmp_path: Path) -> None:
     """A map reads one column of time; steps of 0 were suggested."""
     for columns, said in (
         ({"t_epoch_ms": 1.7e12 + 10.0 * np.arange(50), "x": 0.0}, 'time = {column = "t_epoch_ms", unit = "ms"}'),
+        ({"row": np.arange(50), "Zeit [ms]": 7.0 + 4.0 * np.arange(50)}, 'time = {column = "Zeit [ms]", unit = "ms"}'),
+        ({"lidar": 1.7e9 + 0.01 * np.arange(50), "x": 0.0}, 'time = {column = "lidar", unit = "s"}'),
+        ({"row": np.arange(50), "x": np.arange(50.0) ** 3}, "# MISSING: no column looks like a time"),
         ({"stamp_sec": np.ones(50), "stamp_nsec": 1e7 * np.arange(50)}, "# MISSING: stamp_sec repeats from row to row"),
     ):
         pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)

@@ -100,7 +100,7 @@ def test_joints_in_degrees_and_files_that_are_not_tables_are_refused(tmp_path: P
     with pytest.raises(LogError, match="left_shoulder = 10: radians were expected"):
         read_log(write(tmp_path / "hall.csv", [*HEADER[:8], *joints], rows))
     (tmp_path / "hall.csv").write_bytes(bytes(range(128, 256)))
-    with pytest.raises(LogError, match="is no text"):
+    with pytest.raises(LogError, match="is no text in UTF-8"):
         read_log(tmp_path / "hall.csv")
     with pytest.raises(LogError, match=r"^log .*missing\.csv: there is no such file$"):
         read_log(tmp_path / "missing.csv")

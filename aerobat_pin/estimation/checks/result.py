@@ -123,7 +123,7 @@ def _sensor_findings(record: Record, side: PairedEstimate, estimate: StoredEstim
     factor, correlation = float(comparison.factor[0]), float(comparison.correlation[0])
     good, why = abs(factor - 1.0) < 0.15, ""
     if correlation < -FOLLOWS:
-        good, why = False, ": check.wrench.sign"
+        good, why = False, ": check.wrench.sign, or .axes"
     elif abs(correlation) < CONFUSED:
         good, why = False, ": other axes, another point"
     text = f"the sensor's {name} is {factor:.3g} times the estimate, correlation {correlation:.2f}{why}"
