@@ -13,7 +13,6 @@ NetCDF: `records/checked_netcdf.py`. TOML: `aerobat_description/toml_text.py`.
 
 from __future__ import annotations
 
-import codecs
 import errno
 import io
 import json
@@ -61,9 +60,8 @@ def foreign_xml(path: Path, name: str, tag: str, largest: int = LARGEST_XML) -> 
     level, count = 0, 0
     root: Element | None = None
     try:
-        content = foreign_file(path, name, largest).read_bytes()
-        text = content.removeprefix(codecs.BOM_UTF8).lstrip()  # what ROS reads, too: lines before the declaration
-        whole = re.sub(rb"(</?[\w-]+):", rb"\1.", text)  # a prefix may be one that nobody declared
+        content = foreign_file(path, name, largest).read_bytes().removeprefix(b"\xef\xbb\xbf").lstrip()  # as ROS does
+        whole = re.sub(rb"(</?[\w-]+):", rb"\1.", content)  # a prefix may be one that nobody declared
         for event, element in ElementTree.iterparse(io.BytesIO(whole), ("start", "end")):
             root = element if root is None else root
             level, count = (level + 1, count + 1) if event == "start" else (level - 1, count)

@@ -36,7 +36,7 @@ def suggest_rotors(columns: Columns, model: pin.Model | None, forces: Sequence[s
         yield ""
         return
     moving = (name for name in columns.names if f'"{name}"' not in used and np.nanstd(columns.sample(name)) > 0.0)
-    series = _numbered(moving)
+    series = _by_last_number(moving)
     joints = 0 if model is None else model.njoints - 2
     rotors = [
         words
@@ -49,7 +49,7 @@ def suggest_rotors(columns: Columns, model: pin.Model | None, forces: Sequence[s
     words = min(rotors, key=lambda some: (not some & {"thrust"}, not some & SPEED_WORDS))
     names = series[words]
     bodies = [] if model is None else [f.name for f in model.frames.tolist()[1:] if f.type == pin.FrameType.BODY]
-    near = [some for said, some in _numbered(bodies).items() if said & (ROTOR_WORDS | DRIVE_WORDS)]
+    near = [some for said, some in _by_last_number(bodies).items() if said & (ROTOR_WORDS | DRIVE_WORDS)]
     frames = next((some for some in near if len(some) == len(names)), [])
     fit = 'fit = {to = "check.specific_force"}' if "specific_force" in used else "coefficients = [...]"
     law = 'law = "polynomial 2", ' + fit
@@ -71,7 +71,7 @@ def suggest_rotors(columns: Columns, model: pin.Model | None, forces: Sequence[s
     yield ""
 
 
-def _numbered(names: Iterable[str]) -> dict[frozenset[str], list[str]]:
+def _by_last_number(names: Iterable[str]) -> dict[frozenset[str], list[str]]:
     """Return words -> names that have them, two or more that differ by their last number, in its order."""
     series: dict[frozenset[str], dict[int, str]] = {}
     for name in names:
