@@ -15,7 +15,7 @@ from aerobat_pin.forces import CHECKED, Instants, KnownForces, StoredEstimate, c
 from aerobat_pin.observers import Expected, row_names
 
 PART = 0.1  # of what errors make of a component: a row's that is named
-MOST_NAMED = 3  # components
+COMPONENTS_NAMED = 3  # components
 
 
 def untested_findings(
@@ -38,5 +38,5 @@ def untested_findings(
         if size.seen and tested < CHECKED
     ]
     if words:
-        more = f" and {len(words) - MOST_NAMED} more" * (len(words) > MOST_NAMED)
-        yield Finding(UNTESTED, "note", f"nothing tests {', '.join(words[:MOST_NAMED])}{more}: {WOULD_LOOK}")
+        more = f" and {len(words) - COMPONENTS_NAMED} more" * (len(words) > MOST_NAMED)
+        yield Finding(UNTESTED, "note", f"nothing tests {', '.join(words[:COMPONENTS_NAMED])}{more}: {WOULD_LOOK}")
