@@ -38,5 +38,5 @@ def untested_findings(
         if size.seen and tested < CHECKED
     ]
     if words:
-        more = f" and {len(words) - COMPONENTS_NAMED} more" * (len(words) > MOST_NAMED)
+        more = f" and {len(words) - COMPONENTS_NAMED} more" * (len(words) > COMPONENTS_NAMED)
         yield Finding(UNTESTED, "note", f"nothing tests {', '.join(words[:COMPONENTS_NAMED])}{more}: {WOULD_LOOK}")
