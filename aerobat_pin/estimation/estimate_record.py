@@ -118,7 +118,7 @@ def estimate(
         smoothed=smoothed,
     )
     if smoothed is None:
-        findings += result_findings(result, expected)
+        findings += result_findings(result, as_known, expected)
         if calibration is None:
             findings += untested_findings(forces, instants, expected, next(iter(stored.values())))
     findings += [] if calibration is None else [calibration.finding()]

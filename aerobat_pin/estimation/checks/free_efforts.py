@@ -110,7 +110,8 @@ def _read_otherwise(
     residuals = balance.residual, balance.needed - balance.given @ signs, balance.needed - scaled_efforts
     share, turned, scaled = map(balance.beside_friction, residuals)
     _, least = _least_squares(balance, balance.rubbing)
-    if min(share, scaled) > WORTH:
+    noisy = share < ABOVE_NOISE * _white_share(balance)
+    if min(share, scaled) > (GOOD if noisy else WORTH):
         mapped = JointReading.as_mapped(record)
         if turned > GOOD or np.all(signs > 0.0):
             reading = reading_of(record, motion)

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.findings import Finding, FindingVerdict
-from aerobat_pin.forces import FreeMotion, KnownForces, inputs_between, motion_of
+from aerobat_pin.forces import FreeMotion, InputsBetween, motion_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import rotation_matrices
 from aerobat_pin.records import Record
@@ -28,6 +28,7 @@ from aerobat_pin.records import Record
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 CARRIES = 0.5  # of the weight: mean of known forces, from which they may be what carries the robot
 LEFT_BY_TURN = 1.0 / 3.0  # of E as mapped, up to which a turn is named: rotors in another order left .37 by one
+FEW = 12  # instants by which the turns are tried
 OTHER_AXES = "known forces against motion"
 SAYS_NOTHING = 1.0  # E of forces and moments of which half are explained
 QUARTER_TURNS = [
@@ -38,23 +39,28 @@ QUARTER_TURNS = [
 ]
 
 
-def known_findings(record: Record, forces: KnownForces, estimated: Array | None) -> Iterator[Finding]:
+def known_findings(record: Record, inputs: InputsBetween, estimated: Array | None) -> Iterator[Finding]:
     """Yield the mean of all unknown forces over the weight, and other axes in which known ones are what motion needs.
 
-    For a robot whose base nothing else holds. `estimated` (3,) is the mean of all forces that are sought, which must
-    carry it where known forces do not; of others, what is not known counts, whether or not points show it.
+    For a robot whose base nothing else holds.
+
+    Args:
+        record: the record.
+        inputs: what an observer is given between two indices of the common times.
+        estimated: (3,) mean of all forces that are sought, which must carry the robot where known forces do not; of
+            others, what is not known counts, whether or not points show it.
     """
     robot, chosen = record.robot, record.map
     if not robot.free or robot.weightless or chosen.base.held or "base" in chosen.robot.rows.ignore:
         return
-    motion = motion_of(record, inputs_between(record, forces))
+    motion = motion_of(record, inputs)
     if motion is None:
         return
     turns, needed = _needed(record, motion)
     yield _mean_force(
         record, estimated, *((turns @ each[:, :3, None]).mean(axis=(0, 2)) for each in (needed, motion.known))
     )
-    if motion.known.any():
+    if motion.known[:, :6].any():
         yield from _turned(record, motion)
 
 
@@ -89,10 +95,9 @@ def _turned(record: Record, motion: FreeMotion) -> Iterator[Finding]:
     mapped = _opposed(record, motion)
     if mapped < SAYS_NOTHING:
         return
-    tried = [
-        (_opposed(record, _turned_back(motion, turn, world)), turn, world) for turn in QUARTER_TURNS for world in (0, 1)
-    ]
-    least, turn, world = min(tried, key=lambda each: each[0])
+    few, tried = motion.every(-(-len(motion.v) // FEW)), [(turn, world) for turn in QUARTER_TURNS for world in (0, 1)]
+    turn, world = min(tried, key=lambda each: _opposed(record, _turned_back(few, *each)))
+    least = _opposed(record, _turned_back(motion, turn, world))
     if least < LEFT_BY_TURN * mapped:
         vector = pin.log3(turn)
         angle = float(np.linalg.norm(vector))

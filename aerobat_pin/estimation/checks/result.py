@@ -16,6 +16,7 @@ from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.forces import (
     BESIDE,
+    InputsBetween,
     KnownForces,
     PairedEstimate,
     StoredEstimate,
@@ -45,8 +46,11 @@ FAINT_LEVER = 0.1  # lever of a direction over the largest one, below which the 
 FAR = 0.3  # of the farthest joint's distance: joints nearer to the force have little lever anyhow
 
 
-def result_findings(result: Result, expected: Expected | None = None) -> Iterator[Finding]:
-    """Yield what the estimate itself shows, and the sensor beside it."""
+def result_findings(result: Result, inputs: InputsBetween, expected: Expected | None = None) -> Iterator[Finding]:
+    """Yield what the estimate itself shows, and the sensor beside it.
+
+    `inputs` are what an observer is given between two indices of the common times.
+    """
     record, forces, estimates = result.record, result.forces, result.stored
     assert record is not None
     assert forces is not None
@@ -62,7 +66,7 @@ def result_findings(result: Result, expected: Expected | None = None) -> Iterato
         sums, squares = sums + shown.sum(axis=0), squares + (shown**2).sum(axis=0)
         count += int(good.sum())
     mean = sums.reshape(-1, 3).sum(axis=0) / max(count, 1) if estimate.head.are_world_forces else None
-    known = [*known_findings(record, forces, mean)]
+    known = [*known_findings(record, inputs, mean)]
     yield from known
     if all(each.check != OTHER_AXES for each in known):
         yield from thrust_order_findings(record, forces)
