@@ -70,11 +70,10 @@ def told(
     arm: Arm = PANDA,
     other_way: int | None = None,
     exchanged: Sequence[int] = (),
-    rotors: float = 0.0,
 ) -> list[Finding]:
     """Return what is said of an arm's efforts, times factors, of which a joint's zero [rad] and its base may be off.
 
-    One joint's columns may count the other way, or two have each other's. Rotors [kg m2] are in no file.
+    One joint's columns may count the other way, or two have each other's.
 
     Joints that stand still are held by half of their friction, or less where the rest of what they need is less.
     """
@@ -93,7 +92,7 @@ def told(
         a[:, :n] -= 0.55 * size * pace**2 * np.sin(angle)
     push = np.where((time > 4.0) & (time < 6.0), 20.0, 0.0)[:, None] * [0.6, 0.0, 0.8]
     turned = np.array([pin.integrate(model, pin.neutral(model), one) for one in q])
-    tau = efforts(model, arm.tip, turned, v, a, push)[:, :n] + rotors * a[:, :n]
+    tau = efforts(model, arm.tip, turned, v, a, push)[:, :n]
     for k in still:
         held, rub = tau[0, k] + 0.5 * rubs * coulomb[k], rubs * coulomb[k]
         for row in tau[:, k : k + 1]:
@@ -177,13 +176,6 @@ def test_a_change_counts_only_if_it_is_likelier_than_what_it_contains(factors: S
     counted = [change for _, _, change in _likely(rows, most_likely_with(rows), [of_all, of_each])]
     assert (of_each in counted) == (not alone)
     assert not alone or counted == [of_all]
-
-
-def test_a_factor_of_one_effort_is_told_beside_rotors_that_the_file_lacks(tmp_path: Path) -> None:
-    """And none of the first joint, about a vertical axis, which needs only what looks like a rotor's torque."""
-    [one] = told(tmp_path, 3, 0.3, [1.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0], rotors=0.6)
-    assert JOINTS[3] in one.text
-    assert one.value == pytest.approx(0.5, rel=0.1)
 
 
 @pytest.mark.parametrize(("joint", "rubs", "given"), [(1, 0.3, 0.7), (3, 1.0, 1.4), (5, 0.0, 2.0), (5, 1.0, -1.0)])

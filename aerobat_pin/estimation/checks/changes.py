@@ -18,7 +18,7 @@ from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_e
 from aerobat_pin.estimation.checks.late_efforts import late_finding
 from aerobat_pin.estimation.checks.readings import limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import SLIDES_AT, EffortRows, Exchange, Explanation, Instants, column_rms, most_likely_with
+from aerobat_pin.forces import SLIDES_AT, EffortRows, Exchange, Explanation, Instants, most_likely_with
 from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.records import LARGEST_DELAY, PlainRobot, Record
 
@@ -33,10 +33,7 @@ LEFT_BY_CHANGE = 0.5  # of what is left, in squares, if columns change places, o
 LEAST_TURN = np.radians(3.0)  # by which a robot must be mounted otherwise than believed before that is said
 SIZE_OF_GRAVITY = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
 TURNED, SLID = (0.05, 0.5), (0.02, 0.3)  # least and largest zero of a joint that is named [rad], [m]
-LEAST_MOMENT = 0.005  # [m] times the mass that moves: a load, or a wrong effort, of a smaller moment is not named
-
-
-Told = Callable[[Explanation, str], Sequence[Finding] | None]
+LEAST_MOMENT = 0.005  # [m] times the mass that moves: a load whose moment about a point is smaller is not named
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +51,7 @@ class Change:
         cases: changes that it contains, one factor of all efforts first: it counts only if it is likelier than each.
     """
 
-    told: Told
+    told: Callable[[Explanation, str], Sequence[Finding] | None]
     columns: Array | None = None
     shift: Array | None = None
     anew: Callable[[], tuple[EffortRows, Array | None]] | None = None
@@ -91,23 +88,15 @@ def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, wit
     driven = driven_rows(record, instants)
     names, at = [joint for joint, _ in driven], [place for _, place in driven]
     one, moving = np.eye(len(instants.kept))[:, at], bool(sliding_rows(instants).any())
-    bends = instants.columns[2, instants.weighed][:, :, None] * one  # rotors, which look like a factor of some
-    least, rotors = _as_misplaced_masses(record, names, rows.needed[:, at]), Change(_rotors, bends)
-    yield rotors
     for true in (rows.needed, rows.needed - without.around):  # forces that wrong efforts show are wrong, too
         needed = true[:, :, None] * one
-
-        def factors(told: Told, columns: Array) -> Change:
-            both = np.concatenate([columns, bends], axis=2)
-            return Change(told, both, doubt=FACTOR, cases=(rotors,))
-
-        common = factors(partial(_common, record, names, moving), needed.sum(axis=2, keepdims=True))
+        common = Change(partial(_common, record, names, moving), needed.sum(axis=2, keepdims=True), doubt=FACTOR)
         single = [
-            factors(partial(_own_factors, [name], moving, least[[k]]), needed[:, :, [k]])
+            Change(partial(_own_factors, [name], moving), needed[:, :, [k]], doubt=FACTOR)
             for k, name in enumerate(names)
         ]
         yield common
-        yield replace(factors(partial(_own_factors, names, moving, least), needed), cases=(common, *single, rotors))
+        yield Change(partial(_own_factors, names, moving), needed, doubt=FACTOR, cases=(common, *single))
         yield from single
     late = (rows.rates[:, :, None] * one).sum(axis=2, keepdims=True)
     yield Change(partial(_late_efforts, record), late, leaves=LEFT_BY_CHANGE)
@@ -130,7 +119,8 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         pulls.append([pin.computeGeneralizedGravity(pulling, data, each)[kept] for each in q])
     yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1), leaves=LEFT_BY_ROBOT)
     slopes = slopes_of_weight(model, q)[:, kept]
-    bends = instants.columns[2, instants.weighed][:, :, None] * np.eye(len(kept))
+    bends = instants.columns[2, instants.weighed]
+    yield Change(_rotors, bends[:, :, None] * np.eye(len(kept)))
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
         slope = slopes[:, :, [record.robot.v_index(joint)]]
         yield Change(partial(_zero, record.robot, joint), slope, leaves=LEFT_BY_ROBOT)
@@ -138,8 +128,7 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         first = 10 * model.frames[frame_id(model, name)].parentJoint - 10
         weighs = np.array([pin.computeJointTorqueRegressor(model, data, each, rest, rest).copy() for each in q])
         weighs = weighs.reshape(len(q), model.nv, -1)[:, kept, first : first + 4]
-        both = np.concatenate([weighs, bends], axis=2)  # with rotors, as factors of efforts are
-        yield Change(partial(_load, record.robot, name), both, leaves=LEFT_BY_ROBOT)
+        yield Change(partial(_load, record.robot, name), weighs, leaves=LEFT_BY_ROBOT)
 
 
 def slopes_of_weight(model: pin.Model, q: Array) -> Array:
@@ -151,28 +140,19 @@ def slopes_of_weight(model: pin.Model, q: Array) -> Array:
 
 def _common(record: Record, names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:
     """Return that all efforts would have to be larger or smaller by one factor, or reversed."""
-    factors = _factor_of(found.size[:1])
+    factors = _factor_of(found.size)
     named = np.abs(factors - 1.0) > NAMED if moving else _beyond(factors, GROSS)
     return [of_all(record, names, float(factors[0]))] if named[0] else []
 
 
-def _as_misplaced_masses(record: Record, names: Sequence[str], needed: Array) -> Array:
-    """Return the shares (n,) of what efforts need (m, n) that a centre of mass `LEAST_MOMENT` aside makes up."""
-    model = record.robot.model
-    data, g = model.createData(), float(np.linalg.norm(model.gravity.linear))
-    pin.computeSubtreeMasses(model, data)
-    turned = [0.0 if record.robot.slides(name) else data.mass[model.getJointId(name)] for name in names]
-    return np.asarray(LEAST_MOMENT * g * np.array(turned) / np.maximum(column_rms(needed), 1e-12))
-
-
-def _own_factors(names: Sequence[str], moving: bool, least: Array, found: Explanation, _: str) -> Sequence[Finding]:
+def _own_factors(names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:
     """Return the efforts that would have to be larger or smaller by a factor of their own, or reversed.
 
     Not if they are many: then it is the model that is wrong, or what pushes.
     """
-    size, clearly = found.size[: len(names)], CLEARLY * found.deviation[: len(names)] * found.independent**-0.5
-    sure = (np.abs(size) > np.maximum(clearly, least)) & (np.abs(1.0 - size) > clearly)  # neither 1 nor of any size
-    factors = _factor_of(size)
+    clearly = CLEARLY * found.deviation * found.independent**-0.5
+    sure = (np.abs(found.size) > clearly) & (np.abs(1.0 - found.size) > clearly)  # neither 1 nor of any size
+    factors = _factor_of(found.size)
     wrong = np.flatnonzero(sure & _beyond(factors, OWN if moving else GROSS)).tolist()
     if len(wrong) > MOST_WRONG:
         return []
@@ -237,7 +217,7 @@ def _zero(robot: PlainRobot, joint: str, found: Explanation, left: str) -> Seque
 def _load(robot: PlainRobot, name: str, found: Explanation, left: str) -> Sequence[Finding]:
     """Return a load beside a point: its weight passes for a force there, its moment about it is left."""
     frame = robot.model.frames[frame_id(robot.model, name)]
-    moment = float(np.linalg.norm(found.size[1:4] - found.size[0] * frame.placement.translation))
+    moment = float(np.linalg.norm(found.size[1:] - found.size[0] * frame.placement.translation))
     if moment < LEAST_MOMENT * robot.mass:
         return []
     text = (
