@@ -28,7 +28,7 @@ from aerobat_pin.records import Record
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 CARRIES = 0.5  # of the weight: mean of known forces, from which they may be what carries the robot
 LEFT_BY_TURN = 1.0 / 3.0  # of E as mapped, up to which a turn is named: rotors in another order left .37 by one
-FEW = 12  # instants by which the turns are tried
+TRIED_AT = 12  # instants by which the turns are tried
 OTHER_AXES = "known forces against motion"
 SAYS_NOTHING = 1.0  # E of forces and moments of which half are explained
 QUARTER_TURNS = [
@@ -95,7 +95,10 @@ def _turned(record: Record, motion: FreeMotion) -> Iterator[Finding]:
     mapped = _opposed(record, motion)
     if mapped < SAYS_NOTHING:
         return
-    few, tried = motion.every(-(-len(motion.v) // FEW)), [(turn, world) for turn in QUARTER_TURNS for world in (0, 1)]
+    few, tried = (
+        motion.every(-(-len(motion.v) // TRIED_AT)),
+        [(turn, world) for turn in QUARTER_TURNS for world in (0, 1)],
+    )
     turn, world = min(tried, key=lambda each: _opposed(record, _turned_back(few, *each)))
     least = _opposed(record, _turned_back(motion, turn, world))
     if least < LEFT_BY_TURN * mapped:
