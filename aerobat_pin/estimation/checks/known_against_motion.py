@@ -95,10 +95,8 @@ def _turned(record: Record, motion: FreeMotion) -> Iterator[Finding]:
     mapped = _opposed(record, motion)
     if mapped < SAYS_NOTHING:
         return
-    few, tried = (
-        motion.every(-(-len(motion.v) // TRIED_AT)),
-        [(turn, world) for turn in QUARTER_TURNS for world in (0, 1)],
-    )
+    few = motion.every(-(-len(motion.v) // TRIED_AT))
+    tried = [(turn, world) for turn in QUARTER_TURNS for world in (0, 1)]
     turn, world = min(tried, key=lambda each: _opposed(record, _turned_back(few, *each)))
     least = _opposed(record, _turned_back(motion, turn, world))
     if least < LEFT_BY_TURN * mapped:
