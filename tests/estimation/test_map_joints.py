@@ -259,13 +259,19 @@ def test_joints_far_beyond_their_limits_are_refused_by_name(folder: Path) -> Non
 
 
 def test_what_is_in_force_is_not_proposed_and_a_sign_that_would_do_is(folder: Path) -> None:
-    """A joint at -3 rad or so, whose limits are 0 to 6, by a map that says degrees."""
+    """A joint at -3 rad or so, whose limits are 0 to 6, by a map that says degrees; nor what leaves next to nothing.
+
+    A slide at -0.2 m, whose limits are 0 to 0.3, was told to be in mm: 0.2 mm is within them.
+    """
     before, lift, after = arm().partition('<joint name="lift"')
     high = before + lift + after.replace('lower="-99" upper="99"', 'lower="-0.2" upper="6"', 1)
     [found] = limits(folder, high, np.degrees(1.0), np.degrees(-3.0), "deg")
     assert found.startswith("warning joint limits: lift is at -")
     assert 'unit = "deg"' not in found
     assert "factor = {lift = -1} under [joints] would leave all within them" in found
+    low = before + lift + after.replace('lower="-99" upper="99"', 'lower="-0.1" upper="6"', 1)
+    [found] = limits(folder, low, 1.0, -2.2)
+    assert "; factor = {lift = -1} under [joints] would leave all within them" in found
 
 
 def test_slight_overshoots_and_joints_without_limits_do_not_alarm(folder: Path) -> None:

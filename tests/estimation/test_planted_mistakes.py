@@ -81,6 +81,13 @@ def held(data: Columns, key: str) -> None:
 
 
 @slip
+def cut_off(data: Columns, share: float) -> None:
+    """Cut the efforts off where their size is reached for a share of the time."""
+    limit = np.quantile(np.abs(data[EFFORTS]), 1.0 - share, axis=0)
+    data[EFFORTS][:] = np.clip(data[EFFORTS], -limit, limit)
+
+
+@slip
 def off(data: Columns, key: str, by: float, column: int) -> None:
     """Add a constant to a column."""
     data[key][:, column] += by
@@ -169,6 +176,7 @@ def of_joints(names: tuple[str, ...], one: int, other: int) -> Mistakes:
         "joint rates held": (held(RATES), r"held channel: joint velocities change only"),
         "joint angles held": (held(ANGLES), r"held channel: joint positions change only"),
         "efforts held": (held(EFFORTS), r"held channel: joint efforts change only"),
+        "efforts cut off": (cut_off(0.1), rf"effort at its limit: efforts stay .*{first} \(\d+ % of the time\)"),
         "sign of an effort": (times(EFFORTS, -1.0, one), rf"effort sign: the effort of {first}"),
         "efforts in mN m": (times(EFFORTS, 1e3), r"effort unit or mass: all efforts .* 0\.00(1|09)"),
         "one effort in mN m": (times(EFFORTS, 1e3, one), rf"effort unit: the effort of {first}"),

@@ -36,6 +36,7 @@ LARGEST_ACCELERATION = 50.0  # [m/s2], rms over windows: five times gravity
 RARE = 0.05  # share of the samples on either side that may be a sensor's faults
 FAST, FAST_FOR = 3.0, 0.02  # times the speed that its file allows, and for how long [s]: no joint ever turns so fast
 SLIGHT = 0.25  # of the range: so far beyond its file's limits a real joint may be
+SENSIBLE = 0.01  # of a joint's range, which what another unit makes of its positions must reach
 A_TURN, TEN_RANGES = 2.0 * np.pi, 10.0  # [rad], ranges beyond them: no joint that has limits ever is there
 UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, is none
 TAKEN_FOR = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # part of joints -> unit if a map states none
@@ -248,7 +249,8 @@ def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:
         in_force = SMALLER[unit][0] == (None if section is None else section.unit)  # what is in force is not proposed
         zero = 2.0 * joints.offset.get(joint, 0.0)  # which the encoder's factor does not turn
         turned &= low <= zero - most and zero - least <= high and joint not in joints.coupling
-        meant &= not in_force and low <= least * SMALLER[unit][1] and most * SMALLER[unit][1] <= high
+        smaller = SMALLER[unit][1] * np.array([least, most])  # zero is within any limits
+        meant &= not in_force and low <= smaller[0] and smaller[1] <= high and max(abs(smaller)) > SENSIBLE * span
     if not beyond:
         return
     worst, first, where, unit = max(beyond)

@@ -21,6 +21,8 @@ RUN = 16  # changes whose distances are even in a channel that is held; those of
 REGULAR = 0.5  # share of runs that must be even: one lost sample spoils a run
 STUCK = 0.5  # [s] without change, of a channel that otherwise changes
 MOVED_ON, STEPS_AFTER = 10.0, 10  # times the largest of so many steps afterwards, or one count: it moved on unseen
+CUT_OFF, OFTEN_CUT_OFF = 10.0, 0.01  # times as many samples as at the next value, and of all: more than a coarse peak
+FEWEST_LEVELS, MOVES_IN = 50, 10  # values of an effort that varies; samples within which an angle changes in motion
 STRAIGHT = 0.5  # share of triples of neighbours on a straight line, from which a channel is interpolated
 STRAIGHT_ERROR = 1e-7  # of the channel's size: how straight
 FEWEST_STRAIGHT = 20  # samples that can be told to be interpolated
@@ -54,6 +56,7 @@ def sample_findings(record: Record) -> Iterator[Finding]:
             if end > record.start and record.knots is None:
                 gaps.setdefault((begin, end), []).append(whose)
     yield from _dead_efforts(record)
+    yield from _cut_off_efforts(record)
     for (begin, end), keys in gaps.items():
         whose = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} other channels"
         what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
@@ -168,6 +171,32 @@ def _dead_efforts(record: Record) -> Iterator[Finding]:
         what = f"{whose} never change although the joints move: are they measured at all? joints.passive names joints"
         text = f"{what} without a motor, robot.rows.ignore those whose efforts nobody knows"
         yield Finding("held channel", "warning", text, len(dead) / len(record.driven), "1")
+
+
+def _cut_off_efforts(record: Record) -> Iterator[Finding]:
+    """Yield efforts that stay at exactly their largest or least value while their joint moves, and else vary."""
+    efforts, positions = (record.channels.get(f"joints.{part}") for part in ("effort", "position"))
+    if efforts is None or positions is None:
+        return
+    values, cut = efforts.values[:EXTENT], dict[str, float]()
+    time = efforts.time[: len(values)]
+    angles = dict(zip(record.joints, positions.values[:EXTENT].T, strict=True))
+    for joint, effort in zip(record.driven, values.T, strict=True):
+        angle = np.interp(time, positions.time[: len(angles[joint])], angles[joint])
+        moves = np.abs(angle[MOVES_IN:] - angle[:-MOVES_IN]) > 0.0
+        levels, counts = np.unique(effort[:-MOVES_IN][moves], return_counts=True)
+        if len(levels) < FEWEST_LEVELS:
+            continue  # as of steps that are commanded
+        for end, beside in ((0, 1), (-1, -2)):
+            share = float(counts[end] / len(values))
+            if levels[end] != 0.0 and counts[end] > CUT_OFF * counts[beside] and share > OFTEN_CUT_OFF:
+                cut[joint] = cut.get(joint, 0.0) + share
+    if cut:
+        whose = ", ".join(f"{joint} ({100.0 * share:.0f} % of the time)" for joint, share in cut.items())
+        what = (
+            f"efforts stay at exactly their largest or least value in motion: {whose}: are they cut off there, or are"
+        )
+        yield Finding("effort at its limit", "warning", f"{what} the motors at their limits?", max(cut.values()), "1")
 
 
 def _constant(channel: Channel) -> NDArray[np.bool_]:
