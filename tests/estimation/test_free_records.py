@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import tomli_w
 from support.recorded import edited, recorded
@@ -39,6 +40,29 @@ def test_a_pull_is_not_learnt_as_friction(force, tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match=r"something pushed at tool0.* (19|2[012])(\.\d)? N .*--trust"):
         calibrate([hose])
     assert any("something pushed at tool0" in line for line in calibrate([hose], trust=True).warnings)
+
+
+@pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
+def test_a_pull_is_not_normal_where_no_joint_rubs(tmp_path: Path) -> None:
+    """Without friction to learn it was taken for what rows err by: 19 N at a hand for one second in eight."""
+    write_log(tmp_path / "free.csv", 211, nothing, pace=1.6, rubs=0.0)
+    write_log(tmp_path / "hose.csv", 211, for_a_while, pace=1.6, rubs=0.0)
+    chosen = edited(arm_map(["tool0"]), {"check": None})
+    free, hose = (recorded(tmp_path / f"{name}.csv", chosen) for name in ("free", "hose"))
+    assert calibrate([free]).warnings == ()
+    with pytest.raises(CalibrationError, match=r"something pushed at tool0.* (19|2[012])(\.\d)? N .*--trust"):
+        calibrate([hose])
+
+
+@pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
+def test_noise_of_velocities_is_no_push(tmp_path: Path) -> None:
+    """It is in all rows at once, through the inertia, as a force is: of 12 free swings 7 were refused for one sample."""
+    write_log(tmp_path / "free.csv", 213, nothing, pace=1.6, rubs=0.2)
+    table, rng = pd.read_csv(tmp_path / "free.csv"), np.random.default_rng(1)
+    table[[f"v{k}" for k in range(6)]] += 0.02 * rng.standard_normal((len(table), 6))
+    table.to_csv(tmp_path / "free.csv", index=False)
+    chosen = edited(arm_map(["tool0"], friction=True), {"observer.gain": 100.0})
+    assert not any("pushed" in line for line in calibrate([recorded(tmp_path / "free.csv", chosen)]).warnings)
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -20,6 +20,7 @@ from aerobat_pin.forces import (
     FEWEST_INSTANTS,
     SURE_OF_CONTACT,
     KnownForces,
+    burst_noise,
     column_rms,
     expected_of,
     inputs_between,
@@ -40,10 +41,10 @@ def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
     """Return in words what pushed at the points of a record that was taken as free, and what it cannot tell.
 
     Args:
-        forces: known forces of the record, with the friction that was fitted as if nothing pushed.
+        forces: known forces of the record, with the friction that was fitted as if nothing pushed, if it was.
     """
     record = forces.record
-    if forces.values.friction is None or not record.robot.limits_forces:
+    if not record.robot.limits_forces:
         return [], []
     plain = replace(forces, values=replace(forces.values, friction=None, row_noise={}), series=None)
     inputs, points = inputs_between(record, plain), points_of(record.map)
@@ -67,7 +68,7 @@ def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
     B = J / error[:, None]
     P = np.linalg.inv(B @ np.swapaxes(B, 1, 2) + np.diag(S**-2.0))
     found = np.einsum("mcd,mdk,mk->mc", P, B, left / error)
-    deviation = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
+    deviation = np.sqrt(np.diagonal(P, axis1=1, axis2=2) + burst_noise(found) ** 2)  # that of velocities is in all rows
     components = Applications(record.robot.model, points).components
     return list(_in_words(forces, components, instants.time, found, deviation)), []
 
