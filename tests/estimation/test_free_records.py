@@ -56,7 +56,7 @@ def test_a_pull_is_not_normal_where_no_joint_rubs(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
 def test_noise_of_velocities_is_no_push(tmp_path: Path) -> None:
-    """It is in all rows at once, through the inertia, as a force is: of 12 free swings 7 were refused for one sample."""
+    """It is in all rows at once, through the inertia, as a force is: of 12 free swings 7 were refused."""
     write_log(tmp_path / "free.csv", 213, nothing, pace=1.6, rubs=0.2)
     table, rng = pd.read_csv(tmp_path / "free.csv"), np.random.default_rng(1)
     table[[f"v{k}" for k in range(6)]] += 0.02 * rng.standard_normal((len(table), 6))
