@@ -61,6 +61,15 @@ def option_names(words: str | None) -> list[str]:
     return [word.strip() for word in (words or "").split(",") if word.strip()]
 
 
+def one_each(names: list[str] | None) -> list[str] | None:
+    """Return the names of a repeatable option. Raises BadParameter where one is a list with commas."""
+    for name in names or []:
+        if "," in name:
+            repeated = " ".join(f"--observer {each}" for each in option_names(name))
+            raise typer.BadParameter(f"'{name}': one name each was expected, such as {repeated}")
+    return names
+
+
 def complete_name(ctx: typer.Context, incomplete: str) -> list[str]:
     """Return the shipped names that begin with what was typed, for completion in a shell."""
     folder = PROJECT_FOLDER / SHIPPED.get(ctx.info_name or "", "aerobat_pin/scenario/shipped")
@@ -103,7 +112,13 @@ Settings = Annotated[
 ]
 ObserverNames = Annotated[
     list[str] | None,
-    typer.Option("--observer", metavar="NAME", help="Run this observer; repeatable.", autocompletion=complete_observer),
+    typer.Option(
+        "--observer",
+        metavar="NAME",
+        help="Run this observer; repeatable.",
+        autocompletion=complete_observer,
+        callback=one_each,
+    ),
 ]
 CalibrationFile = Annotated[
     Path | None, typer.Option(metavar="FILE", help="What `aerobat calibrate` learnt about this belief.")

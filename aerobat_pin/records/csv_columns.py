@@ -50,7 +50,8 @@ def header_of(path: Path, log: LogTable = LogTable()) -> tuple[str, list[str]]: 
             line = file.readline(LONGEST_HEADER)
             while line and not line.strip():  # empty lines before the header
                 line = file.readline(LONGEST_HEADER)
-            if COMMENT_SIGN.match(line) and ABOVE_HEADER.match(file.readline(LONGEST_HEADER)):
+            comment = COMMENT_SIGN.match(line) and ABOVE_HEADER.match(file.readline(LONGEST_HEADER))
+            if comment or line.startswith("sep="):  # as Excel reads it
                 raise LogError(f"log {path}: '{line[:40].strip()}': take off what stands above the columns' names")
             line = COMMENT_SIGN.sub("", line.strip("\r\n"))
     except (OSError, UnicodeDecodeError) as error:

@@ -37,6 +37,7 @@ FILES = {
         (["describe", "scenario", "crank.frequncy"], "did you mean 'crank.frequency'?"),
         ([*FLIGHT, "--observer", "kalmann"], "did you mean 'kalman'? Choose from momentum, force_level"),
         ([*FLIGHT, "--set", "unknown_force.0.frame=left_forcepoint"], "did you mean 'left_force_point'?"),
+        ([*FLIGHT, "--observer", "kalman,momentum"], "--observer kalman --observer momentum"),
         ([*FLIGHT, "--seed", "-3"], "simulation.seed = -3"),
         ([*FLIGHT, "--set", "flight.velocity=[300, 0, 0]"], "the flight diverged at t = "),
         ([*FLIGHT, "--set", "crank.frequency=0.001"], "at most 60 s are allowed"),
@@ -157,6 +158,8 @@ def test_two_runs_stand_side_by_side(here: Path, capsys: pytest.CaptureFixture[s
     assert score[1] in page
     assert call("compare", "one, calm", "runs") == 2
     assert "runs is not the folder of a run: it has no scenario.toml" in capsys.readouterr().err
+    assert call("play", str(folder)) == 2
+    assert f"it has a replay: open {folder / 'replay.html'}" in capsys.readouterr().err
     (here / "circle").symlink_to("circle")
     assert call("compare", "circle", "circle") == 2
     assert "circle is not the folder of a run" in capsys.readouterr().err

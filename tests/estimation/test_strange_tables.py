@@ -44,11 +44,11 @@ def test_a_header_behind_the_sign_of_a_comment_names_the_columns(separator: str,
     np.testing.assert_array_equal(np.stack([found.values[name][:] for name in "xy"], axis=1), values[:, 1:])
 
 
-@pytest.mark.parametrize("below", ["# 2026-11-01\nt,x,y\n", "t,x,y\n"])
-def test_what_stands_above_the_names_of_columns_is_no_header(below: str, tmp_path: Path) -> None:
-    """Three columns, named logged, by and me, were looked for a robot's."""
-    (tmp_path / "log.csv").write_text(f"# logged by me\n{below}0,1,2\n1,2,3\n")
-    with pytest.raises(LogError, match="'# logged by me': take off what stands above the columns' names"):
+@pytest.mark.parametrize("above", ["# logged by me\n# 2026-11-01", "# logged by me", "sep=,"])
+def test_what_stands_above_the_names_of_columns_is_no_header(above: str, tmp_path: Path) -> None:
+    """Three columns, named logged, by and me, were looked for a robot's; Excel's `sep=,` was a header of two."""
+    (tmp_path / "log.csv").write_text(f"{above}\nt,x,y\n0,1,2\n1,2,3\n")
+    with pytest.raises(LogError, match=r"'(# logged by me|sep=,)': take off what stands above the columns' names"):
         suggested_map(tmp_path / "log.csv", None)
 
 

@@ -26,7 +26,7 @@ def folder(tmp_path: Path) -> Path:
         (place / "bar.stl").write_bytes(stl(0.0, 0.0, 0.0))
         (place / "bar.png").write_bytes(PICTURE)
         (place / "bar.txt").write_bytes(SECRET)
-    (inside / "motion.csv").write_text("time,hinge\n0,0\n1,0.5\n")
+    (inside / "motion.csv").write_text("time,q[0]\n0,0\n1,0.5\n")  # `[0]` is no unit
     return inside
 
 

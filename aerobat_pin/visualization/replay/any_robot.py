@@ -30,6 +30,7 @@ LARGEST_MESH = 100_000_000  # bytes
 MESHES = (".dae", ".obj", ".stl")  # what the page can draw; none of them but Collada names other files
 PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"BM")  # how the content of a texture begins
 FORCE_COLUMN = re.compile(r"(?P<frame>.+)\.F(?P<axis>[xyz])")
+INDEXED = re.compile(r"\S\[\d+\]$")  # `q[0]` is a name without a unit
 PLAYED_UNITS = ("", "m", "rad", "-", "1", "N")
 STICK = 0.04  # radius of a stick, in lengths of the robot
 LARGEST_MOTION = 1e6  # of any number: no motion goes further, and a page holds single precision
@@ -135,7 +136,7 @@ def _read_table(table: Path) -> tuple[list[str], Array]:
     foreign_file(table, f"log {table}", LARGEST_TABLE)
     names = []
     for cell in header_of(table)[1]:
-        name, _, unit = (part.strip("] ") for part in cell.partition("["))
+        name, _, unit = (cell, "", "") if INDEXED.search(cell) else (part.strip("] ") for part in cell.partition("["))
         if unit not in PLAYED_UNITS and name != "time":
             raise LogError(f"log {table}: column '{name} [{unit}]': {', '.join(PLAYED_UNITS[1:])} was expected")
         names.append(name)
