@@ -82,7 +82,8 @@ def node_command(
     name: Annotated[str, typer.Option(help="Of the node, and where its topics begin.")] = "aerobat",
 ) -> None:
     """Run as a ROS 2 node: publish forces and contacts while messages arrive, until Ctrl-C."""
-    from aerobat_pin.estimation import ForceNode, read_calibration
+    from aerobat_pin.estimation import read_calibration
+    from aerobat_pin.experiments import ForceNode
     from aerobat_pin.records import load_map
 
     chosen, learnt = load_map(map_file), None if calibration is None else read_calibration(calibration)

@@ -5,4 +5,5 @@ import lazy_loader
 from aerobat_pin.errors import old_names
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
-__getattr__ = old_names(__name__, {"Compared": "PairedEstimate"}, __getattr__, "aerobat_pin.forces")
+MOVED_TO = ("aerobat_pin.forces", "aerobat_pin.experiments")
+__getattr__ = old_names(__name__, {"Compared": "PairedEstimate"}, __getattr__, *MOVED_TO)

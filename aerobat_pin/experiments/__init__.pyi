@@ -9,6 +9,7 @@ from .flight_summary import flight_summary as flight_summary
 from .live.flight import LiveFlight as LiveFlight
 from .live.heard_robot import LiveRecording as LiveRecording
 from .live.heard_robot import LiveTopics as LiveTopics
+from .live.ros_node import ForceNode as ForceNode
 from .live.source import LIVE_OBSERVERS as LIVE_OBSERVERS
 from .live.source import LiveRow as LiveRow
 from .live.source import LiveSource as LiveSource

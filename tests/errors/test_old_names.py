@@ -29,6 +29,7 @@ def test_a_name_of_before_works_and_warns(door: str, old: str, new: str) -> None
         ("robot", "load_aerobat", "aerobat"),
         ("robot", "joint_wrench", "observers"),
         ("estimation", "r_squared", "forces"),
+        ("estimation", "ForceNode", "experiments"),
         ("aerodynamics", "RobotAir", "aerobat"),
     ],
 )

@@ -10,8 +10,9 @@ from time import monotonic
 import numpy as np
 
 from aerobat_pin.errors import LogError, MapError
-from aerobat_pin.estimation import ForceNode, OnlineEstimator, OnlineSample, Result, estimate, stream_of
+from aerobat_pin.estimation import OnlineEstimator, OnlineSample, Result, estimate, stream_of
 from aerobat_pin.experiments.experiment import Progress
+from aerobat_pin.experiments.live.ros_node import ForceNode
 from aerobat_pin.experiments.live.source import LiveRow, LiveSource
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records import Columns, Map, open_record, read_columns, urdf_of

@@ -17,8 +17,8 @@ from support.pages import ROOT
 from support.walking_log import FEET, bag_map, urdf, walk
 
 from aerobat_pin.errors import ExtraError, MapError
-from aerobat_pin.estimation import ForceNode, OnlineEstimator, OnlineSample
-from aerobat_pin.experiments import LiveRow, LiveTopics
+from aerobat_pin.estimation import OnlineEstimator, OnlineSample
+from aerobat_pin.experiments import ForceNode, LiveRow, LiveTopics
 from aerobat_pin.forces.contacts import END_SHARE, ONSET_SHARE, ContactWatch, touching
 from aerobat_pin.records import load_map, parse_map
 

@@ -26,9 +26,7 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.errors import ExtraError, MapError, raising
-from aerobat_pin.estimation.calibration.calibration import Calibration
-from aerobat_pin.estimation.online import OnlineEstimator
-from aerobat_pin.estimation.online_sample import OnlineSample
+from aerobat_pin.estimation import Calibration, OnlineEstimator, OnlineSample
 from aerobat_pin.forces import ContactWatch, contact_probability
 from aerobat_pin.records import Map, stamp
 
