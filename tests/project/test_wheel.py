@@ -81,7 +81,7 @@ def python(code: str, installed: Path, cwd: Path, **changes: str) -> str:
 
 
 def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -> None:
-    """Every file of the two packages, the licence, no tests, no documents, under 1.22 MB, of it 95 kB in equal meshes."""
+    """Every file of the two packages, the licence, no tests, no documents, under 1.22 MB (95 kB: equal meshes)."""
     names = zipfile.ZipFile(wheel).namelist()
     info = next(name.split("/")[0] for name in names if name.endswith(".dist-info/METADATA"))
     ours = {
