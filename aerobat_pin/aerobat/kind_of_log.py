@@ -117,7 +117,7 @@ def needs_map(path: Path, lacks: str = "", robot: str = "") -> LogError:
     """Return the error for a log that only a map explains; `lacks` says why it is none of Aerobat's, if it is not."""
     why = f"{lacks}; if it is another robot's, " if lacks else ""
     return LogError(
-        f"log {path}: {why}a map says what its columns mean and which robot it was (--map MAP.toml of estimate, which "
-        f"also writes a replay, calibrate, check and live); `aerobat estimate {shlex.quote(str(path))} "
+        f"log {path}: {why}a map says what its columns mean and which robot it was (--map MAP.toml of estimate, "
+        f"calibrate, check and live; estimate writes a replay, too); `aerobat estimate {shlex.quote(str(path))} "
         f"--suggest{f' --urdf {shlex.quote(robot)}' if robot else ''}` prints one to begin with"
     )

@@ -50,6 +50,8 @@ def test_a_pull_is_not_normal_where_no_joint_rubs(tmp_path: Path) -> None:
     chosen = edited(arm_map(["tool0"]), {"check": None})
     free, hose = (recorded(tmp_path / f"{name}.csv", chosen) for name in ("free", "hose"))
     assert calibrate([free]).warnings == ()
+    unsought = recorded(tmp_path / "free.csv", edited(chosen, {"robot.points": []}))
+    assert not any("learnt as friction" in line for line in calibrate([unsought]).warnings)
     with pytest.raises(CalibrationError, match=r"something pushed at tool0.* (19|2[012])(\.\d)? N .*--trust"):
         calibrate([hose])
 

@@ -60,7 +60,8 @@ def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
     b, size, _, _ = most_likely(y, x, np.array([np.inf, np.inf, np.inf, 1.0]), J, at, instants.sliding, force, error)
     if not points or np.all(spare_share(J, force, np.sqrt(size) * error) < CHECKED):
         text = "no row is to spare: a force that lasts would have been learnt as friction and offset of "
-        return [], [f"{record.title}: {text}{', '.join(instants.joints)}; make sure that nothing pushed"]
+        untold = f"{record.title}: {text}{', '.join(instants.joints)}; make sure that nothing pushed"
+        return [], [] if forces.values.friction is None else [untold]
     left, stiction = y.copy(), np.zeros(len(kept))
     left[:, at] -= np.einsum("ami,ai->mi", x, b)
     stiction[at] = b[0]

@@ -193,10 +193,8 @@ def _cut_off_efforts(record: Record) -> Iterator[Finding]:
                 cut[joint] = cut.get(joint, 0.0) + share
     if cut:
         whose = ", ".join(f"{joint} ({100.0 * share:.0f} % of the time)" for joint, share in cut.items())
-        what = (
-            f"efforts stay at exactly their largest or least value in motion: {whose}: are they cut off there, or are"
-        )
-        yield Finding("effort at its limit", "warning", f"{what} the motors at their limits?", max(cut.values()), "1")
+        what = f"efforts stay at exactly their largest or least value in motion: {whose}; are they cut off there, or"
+        yield Finding("effort at its limit", "warning", f"{what} are motors at their limits?", max(cut.values()), "1")
 
 
 def _constant(channel: Channel) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ from aerobat_pin.forces import CHECKED, Instants, KnownForces, StoredEstimate, c
 from aerobat_pin.observers import Expected, row_names
 
 PART = 0.1  # of what errors make of a component: a row's that is named
-COMPONENTS_NAMED = 3  # components
+COMPONENTS_NAMED = 3  # in a sentence
 
 
 def untested_findings(
@@ -29,9 +29,10 @@ def untested_findings(
     told = forces.record.map.use.free is not None or estimate.redundancy.verdict == "blind"
     if told or expected is None or instants is None or not len(instants.rows):
         return
-    error = expected.row_deviation(instants.v)[:, None, instants.kept]
-    checked, shares = checked_share(instants.jacobians[..., instants.kept], expected.force, error)
-    names = np.array(list(row_names(forces.record.robot.model)))[instants.kept]
+    some, kept = instants.weighed, instants.kept
+    error = expected.row_deviation(instants.v[some])[:, None, kept]
+    checked, shares = checked_share(instants.jacobians[some][..., kept], expected.force, error)
+    names = np.array(list(row_names(forces.record.robot.model)))[kept]
     words = [
         f"{short_label(size.name)} (by {', '.join(names[share > PART])} alone)"
         for size, tested, share in zip(estimate.component_sizes(), checked, shares, strict=True)
