@@ -15,21 +15,21 @@ if TYPE_CHECKING:
     from aerobat_pin.aerobat import FlightLog as FlightLog
     from aerobat_pin.aerobat import closed_model as closed_model
     from aerobat_pin.aerobat import load_aerobat as load_aerobat
+    from aerobat_pin.aerobat import open_record as open_record
     from aerobat_pin.estimation import calibrate as calibrate
     from aerobat_pin.estimation import estimate as estimate
     from aerobat_pin.experiments import run as run
     from aerobat_pin.flight import simulate as simulate
     from aerobat_pin.records import load_robot as load_robot
-    from aerobat_pin.records import open_record as open_record
     from aerobat_pin.scenario import Scenario as Scenario
     from aerobat_pin.scenario import load_scenario as load_scenario
 
 __version__ = "0.1.0"
 _ROOMS = {
     "experiments": ["run"],
-    "aerobat": ["Aerobat", "FlightLog", "closed_model", "load_aerobat"],
+    "aerobat": ["Aerobat", "FlightLog", "closed_model", "load_aerobat", "open_record"],
     "estimation": ["calibrate", "estimate"],
-    "records": ["load_robot", "open_record"],
+    "records": ["load_robot"],
     "flight": ["simulate"],
     "scenario": ["Scenario", "load_scenario"],
 }

@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 
-from aerobat_pin.estimation import estimate
-from aerobat_pin.records import open_record, parse_map
+from aerobat_pin import estimate, open_record
+from aerobat_pin.records import parse_map
 
 URDF = """<robot name="arm">
 <link name="base"><inertial><mass value="0.5"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/>

@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 import pandas as pd
 
-from aerobat_pin.estimation import estimate
-from aerobat_pin.records import Block, Parameter, PlainRobot, Record, open_record, parse_map, robot_of_map
+from aerobat_pin import estimate, open_record
+from aerobat_pin.records import Block, Parameter, PlainRobot, Record, parse_map, robot_of_map
 
 DRAG = 2.4e-4  # N s2/m, over the sum of the rotors' speeds [rad/s] and the drone's own speed [m/s]
 

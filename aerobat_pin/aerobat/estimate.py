@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from aerobat_description.reading import did_you_mean
-from aerobat_pin.aerobat.aerobat import Aerobat, load_morphology
+from aerobat_pin.aerobat.aerobat import Aerobat, believed_robot, load_morphology
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import flight_record, noted_air
 from aerobat_pin.aerobat.robot import AerobatRobot
@@ -124,9 +124,15 @@ def estimate_flight(
     check_names(section.names)
     if log.is_raw and calibration is not None and not calibration.extras:
         raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
-    believed = AerobatRobot.of(robot, belief.believed_air, section.torque)
-    record = flight_record(log, replace(believed, raw=section.raw or RawSection()), section)
+    record = flight_record(log, robot_of_belief(belief, robot), section)
     return estimate(record, calibration=calibration, trust=True, progress=progress)
+
+
+def robot_of_belief(belief: Scenario, robot: Aerobat | None = None) -> AerobatRobot:
+    """Return the believed robot, or a loaded one, with the air, torque and smoothing of raw samples of the belief."""
+    section = belief.observers
+    believed = AerobatRobot.of(robot or believed_robot(belief), belief.believed_air, section.torque)
+    return replace(believed, raw=section.raw or RawSection())
 
 
 @guarded()

@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat
 from aerobat_pin.aerobat.channels import KNOWN
-from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat.flight_log import FlightLog, truth_of
 from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
 from aerobat_pin.aerobat.robot import AerobatRobot
@@ -71,7 +71,7 @@ def free_record(
 def flight_record(
     log: FlightLog, robot: AerobatRobot, section: ObserverSection | None = None, label: str = "flight"
 ) -> Record:
-    """Return the measured channels of a flight log as a record; its true values are not used.
+    """Return the measured channels of a flight log as a record, whose references are its true values, if any.
 
     Args:
         log: the flight log.
@@ -81,12 +81,25 @@ def flight_record(
     """
     knots = series_of(Spool(), log.time)
     channels = flight_channels(log, robot.aerobat, knots)
-    chosen, last = flight_map(section or ObserverSection()), len(log.time) - 1
+    section = section or ObserverSection()
+    last, references = len(log.time) - 1, truth_of(log, section.frames)
     start, span = float(log.time[0]), float(log.time[-1] - log.time[0])
     rate = last / span if span > 0.0 else 1.0
     driven = JOINTS if "joints.effort" in channels else ()
     joints = JOINTS if {"joints.position", "joints.velocity"} & channels.keys() else ()
-    return Record(chosen, robot, channels, joints, driven, start, rate, ((0, last),), (), knots, label=label)
+    return Record(
+        map=flight_map(section),
+        robot=robot,
+        channels=channels,
+        joints=joints,
+        driven=driven,
+        start=start,
+        rate=rate,
+        parts=((0, last),),
+        knots=knots,
+        label=label,
+        references=references,
+    )
 
 
 def flight_map(section: ObserverSection) -> Map:

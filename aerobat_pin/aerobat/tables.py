@@ -26,7 +26,7 @@ from aerobat_pin.aerobat.kind_of_log import RAW_TABLE, STATE_TABLE, kind_of_log,
 from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.errors import LogError, OutputError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.records import EXTRA, Record, open_record
+from aerobat_pin.records import EXTRA, Record, open_by_map
 from aerobat_pin.scenario import ObserverSection
 
 STATE_KEYS = {  # channel of a flight log -> keys whose columns it has, side by side
@@ -56,7 +56,7 @@ def table_record(path: Path, robot: AerobatRobot, section: ObserverSection | Non
         raise LogError(f"log {path}: a table was expected")
     flight = flight_map(section or ObserverSection())
     chosen = table_map(kind).model_copy(update={"robot": flight.robot, "observer": flight.observer})
-    return open_record(path, chosen, path.parent, robot)
+    return open_by_map(path, chosen, path.parent, robot)
 
 
 @guarded()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,9 +12,7 @@ from aerobat_pin.cli.console import doing, progress_bar
 from aerobat_pin.cli.options import BelievedMorphology, Force, Settings, out_option
 
 if TYPE_CHECKING:
-    from aerobat_pin.aerobat import FlightLog
     from aerobat_pin.records import Record
-    from aerobat_pin.scenario import Scenario
 
 EXIT_CODES = {"unchanged": 0, "changed": 3, "unverified": 4}
 FIGURE_KINDS = ("png", "pdf", "svg")
@@ -93,43 +90,23 @@ def opened(
         return _flights(paths, morphology, settings, free=free)
     if morphology is not None or settings:
         raise MapError(f"calibrate: {'--set' if morphology is None else '--morphology'} is for Aerobat's own flights")
-    from aerobat_pin.records import load_map, open_record
+    from aerobat_pin.records import load_map, open_by_map
 
     chosen, folder = load_map(map_file), map_file.absolute().parent
-    return [open_record(log, chosen, folder) for log in paths]
+    return [open_by_map(log, chosen, folder) for log in paths]
 
 
 def _flights(paths: list[Path], morphology: str | None, settings: list[str], *, free: bool) -> list[Record]:
-    from aerobat_pin.aerobat import AerobatRobot, believed_robot, flight_record, free_record
-    from aerobat_pin.scenario import RawSection
+    from aerobat_pin.aerobat import describe_belief, flight_record, free_record, read_flight, robot_of_belief
 
     records = []
     for path in paths:
-        log, belief = _flight(path, morphology, settings)
-        robot = AerobatRobot.of(believed_robot(belief), belief.believed_air, belief.observers.torque)
-        robot = replace(robot, raw=belief.observers.raw or RawSection())
-        records.append((free_record if free else flight_record)(log, robot, belief.observers, str(path)))
+        log, belief = read_flight(path, morphology, settings)
+        if not os.path.isdir(path):
+            typer.echo(f"{path}: {describe_belief(belief, morphology, settings)}")
+        record_of = free_record if free else flight_record
+        records.append(record_of(log, robot_of_belief(belief), belief.observers, str(path)))
     return records
-
-
-def _flight(path: Path, morphology: str | None, settings: list[str]) -> tuple[FlightLog, Scenario]:
-    """Read a run or a log with the belief about it."""
-    from aerobat_pin.aerobat import belief_about, describe_belief, read_log
-    from aerobat_pin.errors import LogError
-    from aerobat_pin.scenario import scenario_of_run
-
-    if os.path.isdir(path):  # unlike `path.is_dir()`, takes names of any length
-        if not (path / "scenario.toml").is_file() or not (path / "flight.nc").is_file():
-            raise LogError(f"{path} is not the folder of a run: scenario.toml and flight.nc were expected in it")
-        if morphology is not None:
-            raise LogError(
-                "calibrate: --morphology says which robot is believed to have flown a log; a log was expected"
-            )
-        return read_log(path / "flight.nc"), scenario_of_run(path, settings)
-    log = read_log(path)
-    belief = belief_about(log, path.stem, morphology, [], settings)
-    typer.echo(f"{path}: {describe_belief(belief, morphology, settings)}")
-    return log, belief
 
 
 def check_command(

@@ -154,16 +154,16 @@ def estimate_by_map(
     """Estimate, after a self-check if it is wanted; print what was found, and write the results."""
     from aerobat_pin.estimation import estimate
     from aerobat_pin.experiments import check_mcap_file, write_mcap
-    from aerobat_pin.records import open_record
+    from aerobat_pin.records import open_by_map
 
     if mcap is not None:
         check_mcap_file(mcap, force=force)
-    record = open_record(log, chosen, folder) if self_check else None  # else only once the folder is known to be free
+    record = open_by_map(log, chosen, folder) if self_check else None  # else only once the folder is known to be free
     if record is not None:
         _print_self_check(record, learnt)
     write_results(
         lambda show: estimate(
-            record or open_record(log, chosen, folder),
+            record or open_by_map(log, chosen, folder),
             progress=lambda share: show("estimating", share),
             trust=trust,
             calibration=learnt,

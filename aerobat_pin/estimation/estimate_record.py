@@ -109,7 +109,7 @@ def estimate(
         mass=robot.mass,
         dt=record.dt,
         stored=stored,
-        references=sensor_references(record),
+        references=(*record.references, *sensor_references(record)),
         calibration=use,
         notes=(*record.notes, *notes),
         inputs=sources,

@@ -19,7 +19,6 @@ from aerobat_pin.aerobat import (
     estimate_flight,
     flown_robot,
     true_events,
-    truth_of,
 )
 from aerobat_pin.control import FAILED, Controller, control_summary, course_rms
 from aerobat_pin.errors import SimulationError
@@ -194,7 +193,6 @@ def _estimated(
         result,
         name=belief.name,
         title=f"{belief.name}: {note}; motor torque {belief.observers.torque}",
-        references=truth_of(log, belief.observers.frames),
         events=tuple(true_events(log)),
         more={"log": belief.name, "torque": belief.observers.torque, "note": note},
     )

@@ -16,7 +16,7 @@ from .channels import base_requests as base_requests
 from .checked_netcdf import seal_netcdf as seal_netcdf
 from .columns import Columns as Columns
 from .csv_columns import header_of as header_of
-from .file_source import open_record as open_record
+from .file_source import open_by_map as open_by_map
 from .joint_channels import encoder_words as encoder_words
 from .joint_channels import joint_requests as joint_requests
 from .joint_channels import requests_of as requests_of

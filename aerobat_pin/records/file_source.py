@@ -32,7 +32,7 @@ MOST_TIMES = 1 << 45  # common times from the first to the last, holes included;
 
 
 @guarded()
-def open_record(
+def open_by_map(
     path: Path | str, chosen: Map | Path | str, folder: Path | str | None = None, robot: PlainRobot | None = None
 ) -> Record:
     """Read a recording by its map.

@@ -16,6 +16,7 @@ from aerobat_pin.records.block import Block, Channel
 from aerobat_pin.records.channels import EXTRA
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.map_tables import JointVelocitySection, Map, RateSection, VelocitySection
+from aerobat_pin.records.reference import Reference
 from aerobat_pin.records.resample import line_means, neighbour_rates, sampled, sampled_turns, slopes, turn_rates
 from aerobat_pin.records.robots import FREE_NQ, FREE_NV, PlainRobot
 from aerobat_pin.records.spool import Series, spread_stretches
@@ -43,6 +44,7 @@ class Record:
         log: the columns that it was read from, without their samples; None if it was not read from a file.
         folder: where relative paths of the map begin.
         label: what messages and pages call a record that was not read from a file.
+        references: what a simulation knows of the forces: estimates are compared with it, and never see it.
     """
 
     map: Map
@@ -58,6 +60,7 @@ class Record:
     log: Columns | None = None
     folder: Path = Path()
     label: str = "flight"
+    references: tuple[Reference, ...] = ()
 
     @property
     def title(self) -> str:

@@ -21,9 +21,10 @@ sys.path.insert(0, str(ROOT / "examples" / "recordings"))
 import hopper
 import tiago
 
+from aerobat_pin import open_record
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Calibration, Result, calibrate, estimate
-from aerobat_pin.records import load_map, open_record, parse_map
+from aerobat_pin.records import load_map, parse_map
 from aerobat_pin.visualization import draw_all
 
 MAPS = ROOT / "examples" / "recordings"

@@ -16,7 +16,7 @@ from support.commands import call
 from support.walking_log import FEET, bag, table, table_map, urdf, walk
 
 from aerobat_pin import records
-from aerobat_pin.records import open_record, parse_map
+from aerobat_pin.records import open_by_map, parse_map
 
 
 @pytest.fixture
@@ -80,9 +80,9 @@ def test_a_self_check_opens_the_record_once(
 
     def counted(log: Path, *rest: Any) -> records.Record:
         opened.append(log)
-        return open_record(log, *rest)
+        return open_by_map(log, *rest)
 
-    monkeypatch.setattr(records, "open_record", counted)
+    monkeypatch.setattr(records, "open_by_map", counted)
     assert call("estimate", "walk.csv", "--map", "map.toml", "--self-check") == 0
     said = capsys.readouterr().out
     assert said.index("self-check: 12 of 12 known forces") < said.index("force_level FL_FOOT Fz")

@@ -9,6 +9,8 @@ import pytest
 import xarray as xr
 from support.commands import aerobat
 
+import aerobat_pin
+from aerobat_pin import open_record, records
 from aerobat_pin.aerobat import robot as robot_of_records
 from aerobat_pin.aerobat.aerobat import Aerobat, believed_robot, load_morphology
 from aerobat_pin.aerobat.air.believed_air import reconstructed_air
@@ -16,12 +18,12 @@ from aerobat_pin.aerobat.estimate import belief_about, describe_belief, estimate
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.aerobat.tables import read_log
-from aerobat_pin.errors import ScenarioError
+from aerobat_pin.errors import LogError, ScenarioError
 from aerobat_pin.estimation import Check
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.experiments.self_check import self_check
 from aerobat_pin.numerics import Array
-from aerobat_pin.scenario import AirSection
+from aerobat_pin.scenario import AirSection, scenario_toml
 
 HEADER = ("time [s]", "x [m]", "y [m]", "z [m]", "qx", "qy", "qz", "qw", "crank_angle [rad]", "airspeed [m/s]")
 THRUST = tuple(f"thrust_{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz"))
@@ -55,6 +57,26 @@ def test_a_simulated_log_gives_again_what_its_run_gave(paper: Experiment, tmp_pa
     names = {path.relative_to(tmp_path / "found").as_posix() for path in (tmp_path / "found").rglob("*.*")}
     pages = {"report.html", "replay.html", "figures/estimation.png", "figures/estimation.pdf", "figures/states.png"}
     assert names >= {"belief.toml", "estimate.nc", "estimate.csv", "metrics.json", *pages}
+
+
+def test_python_opens_a_run_as_any_other_record(paper: Experiment, tmp_path: Path) -> None:
+    """The same road as the command's: folder or log without a map, forces to the last bit, scored against the truth."""
+    paper.log.save(tmp_path / "flight.nc")
+    with pytest.raises(LogError, match=r"not the folder of a run: scenario\.toml"):
+        open_record(tmp_path)
+    (tmp_path / "scenario.toml").write_text(scenario_toml(paper.scenario))
+    for place in (tmp_path, tmp_path / "flight.nc"):
+        result = aerobat_pin.estimate(open_record(place), ["force_level"])
+        scores = result.metrics()["observers"]["force_level"]
+        if place == tmp_path:  # the gain of the scenario, which the log alone does not know
+            np.testing.assert_array_equal(result.estimates["force_level"].force, paper.estimates["force_level"].force)
+            assert scores["left"] == paper.metrics["observers"]["force_level"]["left"]
+        assert scores["right"]["Fz"]["r2"] > 0.99
+    with pytest.deprecated_call(match="aerobat_pin.aerobat.open_record now"):
+        assert records.open_record is open_record
+    (tmp_path / "arm.csv").write_text("time,a,b\n0,1,2\n")
+    with pytest.raises(LogError, match="a map says what its columns mean"):
+        open_record(tmp_path / "arm.csv")
 
 
 def test_a_sample_meets_its_air_once(paper: Experiment, monkeypatch: pytest.MonkeyPatch) -> None:

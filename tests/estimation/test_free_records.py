@@ -12,9 +12,10 @@ from support.strange_arm import JOINTS, URDF, arm_map, nothing, pushed, write_lo
 from support.swinging_arm import arm, recording
 from support.swinging_arm import arm_map as short_arm_map
 
+from aerobat_pin import open_record
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation import calibrate, estimate
-from aerobat_pin.records import open_record, parse_map
+from aerobat_pin.records import parse_map
 
 HOSE = np.array([0.0, 0.0, -20.0])
 

@@ -13,12 +13,13 @@ from support.recorded import edited, recorded
 from support.swinging_arm import JOINTS, arm, arm_map, recording
 from support.walking_log import bag, bag_map, urdf, walk
 
+from aerobat_pin import open_record
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, estimate
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.observers import JointFriction
-from aerobat_pin.records import Record, open_record, parse_map, suggested_map
+from aerobat_pin.records import Record, parse_map, suggested_map
 from aerobat_pin.records.columns import GrowingTable, in_order
 from aerobat_pin.records.resample import without_turns
 from aerobat_pin.records.spool import Spool, series_of

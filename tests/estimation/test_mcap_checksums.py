@@ -9,10 +9,11 @@ import pinocchio as pin
 import pytest
 from support.walking_log import bag, bag_map, urdf, walk
 
+from aerobat_pin import open_record
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.experiments.mcap_messages import McapStretch, write_mcap_stretches
-from aerobat_pin.records import mcap_is_sealed, open_record, parse_map
+from aerobat_pin.records import mcap_is_sealed, parse_map
 
 
 def test_damage_to_a_sealed_bag_is_noticed(tmp_path: Path) -> None:

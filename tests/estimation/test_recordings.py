@@ -12,13 +12,14 @@ from scipy.spatial.transform import Rotation
 from support.recorded import edited, recorded
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
+from aerobat_pin import open_record
 from aerobat_pin.aerobat import needs_map
 from aerobat_pin.errors import AerobatError, ArgumentError, LogError, MapError
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.checks.attitude import accelerometer_findings
 from aerobat_pin.estimation.checks.compare import compare
-from aerobat_pin.records import describe_map, open_record
+from aerobat_pin.records import describe_map
 from aerobat_pin.records.resample import line_means, turn_rates
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]

@@ -8,10 +8,11 @@ import pinocchio as pin
 import pytest
 from support.walking_log import FEET, table, table_map, urdf, walk
 
+from aerobat_pin import open_record
 from aerobat_pin.errors import ObserverError, ScenarioError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.experiments import LIVE_OBSERVERS, LiveFlight, LiveRecording, LiveRobot, LiveRow
-from aerobat_pin.records import open_record, parse_map
+from aerobat_pin.records import parse_map
 from aerobat_pin.scenario import load_scenario
 
 LONG = 1e3  # [s] of work that a test allows

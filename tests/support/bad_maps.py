@@ -12,8 +12,9 @@ from typing import Any, get_args, get_origin
 import numpy as np
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
+from aerobat_pin import open_record
 from aerobat_pin.estimation import estimate
-from aerobat_pin.records import Map, open_record
+from aerobat_pin.records import Map
 from support.bad_texts import Rng
 from support.recorded import edited
 from support.walking_log import table_map

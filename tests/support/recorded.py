@@ -5,7 +5,8 @@ from functools import reduce
 from pathlib import Path
 from typing import Any
 
-from aerobat_pin.records import Map, PlainRobot, Record, open_record, parse_map
+from aerobat_pin import open_record
+from aerobat_pin.records import Map, PlainRobot, Record, parse_map
 
 
 def recorded(log: Path, values: Map | dict[str, Any], robot: PlainRobot | None = None) -> Record:

@@ -281,7 +281,8 @@ def _recordings(api: Any, folder: Path, done: Any) -> dict[str, dict[str, Any]]:
         "parse_map": {"values": values},
         "load_map": {"path": folder / "map.toml"},
         "with_options": {"chosen": read, "said": None, "points": ["body"], "observers": ["momentum"]},
-        "open_record": {"path": log, "chosen": read, "robot": None},
+        "open_record": {"path": folder / "log.nc", "robot": None},
+        "open_by_map": {"path": log, "chosen": read, "robot": None},
         "estimate": {"record": record, "observers": ["momentum"], "calibration": None, "trust": False},
         "stream_of": {"record": record},
         "check_record": {"record": record},
@@ -324,7 +325,7 @@ one_unit rotation_matrices force_size said_unit name_for scenario_keys
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew
 SeriesSculpture scenario_of_run changed_keys changes_text differing_keys keys_text blocks_of component_sizes
 found_contacts belief_of described flight_log_of log_with_motion shipped_description
-AerobatRobot filled flight_channels flight_record"""
+AerobatRobot filled flight_channels flight_record read_flight robot_of_belief"""
 PROTOCOLS = "Pilot Disturbance AerobatEnv Simulator"  # what others write, and what gymnasium's checker checks
 EXCLUDED = frozenset(f"{PROTOCOLS} {RESULTS} {TABLES} {MEMORY} {HOT} {NOTHING} {LONG} {INNER}".split())
 HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign is allowed

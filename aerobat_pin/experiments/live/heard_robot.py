@@ -15,7 +15,7 @@ from aerobat_pin.experiments.experiment import Progress
 from aerobat_pin.experiments.live.ros_node import ForceNode
 from aerobat_pin.experiments.live.source import LiveRow, LiveSource
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.records import Columns, Map, open_record, read_columns, urdf_of
+from aerobat_pin.records import Columns, Map, open_by_map, read_columns, urdf_of
 
 Stamped = tuple[float, int, dict[str, float]]  # time [s], number of its clock, columns
 
@@ -55,7 +55,7 @@ class LiveStream(LiveSource):
     def estimated(self, log: Path, show: Progress) -> Result:
         """Return what `aerobat estimate` finds in a recording by the chosen observer."""
         section = self.map.observer.model_copy(update={"names": (self.observer,), "gain": self.gain})
-        record = open_record(log, self.map.model_copy(update={"observer": section}), self.folder)
+        record = open_by_map(log, self.map.model_copy(update={"observer": section}), self.folder)
         return estimate(record, progress=lambda share: show("estimating", share), trust=True)
 
 
@@ -73,7 +73,7 @@ class LiveRecording(LiveStream):
 
     @guarded()
     def __init__(self, log: Path, chosen: Map, folder: Path) -> None:
-        record = open_record(log, chosen, folder)
+        record = open_by_map(log, chosen, folder)
         super().__init__(log.name, stream_of(record), record.map, folder)
         columns = read_columns(log, record.map.log, self.stream.columns)
         self._samples = heapq.merge(
