@@ -137,7 +137,8 @@ MUTANTS = (
            'np.einsum("mic,mi->c", shares, spare) / len(J)', "np.full(J.shape[1], spare.mean())",
            "tests/estimation/test_no_row_to_spare.py"),
     Mutant("a world whose z points down keeps it", "estimation/checks/known_against_motion.py",
-           "turn.T @ attitude if world else attitude", "attitude", "tests/estimation/test_flying_arm.py"),
+           "attitude = np.where(worlds[:, None, None, None], turns", "attitude = np.where(False, turns",
+           "tests/estimation/test_flying_arm.py"),
     Mutant("a start that rises counts as a push", "estimation/verdict.py", "> estimate.risen - 1e-9",
            "> -1.0", "tests/estimation/test_verdict.py"),
 )  # fmt: skip

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -92,13 +91,14 @@ def _mean_force(record: Record, estimated: Array | None, needed: Array, known: A
 
 def _turned(record: Record, motion: FreeMotion) -> Iterator[Finding]:
     """Yield other axes of a motion, if known forces then explain far more of it."""
-    mapped = _opposed(record, motion)
+    [mapped] = _opposed(record, motion)
     if mapped < SAYS_NOTHING:
         return
     few = motion.every(-(-len(motion.v) // TRIED_AT))
-    tried = [(turn, world) for turn in QUARTER_TURNS for world in (0, 1)]
-    turn, world = min(tried, key=lambda each: _opposed(record, _turned_back(few, *each)))
-    least = _opposed(record, _turned_back(motion, turn, world))
+    turns, worlds = np.repeat(QUARTER_TURNS, 2, axis=0), np.arange(2 * len(QUARTER_TURNS)) % 2 == 1
+    best = int(np.argmin(_opposed(record, _turned_back(few, turns, worlds), len(turns))))
+    turn, world = turns[best], bool(worlds[best])
+    [least] = _opposed(record, _turned_back(motion, turn[None], worlds[best : best + 1]))
     if least < LEFT_BY_TURN * mapped:
         vector = pin.log3(turn)
         angle = float(np.linalg.norm(vector))
@@ -112,22 +112,23 @@ def _turned(record: Record, motion: FreeMotion) -> Iterator[Finding]:
         yield Finding(OTHER_AXES, "warning", text, share, "1")
 
 
-def _turned_back(motion: FreeMotion, turn: Array, world: int) -> FreeMotion:
-    """Return a motion of which what is read is the body turned (3, 3), and the world, too."""
-    attitude = rotation_matrices(motion.halfway[:, 3:7]) @ turn
-    attitude = turn.T @ attitude if world else attitude
-    halfway, v, a = motion.halfway.copy(), motion.v.copy(), motion.a.copy()
-    halfway[:, 3:7] = [pin.Quaternion(each).coeffs() for each in attitude]
-    for rates in (v, a):
-        rates[:, :6] = np.concatenate([rates[:, :3] @ turn, rates[:, 3:6] @ turn], axis=1)
-    return replace(motion, halfway=halfway, v=v, a=a)
+def _turned_back(motion: FreeMotion, turns: Array, worlds: Array) -> FreeMotion:
+    """Return a motion of m instants n times: as if read with its body turned (n, 3, 3), and the world too (n,)."""
+    attitude = rotation_matrices(motion.halfway[:, 3:7]) @ turns[:, None]
+    attitude = np.where(worlds[:, None, None, None], turns.swapaxes(1, 2)[:, None] @ attitude, attitude)
+    motion = motion.joined([motion] * len(turns))
+    motion.halfway[:, 3:7] = [pin.Quaternion(each).coeffs() for each in attitude.reshape(-1, 3, 3)]
+    for rates in (motion.v, motion.a):
+        rates[:, :6] = (rates[:, :6].reshape(len(turns), -1, 2, 3) @ turns[:, None]).reshape(-1, 6)
+    return motion
 
 
-def _opposed(record: Record, motion: FreeMotion) -> float:
-    """Return E of a motion."""
-    (attitude, needed), total = _needed(record, motion), 0.0
+def _opposed(record: Record, motion: FreeMotion, readings: int = 1) -> Array:
+    """Return E (n,) of a motion, whose instants are those of n readings, one after the other."""
+    (attitude, needed), total = _needed(record, motion), np.zeros(readings)
     for part, axes in ((slice(3), attitude), (slice(3, 6), np.eye(3)[None])):
         both = (np.einsum("mij,mj->mi", axes, side[:, part]) for side in (needed, motion.known))
-        m, k = (side - side.mean(axis=0) for side in both)
-        total += float(np.sum((m - k) ** 2) / max(np.sum(m**2) + np.sum(k**2), 1e-300))
+        sides = (side.reshape(readings, -1, 3) for side in both)
+        m, k = (side - side.mean(axis=1, keepdims=True) for side in sides)
+        total += np.sum((m - k) ** 2, axis=(1, 2)) / np.maximum(np.sum(m**2 + k**2, axis=(1, 2)), 1e-300)
     return total
