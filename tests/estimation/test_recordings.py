@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 from support.recorded import edited, recorded
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
-from aerobat_pin import open_record
 from aerobat_pin.aerobat import needs_map
-from aerobat_pin.errors import AerobatError, ArgumentError, LogError, MapError
+from aerobat_pin.errors import AerobatError, LogError, MapError
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.checks.attitude import accelerometer_findings
@@ -182,13 +181,6 @@ def test_a_file_under_two_names_is_named(folder: Path) -> None:
         table(walk()).to_csv(folder / name, index=False)
     found = estimated(folder / "walk.csv", table_map(folder / "quadruped.urdf"))
     assert any("other.csv beside it holds the same bytes" in text for text in found.warnings)
-
-
-def test_a_map_that_is_none_is_asked_for() -> None:
-    """All that would do is named."""
-    nothing: Any = None
-    with pytest.raises(ArgumentError, match="chosen = None: a Map or a path or text was expected"):
-        open_record("pushed.csv", nothing)
 
 
 def test_a_command_that_is_told_can_be_pasted() -> None:

@@ -174,13 +174,15 @@ def _power(record: Record, estimate: StoredEstimate) -> Iterator[Finding]:
     block = record.block(first, min(last, first + MANY))
     offset = estimate.index(block.time[0])
     estimated = estimate.between(offset, offset + len(block.tau))
-    every = slice(None, None, max(1, len(block.tau) // 2000))
+    every = slice(None, None, max(1, len(block.tau) // 1000))
     chosen = np.flatnonzero(settled(record, estimated.time[:-1])[every]) * every.step
     if not len(chosen):
         return
     frames, force = estimated.frames, estimated.force[chosen]
-    J = Applications(model, frames).jacobian(block.q[chosen])
-    speed = np.einsum("mcv,mv->mc", J, block.v[chosen]).reshape(force.shape)
+    data, points, speed = model.createData(), [frame_id(model, frame) for frame in frames], np.empty(force.shape)
+    for row, q, v in zip(speed, block.q[chosen], block.v[chosen], strict=True):
+        pin.forwardKinematics(model, data, q, v)
+        row[:] = [pin.getFrameVelocity(model, data, point, pin.LOCAL_WORLD_ALIGNED).linear for point in points]
     powers, size = np.mean(np.sum(force * speed, axis=2), axis=0), np.sum(force**2, axis=2)
     moved = np.sum(size * np.sum(speed**2, axis=2), axis=0) / np.maximum(np.sum(size, axis=0), 1e-12)
     yield from _held_still(record, frames, np.sqrt(moved))
