@@ -100,13 +100,11 @@ def estimate(
         sources = inputs(first, last if record.robot.remembers else first + 1).source
         use = None if watch is None else watch.use()
 
-    robot, parts = record.robot, "one part" if len(record.parts) == 1 else f"{len(record.parts)} parts"
-    used = f"{record.duration:.4g} s in {parts} at {record.rate:.4g} Hz"
     result = Result(
         name=record.title,
-        title=f"{record.title}: {robot.title}, {robot.mass:.4g} kg; {used}",
-        robot=robot.title,
-        mass=robot.mass,
+        title=str(record),
+        robot=record.robot.title,
+        mass=record.robot.mass,
         dt=record.dt,
         stored=stored,
         references=(*record.references, *sensor_references(record)),

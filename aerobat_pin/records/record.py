@@ -67,6 +67,11 @@ class Record:
         """What messages and pages call the record: the name of its file, or its label."""
         return self.label if self.log is None else self.log.path.name
 
+    def __repr__(self) -> str:
+        parts = "one part" if len(self.parts) == 1 else f"{len(self.parts)} parts"
+        used = f"{self.duration:.4g} s in {parts} at {self.rate:.4g} Hz"
+        return f"{self.title}: {self.robot.title}, {self.robot.mass:.4g} kg; {used}"
+
     @property
     def dt(self) -> float:
         """Time between two common times [s]."""

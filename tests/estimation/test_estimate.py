@@ -65,6 +65,7 @@ def test_python_opens_a_run_as_any_other_record(paper: Experiment, tmp_path: Pat
     with pytest.raises(LogError, match=r"not the folder of a run: scenario\.toml"):
         open_record(tmp_path)
     (tmp_path / "scenario.toml").write_text(scenario_toml(paper.scenario))
+    assert repr(open_record(tmp_path)) == f"{tmp_path}: aerobat_guard, 0.09213 kg; 2 s in one part at 1000 Hz"
     for place in (tmp_path, tmp_path / "flight.nc"):
         result = aerobat_pin.estimate(open_record(place), ["force_level"])
         scores = result.metrics()["observers"]["force_level"]
