@@ -6,6 +6,7 @@ import shutil
 import signal
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -80,11 +81,25 @@ def browser() -> Iterator[Any]:
         yield running
 
 
+@contextmanager
+def papers_replay(folder: Path, browser: Any) -> Iterator[Any]:
+    """Open the replay of the paper's flight, ready."""
+    with opened(browser, (folder / "replay.html").as_uri()) as replay:
+        ready(replay)
+        yield replay
+
+
 @pytest.fixture
 def page(paper_folder: Path, browser: Any) -> Iterator[Any]:
-    """Return the replay of the paper's flight, open in the browser and ready."""
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as replay:
-        ready(replay)
+    """Return the replay of the paper's flight, open in the browser and ready, for a test that uses its controls."""
+    with papers_replay(paper_folder, browser) as replay:
+        yield replay
+
+
+@pytest.fixture(scope="module")
+def shown(paper_folder: Path, browser: Any) -> Iterator[Any]:
+    """Return the same replay for all tests of a file that only look at it, at times of their own."""
+    with papers_replay(paper_folder, browser) as replay:
         yield replay
 
 

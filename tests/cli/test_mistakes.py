@@ -174,29 +174,39 @@ def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == f"aerobat {aerobat_pin.__version__}\n"
 
 
-@pytest.mark.parametrize(
-    ("typed", "offered"),
-    [
-        ("run pap", "paper_open_loop"),
-        ("sweep gain", "gain_noise"),
-        ("urdf aerobat_l", "aerobat_light"),
-        ("com", "compare"),
-        ("run paper --set crank.f", "crank.frequency="),
-        ("run paper --observer kal", "kalman"),
-        ("describe scenario unknown_force.*.fr", "unknown_force.*.frame"),
-        ("describe map joints.eff", "joints.effort.columns"),
-        ("crank aerobat_g", "aerobat_guard"),
-    ],
-)
-def test_a_shell_completes_what_can_be_named(typed: str, offered: str) -> None:
+COMPLETED = {
+    "run pap": "paper_open_loop",
+    "sweep gain": "gain_noise",
+    "urdf aerobat_l": "aerobat_light",
+    "com": "compare",
+    "run paper --set crank.f": "crank.frequency=",
+    "run paper --observer kal": "kalman",
+    "describe scenario unknown_force.*.fr": "unknown_force.*.frame",
+    "describe map joints.eff": "joints.effort.columns",
+    "crank aerobat_g": "aerobat_guard",
+}
+COMPLETING = """
+import os, sys
+from aerobat_pin.cli import main
+for typed in sys.argv[1:]:
+    sys.argv = ["aerobat"]
+    os.environ |= {"COMP_WORDS": f"aerobat {typed}", "COMP_CWORD": str(len(typed.split()))}
+    try:
+        main()
+    except SystemExit:
+        print(end="\\0")
+"""
+
+
+def test_a_shell_completes_what_can_be_named() -> None:
     """As bash asks for it: commands, scenarios, sweeps, morphologies, observers and keys."""
-    words = typed.split()
-    asked = {"COMP_WORDS": f"aerobat {typed}", "COMP_CWORD": str(len(words)), "_AEROBAT_COMPLETE": "complete_bash"}
-    code = "import sys; from aerobat_pin.cli import main; sys.argv = ['aerobat']; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=os.environ | asked, capture_output=True, text=True, check=False
-    )
-    assert offered in done.stdout.split(), done.stderr
+    asked = os.environ | {"_AEROBAT_COMPLETE": "complete_bash"}
+    command = [sys.executable, "-c", COMPLETING, *COMPLETED]
+    done = subprocess.run(command, env=asked, capture_output=True, text=True, check=False)
+    offered = [words.split() for words in done.stdout.split("\0")[:-1]]
+    assert len(offered) == len(COMPLETED), done.stderr
+    for (typed, wanted), words in zip(COMPLETED.items(), offered, strict=True):
+        assert wanted in words, typed
 
 
 @pytest.mark.parametrize(

@@ -60,14 +60,14 @@ def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Pat
             again.bind(("127.0.0.1", int(address.rstrip("/").rsplit(":", 1)[1])))
 
 
-def test_a_thousand_clients_that_leave_early_do_not_end_the_server(tmp_path: Path) -> None:
+def test_a_hundred_clients_that_leave_early_do_not_end_the_server(tmp_path: Path) -> None:
     """Some close their connection while the page is on its way, some reset it, some leave before they have asked."""
     (tmp_path / "arm.urdf").write_text(ARM)
     motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
     with served("play", "--from-csv", str(motion), "--urdf", str(tmp_path / "arm.urdf")) as (server, address):
         host, port = address.removeprefix("http://").rstrip("/").split(":")
         asked = f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode()
-        for k in range(1000):
+        for k in range(102):
             with socket.create_connection((host, int(port))) as client:
                 client.sendall(asked[: 20 if k % 3 == 0 else None])
                 if k % 2 == 0:
@@ -155,19 +155,19 @@ def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_
 def test_pictures_are_taken_at_the_rate_asked_for(
     paper_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Two seconds at ten times their speed are six pictures; old ones do not stay; the time is all of the controls."""
+    """Two seconds at 20 times their speed are three pictures; old ones do not stay; the time is all of the controls."""
     out = tmp_path / "frames"
     arguments = [str(paper_folder), "--frames", str(out), "--rate"]
     assert call("play", *arguments, "30") == 0
     assert "2 pictures, 30 a second" in capsys.readouterr().out
-    arguments += ["10"]
+    arguments += ["20"]
     assert call("play", *arguments) == 2
     assert "is not empty" in capsys.readouterr().err
     (out / "frame_00099.png").write_text("of an earlier run")
     (out / "notes.txt").write_text("mine")
     assert call("play", *arguments, "--force") == 0
-    assert "6 pictures, 30 a second" in capsys.readouterr().out
-    names = [f"frame_{k:05d}.png" for k in range(6)]
+    assert "3 pictures, 30 a second" in capsys.readouterr().out
+    names = [f"frame_{k:05d}.png" for k in range(3)]
     assert sorted(path.name for path in out.iterdir()) == [*names, "notes.txt"]
     images = [imread(out / name)[..., :3] for name in names]
     assert all(image.shape == (720, 1280, 3) and image.std() > 0.05 for image in images)

@@ -72,13 +72,13 @@ def test_its_speed_is_chosen_by_a_button(page: Any) -> None:
 
 
 @needs_browser
-def test_arrows_bars_and_robot_are_where_the_log_says(paper: Experiment, page: Any) -> None:
+def test_arrows_bars_and_robot_are_where_the_log_says(paper: Experiment, shown: Any) -> None:
     """In world axes: the tip of each arrow is its force away from the force point, to the scale of the legend."""
     data = paper.robot.model.createData()
-    scale = newtons_per_centimetre(page)
+    scale = newtons_per_centimetre(shown)
     lengths = []
     for k in (100, 225, 575, 1300):  # multiples of 25 ms are keyframes
-        at(page, paper.log.time[k])
+        at(shown, paper.log.time[k])
         q = paper.log.measured["q"].values[k]
         pin.framesForwardKinematics(paper.robot.model, data, q)
         for frame in ("left_force_point", "right_force_point"):
@@ -88,7 +88,7 @@ def test_arrows_bars_and_robot_are_where_the_log_says(paper: Experiment, page: A
                 "true force": true_force(paper.log, frame)[0][k],
             }
             for kind, force in forces.items():
-                shaft, head = (node(page, "force", kind, frame, part) for part in ("shaft", "head"))
+                shaft, head = (node(shown, "force", kind, frame, part) for part in ("shaft", "head"))
                 start = np.array(shaft["position"])
                 assert start == pytest.approx(data.oMf[paper.robot.model.getFrameId(frame)].translation, abs=1e-5)
                 rod = np.subtract(head["position"], start)
@@ -97,7 +97,7 @@ def test_arrows_bars_and_robot_are_where_the_log_says(paper: Experiment, page: A
                 assert float(rod @ force) > 0.9999 * float(np.linalg.norm(rod) * np.linalg.norm(force))
                 turn = pin.Quaternion(np.array(head["quaternion"])).matrix()
                 assert turn[:, 1] @ force > 0.9999 * np.linalg.norm(force)
-                cone = head["scale"][1] * page.evaluate(
+                cone = head["scale"][1] * shown.evaluate(
                     f"viewer.scene_tree.find(['meshcat', 'world', 'force', '{kind}', '{frame}', 'head', 'shape',"
                     " '<object>']).object.geometry.parameters.height"
                 )
@@ -105,19 +105,18 @@ def test_arrows_bars_and_robot_are_where_the_log_says(paper: Experiment, page: A
                 lengths.append(length)
         bars = bar_placements(paper.robot, paper.log.measured["crank_angle"].values[k])
         for name, placement in bars.items():
-            shown = node(page, "robot", "visuals", name)["position"]
             origin = pin.XYZQUATToSE3(q[:7]).act(placement.translation)
-            assert shown == pytest.approx(origin, abs=1e-5)
+            assert node(shown, "robot", "visuals", name)["position"] == pytest.approx(origin, abs=1e-5)
     assert max(lengths) > 3.0 * min(lengths)
 
 
 @needs_browser
-def test_the_robot_fills_the_picture_and_stays_in_it(paper: Experiment, page: Any) -> None:
+def test_the_robot_fills_the_picture_and_stays_in_it(paper: Experiment, shown: Any) -> None:
     """At least a tenth of the width from begin to end of six metres; the picture changes as it flies."""
     seen = []
     for time in (0.0, 0.7, 1.9):
-        at(page, time)
-        seen.append(pixels(page))
+        at(shown, time)
+        seen.append(pixels(shown))
         dark = seen[-1].max(axis=2) < 0.45  # body, guard and arrows against a pale sky
         columns = np.flatnonzero(dark.any(axis=0))
         assert columns.max() - columns.min() > 0.1 * dark.shape[1]
@@ -126,40 +125,56 @@ def test_the_robot_fills_the_picture_and_stays_in_it(paper: Experiment, page: An
 
 
 @needs_browser
-def test_nothing_translucent_hides_what_is_behind_it(page: Any) -> None:
+def test_nothing_translucent_hides_what_is_behind_it(shown: Any) -> None:
     """Membranes, propellers, halos and wake do not write depth: a halo behind a membrane is seen."""
     each = """(() => { const found = [];
         const look = (one) => { if (one.isMesh && one.material.transparent) found.push(one.material.depthWrite); };
         viewer.scene.traverse(look);
         return found; })()"""
-    translucent = page.evaluate(each)
+    translucent = shown.evaluate(each)
     assert len(translucent) >= 4 + 1 + 1 + 4 + 1  # membranes, tail, propellers, two halos of two parts, wake
     assert not any(translucent)
 
 
 @needs_browser
-def test_the_step_is_marked_on_the_time_bar_and_on_the_way(paper: Experiment, page: Any) -> None:
+def test_arrows_in_front_of_a_membrane_stay_coloured(shown: Any) -> None:
+    """They are drawn after everything that is translucent, the true one last, so that no membrane tints them."""
+    orders = """(() => {
+        const found = {arrow: [], other: []}, arrows = new Set();
+        viewer.scene_tree.find(["meshcat", "world", "force"]).object.traverse((one) => arrows.add(one));
+        viewer.scene.traverse((one) => {
+            const kind = arrows.has(one) ? "arrow" : "other";
+            if (one.isMesh && one.material.transparent) found[kind].push(one.renderOrder);
+        });
+        return found; })()"""
+    found = shown.evaluate(orders)
+    assert min(found["arrow"]) > max(found["other"])
+    assert set(found["arrow"]) == {2, 3}
+
+
+@needs_browser
+def test_the_step_is_marked_on_the_time_bar_and_on_the_way(paper: Experiment, shown: Any) -> None:
     """From 1 s to 1.6 s of 2 s; balls where the body is at onset and end."""
-    bar, zone = (page.locator(name).bounding_box() for name in ("#zones", "#zones b"))
+    bar, zone = (shown.locator(name).bounding_box() for name in ("#zones", "#zones b"))
     assert (zone["x"] - bar["x"]) / bar["width"] == pytest.approx(0.5, abs=0.01)
     assert zone["width"] / bar["width"] == pytest.approx(0.3, abs=0.01)
     for name, k in (("onset", 1000), ("end", 1600)):
         at_event = paper.log.measured["q"].values[k, :3]
-        assert node(page, "zone", "0", name)["position"] == pytest.approx(at_event, abs=1e-3)
+        assert node(shown, "zone", "0", name)["position"] == pytest.approx(at_event, abs=1e-3)
 
 
 @needs_browser
-def test_the_wake_grows_behind_the_wing_and_fades(paper: Experiment, page: Any) -> None:
+def test_the_wake_grows_behind_the_wing_and_fades(paper: Experiment, shown: Any) -> None:
     """The rows drawn end at the trailing edge of the moment and begin half a second earlier."""
     wake = wake_of(paper.log, paper.robot, paper.scenario.air)
-    at(page, 0.0)
-    assert page.evaluate(SHOWN) is None
+    at(shown, 0.0)
+    assert shown.evaluate(SHOWN) is None
     for k, first in ((400, 0), (1500, 1000)):
-        at(page, paper.log.time[k])
-        begin, end = page.evaluate(SHOWN)
+        at(shown, paper.log.time[k])
+        begin, end = shown.evaluate(SHOWN)
         assert begin == pytest.approx(wake.position[first, 0], abs=2e-5)
         assert end == pytest.approx(wake.position[k, -1], abs=2e-5)
-    assert node(page, "air")["position"] == [0.0, 0.0, 0.0]
+    assert node(shown, "air")["position"] == [0.0, 0.0, 0.0]
 
 
 def test_two_seconds_of_flight_are_less_than_five_megabytes(paper_folder: Path) -> None:

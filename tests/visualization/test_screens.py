@@ -95,22 +95,6 @@ def test_the_time_bar_follows_the_arrow_keys_and_the_observer_can_be_chosen(page
 
 
 @needs_browser
-def test_arrows_in_front_of_a_membrane_stay_coloured(page: Any) -> None:
-    """They are drawn after everything that is translucent, the true one last, so that no membrane tints them."""
-    orders = """(() => {
-        const found = {arrow: [], other: []}, arrows = new Set();
-        viewer.scene_tree.find(["meshcat", "world", "force"]).object.traverse((one) => arrows.add(one));
-        viewer.scene.traverse((one) => {
-            const kind = arrows.has(one) ? "arrow" : "other";
-            if (one.isMesh && one.material.transparent) found[kind].push(one.renderOrder);
-        });
-        return found; })()"""
-    found = page.evaluate(orders)
-    assert min(found["arrow"]) > max(found["other"])
-    assert set(found["arrow"]) == {2, 3}
-
-
-@needs_browser
 def test_the_replay_is_dark_by_night(page: Any) -> None:
     """Panels and sky, also when night falls while it is open; the true force is then light, and dark again by day."""
     true = """(() => { let colour; viewer.scene_tree.find(["meshcat", "world", "force", "true force"]).object.traverse(
@@ -126,23 +110,22 @@ def test_the_replay_is_dark_by_night(page: Any) -> None:
 
 
 @needs_browser
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("scheme", ["light", *further("dark")])
-def test_the_report_fits_every_screen(paper_folder: Path, browser: Any, size: tuple[int, int], scheme: str) -> None:
+def test_the_report_fits_every_screen(paper_folder: Path, browser: Any) -> None:
     """The page does not scroll sideways, wide tables do; blocks do not overlap; the replay is linked."""
     with opened(browser, (paper_folder / "report.html").as_uri()) as page:
-        page.emulate_media(color_scheme=scheme)
-        resized(page, *size)
-        assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
-        found = boxes(page, BLOCKS)
-        assert len(found) > 15
-        assert overlaps(found) == []
-        assert all(box[2] <= size[0] for _, box in found)
+        for scheme, size in itertools.product(("light", "dark"), SIZES):
+            page.emulate_media(color_scheme=scheme)
+            resized(page, *size)
+            assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
+            found = boxes(page, BLOCKS)
+            assert len(found) > 15
+            assert overlaps(found) == []
+            assert all(box[2] <= size[0] for _, box in found)
+            [(_, verdict)], [(_, picture), *_] = boxes(page, (".verdict",)), boxes(page, ("figure",))
+            assert verdict[3] < picture[1] < 0.75 * size[1] or size[1] < 500, "both are on the first screen"
         assert page.locator("table").count() == page.locator(".scroll > table").count()
         assert page.locator("nav a[href='replay.html']").count() == 1
         assert "one newton of force" in page.inner_text("main")
-        [(_, verdict)], [(_, picture), *_] = boxes(page, (".verdict",)), boxes(page, ("figure",))
-        assert verdict[3] < picture[1] < 0.75 * size[1] or size[1] < 500, "verdict and figure are on the first screen"
 
 
 def test_what_was_changed_is_said_in_the_report() -> None:
