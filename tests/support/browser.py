@@ -38,9 +38,9 @@ def started() -> Iterator[Any]:
 
 
 @contextmanager
-def opened(browser: Any, address: str, *allowed: str) -> Iterator[Any]:
-    """Open a page; fail if it had an error, or requested anything but files, data and the allowed addresses."""
-    page = browser.new_page(viewport={"width": 1000, "height": 650})
+def opened(browser: Any, address: str, *allowed: str, size: tuple[int, int] = (1000, 650)) -> Iterator[Any]:
+    """Open a page of a size [px]; fail if it errs, or requests what is no file, no data and at no allowed address."""
+    page = browser.new_page(viewport=dict(zip(("width", "height"), size, strict=True)))
     page.set_default_timeout(PATIENCE)
     problems: list[str] = []
     requests: list[str] = []

@@ -187,9 +187,7 @@ def test_the_opening_shows_robot_and_ground(browser: Any, tmp_path: Path, width:
     """The ground before the robot as behind it, nothing of the robot under the controls."""
     model, parts, q = humanoid()
     (tmp_path / "page.html").write_text(record(model, parts, TIME, q).html())
-    with opened(browser, (tmp_path / "page.html").as_uri()) as page:
-        resized(page, width, height)
-        page.reload()
+    with opened(browser, (tmp_path / "page.html").as_uri(), size=(width, height)) as page:
         ready(page)
         at(page, 0.0)
         controls = page.locator("#controls").bounding_box()

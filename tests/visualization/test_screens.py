@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.browser import frames, needs_browser, opened, pixels, ready, resized
+from support.browser import at, needs_browser, opened, pixels, ready, resized
 from support.further import further
 
 from aerobat_pin.experiments.experiment import Experiment, run
@@ -42,10 +42,9 @@ def overlaps(found: list[tuple[str, Any]]) -> list[tuple[str, str]]:
 @pytest.mark.parametrize("size", [SIZES[0], SIZES[2], *further((SIZES[1],))])
 def test_the_replays_controls_cover_nothing(paper_folder: Path, browser: Any, size: tuple[int, int]) -> None:
     """Folded or not, all of it is on the screen; on a phone the legend begins folded and buttons fit a finger."""
-    with opened(browser, (paper_folder / "replay.html").as_uri()) as page:
-        resized(page, *size)
-        page.reload()
+    with opened(browser, (paper_folder / "replay.html").as_uri(), size=size) as page:
         ready(page)
+        page.evaluate("animator.pause()")
         small = min(size) < 500
         assert page.evaluate("document.getElementById('legend').open") == (not small)
         for _ in range(2):
@@ -99,11 +98,12 @@ def test_the_replay_is_dark_by_night(page: Any) -> None:
     """Panels and sky, also when night falls while it is open; the true force is then light, and dark again by day."""
     true = """(() => { let colour; viewer.scene_tree.find(["meshcat", "world", "force", "true force"]).object.traverse(
         (one) => { if (one.isMesh) colour = one.material.color.getHexString(); }); return colour; })()"""
+    at(page, 0.5)
     light = {}
     for scheme in ("light", "dark", "light"):
         page.emulate_media(color_scheme=scheme)
         page.wait_for_function(f"(colour) => {true} === colour", arg="ffffff" if scheme == "dark" else "000000")
-        frames(page)
+        at(page, 0.5)
         light[scheme] = float(np.median(pixels(page)[:100]))
     assert light["light"] > 0.9
     assert light["dark"] < 0.5
