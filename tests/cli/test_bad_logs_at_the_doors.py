@@ -1,4 +1,4 @@
-"""Bad logs and estimates at the doors that read them: one message, exit code 2, and nothing written."""
+"""Bad estimates at the door that plays them: one message, exit code 2, and nothing written."""
 
 import re
 import shutil
@@ -6,10 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import h5py
-import numpy as np
 import pytest
 import xarray as xr
-from support.bad_logs import KINDS, write_kind
 from support.commands import call
 
 from aerobat_pin.experiments import Experiment, run, write
@@ -37,20 +35,6 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     assert printed.err.startswith("error: ")
     assert printed.err.count("\n") == 1
     return printed.err
-
-
-@pytest.mark.parametrize("door", ["estimate", "play"])
-def test_a_bad_log_is_refused_at_every_door(
-    door: str, short: Experiment, here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Eight kinds, by number of the message alone: the readers have their own tests."""
-    rng = np.random.default_rng(3)
-    for kind in [kind for kind in KINDS if kind.number == 2][:: 4 if door == "estimate" else 6]:
-        path = write_kind(kind, rng, short.log, here)
-        words = [door, path.name, *(["--out", "page.html"] if door == "play" else [])]
-        refused(capsys, *words)
-        path.unlink()
-        assert list(here.iterdir()) == [], kind.name
 
 
 def _cut(path: Path) -> None:

@@ -35,12 +35,16 @@ def content(folder: Path) -> Content:
     }
 
 
-@pytest.fixture(params=["", "/dev/shm"], ids=["temporary folder", "tmpfs"])
+ON_BOTH = pytest.mark.parametrize("place", ["", "/dev/shm"], ids=["temporary folder", "tmpfs"], indirect=True)
+
+
+@pytest.fixture
 def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path]:
-    """Return an empty folder, on each of two file systems."""
-    if not os.access(request.param or tmp_path, os.W_OK):
+    """Return an empty folder; on each of two file systems where the exchange of folders depends on them."""
+    disk = getattr(request, "param", "") or tmp_path
+    if not os.access(disk, os.W_OK):
         pytest.skip("no /dev/shm")
-    with TemporaryDirectory(dir=request.param or tmp_path) as folder:
+    with TemporaryDirectory(dir=disk) as folder:
         yield Path(folder)
 
 
@@ -131,6 +135,7 @@ def result(target: Path, *, force: bool = False) -> None:
         (work / "figures" / "states.png").write_text("new")
 
 
+@ON_BOTH
 @pytest.mark.parametrize("inside", [False, True], ids=["beside", "as the current folder"])
 def test_a_folder_of_figures_that_leads_elsewhere_is_refused(
     inside: bool, outside: Path, here: Path, monkeypatch: pytest.MonkeyPatch
@@ -157,6 +162,7 @@ def test_a_folder_that_holds_no_earlier_result_is_not_replaced(here: Path) -> No
     assert content(here) == before
 
 
+@ON_BOTH
 def test_links_beside_a_result_stay_and_what_they_lead_to(outside: Path, here: Path) -> None:
     """What a killed process left is removed, but not through a link; links in the old result are kept."""
     result(Path("runs/one"))
@@ -198,6 +204,7 @@ def exchanged(path: Path, outside: Path, opened: Callable[..., int]) -> Callable
     return swap
 
 
+@ON_BOTH
 @pytest.mark.parametrize("name", ["pages", "pages/.aerobat-a.html"])
 def test_a_link_that_is_put_there_meanwhile_is_not_followed(
     name: str, outside: Path, here: Path, monkeypatch: pytest.MonkeyPatch

@@ -29,12 +29,12 @@ def log() -> FlightLog:
     return simulate(load_scenario("paper", ["simulation.duration=0.05"]))
 
 
-@pytest.mark.parametrize("seeds", [range(2), *further(range(2, 5))])
+@pytest.mark.parametrize("seeds", [range(1), *further(range(1, 5))])
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.number in (1, 2)], ids=lambda kind: kind.name)
 def test_a_bad_log_is_read_right_or_refused_in_one_message(
     kind: Kind, seeds: range, log: FlightLog, tmp_path: Path
 ) -> None:
-    """Each kind in two variants: an error of the package, of one line and readable length, that names the file.
+    """Each kind: an error of the package, of one line and readable length, that names the file.
 
     A wrong attribute may only be noticed when the believed robot is loaded.
     """

@@ -55,11 +55,11 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_it_draws_every_pin_where_python_closes_the_linkage(
     lengths: dict[str, float], page_file: Path, browser: Any
 ) -> None:
-    """Both sides, each pin on each of its bars, at 50 crank angles, to 1e-6 m; wings as the closure turns them."""
+    """Both sides, each pin on each of its bars, at 24 crank angles, to 1e-6 m; wings as the closure turns them."""
     shape = Morphology.load("aerobat")
     bars = replace(shape.linkage, **lengths)
     with opened(browser, page_file.as_uri()) as page:
-        for crank in np.linspace(-180.0, 180.0, 50):
+        for crank in np.linspace(-180.0, 180.0, 24):
             pose = close_linkage(bars, np.radians(crank))
             assert page.evaluate(SET, [crank, lengths]) is None
             for name, found in page.evaluate(DRAWN, BARS).items():

@@ -102,6 +102,7 @@ def test_every_stretch_is_marked_however_short_and_whether_it_ends(browser: Any,
     (tmp_path / "page.html").write_text(replay.html())
     with opened(browser, (tmp_path / "page.html").as_uri()) as page:
         ready(page)
+        at(page, 0.0)
         legend = page.inner_text("#legend")
         for text in ("blow, 0.201 s to 0.203 s", "step, 0.4 s to 0.6 s", "calm, from 0.8 s on"):
             assert text in legend
