@@ -55,14 +55,6 @@ def assert_is_aerobat(model: pin.Model) -> None:
     np.testing.assert_allclose(place.rotation, lift(0.3 - 0.8), atol=1e-15, rtol=0)
 
 
-def test_robot_wrapper_builds_from_the_urdf() -> None:
-    """Pinocchio's own wrapper, with a free base, every visible part and a collision box on each link of weight."""
-    robot = pin.RobotWrapper.BuildFromURDF(description.URDF_PATH, description.PACKAGE_DIRS, pin.JointModelFreeFlyer())
-    assert_is_aerobat(robot.model)
-    assert len(robot.visual_model.geometryObjects) == VISIBLE_PARTS
-    assert len(robot.collision_model.geometryObjects) == 5
-
-
 def test_pink_moves_the_force_point_where_it_is_told() -> None:
     """Inverse kinematics with one frame task, 2 cm up, solved by a quadratic program at each of 30 steps."""
     need("pink")
@@ -164,7 +156,10 @@ class Loader:
 
 @pytest.mark.parametrize("name", description.MORPHOLOGIES)
 def test_a_loader_shaped_like_example_robot_datas_loads_every_morphology(name: str) -> None:
-    """A subclass a robot, as there: folders `urdf` and `srdf` of the package, reference posture and pairs from SRDF."""
+    """A subclass a robot, as there: folders `urdf` and `srdf` of the package, reference posture and pairs from SRDF.
+
+    Pinocchio's own wrapper finds every visible part, and a collision box on each link of weight.
+    """
     files = {"urdf_filename": f"{name}.urdf", "srdf_filename": f"{name}.srdf"}
     loader = type("AerobatLoader", (Loader,), files)()
     assert set(loader.robot.model.names) == {"universe", "root_joint", *JOINTS}
@@ -174,6 +169,7 @@ def test_a_loader_shaped_like_example_robot_datas_loads_every_morphology(name: s
     if name == "aerobat":
         assert_is_aerobat(loader.robot.model)
         assert len(loader.robot.visual_model.geometryObjects) == VISIBLE_PARTS
+        assert len(loader.robot.collision_model.geometryObjects) == 5
 
 
 @pytest.fixture

@@ -106,16 +106,6 @@ def test_joints_in_degrees_and_files_that_are_not_tables_are_refused(tmp_path: P
         read_log(tmp_path / "missing.csv")
 
 
-@pytest.mark.parametrize("sign", [";", "\t"])
-def test_another_sign_between_columns_is_recognised(sign: str, tmp_path: Path) -> None:
-    """As a spreadsheet writes it where numbers have commas."""
-    file = write(tmp_path / "hall.csv", HEADER, table())
-    plain = read_log(file).measured
-    file.write_text(file.read_text().replace(",", sign).replace(".", "," if sign == ";" else "."))
-    for name, channel in read_log(file).measured.items():
-        np.testing.assert_array_equal(channel.values, plain[name].values)
-
-
 def test_a_quote_that_does_not_end_is_refused(tmp_path: Path) -> None:
     """The rest of the file is one cell then, longer than any."""
     rows = [[*row[:9]] for row in table(4000)]

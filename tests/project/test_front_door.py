@@ -106,12 +106,6 @@ def test_the_animated_picture_of_the_readme_moves_and_is_small() -> None:
         assert picture.info["loop"] == 0
 
 
-def test_the_package_is_the_command_line() -> None:
-    """`python -m aerobat_pin` is `aerobat`."""
-    done = subprocess.run([sys.executable, "-m", "aerobat_pin", "list"], capture_output=True, text=True, check=True)
-    assert "aerobat_guard" in done.stdout
-
-
 @pytest.mark.parametrize("page", [README, RECORDINGS.partition("## A map")[0]])
 def test_what_a_recording_that_nobody_touched_is_good_for_is_said_at_once(page: str) -> None:
     """Beside the commands that estimate: two commands, which need no line of the map."""
