@@ -69,9 +69,9 @@ def test_no_shipped_flight_contradicts_itself_but_the_one_with_slow_and_late_sen
 
 @pytest.mark.parametrize("name", sorted(CONTRADICTIONS))
 def test_each_contradiction_is_named(name: str, recorded: FlightLog) -> None:
-    """Ten variants each, with the noise of real sensors; no other kind of warning comes with them."""
+    """Three variants each, with the noise of real sensors; no other kind of warning comes with them."""
     robot = flown_robot(load_scenario("real_log_demo"))
-    for seed in range(10):
+    for seed in range(3):
         wrong = recorded.measured.copy(deep=True)
         CONTRADICTIONS[name](np.random.default_rng(seed), wrong)
         found = warned(FlightLog(wrong), robot)
