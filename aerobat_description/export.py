@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
-from aerobat_description.bar_bodies import BarMasses
+from aerobat_description.bars import BarMasses
 from aerobat_description.generate import files
 from aerobat_description.morphology import Morphology
 from aerobat_description.write_mjcf import mjcf_text

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from aerobat_description.bars import LINK_OF, linkage_bars
 from aerobat_description.fuselage import body, frame, guard, motors, propellers
 from aerobat_description.morphology import Morphology
-from aerobat_description.morphology_tables import Fin, Surface
+from aerobat_description.morphology_tables import Fin, Surface, WingShape
 from aerobat_description.solids import Mesh, Point, lofted, mirrored, slab, thickened
 
 MEMBRANE_THICKNESS = 0.6e-3  # [m]; affects only the looks
@@ -73,8 +73,8 @@ def panels(morphology: Morphology) -> dict[str, list[tuple[Point, Point]]]:
     wing = morphology.wing
     _, along, up = morphology.elbow
     length = wing.proximal_stations[-1]
-    inner = _cut(_edges(morphology, "proximal"), ROOT_GAP * length / math.hypot(along, up), length)
-    outer = _cut(_edges(morphology, "distal"), 0.0, (1.0 - TIP_CUT) * wing.distal_stations[-1])
+    inner = _cut(wing, "proximal", ROOT_GAP * length / math.hypot(along, up), length)
+    outer = _cut(wing, "distal", 0.0, (1.0 - TIP_CUT) * wing.distal_stations[-1])
     return {
         "proximal": [tuple((x, y / length * along, y / length * up) for x in xs) for y, *xs in inner],  # type: ignore[misc]
         "distal": [((fore, y, 0.0), (aft, y, 0.0)) for y, fore, aft in outer],
@@ -128,14 +128,9 @@ def obj_text(mesh: Mesh) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _edges(morphology: Morphology, panel: str) -> list[tuple[float, float, float]]:
-    wing = morphology.wing
-    rows = (getattr(wing, f"{panel}_{name}") for name in ("stations", "leading_edge", "trailing_edge"))
-    return list(zip(*rows, strict=True))
-
-
-def _cut(edges: Sequence[tuple[float, float, float]], start: float, end: float) -> list[tuple[float, float, float]]:
-    """Cut a planform, rows of (station, leading edge, trailing edge), to the stations from `start` to `end`."""
+def _cut(wing: WingShape, panel: str, start: float, end: float) -> list[tuple[float, float, float]]:
+    """Return rows of (station, leading edge, trailing edge) of a panel, cut to the stations from `start` to `end`."""
+    edges = list(zip(*wing.outline(panel), strict=True))
 
     def at(y: float) -> tuple[float, float, float]:
         (y0, *low), (y1, *high) = next(pair for pair in itertools.pairwise(edges) if y <= pair[1][0])

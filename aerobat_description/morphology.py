@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 from aerobat_description import MORPHOLOGIES, PACKAGE_PATH
-from aerobat_description.following import laid_over
 from aerobat_description.morphology_tables import (
     Aerodynamics,
     Bars,
@@ -36,14 +35,16 @@ from aerobat_description.position_closure import ClosureError, advice, elbow, re
 from aerobat_description.reading import (
     MorphologyError,
     build,
-    check_frames,
     check_name,
+    check_thrusters,
     did_you_mean,
     dotted,
+    merge,
     require,
 )
 from aerobat_description.toml_text import TomlError, toml_file
 
+LIMIT_MARGIN = 0.1  # [rad] between the linkage's range and a joint limit that is adapted to it
 STRETCH = 0.05  # allowed relative difference of the last proximal station and the elbow's distance; 2.5 % as shipped
 PLANFORM_EDGES = ("proximal_leading_edge", "proximal_trailing_edge", "distal_leading_edge", "distal_trailing_edge")
 
@@ -136,7 +137,7 @@ class Morphology:
         mirrored = self.body.inertia[3] == self.body.inertia[5] == 0.0
         rule = "left and right mirror each other: xy and yz must be 0"
         require(mirrored, "body.inertia", self.body.inertia, rule)
-        check_frames([thruster.name for thruster in self.thrusters], "thrusters")
+        check_thrusters([thruster.name for thruster in self.thrusters])
         self._check_turning()
         rule = f"the bars of both sides are taken from the body in the MJCF: less than its mass, {self.body.mass:g} kg"
         require(2.0 * self.bars.mass < self.body.mass, "bars", asdict(self.bars), rule)
@@ -156,7 +157,7 @@ class Morphology:
 
     def _check_panel(self, panel: str, length: float) -> None:
         """Raise MorphologyError unless a panel has an area and its centre of mass lies within its outline."""
-        stations, leading, trailing = self._outline(panel)
+        stations, leading, trailing = self.wing.outline(panel)
         area = _area(stations, leading, trailing)
         require(area > 0.0, f"wing.{panel}_leading_edge", leading, "the panel has no area")
         com = getattr(self, panel).com
@@ -177,11 +178,6 @@ class Morphology:
             limits = getattr(self.joints, f"{joint}_limits")
             rule = f"the linkage reaches {math.floor(1e3 * low) / 1e3:.3f} to {math.ceil(1e3 * high) / 1e3:.3f} rad"
             require(limits[0] <= low and high <= limits[1], f"joints.{joint}_limits", limits, rule)
-
-    def _outline(self, panel: str) -> tuple[Vector, Vector, Vector]:
-        names = ("stations", "leading_edge", "trailing_edge")
-        stations, leading, trailing = (getattr(self.wing, f"{panel}_{name}") for name in names)
-        return stations, leading, trailing
 
     @property
     def mass(self) -> float:
@@ -212,7 +208,7 @@ class Morphology:
     @property
     def wing_area(self) -> float:
         """Area of the membranes of one wing, spread flat [m2]."""
-        return sum(_area(*self._outline(panel)) for panel in ("proximal", "distal"))
+        return sum(_area(*self.wing.outline(panel)) for panel in ("proximal", "distal"))
 
 
 def stretched(body: Body, mass: float, x: float, y: float) -> Body:
@@ -255,3 +251,28 @@ def _file_values(morphology: str) -> dict[str, Any]:
     if "name" not in values:
         raise MorphologyError(f"{where}: missing key 'name': a robot that extends '{parent}' has a name of its own")
     return laid_over(_file_values(parent), values)
+
+
+def laid_over(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the nested values of a morphology with changes laid over them, and adapted to a changed linkage.
+
+    Joint limits that are narrower than the linkage's range plus `LIMIT_MARGIN` are widened to it. The proximal stations
+    are stretched with the distance from shoulder to elbow. Keys that `changes` contains are not adapted. Values that no
+    robot can have are kept; building the robot then raises an error that explains them.
+    """
+    merged = merge(values, changes)
+    if "linkage" not in changes:
+        return merged
+    try:
+        before, after = (build(LinkageLengths, tables["linkage"], "linkage") for tables in (values, merged))
+        joints, wing = build(Joints, merged["joints"], "joints"), build(WingShape, merged["wing"], "wing")
+        reached = reach(after)
+    except (KeyError, MorphologyError, ClosureError):
+        return merged
+    own = changes.get("joints", {}), changes.get("wing", {})
+    limits = {f"{joint}_limits": (low - LIMIT_MARGIN, high + LIMIT_MARGIN) for joint, (low, high) in reached.items()}
+    pairs = {key: (*getattr(joints, key), *pair) for key, pair in limits.items() if key not in own[0]}
+    wide = {key: (min(ends), max(ends)) for key, ends in pairs.items()}
+    stretch = abs(elbow(after)) / abs(elbow(before))
+    stations = {"proximal_stations": [stretch * y for y in wing.proximal_stations]}
+    return merge(merged, {"joints": wide, "wing": {} if "proximal_stations" in own[1] else stations})

@@ -109,15 +109,20 @@ class WingShape:
     minimum_chord: AboveZero
     force_point: Vector3 | None = None
 
+    def outline(self, panel: str) -> tuple[Vector, Vector, Vector]:
+        """Return stations, leading edge and trailing edge of a panel, `proximal` or `distal` [m]."""
+        stations, leading, trailing = (
+            getattr(self, f"{panel}_{name}") for name in ("stations", "leading_edge", "trailing_edge")
+        )
+        return stations, leading, trailing
+
     def check(self, where: str) -> None:
         """Raise MorphologyError unless the planform is valid.
 
         Stations increase, the leading edge is ahead of the trailing edge, and the panels meet at the elbow.
         """
         for panel in ("proximal", "distal"):
-            stations, leading, trailing = (
-                getattr(self, f"{panel}_{name}") for name in ("stations", "leading_edge", "trailing_edge")
-            )
+            stations, leading, trailing = self.outline(panel)
             same = len(stations) == len(leading) == len(trailing) >= 2
             require(same, f"{where}.{panel}_stations", stations, "stations and edges have the same length, two or more")
             rising = stations[0] == 0.0 and all(a < b for a, b in itertools.pairwise(stations))

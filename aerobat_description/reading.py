@@ -127,26 +127,16 @@ def dotted(where: str, key: object) -> str:
 
 
 def check_name(name: str, key: str) -> None:
-    """Raise MorphologyError unless a name can be used for files, links and joints.
-
-    Args:
-        name: the name.
-        key: dotted key of the name in the morphology, for the message.
-    """
+    """Raise MorphologyError, which names the dotted key, unless a name can be used for files, links and joints."""
     plain = 0 < len(name.encode()) <= LONGEST_ROBOT_NAME and all(letter.isalnum() or letter in "_-" for letter in name)
     require(plain, key, repr(name), f"letters, digits, _ and - only, {LONGEST_ROBOT_NAME} at most")
 
 
-def check_frames(names: Sequence[str], table: str) -> None:
-    """Raise MorphologyError if adding frames with these names, and their fixed joints, would repeat a name.
-
-    Args:
-        names: names of the frames.
-        table: name of the morphology's table that contains them, for the message.
-    """
+def check_thrusters(names: Sequence[str]) -> None:
+    """Raise MorphologyError if frames with the names of thrusters, and their fixed joints, would repeat a name."""
     taken = set(BUILT_IN)
     for i, name in enumerate(names):
         own = {name, f"{name}_fixed"}
         rule = "another link, joint or frame has this name or that of its joint; each needs a name of its own"
-        require(not own & taken, f"{table}[{i}].name", repr(name), rule)
+        require(not own & taken, f"thrusters[{i}].name", repr(name), rule)
         taken |= own

@@ -95,16 +95,15 @@ def rod(start: Point, end: Point, radius: float, corners: int = 8) -> Mesh:
     return lofted([at(start), at(end)])
 
 
-def elliptic_ring(centre_x: float, half_axes: tuple[float, float], tube: float, around: int = 64) -> Mesh:
+def elliptic_ring(centre_x: float, half_axes: tuple[float, float], tube: float) -> Mesh:
     """Return an elliptic ring in the x-y plane.
 
     Args:
         centre_x: x coordinate of the centre [m].
         half_axes: half axes along x and y [m].
         tube: radius of the tube [m].
-        around: number of sections around the ring.
     """
-    sides = 8
+    around, sides = 64, 8  # sections of the ring, corners of each
 
     def point(i: int, j: int) -> Point:
         turn, roll = 2.0 * math.pi * (i % around) / around, 2.0 * math.pi * (j % sides) / sides

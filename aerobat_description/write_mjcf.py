@@ -17,14 +17,12 @@ from __future__ import annotations
 import math
 from xml.etree import ElementTree as ET
 
-from aerobat_description.bar_bodies import BarMasses, bar_bodies, body_without_bars
-from aerobat_description.bars import CLOSING, linkage_bars
+from aerobat_description.bars import CLOSING, BarMasses, bar_bodies, body_without_bars, linkage_bars
 from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import Body, Vector
 from aerobat_description.position_closure import Pose, close_linkage
-from aerobat_description.shapes import hull_box, on_side, spaced, wing_boxes
-from aerobat_description.write_urdf import MATERIALS, SIDES, mesh_name
+from aerobat_description.write_urdf import MATERIALS, SIDES, hull_box, mesh_name, on_side, spaced, wing_boxes
 
 DRAWN_AT = -0.5 * math.pi  # [rad]: crank angle of the file's pose, straight down
 STEP = {"timestep": "0.0005", "integrator": "RK4"}  # with the default solver, Newton; with PGS the elbow errs 0.07 rad

@@ -31,8 +31,7 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from aerobat_description.bar_bodies import BarMasses
-from aerobat_description.bars import closing_bars
+from aerobat_description.bars import BarMasses, closing_bars
 from aerobat_description.morphology import Morphology
 from aerobat_description.write_mjcf import mjcf_text
 from aerobat_pin.aerobat.aerobat import (

@@ -11,8 +11,7 @@ from support.commands import aerobat
 from support.readers import ROBOTS, URDF, in_mujoco, in_pinocchio
 
 import aerobat_description as description
-from aerobat_description.bar_bodies import bar_bodies, bar_body
-from aerobat_description.bars import linkage_bars
+from aerobat_description.bars import bar_bodies, bar_body, linkage_bars
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import Body
 from aerobat_pin.aerobat.aerobat import load_aerobat
