@@ -166,13 +166,7 @@ def _frame(
 
 
 def _joint(
-    robot: ET.Element,
-    name: str,
-    kind: str,
-    parent: str,
-    child: str,
-    position: Vector,
-    rpy: Vector = (0.0, 0.0, 0.0),
+    robot: ET.Element, name: str, kind: str, parent: str, child: str, position: Vector, rpy: Vector = (0.0, 0.0, 0.0)
 ) -> ET.Element:
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "origin", xyz=spaced(position), rpy=spaced(rpy))

@@ -26,10 +26,8 @@ FIRST_OPENED = ("replay.html", "report.html")  # what a person opens, the most t
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
     """Show on stderr how far a command is: a bar for each stage, or without a terminal lines that say what takes long.
 
-    What is compiled is told too, by the name of the kernel: a run then takes a minute more, once.
-
-    Yields:
-        A function that updates the name of the stage and the share of it that is done.
+    What is compiled is told too, by the name of the kernel: a run then takes a minute more, once. The block gets a
+    function that updates the name of the stage and the share of it that is done.
     """
     from aerobat_pin.numerics import told_of_compilation
 
@@ -114,13 +112,8 @@ def write_results(
 def picture_files(out: Path, name: str, *, force: bool) -> list[Path]:
     """Return the picture files to write: `out` itself if it is a file name, else `name`.png and `name`.pdf in `out`.
 
-    Args:
-        out: file that ends in .png, .pdf or .svg, or a folder.
-        name: name of the files in a folder, without ending.
-        force: allow files that exist.
-
     Raises:
-        OutputError: the ending is none of these three, or a file cannot be written or exists (without `force`).
+        OutputError: the ending is not .png, .pdf or .svg, or a file cannot be written or exists (without `force`).
     """
     if os.path.isdir(out) or not out.suffix:
         files = [out / f"{name}.png", out / f"{name}.pdf"]

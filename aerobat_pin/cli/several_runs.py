@@ -32,13 +32,7 @@ def run_seeds(
 ) -> None:
     """Run a scenario with several seeds, a folder `seed_N` for each, and write and print one table of all scores.
 
-    Args:
-        text: seeds as typed, such as `1-5` or `1,4,9`.
-        seed: value of `--seed`, which would contradict them.
-        scenario: scenario as typed.
-        out: output folder, or None for `runs/<scenario>-seeds`.
-        run: runs one seed, and writes its results into a folder.
-        force: replace the table of earlier seeds.
+    The seeds' `text` is as typed, `--seed` would contradict it, and `run` writes one seed's results into a folder.
 
     Raises:
         ScenarioError: the seeds are no list of whole numbers, or `--seed` is given too.

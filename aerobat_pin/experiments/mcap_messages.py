@@ -77,7 +77,6 @@ class McapStretch:
     """A stretch of samples without a hole, and the forces there.
 
     Attributes:
-        model: the robot.
         time: (m + 1,) samples [s].
         q: (m + 1, nq) configurations.
         v: (m + 1, nv) velocities.

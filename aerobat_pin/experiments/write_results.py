@@ -196,15 +196,10 @@ def write_table(result: Result, path: Path) -> None:
 
 
 def write_netcdf(blocks: Iterable[xr.Dataset], count: int, path: Path) -> None:
-    """Write blocks of intervals into one NetCDF-4 file.
+    """Write blocks, which follow each other along `interval` with `count` intervals in all, into one NetCDF-4 file.
 
-    Args:
-        blocks: datasets that follow each other along `interval`; one that has them all is written at once.
-        count: number of intervals of all blocks together.
-        path: the file; its folder must have room for it, because the HDF5 library ends the process on a full disk.
-
-    Raises:
-        OSError: the disk is full.
+    One block that has them all is written at once. Raises OSError if the disk has too little room, because the HDF5
+    library ends the process on a full one.
     """
     done = 0
     for block in blocks:

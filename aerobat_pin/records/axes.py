@@ -52,12 +52,7 @@ def has_world_axes(chosen: Map, key: str, names: Sequence[str]) -> bool:
 def axes_of(chosen: Map, key: str, names: Sequence[str]) -> Array | None:
     """Return the matrix (k, k) from a channel of the base, as logged, to this package's axes; None if it is as logged.
 
-    A velocity or rate in world axes stays in world axes.
-
-    Args:
-        chosen: the map.
-        key: key of the channel.
-        names: of its columns.
+    A velocity or rate in world axes stays in world axes. `names` are those of the channel's columns.
     """
     if key == "base.quaternion":
         return as_attitude(chosen, np.eye(4)).T

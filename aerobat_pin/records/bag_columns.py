@@ -77,12 +77,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) -> Columns:
-    """Read topics of a bag, with the stamps that `log.clock` names.
-
-    Args:
-        path: a file .mcap, .db3 or .bag, or the folder of a ROS 2 bag.
-        log: the table `log` of the map.
-        wanted: names of columns to read, such as `/imu.angular_velocity.x`; None reads all topics.
+    """Read topics of a bag, as `read_columns`, with the stamps that `log.clock` names.
 
     Raises:
         LogError: the bag cannot be read or lacks a topic.

@@ -113,13 +113,7 @@ class Columns:
 
 
 class GrowingTable:
-    """The columns of one clock while they are read, piece by piece.
-
-    A column that begins late, or that a piece does not have, is NaN there.
-
-    Args:
-        spool: where the columns go.
-    """
+    """The columns of one clock while they are read into a spool; one that a piece does not have is NaN there."""
 
     def __init__(self, spool: Spool) -> None:
         self._spool, self._columns = spool, dict[str, Series]()
@@ -127,13 +121,7 @@ class GrowingTable:
         self._rises, self._last = True, -np.inf
 
     def add(self, time: Array, columns: Mapping[str, Array], late: Array | None = None) -> None:
-        """Append rows.
-
-        Args:
-            time: (n,) stamps [s].
-            columns: name -> (n,) samples.
-            late: (n,) recorder's stamp minus the sensor's [s]; None if unknown.
-        """
+        """Append rows: stamps (n,) [s], columns (n,) by name, and how much later the recorder's stamps are (n,) [s]."""
         for name in columns:
             if name not in self._columns:
                 self._columns[name] = Series(self._spool)

@@ -82,12 +82,7 @@ def header_of(path: Path, log: LogTable = LogTable()) -> tuple[str, list[str]]: 
 
 
 def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) -> Columns:
-    """Read columns of a table.
-
-    Args:
-        path: the table. Cells such as `[1, 2, 3]` become columns `name.0`, `name.1`, `name.2`.
-        log: the table `log` of the map.
-        wanted: names to read; None reads all.
+    """Read columns of a table, as `read_columns`; cells such as `[1, 2]` become columns `name.0` and `name.1`.
 
     Raises:
         LogError: it is no table, a cell is no number, or the time is not found.

@@ -55,11 +55,7 @@ def with_options(chosen: Map, said: str | None, points: Sequence[str], observers
 
 
 def without_absent(table: MapPart, columns: Columns) -> MapPart:
-    """Return a table of a map without the optional channels that a log does not have.
-
-    Raises:
-        LogError: the log has some columns of an optional channel and lacks others.
-    """
+    """Return a table of a map without optional channels that a log lacks. Raises LogError if it has parts of one."""
     changes: dict[str, Any] = {}
     for key, value in table:
         present: Any = value

@@ -56,24 +56,14 @@ def netcdf_variables(
 
 
 class StoredVariable:
-    """A variable of an open NetCDF file.
-
-    Args:
-        label: its name.
-        item: the HDF5 dataset.
-        where: how messages name it.
-    """
+    """A variable of an open NetCDF file, by its name, its HDF5 dataset, and how messages name it."""
 
     def __init__(self, label: str, item: h5py.Dataset, where: str) -> None:
         self.dims, self.item, self._where = _dimensions(item, label, where), item, where
         self.shape, self.kind = tuple(item.shape), item.dtype.kind
 
     def __getitem__(self, rows: Any) -> Any:
-        """Return rows of its numbers or text; numbers equal to the fill value become NaN.
-
-        Raises:
-            LogError: its numbers are packed.
-        """
+        """Return rows of its text or numbers, NaN for the fill value. Raises LogError if its numbers are packed."""
         item = self.item
         if packed := [key for key in PACKING if key in item.attrs]:
             raise LogError(f"{self._where} has the attribute {packed[0]}: plain numbers were expected")

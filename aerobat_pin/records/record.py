@@ -244,12 +244,7 @@ class Record:
     def _integrated(self, first: int, last: int, R: Array) -> Array:
         """Return the accelerometer's velocity (m, 3) in body axes but for a constant in world axes: u' = R f + g.
 
-        It is zero at `zeroed_at(first)`.
-
-        Args:
-            first: index of the first common time.
-            last: index of the last one.
-            R: (m, 3, 3) attitudes there.
+        It is zero at `zeroed_at(first)`. R (m, 3, 3) are the attitudes at the common times from `first` to `last`.
         """
         begin = self.zeroed_at(first)
         time = self.times(begin, last)

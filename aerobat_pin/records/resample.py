@@ -107,13 +107,8 @@ def turn_rates(quaternions: Array, dt: float, window: float) -> Array:
 def without_turns(time: Series, values: Series, turn: float, longest: float) -> tuple[Series, int]:
     """Return angles (n,) without jumps by a full turn between neighbouring samples, and how many there were.
 
-    Steps between a joint's own and a full turn's are those of another unit: what they lead to is no jump.
-
-    Args:
-        time: (n,) stamps [s].
-        values: (n,) angles in any unit.
-        turn: a full turn in that unit.
-        longest: step [s] beyond which samples are no neighbours, if it is also beyond `HOLE` usual steps.
+    Stamps (n,) more than `longest` [s] and `HOLE` usual steps apart are no neighbours. A full turn is `turn` in the
+    unit of the angles; steps between a joint's own and a full turn's are those of another unit, and no jumps.
     """
     longest, count = max(longest, HOLE * typical_spacing(time)), len(values)
     rows, signs = [np.zeros(0, int)], [np.zeros(1)]

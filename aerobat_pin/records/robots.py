@@ -95,11 +95,7 @@ class PlainRobot(ShownInNotebooks):
         return self
 
     def fault(self, channels: Mapping[str, Channel]) -> str | None:
-        """Return what is wrong with the channels of a log as a whole, in words; None, as here, if nothing is.
-
-        Args:
-            channels: key -> channel.
-        """
+        """Return what is wrong with all channels of a log together, in words; None, as here, if nothing is."""
         return None
 
     def complete(self, block: Block) -> Block:
@@ -107,11 +103,7 @@ class PlainRobot(ShownInNotebooks):
         return block
 
     def known(self, block: Block) -> Mapping[str, Array]:
-        """Return the generalised forces (m, nv) that the robot itself knows, interval means: its air, its rotors' drag.
-
-        Args:
-            block: a stretch of the record, completed.
-        """
+        """Return the generalised forces (m, nv), interval means, that the robot knows of a completed block: its air."""
         return {}
 
     def agreements(self, time: Array, measured: Callable[[str], Array | None]) -> Iterable[Agreement]:

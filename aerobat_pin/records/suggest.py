@@ -23,13 +23,7 @@ from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.spool import typical_spacing
-from aerobat_pin.records.suggest_joints import (
-    joint_columns,
-    listed,
-    named_unit,
-    suggest_joints,
-    topic_of,
-)
+from aerobat_pin.records.suggest_joints import joint_columns, listed, named_unit, suggest_joints, topic_of
 from aerobat_pin.records.suggest_rotors import ROTOR_WORDS, suggest_rotors
 
 TIME = re.compile(

@@ -265,11 +265,9 @@ def named_unit(kind: str, names: Sequence[str]) -> str | None:
 
 
 def said_unit(part: str, names: Sequence[str]) -> str | None:
-    """Return the unit of a part of joints that columns' names say, as current or A1_deg, if they all say the same.
+    """Return the unit that columns' names say, as current or A1_deg, of position, velocity or effort of joints.
 
-    Args:
-        part: position, velocity or effort.
-        names: of its columns.
+    None unless they all say the same.
     """
     currents = part == "effort" and bool(names) and all(map(_is_current, names))
     return named_unit(JOINT_KINDS[part], names) or ("A" if currents else None)

@@ -19,13 +19,9 @@ BESIDE_ROTORS = {"", "n", "rad", "rads", "s", "us", "link", "meas", "measured", 
 
 
 def suggest_rotors(columns: Columns, model: pin.Model | None, forces: Sequence[str], used: str) -> Iterator[str]:
-    """Yield the lines of the table `known` of a robot that flies.
+    """Yield the lines of the table `known` of a robot that flies, whose model may be unknown.
 
-    Args:
-        columns: of its log.
-        model: the robot, if it is known.
-        forces: columns of the rotors' force, if they are recorded.
-        used: the map so far; what it names is no rotor's.
+    The rotors' `forces` are columns where they are recorded; what the map so far, `used`, names is no rotor's.
     """
     if forces:
         moments = [re.sub("f(?=[^f]*$)|force", "m", name) for name in forces]

@@ -21,13 +21,8 @@ CUT = "the last row is cut short, as by a logger that was killed: it is left out
 def cut_row(path: Path, separator: str, columns: int, *, strict: bool) -> tuple[int, int] | None:
     """Return where the last row of a table begins [bytes], and how many are above it, if it is cut; else None.
 
-    A row without an end of line is cut: its last number may lack digits.
-
-    Args:
-        path: the table.
-        separator: between cells.
-        columns: number of cells of the header.
-        strict: whether only a row without an end is cut, not one with too few cells.
+    A row without an end of line is cut: its last number may lack digits. If not `strict`, so is one with fewer cells
+    than the header's `columns`.
     """
     with path.open("rb") as file:
         size = file.seek(0, os.SEEK_END)
@@ -44,16 +39,10 @@ def cut_row(path: Path, separator: str, columns: int, *, strict: bool) -> tuple[
 
 
 def check_rows(path: Path, separator: str, columns: int, end: int | None) -> None:
-    """Check that every row has as many cells as the header; tables with quoted cells are not looked at.
+    """Raise LogError if a row has not as many cells as the header, or more than `BYTES_AT_ONCE` bytes.
 
-    Args:
-        path: the table.
-        separator: between cells; spaces, which may repeat, are not counted.
-        columns: number of cells of the header.
-        end: bytes that are looked at; None for all.
-
-    Raises:
-        LogError: a row has more or fewer cells, or more than `BYTES_AT_ONCE` bytes.
+    Cells between spaces, which may repeat, are not counted, and neither are those of tables with quoted cells. Looked
+    at are the first `end` bytes, or all.
     """
     if separator == " ":
         return
@@ -108,17 +97,10 @@ def decimal_sign(cells: Any) -> str:
 
 
 def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -> dict[str, Array]:
-    """Return the columns that a column of cells contains: itself, or the entries of its lists.
+    """Return the columns that cells (n,), a pandas series with `first` rows before it, contain.
 
-    Args:
-        path: the table.
-        name: of the column.
-        cells: (n,) pandas series.
-        first: number of rows before the first cell.
-        strict: whether a cell that is no finite number is an error; else a column with one is NaN throughout.
-
-    Raises:
-        LogError: a cell is no number, or no finite one.
+    They are one column of this name, or the entries of its lists. A cell that is no finite number is a LogError; if not
+    `strict`, the column is NaN throughout.
     """
     if cells.dtype.kind in "fiub":
         numbers, wrong = np.asarray(cells, float), np.zeros(len(cells), bool)

@@ -242,10 +242,7 @@ def scenario_of_run(folder: Path, settings: Iterable[str] = ()) -> Scenario:
 
 
 def _find_beside(folder: Path, values: Mapping[str, Any]) -> None:
-    """Make the paths of morphologies and recorded forces absolute; relative ones start at the scenario's folder.
-
-    Names of shipped morphologies are left unchanged.
-    """
+    """Make the paths of morphologies and recorded forces absolute; relative ones start at the scenario's folder."""
     believed, forces = values.get("believed"), values.get("unknown_force")
     robots = values.get("robot"), believed.get("robot") if isinstance(believed, dict) else None
     named: list[tuple[Any, str]] = [(robot, "morphology") for robot in robots]

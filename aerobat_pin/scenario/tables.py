@@ -296,13 +296,9 @@ class BelievedSection(Section):
 
 
 def sections_of(annotation: Any) -> dict[str, type[Section]]:
-    """Return the section classes that a field can contain, by name.
+    """Return name -> section class for those that a field of this annotation can contain.
 
-    Args:
-        annotation: type annotation of the field.
-
-    Returns:
-        Name -> section class. The name is the value of the class's key `signal` if it has one, else the class name.
+    The name is the value of the class's key `signal` if it has one, else the class name.
     """
     if isinstance(annotation, type) and issubclass(annotation, Section):
         signal = annotation.model_fields.get("signal")

@@ -235,16 +235,7 @@ UnknownForceSection = Annotated[
 
 
 def tick_means(values: Array, tick: float, edges: Array) -> Array:
-    """Average a piecewise constant series over intervals.
-
-    Args:
-        values: values[i] holds from i tick to (i + 1) tick.
-        tick: duration of each value [s].
-        edges: (n + 1,) interval edges [s].
-
-    Returns:
-        Means (n,) over the intervals.
-    """
+    """Return means (n,) over intervals with edges (n + 1,) [s] of values[i] from i tick to (i + 1) tick [s]."""
     return _mean_rates(_tick_integral(values, tick, edges), edges)
 
 

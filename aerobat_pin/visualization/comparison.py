@@ -35,9 +35,6 @@ class ComparedRun:
 
     Attributes:
         label: short name in tables and legends.
-        folder: the folder.
-        scenario: its scenario.
-        log: its flight log.
         estimates: forces of all observers, as in `estimate.nc`.
         scores: (observer, point, axis) -> R2, None without a signal, and root mean square error [N], of `metrics.json`.
         figures: name -> content of the PNG file.
@@ -231,14 +228,8 @@ def compare_runs(first: Path, second: Path) -> RunComparison:
 def side_by_side(first: Replay, second: Replay, labels: tuple[str, str], rate: float) -> str:
     """Return a page that plays two recordings from their beginnings on; the shorter one waits at its end.
 
-    They share a clock, a camera and the scale of their arrows.
-
-    Args:
-        first: a replay; the scale of the arrows becomes the coarser one of both, and its
-            title begins with its label.
-        second: another one.
-        labels: a name of each.
-        rate: speed at which the page starts to play, in multiples of real time.
+    They share a clock, a camera and the coarser scale of their arrows; a title begins with its label. The page starts
+    to play at `rate`, in multiples of real time.
     """
     both = first, second
     scale = max(replay.newtons_per_centimetre for replay in both)

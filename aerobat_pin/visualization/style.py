@@ -87,12 +87,9 @@ def save_figure(figure: Figure, stem: Path) -> None:
 
 
 def save_figures(figures: Mapping[str, Figure], folder: Path, progress: Callable[[float], None]) -> None:
-    """Write figures to `<name>.png` and `<name>.pdf` in a folder, drawn by as many processes as there are processors.
+    """Write figures, by name, to `<name>.png` and `<name>.pdf` in a folder; as many processes as processors draw.
 
-    Args:
-        figures: name -> figure.
-        folder: an existing folder.
-        progress: called with the share that is written.
+    `progress` is called with the share that is written.
     """
     processes = min(len(os.sched_getaffinity(0)), len(figures))
     for done, (name, files) in enumerate(zip(figures, _drawn(list(figures.values()), processes), strict=True)):

@@ -24,12 +24,7 @@ LEAST_SAVED = 2.0  # [s]
 
 
 class _Watched(Controller):
-    """A controller that remembers what the sensors showed: q, v and crank angle (n, nq + nv + 1) of a window.
-
-    Attributes:
-        samples: see above.
-        last: (q, v, crank angle) of the last sample.
-    """
+    """A controller that remembers what the sensors showed: q, v and crank angle (n, nq + nv + 1) of a window."""
 
     samples: Array
     last: tuple[Array, Array, float]

@@ -21,14 +21,7 @@ Stamped = tuple[float, int, dict[str, float]]  # time [s], number of its clock, 
 
 
 class LiveStream(LiveSource):
-    """A robot whose forces a stream estimates.
-
-    Args:
-        title: a line about it.
-        stream: the stream; its first observer alone goes on.
-        chosen: its map.
-        folder: where relative paths of the map begin.
-    """
+    """A robot whose forces a stream estimates by a map; the first observer alone goes on."""
 
     def __init__(self, title: str, stream: OnlineEstimator, chosen: Map, folder: Path) -> None:
         points, section = (*chosen.robot.points, *chosen.robot.wrenches), chosen.observer

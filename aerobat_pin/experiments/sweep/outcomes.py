@@ -47,9 +47,8 @@ def flight_columns(metrics: Mapping[str, Any]) -> dict[str, Any]:
 def outcome_of(scenario: Scenario) -> str:
     """Simulate and score a scenario; a failure is returned, not raised.
 
-    Returns:
-        JSON text: the entries `"observers"` and `"flight"` as in `metrics.json`, or `"failed"` with the reason. The
-        entry `"warnings"` is added if there are any.
+    The result is JSON text: `"observers"` and `"flight"` as in `metrics.json`, or the reason why it `"failed"`; and
+    `"warnings"` if there are any.
     """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default")
@@ -74,12 +73,5 @@ def _load_once(section: RobotSection, scenario: Scenario) -> Aerobat:
 
 @lru_cache(maxsize=16)
 def _loaded(morphology: str, changes: str, gravity: float, stamp: int) -> Aerobat:
-    """Load a robot.
-
-    Args:
-        morphology: shipped name or TOML file.
-        changes: JSON text of the changes to the morphology.
-        gravity: acceleration of gravity [m/s2].
-        stamp: time when the TOML file was last changed, so that a changed file is loaded again.
-    """
+    """Load a robot, with changes as JSON text; another `stamp`, the time of its file, loads a changed file again."""
     return load_aerobat(morphology, json.loads(changes), gravity=gravity)

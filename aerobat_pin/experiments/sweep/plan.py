@@ -62,11 +62,7 @@ class Sweep:
         return tuple(len(dimension.labels) for dimension in self.dimensions)
 
     def labels(self, index: tuple[int, ...]) -> dict[str, Any]:
-        """Return the labels of a run: dimension -> label, and for random draws also dotted key -> drawn value.
-
-        Args:
-            index: position of the run along each dimension.
-        """
+        """Return dimension -> label of the run at an index, and for random draws also dotted key -> drawn value."""
         chosen = {dimension.name: dimension.labels[i] for dimension, i in zip(self.dimensions, index, strict=True)}
         for dimension, i in zip(self.dimensions, index, strict=True):
             if dimension.name == DRAW:
@@ -80,11 +76,7 @@ class Sweep:
 
     @cached_property
     def scenarios(self) -> list[Scenario]:
-        """The scenario of each run.
-
-        Raises:
-            ScenarioError: a value breaks its rule; the message names the labels of the run.
-        """
+        """The scenario of each run. Raises ScenarioError, which names the run's labels, if a value breaks its rule."""
         return [self._scenario(index) for index in self.indices]
 
     def _scenario(self, index: tuple[int, ...]) -> Scenario:

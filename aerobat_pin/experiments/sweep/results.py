@@ -25,11 +25,7 @@ THIRDS = ("lowest third", "middle third", "highest third")  # of the values that
 
 
 def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
-    """Arrange the results of all runs in a grid with one axis for each dimension of the sweep.
-
-    Args:
-        sweep: the sweep.
-        outcomes: run number -> outcome, as `outcome_of` returns it, parsed.
+    """Arrange outcomes, by run number, as `outcome_of` returns them, in a grid with an axis for each dimension.
 
     Returns:
         Scores over (*dimensions of the sweep, observer, point, axis); rank and condition over (*dimensions of the

@@ -19,14 +19,11 @@ HIDDEN = 0.2  # of the largest error: smaller ones would be flat lines on its sc
 
 
 def thinned(count: int, read: Callable[[int, int], Lines]) -> Lines:
-    """Return a long series by the extremes of each of its stretches, or a short one as it is.
+    """Return times (m,) and values (m, k) of a long series by the extremes of each of its stretches; short ones as is.
 
     Args:
         count: number of samples.
         read: function that returns times (n,) and values (n, k) of the samples from one index to another (exclusive).
-
-    Returns:
-        Times (m,) and values (m, k).
     """
     if count <= MOST_DRAWN:
         return read(0, count)
@@ -44,13 +41,9 @@ def thinned(count: int, read: Callable[[int, int], Lines]) -> Lines:
 def estimate_lines(
     estimate: StoredEstimate, values_of: Callable[[Estimate, int], Array], begin: float = -np.inf, end: float = np.inf
 ) -> Lines:
-    """Return values (n, k) of an estimate over the middles (n,) [s] of its intervals between two times [s].
+    """Return values (n, k) of an estimate over the middles (n,) [s] of its intervals that start in [begin, end) [s].
 
-    Args:
-        estimate: the estimate.
-        values_of: function that returns the values (n, k) of some intervals, given these and the index of the first.
-        begin: time from which the intervals start.
-        end: time before which they start.
+    `values_of` returns the values (n, k) of some intervals, given these and the index of the first.
     """
     low, high = estimate.index(begin), estimate.index(end)
 

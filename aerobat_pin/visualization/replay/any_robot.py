@@ -37,12 +37,7 @@ LARGEST_MOTION = 1e6  # of any number: no motion goes further, and a page holds 
 
 
 def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pin.GeometryModel]:
-    """Load a robot, with a free base if the number of columns is that of its joints and of the base's placement.
-
-    Args:
-        urdf: the URDF file.
-        columns: number of columns of the configuration in the table that moves the robot.
-        table: that table, for the message.
+    """Load a robot, with a free base if a table that moves it has as many columns as joints and the base's placement.
 
     Raises:
         LogError: the file or one that it names cannot be read or lies outside the robot's packages; a number is not
@@ -99,11 +94,7 @@ def _check_picture(path: Path, packages: Packages) -> None:
 
 
 def replay_table(table: Path, urdf: Path) -> Replay:
-    """Prepare the replay of the motion in a CSV file.
-
-    Args:
-        table: the CSV file.
-        urdf: the robot.
+    """Prepare the replay of the motion in a CSV file, of the robot in a URDF file.
 
     Raises:
         LogError: the table or the URDF cannot be read, or they do not fit together.

@@ -220,11 +220,7 @@ class Replay:
         )
 
     def _place(self, move: PlaceParts | None) -> tuple[Array, Array, Array]:
-        """Place the visible parts at every keyframe.
-
-        Returns:
-            Placements (m, parts, 7), and the lowest and highest corner, (m, 3) each, of the box around all parts.
-        """
+        """Return the parts' placements (m, parts, 7) at every keyframe, and both ends (m, 3) of the box around them."""
         visible, placed = self.visual_model, self.visual_model.createData()
         corners = np.array([box_corners(part) for part in visible.geometryObjects]).reshape(-1, 8, 3)
         placements = np.empty((len(self.index), len(corners), 7))
@@ -243,10 +239,7 @@ class Replay:
         return placements, low, high
 
     def _camera_path(self) -> Array:
-        """Return the points (m, 3) that the camera looks at.
-
-        They follow the smoothed path of a robot with a free base, and stay in the middle of a fixed robot.
-        """
+        """Return the points (m, 3) that the camera looks at: the smoothed path, or the middle of a fixed robot."""
         if not self._free:
             return np.tile(self._path.mean(axis=0), (len(self._path), 1))
         step = float(np.median(np.diff(self.time)))
@@ -308,15 +301,7 @@ def record(
     *,
     title: str = "",
 ) -> Replay:
-    """Prepare the replay of a motion with one kind of force.
-
-    Args:
-        model: any model.
-        visual_model: visible parts of the model.
-        time: (n,) times [s], never decreasing.
-        q: (n, nq) configurations.
-        forces: frame -> (n, 3) force in world axes [N].
-        title: a line about what is shown.
+    """Prepare the replay of a motion with one kind of force: frame -> (n, 3) in world axes [N]; the rest as `Replay`.
 
     Raises:
         FrameNotFoundError: the model has no such frame.

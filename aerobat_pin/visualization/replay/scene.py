@@ -1,9 +1,8 @@
 """Build a meshcat scene: the commands that draw it and the keyframes that move it, without a server or browser.
 
-Collada meshes that the viewer cannot draw from their files are drawn
-as plain triangles in one colour: meshcat's script merges all geometries of a file into one. That fails, and the page
-stays empty, if only some of them have texture coordinates or colours at their corners; and a geometry of several
-materials loses some of its parts.
+Collada meshes that the viewer cannot draw from their files are drawn as plain triangles in one colour: meshcat's script
+merges all geometries of a file into one. That fails, and the page stays empty, if only some of them have texture
+coordinates or colours at their corners; and a geometry of several materials loses some of its parts.
 """
 
 from __future__ import annotations
@@ -97,10 +96,9 @@ class Window:
 
 
 class Scene:
-    """The objects of a scene and their animation. Nodes below `world` are placed in world axes.
+    """The objects of a scene, and their animation by keyframes at times (m,) that increase from 0 [s].
 
-    Args:
-        time: (m,) times of the keyframes, increasing from 0 [s].
+    Nodes below `world` are placed in world axes.
     """
 
     def __init__(self, time: Array) -> None:
@@ -119,11 +117,7 @@ class Scene:
         self._clips[path] = packed({"path": path, "clip": clip.lower()})
 
     def commands(self, camera: Array) -> list[bytes]:
-        """Return all commands of the scene; its animation repeats.
-
-        Args:
-            camera: (3,) position from which the camera looks at the origin [m].
-        """
+        """Return all commands of the scene; its animation repeats. From `camera` (3,) [m] one looks at the origin."""
         clear_background(self.viewer)
         x, y, z = camera.tolist()  # meshcat expects the camera's position as (x, z, -y)
         self.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
@@ -134,13 +128,7 @@ class Scene:
         return [*commands, b"".join([head, *self._clips.values(), after])]
 
     def robot(self, model: pin.Model, visual_model: pin.GeometryModel, placements: Array) -> None:
-        """Draw a robot whose visible parts move.
-
-        Args:
-            model: model of the robot.
-            visual_model: visible parts of the robot.
-            placements: (m, parts, 7) position and quaternion (xyzw) of every part, world axes.
-        """
+        """Draw a robot whose visible parts move by placements (m, parts, 7): position, quaternion xyzw, world axes."""
         visual_model = drawable(visual_model)
         picture = MeshcatVisualizer(model, pin.GeometryModel(), visual_model)
         picture.initViewer(viewer=self.viewer)
@@ -154,16 +142,10 @@ class Scene:
     def arrow(
         self, node: str, colour: str, start: Array, force: Array, scale: float, size: float, *, inner: bool
     ) -> None:
-        """Animate the arrow of a force.
+        """Animate the arrow of a force (m, 3) [N] that begins at points (m, 3) [m].
 
-        Args:
-            node: path of the arrow's node in the scene.
-            colour: colour of the arrow, hexadecimal.
-            start: (m, 3) start of the arrow at each keyframe [m].
-            force: (m, 3) the force at each keyframe [N].
-            scale: of the arrow [N/cm].
-            size: size of the robot [m].
-            inner: draw a slim, opaque arrow that remains visible inside a thick, translucent one.
+        Its scale is in N/cm, its thickness follows the robot's `size` [m]. An `inner` arrow is slim and opaque, and
+        remains visible inside a thick, translucent one.
         """
         arrow = force / (100.0 * scale)
         length = np.linalg.norm(arrow, axis=1)
@@ -210,8 +192,7 @@ class Scene:
     def sheet(self, node: str, points: Array, colours: Array) -> None:
         """Draw a translucent sheet through rows of points (k, n, 3) [m] with colours (k, n, 3), from 0 to 1.
 
-        The triangles are sorted by rows, with 2 (n - 1) triangles between two rows, so that the page can show only
-        some of the rows.
+        The 2 (n - 1) triangles between two rows follow each other, so that the page can show some of the rows alone.
         """
         rows, across = points.shape[:2]
         corner = (np.arange(rows - 1)[:, None] * across + np.arange(across - 1)).reshape(-1, 1)
