@@ -94,11 +94,7 @@ def linkage_bars(lengths: LinkageLengths) -> dict[str, Bar]:
 
 
 def closing_bars(lengths: LinkageLengths) -> dict[str, tuple[Bar, str]]:
-    """Return the bars that are not part of the URDF tree, because they close its loops.
-
-    Returns:
-        Side and name, such as `left_L1` -> (bar, side).
-    """
+    """Return the bars that close the loops of the URDF's tree: side and name, such as `left_L1` -> (bar, side)."""
     bars = linkage_bars(lengths)
     return {f"{side}_{name}": (bars[name], side) for name in CLOSING for side in ("left", "right")}
 
@@ -106,9 +102,7 @@ def closing_bars(lengths: LinkageLengths) -> dict[str, tuple[Bar, str]]:
 def bar_bodies(morphology: Morphology, bars: BarMasses) -> dict[str, Body]:
     """Return the bodies of the left wing's bars L1, L2, L4, L5 and L6.
 
-    Args:
-        morphology: the robot.
-        bars: `"cad"` for the masses of the morphology, `"light"` for a hundredth of them.
+    Their masses are those of the morphology, `"cad"`, or a hundredth of them, `"light"`.
     """
     drawn, share = linkage_bars(morphology.linkage), {"light": LIGHT, "cad": 1.0}[bars]
     return {name: bar_body(drawn[name], share * getattr(morphology.bars, name)) for name in CLOSING}

@@ -88,8 +88,7 @@ class Morphology:
     def from_mapping(cls, values: Mapping[str, Any]) -> Morphology:
         """Build a morphology from nested plain values, and apply the factors in its table `scale`.
 
-        Raises:
-            MorphologyError: a value fails a check; the message names key, value and rule.
+        Raises MorphologyError, which names key, value and rule, if a value fails a check.
         """
         values = dict(values)
         scale = build(Scale, values.pop("scale", {}), "scale")

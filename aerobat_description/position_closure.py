@@ -116,25 +116,13 @@ def turn(bars: LinkageLengths) -> tuple[Pose, ...]:
 
 
 def reach(bars: LinkageLengths) -> dict[str, tuple[float, float]]:
-    """Return joint -> (lowest angle, highest angle) [rad] in a turn, for `shoulder` and `elbow`.
-
-    Raises:
-        ClosureError: the crank cannot turn all the way.
-    """
+    """Return joint -> (lowest, highest angle) [rad] in a turn. Raises ClosureError if the crank cannot turn."""
     angles = {"shoulder": [pose.theta_s for pose in turn(bars)], "elbow": [pose.theta_e for pose in turn(bars)]}
     return {joint: (min(values), max(values)) for joint, values in angles.items()}
 
 
 def remedies(bars: LinkageLengths, dyad: str) -> dict[str, float]:
-    """Return new lengths that let the crank turn if only one of them is changed.
-
-    Args:
-        bars: lengths with which the crank cannot turn.
-        dyad: name of the pin at which the linkage does not close.
-
-    Returns:
-        Name of the length -> new value [m].
-    """
+    """Return new lengths by name [m], each of which alone lets the crank turn, of bars that do not close at a dyad."""
     found = {key: nearest_length(bars, key) for key in (*ADJUSTABLE, *BARS_OF[dyad])}
     return {key: value for key, value in found.items() if value is not None}
 
@@ -149,14 +137,7 @@ def nearest_length(bars: LinkageLengths, key: str) -> float | None:
     """Return the value of one length, nearest to its present value, with which the crank can turn.
 
     The value is rounded to whole micrometres, away from the present value, so that the crank can still turn when the
-    value is printed and typed in again.
-
-    Args:
-        bars: lengths with which the crank cannot turn.
-        key: name of the length to change, such as `"L3b"`.
-
-    Returns:
-        The value [m], or None if there is none from 0.2 to 5 times the present value.
+    value is printed and typed in again. None if there is no value [m] from 0.2 to 5 times the present one.
     """
     own = getattr(bars, key)
     stuck = 0.0  # [rad]: the last crank angle that failed; trying it first rejects most lengths at once

@@ -36,10 +36,7 @@ def require(holds: bool, key: str, value: object, rule: str) -> None:
 def did_you_mean(name: str, known: Iterable[str], every: str = "") -> str:
     """Return the known name that is closest to a wrong one as a question, or else all known names.
 
-    Args:
-        name: the wrong name.
-        known: the right ones.
-        every: words before all of them, such as `shipped are`; they then follow the question, too.
+    With words before all of them, `every`, such as `shipped are`, they follow the question, too.
     """
     names = {one.lower(): one for one in known}
     close = difflib.get_close_matches(name.lower(), names, n=1)
@@ -60,12 +57,9 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
 
 
 def build(kind: Any, values: object, where: str) -> Any:
-    """Convert plain TOML values to `kind`: a dataclass, a number, a string or a vector of numbers.
+    """Convert plain TOML values to `kind`: a dataclass, which its `check` checks, a number, a string or a vector.
 
-    Args:
-        kind: type of the result; dataclasses are checked by their method `check`.
-        values: plain values.
-        where: dotted key of the values, for error messages.
+    Messages name the values by their dotted key `where`.
     """
     if not hasattr(kind, "__dataclass_fields__"):
         return _leaf(kind, values, where)

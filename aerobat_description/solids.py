@@ -23,8 +23,7 @@ def mirrored(mesh: Mesh) -> Mesh:
 def lofted(sections: Sequence[Sequence[Point]]) -> Mesh:
     """Connect a row of convex sections to a solid, and close both ends.
 
-    Args:
-        sections: sections with equal numbers of points, counter-clockwise when seen from the end of the row.
+    They have equal numbers of points, counter-clockwise when seen from the end of the row.
     """
     mesh: Mesh = []
     for near, far in itertools.pairwise(sections):
@@ -96,13 +95,7 @@ def rod(start: Point, end: Point, radius: float, corners: int = 8) -> Mesh:
 
 
 def elliptic_ring(centre_x: float, half_axes: tuple[float, float], tube: float) -> Mesh:
-    """Return an elliptic ring in the x-y plane.
-
-    Args:
-        centre_x: x coordinate of the centre [m].
-        half_axes: half axes along x and y [m].
-        tube: radius of the tube [m].
-    """
+    """Return an elliptic ring in the x-y plane, of half axes along x and y and a radius of its tube [m]."""
     around, sides = 64, 8  # sections of the ring, corners of each
 
     def point(i: int, j: int) -> Point:

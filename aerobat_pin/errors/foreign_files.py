@@ -49,11 +49,7 @@ def foreign_file(path: str | Path, name: str, largest: float = float("inf")) -> 
 def foreign_xml(path: Path, name: str, tag: str, largest: int = LARGEST_XML) -> Element:
     """Return the outermost element of an XML file; LogError, that begins with `name`, if it nests too deep or is none.
 
-    Args:
-        path: the file.
-        name: what it is.
-        tag: name that the outermost element must have, without its namespace.
-        largest: number of bytes that it may have.
+    It must have the name `tag`, without its namespace, and the file at most `largest` bytes.
     """
     from xml.etree import ElementTree
 
@@ -79,12 +75,7 @@ def foreign_xml(path: Path, name: str, tag: str, largest: int = LARGEST_XML) -> 
 
 
 def content_of(path: Path, most: int, *, private: bool = False) -> bytes:
-    """Return what a file in somebody's folder contains.
-
-    Args:
-        path: the file.
-        most: number of bytes that it may have.
-        private: only this user may be able to change it.
+    """Return what a file in somebody's folder contains: at most so many bytes; if `private`, of this user alone.
 
     Raises:
         OSError: there is none, it is a pipe, a link or a folder, is larger, or cannot be read; `strerror` says which.

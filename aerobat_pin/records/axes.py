@@ -66,12 +66,7 @@ def axes_of(chosen: Map, key: str, names: Sequence[str]) -> Array | None:
 
 
 def as_attitude(chosen: Map, turns: Array) -> Array:
-    """Return quaternions (n, 4) of the log as body to world with z up, x, y, z, w.
-
-    Args:
-        chosen: the map, which gives order, sense and axes.
-        turns: (n, 4) unit quaternions in the order of the columns.
-    """
+    """Return unit quaternions (n, 4), in order, sense and axes of the log, as body to world with z up, x, y, z, w."""
     section = chosen.base.quaternion
     if section is not None and section.order == "wxyz":
         turns = np.roll(turns, -1, axis=1)

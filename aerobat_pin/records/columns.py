@@ -78,14 +78,9 @@ class Columns:
     notes: tuple[str, ...] = ()
 
     def series(self, name: str, key: str) -> tuple[Series, Series]:
-        """Return stamps (n,) [s] and samples (n,) of a column, without empty cells.
+        """Return stamps (n,) [s] and samples (n,) of a column, without empty cells, that a key of the map asks for.
 
-        Args:
-            name: name in the log.
-            key: key of the map that asks for it, for the message.
-
-        Raises:
-            LogError: there is no such column, or it has less than two samples.
+        Raises LogError if there is no such column, or if it has less than two samples.
         """
         if name not in self.values:
             raise self.missing(name, key)

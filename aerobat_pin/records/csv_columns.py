@@ -84,8 +84,7 @@ def header_of(path: Path, log: LogTable = LogTable()) -> tuple[str, list[str]]: 
 def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) -> Columns:
     """Read columns of a table, as `read_columns`; cells such as `[1, 2]` become columns `name.0` and `name.1`.
 
-    Raises:
-        LogError: it is no table, a cell is no number, or the time is not found.
+    Raises LogError if it is no table, a cell is no number, or the time is not found.
     """
     separator, cells = header_of(path, log)
     strict, wanted = wanted is not None, set(wanted or ())

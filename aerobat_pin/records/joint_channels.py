@@ -134,8 +134,7 @@ def torque_per_unit(section: EffortSection | None, joint: str) -> float:
 def encoder_matrix(table: JointsTable, joints: Sequence[str]) -> Array:
     """Return A (n, n), from readings to joints [1, m/rad].
 
-    Raises:
-        MapError: a joint has no channel, or readings that do not tell the joints apart.
+    Raises MapError if a joint has no channel, or if the readings do not tell the joints apart.
     """
     inner = {name for row in table.coupling.values() for name in row}
     named = {"factor": {*table.factor} - {"*"}, "offset": {*table.offset}, "coupling": {*table.coupling} | inner}
@@ -165,8 +164,7 @@ def encoder_offset(table: JointsTable, joints: Sequence[str]) -> Array:
 def effort_matrix(table: JointsTable, joints: Sequence[str], driven: Sequence[str]) -> Array:
     """Return A^-T (m, m), from torques at encoders to those of the joints that have efforts.
 
-    Raises:
-        MapError: as `encoder_matrix`, or one of them is coupled to a joint without effort.
+    Raises MapError as `encoder_matrix`, or if one of them is coupled to a joint without effort.
     """
     A, has_effort = encoder_matrix(table, joints), [name in driven for name in joints]
     other = np.logical_not(has_effort)

@@ -97,8 +97,7 @@ class Condition:
     def doubted_force(self, known: Mapping[str, Array]) -> Array:
         """Return the reduced sum (m, nv) of the doubted ones of known forces (m, nv); zeros (m, 1) if none is doubted.
 
-        Raises:
-            CalibrationError: a force that is doubted is not known.
+        Raises CalibrationError if a force that is doubted is not known.
         """
         for name in self.doubted:
             if name not in known:

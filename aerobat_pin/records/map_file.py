@@ -37,11 +37,7 @@ def parse_map(values: Mapping[str, Any], source: str) -> Map:
 def with_options(chosen: Map, said: str | None, points: Sequence[str], observers: Sequence[str]) -> Map:
     """Return a map with values of the command line laid over it; empty ones change nothing.
 
-    Args:
-        chosen: the map.
-        said: URDF file, or name, of another robot.
-        points: frames of it.
-        observers: their names.
+    `said` is the URDF file, or the name, of another robot, and `points` are frames of it.
     """
     robot, observer = chosen.robot, chosen.observer
     if said is not None:

@@ -84,8 +84,7 @@ def load_robot(name: str) -> PlainRobot:
 def robot_of_map(table: RobotTable, folder: Path) -> PlainRobot:
     """Build the model of a map's robot; relative paths begin at `folder`.
 
-    Raises:
-        LogError: not exactly one robot is given, its file cannot be read, or a joint has several coordinates.
+    Raises LogError if not exactly one robot is given, its file cannot be read, or a joint has several coordinates.
     """
     robot = _built(table, folder)
     model, title = robot.model, robot.title
@@ -177,8 +176,7 @@ def _one_body(table: RobotTable) -> pin.Model:
 def model_of_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
     """Read a URDF or MJCF file, for a robot on a free base or one that stands.
 
-    Raises:
-        LogError: it is none, or no robot can have its values; what Pinocchio prints about it becomes the message.
+    Raises LogError if it is none, or no robot can have its values: what Pinocchio prints about it is the message.
     """
     root = checked_robot(path, "mjcf" if mjcf else "urdf")
     text = "" if mjcf else _with_angles(root)
@@ -214,8 +212,7 @@ def _with_angles(root: ElementTree.Element) -> str:
 def named_robot(name: str) -> tuple[Path, bool]:
     """Return the file of a robot, and whether its base moves.
 
-    Raises:
-        LogError: no robot has that name; or `example-robot-data`, which has their files, is not installed.
+    Raises LogError if no robot has that name, or if `example-robot-data`, which has their files, is not installed.
     """
     known = FREE | FIXED
     if name not in known:

@@ -54,12 +54,7 @@ class Spool:
 
 
 class Series:
-    """Rows (n,) or (n, k) of doubles in a spool.
-
-    Args:
-        spool: the file.
-        width: numbers in a row; None for a series (n,).
-    """
+    """Rows (n,), or (n, width) of doubles in a spool."""
 
     def __init__(self, spool: Spool, width: int | None = None) -> None:
         self.spool, self._row = spool, () if width is None else (width,)

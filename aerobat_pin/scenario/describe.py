@@ -23,14 +23,7 @@ BOUNDS = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "ma
 
 
 def describe_scenario(wanted: str | None = None) -> str:
-    """Return the description of the keys of a scenario file, wrapped at `COLUMNS` characters.
-
-    Args:
-        wanted: a table such as `crank`, or a dotted key such as `observers.gain`; all of them when omitted.
-
-    Raises:
-        ScenarioError: there is no such table or key.
-    """
+    """Return the description of the keys of a scenario file, or of one table or key; see `describe_tables`."""
     head = "A scenario is a TOML file of these tables and keys. Only what is marked required must be written."
     return describe_tables(Scenario, head, "scenario", wanted)
 
@@ -52,13 +45,13 @@ def _keys_below(section: type[Section], table: str) -> dict[str, None]:
 
 
 def describe_tables(root: type[Section], head: str, kind: str, wanted: str | None = None) -> str:
-    """Return the description of the keys of a file.
+    """Return the description of the keys of a file, wrapped at `COLUMNS` characters.
 
     Args:
         root: its outermost table.
         head: text before the first key.
         kind: what `aerobat describe` calls such a file.
-        wanted: a table or a dotted key; all of them when omitted.
+        wanted: a table such as `crank`, or a dotted key such as `observers.gain`; all of them when omitted.
 
     Raises:
         ScenarioError: there is no such table or key.

@@ -172,12 +172,7 @@ def range_table(linkage: KineticSculpture) -> str:
 
 
 def linkage_animation(linkage: KineticSculpture, turn: float) -> str:
-    """Return the moving linkage of the left wing as SVG text in millimetres; the animation repeats.
-
-    Args:
-        linkage: a linkage with a crank that can turn through a full circle.
-        turn: duration of a turn in the picture [s].
-    """
+    """Return the left linkage as SVG text in millimetres, whose crank turns again and again, once in `turn` [s]."""
     from aerobat_pin.visualization.template import fill_template  # a figure alone does without jinja2
 
     crank = np.linspace(-0.5 * np.pi, 1.5 * np.pi, POSES_PER_TURN + 1)
