@@ -74,16 +74,12 @@ def run_command(
 ) -> None:
     """Simulate a scenario, estimate the unknown forces, and write log, estimates, metrics, figures and replay."""
     if seeds is not None:
-        run_seeds(
-            seeds,
-            seed,
-            scenario,
-            out,
-            lambda number, folder: run_command(
-                scenario, folder, force, number, settings, observers, calibration, correct, no_report, plant
-            ),
-            force=force,
-        )
+        more = settings, observers, calibration, correct, no_report, plant
+
+        def run_one(number: int, folder: Path) -> None:
+            run_command(scenario, folder, force, number, *more)
+
+        run_seeds(seeds, seed, scenario, out, run_one, force=force)
         return
     from aerobat_pin import experiments
     from aerobat_pin.errors import SimulationError

@@ -34,14 +34,8 @@ def self_check(robot: Aerobat, belief: Scenario) -> list[Check]:
     checks = []
     for frame in belief.observers.frames:
         for i, axis in enumerate("xyz"):
-            force = {
-                "frame": frame,
-                "axes": "world",
-                "direction": [float(i == k) for k in range(3)],
-                "signal": "step",
-                "height": size,
-                "start": 0.0,
-            }
+            step = {"signal": "step", "height": size, "start": 0.0}
+            force = {**step, "frame": frame, "axes": "world", "direction": [float(i == k) for k in range(3)]}
             values = belief.model_dump(exclude_none=True)
             values["unknown_force"], values["simulation"] = [force], {"duration": duration}
             values["observers"] = {**values["observers"], "torque": "measured"}

@@ -32,21 +32,10 @@ FIGURES = (
     *("sensor", "motion", "contacts", "unexplained"),
 )
 RESULTS = (  # all that a run or an estimate writes, as glob patterns
-    "scenario.toml",
-    "belief.toml",
-    "map.toml",
-    "morphology.toml",
-    "believed_morphology.toml",
-    "unknown_force_*.csv",
-    "flight.nc",
-    "estimate.nc",
-    "estimate.csv",
-    "calibration.nc",
-    "metrics.json",
+    *("scenario.toml", "belief.toml", "map.toml", "morphology.toml", "believed_morphology.toml", "unknown_force_*.csv"),
+    *("flight.nc", "estimate.nc", "estimate.csv", "calibration.nc", "metrics.json", "forces.mcap"),
     *(f"figures/{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")),
-    "report.html",
-    "replay.html",
-    "forces.mcap",
+    *("report.html", "replay.html"),
 )
 
 

@@ -77,7 +77,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) -> Columns:
-    """Read topics of a bag, as `read_columns`, with the stamps of `log.clock`. Raises LogError if a topic is not there."""
+    """Read topics of a bag, as `read_columns`, with the stamps of `log.clock`. Raises LogError if one is missing."""
     with _opened(path) as reader:
         known = reader.typestore.fielddefs
         readable = [link for link in reader.connections if link.msgtype in known and _encoding(link) == ROS_ENCODING]

@@ -19,20 +19,7 @@ from aerobat_pin.records.spool import Spool
 from aerobat_pin.records.table_cells import CUT, check_rows, cut_row, decimal_sign, line_of, numbers_of
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-TIME_NAMES = (
-    "t",
-    "time",
-    "timestamp",
-    "stamp",
-    "time_s",
-    "t_s",
-    "time [s]",
-    "seconds",
-    "elapsed",
-    "time_stamp",
-    "duration",
-    "__time",
-)
+TIME_NAMES = "t,time,timestamp,stamp,time_s,t_s,time [s],seconds,elapsed,time_stamp,duration,__time".split(",")
 ROWS_AT_ONCE = 50_000
 LONGEST_HEADER, MOST_CELLS = 1_000_000, 10_000  # characters; columns
 NUMBER, LETTER = re.compile(r"nan|inf|(?<=[\d.])e(?=[-+\d])", re.IGNORECASE), re.compile(r"[^\W\d]")

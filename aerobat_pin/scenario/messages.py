@@ -42,7 +42,9 @@ def explain(error: dict[str, Any], root: type[Section]) -> str:
     if kind == "value_error":
         return str(error["ctx"]["error"])
     if kind in ("dict_type", "model_type"):
-        keys = _as_table(error["input"], section, parts[-1]) if kind == "dict_type" else _keys_of(section)
+        keys = f"of {', '.join(field.alias or key for key, field in section.model_fields.items())}"
+        if kind == "dict_type":
+            keys = _as_table(error["input"], section, parts[-1])
         return f"{where} = {_shown(error['input'])}: a table {keys} was expected"
     message = explain_plainly(error, where, list(section.model_fields)).replace("tuple", "list")
     return message + (
@@ -98,11 +100,6 @@ def _as_table(given: Any, section: type[Section], key: str) -> str:
     first = given[0] if isinstance(given, list) and given else given
     value = scenario_value(first) if isinstance(first, int | float) else "..."
     return f"{{{name if arrow else 'name'} = {value}, ...}}"
-
-
-def _keys_of(section: type[Section]) -> str:
-    """Return the keys of a table in words."""
-    return f"of {', '.join(field.alias or key for key, field in section.model_fields.items())}"
 
 
 def _place(loc: tuple[Any, ...], root: type[Section]) -> tuple[list[str], type[Section]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -29,6 +29,7 @@ ROUGHER = 1.5  # an estimate whose steps are larger than the truth's by this fac
 DEVIATIONS = 2.0  # half the height of a band of uncertainty, in standard deviations
 EVERYWHERE = (-np.inf, np.inf)
 ACTUAL = {"truth": "actual", "sensor": "force sensor"}
+HATCHED: Any = {"color": style.FAINT, "hatch": "////", "alpha": 0.5, "lw": 0, "zorder": 0.5, "step": "mid"}
 
 
 def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
@@ -136,20 +137,8 @@ class _Panels:
                 words = f"{name}: {DEVIATIONS:g} standard deviations"
                 axis.fill_between(time, low, high, color=colour, alpha=0.25, lw=0, zorder=2.0, label=words)
             if estimate is self.first and np.any(np.isnan(force)):
-                axis.fill_between(
-                    time,
-                    0.0,
-                    1.0,
-                    where=np.isnan(force),
-                    transform=axis.get_xaxis_transform(),
-                    color=style.FAINT,
-                    hatch="////",
-                    alpha=0.5,
-                    lw=0,
-                    zorder=0.5,
-                    step="mid",
-                    label="not seen: the pose does not show it",
-                )
+                words, whole_height = "not seen: the pose does not show it", axis.get_xaxis_transform()
+                axis.fill_between(time, 0, 1, where=np.isnan(force), transform=whole_height, label=words, **HATCHED)
         letter = f"${label[0]}_{label[1]}$" if len(label) > 1 else f"${label}$"
         axis.set_ylabel(f"{letter} [{'N' if label[0] == 'F' else 'N m'}]", parse_math=len(label) <= 2)
 
