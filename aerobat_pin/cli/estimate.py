@@ -22,7 +22,7 @@ from aerobat_pin.cli.options import (
 
 if TYPE_CHECKING:
     from aerobat_pin.estimation import Calibration
-    from aerobat_pin.records import Map, Record
+    from aerobat_pin.records import Map
     from aerobat_pin.scenario import Scenario
 
 
@@ -127,18 +127,6 @@ def _passes_self_check(belief: Scenario) -> bool:
     return passed
 
 
-def _print_self_check(record: Record, calibration: Calibration | None) -> None:
-    """Play known forces into a recording, and print how well each is recovered."""
-    from aerobat_pin.estimation import check_record
-
-    checks = check_record(record, calibration)
-    for check in checks:
-        typer.echo(str(check))
-    passed = sum(check.ok for check in checks)
-    others = "" if passed == len(checks) else "; what no measured row shows cannot be recovered"
-    typer.echo(f"self-check: {passed} of {len(checks)} known forces are recovered within 2 %{others}")
-
-
 def estimate_by_map(
     log: Path,
     chosen: Map,
@@ -152,7 +140,7 @@ def estimate_by_map(
     self_check: bool,
 ) -> None:
     """Estimate, after a self-check if it is wanted; print what was found, and write the results."""
-    from aerobat_pin.estimation import estimate
+    from aerobat_pin.estimation import check_record, estimate
     from aerobat_pin.experiments import check_mcap_file, write_mcap
     from aerobat_pin.records import open_by_map
 
@@ -160,7 +148,12 @@ def estimate_by_map(
         check_mcap_file(mcap, force=force)
     record = open_by_map(log, chosen, folder) if self_check else None  # else only once the folder is known to be free
     if record is not None:
-        _print_self_check(record, learnt)
+        checks = check_record(record, learnt)
+        passed = sum(check.ok for check in checks)
+        others = "" if passed == len(checks) else "; what no measured row shows cannot be recovered"
+        for check in checks:
+            typer.echo(str(check))
+        typer.echo(f"self-check: {passed} of {len(checks)} known forces are recovered within 2 %{others}")
     write_results(
         lambda show: estimate(
             record or open_by_map(log, chosen, folder),

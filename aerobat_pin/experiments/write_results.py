@@ -132,7 +132,10 @@ def write(outcome: Experiment | Result, folder: Path) -> None:
     if isinstance(outcome, Experiment) and outcome.calibration is not None:
         (folder / "calibration.nc").write_bytes(calibration_bytes(outcome.calibration))
     if not (folder / "flight.nc").exists():
-        write_table(result, folder / "estimate.csv")
+        with (folder / "estimate.csv").open("w", encoding="utf-8", newline="") as file:
+            for blocks in _together(result):
+                text = estimate_table(blocks)
+                file.write(text.partition("\n")[2] if file.tell() else text)
     write_netcdf(_datasets(result), len(next(iter(result.stored.values()))), folder / "estimate.nc")
     write_metrics(result.metrics(), folder)
 
@@ -174,14 +177,6 @@ def write_metrics(metrics: dict[str, Any], folder: Path) -> None:
     """Write `metrics.json`."""
     text = json.dumps(metrics, indent=2, allow_nan=False)
     (folder / "metrics.json").write_text(text + "\n", encoding="utf-8")
-
-
-def write_table(result: Result, path: Path) -> None:
-    """Write all components of all observers as CSV."""
-    with path.open("w", encoding="utf-8", newline="") as file:
-        for blocks in _together(result):
-            text = estimate_table(blocks)
-            file.write(text.partition("\n")[2] if file.tell() else text)
 
 
 def write_netcdf(blocks: Iterable[xr.Dataset], count: int, path: Path) -> None:

@@ -52,7 +52,6 @@ class PlainRobot(ShownInNotebooks):
     stated: pin.Model | None = field(default=None, kw_only=True)
     moves_joints: ClassVar[bool] = False  # whether `complete` finds the joints that have no channel
     remembers: ClassVar[bool] = False  # whether `known` depends on the past, so that a part of a record is taken whole
-
     limits_forces: ClassVar[bool] = True  # whether forces are expected to be of the order of the weight
 
     @property

@@ -54,7 +54,7 @@ class Spool:
 
 
 class Series:
-    """Rows (n,), or (n, width) of doubles in a spool."""
+    """Rows (n,) or (n, width) of doubles in a spool; (n,) without a width."""
 
     def __init__(self, spool: Spool, width: int | None = None) -> None:
         self.spool, self._row = spool, () if width is None else (width,)

@@ -5,6 +5,7 @@ That is force and power of the air; of a closed loop course, thrusters, and what
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -62,16 +63,10 @@ def draw_states(log: FlightLog) -> Figure:
     for joint, sign, colour, line in (("shoulder", "θₛ", style.LEFT, "-"), ("elbow", "θₑ", style.RIGHT, "--")):
         angle = np.degrees(q.sel(q_axis=f"left_{joint}").values)
         axes[0].plot(log.time, angle, line, color=colour, label=f"{joint} {sign}")
-    axes[0].set_ylabel("joint angle [deg]")
-    axes[1].set_ylabel("Euler angle [deg]")
-    axes[2].set_ylabel("velocity, world [m/s]")
-    for axis, values, labels in (
-        (axes[1], _without_jumps(np.degrees(euler_angles(q.values))), ("roll", "pitch (nose up)", "yaw")),
-        (axes[2], world_velocity(q.values, v), "XYZ"),
-    ):
-        for i, label in enumerate(labels):
-            axis.plot(log.time, values[:, i], style.LINE_STYLES[i], color=style.AXIS_COLOURS[i], label=label)
-    for axis in axes:
+    _curves(axes[1], log.time, _without_jumps(np.degrees(euler_angles(q.values))), ("roll", "pitch (nose up)", "yaw"))
+    _curves(axes[2], log.time, world_velocity(q.values, v), "XYZ")
+    for axis, label in zip(axes, ("joint angle [deg]", "Euler angle [deg]", "velocity, world [m/s]"), strict=True):
+        axis.set_ylabel(label)
         style.legend_on_top(axis, ncols=3)
     return figure
 
@@ -129,6 +124,12 @@ def _panels(title: str, height: float = 5.0) -> tuple[Figure, list[Axes]]:
     figure.suptitle(title)
     axes[-1].set_xlabel("time [s]")
     return figure, axes
+
+
+def _curves(axis: Axes, time: Array, values: Array, labels: Sequence[str]) -> None:
+    """Draw values (n, 3) over times (n,) [s]."""
+    for i, label in enumerate(labels):
+        axis.plot(time, values[:, i], style.LINE_STYLES[i], color=style.AXIS_COLOURS[i], label=label)
 
 
 def _sticks(robot: Aerobat, data: pin.Data, q: Array) -> tuple[Array, Array, Array]:
@@ -206,11 +207,8 @@ def draw_control(robot: Aerobat, scenario: Scenario, log: FlightLog) -> Figure:
     flight = scenario.flight
     course = np.array(flight.position) + time[:, None] * np.array(flight.velocity)
     place, angle = top.subplots(1, 2)
-    for i, name in enumerate("xyz"):
-        place.plot(time, 1e3 * (q[:, i] - course[:, i]), style.LINE_STYLES[i], color=style.AXIS_COLOURS[i], label=name)
-    for i, name in enumerate(("roll", "pitch", "yaw")):
-        values = np.degrees(euler_angles(q)[:, i])
-        angle.plot(time, values, style.LINE_STYLES[i], color=style.AXIS_COLOURS[i], label=name)
+    _curves(place, time, 1e3 * (q[:, :3] - course), "xyz")
+    _curves(angle, time, np.degrees(euler_angles(q)), ("roll", "pitch", "yaw"))
     place.set_ylabel("off the course [mm]")
     angle.set_ylabel("attitude [deg]")
     command, thrust = 1e3 * log.measured["thruster_command"].values, 1e3 * log.truth["thrust"].values

@@ -19,7 +19,7 @@ HIDDEN = 0.2  # of the largest error: smaller ones would be flat lines on its sc
 
 
 def thinned(count: int, read: Callable[[int, int], Lines]) -> Lines:
-    """Return times (m,) and values (m, k) of a long series by the extremes of each of its stretches; short ones as is.
+    """Return times (m,) and values (m, k) of a long series by the extremes of its stretches, of a short one as it is.
 
     Args:
         count: number of samples.
