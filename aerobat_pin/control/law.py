@@ -35,7 +35,7 @@ from typing import Annotated, NamedTuple
 from aerobat_pin.control.allocation import Limited, limited_thrusts
 from aerobat_pin.control.nominal_wrench import PITCHING
 from aerobat_pin.control.sensed_channels import product, rotate_vector, write_turn
-from aerobat_pin.numerics import Array, fields_of, inner, kernel
+from aerobat_pin.numerics import Array, fields_of, inner, kernel, saturated
 
 UNREALISED = 1.0e-6  # [N, N m]: more than rounding
 
@@ -132,8 +132,8 @@ def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: flo
         law.smooth[i] += share * (force[1 + i] - law.smooth[i])
 
     # Pushing to the left takes a roll to the left, which is negative: the right wing is up then.
-    bank = -asin(within(law.smooth[0] / law.weight[()], law.limits[0]))
-    asked = within(law.unrealised[0] / law.weight[()], law.limits[1])
+    bank = -asin(saturated(law.smooth[0] / law.weight[()], law.limits[0]))
+    asked = saturated(law.unrealised[0] / law.weight[()], law.limits[1])
     law.nose_down[()] += law.settled[()] * (asked - law.nose_down[()])
     write_turn(0.0, float(law.nose_down[()]), 0.0, turned)
     product(law.level, turned, 1.0, aim)
@@ -212,9 +212,3 @@ def unbiased(law: Law, i: int, place: float, velocity: float) -> float:
         law.bias[i] -= tick * beta * beta * ahead
     law.place[i] += tick * (velocity - law.bias[i]) + max(follow, mean) * ahead
     return float(velocity - law.bias[i])
-
-
-@inner
-def within(value: float, limit: float) -> float:
-    """Return a value, or the limit that it is beyond."""
-    return min(max(value, -limit), limit)

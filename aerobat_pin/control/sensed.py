@@ -28,7 +28,6 @@ import numpy as np
 from aerobat_pin.aerobat import Aerobat
 from aerobat_pin.control.law import add_waves
 from aerobat_pin.control.nominal_wrench import Nominal
-from aerobat_pin.control.sensed_across import follow_attitude, follow_position, gyro
 from aerobat_pin.control.sensed_channels import (
     ANCHOR,
     ATTITUDE,
@@ -51,6 +50,9 @@ from aerobat_pin.control.sensed_channels import (
     Senses,
     add_channel,
     believed,
+    follow_attitude,
+    follow_position,
+    gyro,
     is_good,
     product,
     rotate_vector,

@@ -17,7 +17,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, kernel
+from aerobat_pin.numerics import Array, kernel, saturated
 from aerobat_pin.scenario import Scenario
 
 
@@ -43,12 +43,6 @@ def rotation_vector(R: Array, out: Array) -> None:
     if w < 0.0:
         factor = -factor
     out[0], out[1], out[2] = factor * x, factor * y, factor * z
-
-
-@kernel
-def saturated(value: float, limit: float) -> float:
-    """Clip a number to [-limit, limit]."""
-    return min(max(value, -limit), limit)
 
 
 @kernel

@@ -50,5 +50,6 @@ from .pinocchio_views import placements as placements
 from .small_matrices import copy_values as copy_values
 from .small_matrices import dot as dot
 from .small_matrices import eigenvectors as eigenvectors
+from .small_matrices import saturated as saturated
 from .small_matrices import solve_factored as solve_factored
 from .small_matrices import solve_positive as solve_positive

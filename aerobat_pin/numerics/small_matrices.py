@@ -30,6 +30,12 @@ def dot(a: Array, b: Array) -> float:
     return (first + second) + (third + fourth)
 
 
+@inner
+def saturated(value: float, limit: float) -> float:
+    """Clip a number to [-limit, limit]."""
+    return min(max(value, -limit), limit)
+
+
 @inlined
 def solve_factored(L: Array, b: Array) -> None:
     """Solve L L^T x = b for a lower triangle L (n, n); x overwrites b."""
