@@ -1,0 +1,12 @@
+from .channels import RawRecord as RawRecord
+from .channels import SensorSamples as SensorSamples
+from .channels import raw_record as raw_record
+from .filter import JointFilter as JointFilter
+from .filter import JointSample as JointSample
+from .find_mount import find_mount as find_mount
+from .find_mount import mounted as mounted
+from .offsets import ClockOffset as ClockOffset
+from .results import smoothed_raw as smoothed_raw
+from .smoother import JointEstimate as JointEstimate
+from .smoother import JointSmoother as JointSmoother
+from .tuning import Tuning as Tuning
