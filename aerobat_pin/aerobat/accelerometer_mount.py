@@ -55,7 +55,6 @@ class Mount:
         return dict(zip(MOUNT_PARTS, (self.place, self.turn, self.covariance), strict=True))
 
     def __str__(self) -> str:
-        """Return place and turn in words."""
         values = [*1e3 * self.place, *np.degrees(pin.rpy.matrixToRpy(self.turn))]
         spreads = np.sqrt(np.diag(self.covariance)) * np.repeat([1e3, 180.0 / np.pi], 3)
         said = [f"{a} {x:.2f} +- {s:.2f}" for a, x, s in zip(PLACE_AXES, values, spreads, strict=True)]

@@ -89,7 +89,6 @@ class LiftingLine:
         lift_slope: float = 2.0 * np.pi,
         air_density: float = 1.225,
     ) -> None:
-        """Place the stations and build the downwash operator."""
         if strips < 1:
             raise ShapeError(f"strips = {strips}: a whole number, at least one, was expected")
         self.span, self.strips, self.lift_slope, self.air_density = span, int(strips), lift_slope, air_density
@@ -115,7 +114,6 @@ class LiftingLine:
         self.downwash = (sines / np.sin(self.theta)[:, None] * n / (2.0 * span)) @ self._to_modes
 
     def __repr__(self) -> str:
-        """Name span, area and number of strips."""
         return f"LiftingLine(span {self.span:g} m, area {self.area:.4g} m2, {self.strips} strips)"
 
     @cached_property

@@ -60,7 +60,6 @@ class Allocation:
     """
 
     def __init__(self, thrusters: ThrusterSet, factor: float = 1.0) -> None:
-        """Weigh the rows and factorise what does not change."""
         self.map, self.limit = factor * thrusters.map, thrusters.limit.copy()
         self._memory = new_state(Limited, m=len(self.limit))
         fields = fields_of(self._memory, Limited)

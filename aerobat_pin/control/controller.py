@@ -100,7 +100,6 @@ class Controller:
     def __init__(
         self, scenario: Scenario, robot: Aerobat | None = None, disturbance: Disturbance | None = None
     ) -> None:
-        """Compute the nominal flight and all gains."""
         self.scenario, self.control = scenario, control_of(scenario)
         robot = believed_robot(scenario) if robot is None else robot
         step = scenario.simulation.dt
@@ -128,7 +127,6 @@ class Controller:
         self._restart()
 
     def __repr__(self) -> str:
-        """Name the scenario, what acts, and the thrusts of the nominal flight."""
         parts = ["PD", *(["integral"] if self.control.integral else [])]
         parts += [type(self._observer).__name__] if self._observer is not None and self.control.feedforward else []
         thrusts = ", ".join(f"{1e3 * thrust:.0f}" for thrust in self.allocation.thrusts(self.nominal.wrench))

@@ -80,7 +80,6 @@ class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasiu
         draw: Draw | None = None,
         render_mode: str | None = None,
     ) -> None:
-        """Load the robot and warm up its air."""
         self.scenario = load_scenario(scenario, [f"simulation.dt={dt}", *settings])
         control_of(self.scenario)
         self.render_mode, self._draw = render_mode, dict(draw or {})

@@ -45,14 +45,12 @@ class LoopState:
         word: one of `STATE_WORDS`.
         since: when it was first so, since the begin [s]; 0 for OK and DEGRADED.
         line: one line with the word, when and why.
-        saturated_share: largest share of commands at a limit in a window.
         unused: channel -> fault -> number of samples that were not used; channels without any are left out.
     """
 
     word: str
     since: float
     line: str
-    saturated_share: float
     unused: dict[str, dict[str, int]]
 
 
@@ -104,7 +102,6 @@ class Monitor:
     """
 
     def __init__(self, limit: Array, dt: float, sensed: SensedMotion) -> None:
-        """Begin with a flight of which nothing is known."""
         self._memory = new_state(WatchState, m=len(limit))
         self._fields = fields = fields_of(self._memory, WatchState)
         fields.limit[:], fields.samples[:], fields.swings[:] = limit, round(WATCHED_TIME / dt), SWINGS
@@ -139,7 +136,7 @@ class Monitor:
             for channel, row in zip(CHANNELS, self._sensed.faults, strict=True)
             if row.any()
         }
-        return LoopState(word, since, f"{word}{self._reason(word, since, unused)}", float(fields.share[()]), unused)
+        return LoopState(word, since, f"{word}{self._reason(word, since, unused)}", unused)
 
     def _reason(self, word: str, since: float, unused: dict[str, dict[str, int]]) -> str:
         fields, why = self._fields, int(self._fields.why[0])

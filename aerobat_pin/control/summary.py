@@ -13,7 +13,8 @@ from aerobat_pin.control.margins import Margins, loop_margins, noise_slew, wrong
 from aerobat_pin.control.monitor import AXES, LoopState
 from aerobat_pin.control.nominal_wrench import control_of
 from aerobat_pin.flight import thrusters_of
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.forces import column_rms
+from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import euler_angles
 from aerobat_pin.scenario import Scenario
 
@@ -68,12 +69,12 @@ def control_summary(scenario: Scenario, log: FlightLog, pilot: Controller) -> Co
     limit = thrusters_of(pilot.morphology).limit
     steps = np.diff(command, axis=0) / scenario.simulation.dt
     times = pilot.loop_times[: len(command)]
-    unrealised_rms = dict(zip(("lift", "roll", "pitch", "yaw"), _rms(unrealised[:, 2:]).tolist(), strict=True))
+    unrealised_rms = dict(zip(("lift", "roll", "pitch", "yaw"), column_rms(unrealised[:, 2:]).tolist(), strict=True))
     return ControlSummary(
         slew_rms=float(np.sqrt(np.mean(steps**2))) if len(steps) else 0.0,
         saturated_share=float(np.mean((command <= 0.0) | (command >= limit))),
         unrealised_rms=unrealised_rms,
-        seen_rms=tuple(_rms(log.truth["seen_disturbance"].values).tolist()),
+        seen_rms=tuple(column_rms(log.truth["seen_disturbance"].values).tolist()),
         loop_p50_s=float(np.median(times)),
         loop_p99_s=float(np.percentile(times, 99.0)),
         loop_worst_s=float(np.max(times)),
@@ -98,9 +99,5 @@ def course_rms(scenario: Scenario, log: FlightLog) -> dict[str, float]:
     course = np.array(flight.position) + log.time[:, None] * np.array(flight.velocity)
     angles = euler_angles(q) - np.radians([0.0, control.pitch_deg, flight.yaw_deg])
     angles = np.remainder(angles + np.pi, 2.0 * np.pi) - np.pi
-    rms = _rms(np.concatenate([q[:, :3] - course, angles], axis=1))
+    rms = column_rms(np.concatenate([q[:, :3] - course, angles], axis=1))
     return dict(zip(AXES, rms.tolist(), strict=True))
-
-
-def _rms(values: Array) -> Array:
-    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))

@@ -83,7 +83,6 @@ class ClosedLoop:
     """
 
     def __init__(self, plant: Plant, pilot: Pilot, step_means: Array | None = None, *, endless: bool = False) -> None:
-        """Begin the flight."""
         scenario, robot = plant.scenario, plant.robot
         self.plant, self.pilot = plant, pilot
         pilot.board(plant)

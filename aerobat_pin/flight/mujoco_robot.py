@@ -50,7 +50,6 @@ class MujocoRobot:
 
     @guarded()
     def __init__(self, robot: Aerobat) -> None:
-        """Read the exported model."""
         try:
             import mujoco
         except ModuleNotFoundError as error:

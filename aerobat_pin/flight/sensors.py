@@ -142,7 +142,6 @@ class Sensing:
     """
 
     def __init__(self, robot: Aerobat, sensors: SensorsSection, time: Array, seed: int, first: int = 0) -> None:
-        """Draw the errors of the first n + 1 samples."""
         places = places_in_motion(robot)
         self._fitted = [(name, *places[name], sensor) for name, sensor in sensors.fitted.items() if name in places]
         self._time, self._seed = time, seed

@@ -43,7 +43,6 @@ class Contact:
         return "N m" if self.point.rpartition(".")[2][:1] == "M" else "N"
 
     def __str__(self) -> str:
-        """Return the contact in words."""
         return self.told(0.0)
 
     def told(self, start: float) -> str:
@@ -78,7 +77,6 @@ class Cause:
     share: float
 
     def __str__(self) -> str:
-        """Return name, estimate and deviation in words."""
         numbers = zip(self.labels, self.estimate, self.deviation, self.units, strict=True)
         parts = [f"{label} {value:+.3g} +- {sure:.2g} {unit}" for label, value, sure, unit in numbers]
         return f"{CAUSES.get(self.name, self.name)}: {', '.join(parts)}"
@@ -134,7 +132,6 @@ class ModelCheck:
         return max(1.0, self.ratio or 1.0)
 
     def __str__(self) -> str:
-        """Return the verdict in a line."""
         if self.ratio is None:
             return f"model: unverified, as {self.why}"
         sizes = f"{force_size(self.size)} a row that no force explains, {self.ratio:.2g} times what was expected"

@@ -18,7 +18,7 @@ from aerobat_pin.forces.calibration_use import SURE_OF_CONTACT, CalibrationUse, 
 from aerobat_pin.forces.scores import point_label
 from aerobat_pin.forces.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Estimate, Event, LevelDetector
+from aerobat_pin.observers import Estimate, LevelDetector
 from aerobat_pin.records import Map, PlainRobot, Record
 
 ONSET_SHARE, END_SHARE, LIKELY_SHARE = 0.08, 0.04, 0.03  # of the weight
@@ -179,18 +179,15 @@ def _lasting(estimate: StoredEstimate, contacts: Iterable[Contact]) -> list[Cont
     each = np.split(over, len(head.frames), axis=1)
     stretches = {frame: lasts.detect(time, part.max(axis=1)) for frame, part in zip(head.frames, each, strict=True)}
     for contact in contacts:
-        during = (event for event in stretches.get(contact.point, ()) if _meet(event, contact))
-        stretch = next(during, contact)
+        end = np.inf if contact.end is None else contact.end
+        after = (event for event in stretches.get(contact.point, ()) if event.end is None or event.end > contact.onset)
+        stretch = next((event for event in after if event.onset < end), contact)
         before = whole.setdefault((contact.point, stretch.onset), contact)
         onsets, ends = zip(*((one.onset, one.end) for one in (before, contact, stretch)), strict=True)
         whole[contact.point, stretch.onset] = replace(
             before, onset=min(onsets), end=None if None in ends else max(end for end in ends if end is not None)
         )
     return sorted(whole.values(), key=lambda contact: contact.onset)
-
-
-def _meet(event: Event, contact: Contact) -> bool:
-    return (contact.end is None or event.onset < contact.end) and (event.end is None or event.end > contact.onset)
 
 
 def _over_bars(estimate: StoredEstimate) -> tuple[Array, Array, Array]:

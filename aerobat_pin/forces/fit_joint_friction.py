@@ -21,7 +21,7 @@ from aerobat_pin.forces.inverse_dynamics import SMOOTHING, accelerations, requir
 from aerobat_pin.forces.known_forces import Fit, KnownForces
 from aerobat_pin.forces.run_observers import ignored_rows
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import FRICTION_COEFFICIENTS, SMOOTH_RATE, AllBut, JointFriction, fit_friction
+from aerobat_pin.observers import FRICTION_COEFFICIENTS, SMOOTH_RATE, AllBut, fit_friction
 from aerobat_pin.records import FrictionSection, Record
 
 COULOMB_RATES = (0.01, SMOOTH_RATE, 0.05, 0.1, 0.2)  # [rad/s, m/s] from which one is chosen, see `_coulomb_rate`
@@ -82,7 +82,13 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
         friction = fit_friction(inside.q, inside.v, _rotor(section, inside), residual, rate)
     except ObserverError as error:
         raise MapError(f"map: joints.friction.fit = {list(section.fit)}: {error}") from error
-    fits, residuals = [], [_friction_residual(section, part, friction) for part in (inside, outside)]
+    fits, residuals = (
+        [],
+        [
+            part.needed - part.given - part.tau - friction.torque(part.v, _rotor(section, part))
+            for part in (inside, outside)
+        ],
+    )
     for k, joint in enumerate(joints):
         before = rms_or_nan((plain.needed - plain.given - plain.tau)[:, k])
         coefficients = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": rate}
@@ -181,10 +187,6 @@ def _coulomb_rate(section: FrictionSection, rows: _Rows) -> float:
 def _rotor(section: FrictionSection, rows: _Rows) -> Array:
     """Return the accelerations (m, n) that the law knows: zero if it has no inertia of the rotors."""
     return rows.a if section.law.endswith("inertia") else np.zeros_like(rows.a)
-
-
-def _friction_residual(section: FrictionSection, rows: _Rows, friction: JointFriction) -> Array:
-    return np.asarray(rows.needed - rows.given - rows.tau - friction.torque(rows.v, _rotor(section, rows)))
 
 
 def _fitted_samples(

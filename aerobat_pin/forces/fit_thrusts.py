@@ -17,7 +17,7 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.forces.gain_regression import MOST_FITTED, rms_or_nan
 from aerobat_pin.forces.known_forces import Fit, KnownForces, command_sum, frame_wrench, unit_direction
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import Block, KnownSection, Record
+from aerobat_pin.records import KnownSection
 
 ONE_WAY = 0.7  # cosine of the angle between thrusts from which they count as rotors of one kind
 FEWEST_SAMPLES = 10  # for each coefficient
@@ -102,20 +102,16 @@ def _thrust_samples(
         target = record.robot.mass * record.means("check.specific_force", block.time)
         for name, section in record.map.known.items():
             if name in thrusts:
-                along[name].append(_direction(record, section, block))
+                unit = np.zeros((len(block.tau), 6))
+                unit[:, :3] = unit_direction(section)
+                turned = frame_wrench(record, section, block, unit) if record.robot.free else unit
+                along[name].append(turned[:, :3])
                 commands[name].append(command_sum(record, name, block.time))
             elif record.robot.free:  # else its support carries it
                 target = target - given.force_of(name, section, block)[:, :3]
         targets.append(target)
     directions, sums = ({name: np.concatenate(pieces) for name, pieces in table.items()} for table in (along, commands))
     return np.concatenate(targets), directions, sums
-
-
-def _direction(record: Record, section: KnownSection, block: Block) -> Array:
-    """Return the direction (m, 3) of a thrust in the base's axes."""
-    unit = np.zeros((len(block.tau), 6))
-    unit[:, :3] = unit_direction(section)
-    return frame_wrench(record, section, block, unit)[:, :3] if record.robot.free else unit[:, :3]
 
 
 def _kinds(thrusts: Mapping[str, KnownSection], along: Mapping[str, Array]) -> list[list[str]]:

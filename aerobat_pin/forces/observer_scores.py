@@ -219,10 +219,6 @@ def _score_cells(score: Score, unit: str, say: Callable[[float, str], str]) -> d
     return {**cells, "lag": "-" if score.lag_s is None else f"{1e3 * score.lag_s:.2f} ms"}
 
 
-def _as_they_are(value: float, unit: str) -> str:
-    return f"{value:.4g} {unit}"
-
-
 def size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
     """Return the header, and a row for each component."""
     rows: list[tuple[str, ...]] = [SIZE_HEADER]
@@ -232,7 +228,7 @@ def size_table(stored: Mapping[str, StoredEstimate]) -> list[tuple[str, ...]]:
         for size, mean, low, high in sizes:
             numbers = ("" if size.rms is None else f"{value:.4g} {size.unit}" for value in (mean, size.rms, low, high))
             seen = "-" if size.seen is None else f"{size.seen:.0%}"
-            rows.append((name, size.name, *numbers, size.certainty(_as_they_are), seen))
+            rows.append((name, size.name, *numbers, size.certainty("{:.4g} {}".format), seen))
     return rows
 
 

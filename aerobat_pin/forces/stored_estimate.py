@@ -60,7 +60,8 @@ class StoredEstimate:
             self._doubt, self._judged, self._worst = 0.0, 0, (0.0, float(block.time[0]))
             self._columns = {name: Series(self._spool, *rows.shape[1:]) for name, rows in columns.items()}
             self.head = empty
-        worst = min(self.head, block, key=_severity).identifiability
+        judged = self.head.identifiability, block.identifiability
+        worst = min(judged, key=lambda one: (one.rank, -one.condition))
         self.head = replace(self.head, innovation=empty.innovation, identifiability=worst)
         for name, series in self._columns.items():
             series.append(columns[name])
@@ -216,11 +217,6 @@ class StoredEstimate:
 
     def _average(self, values: list[float]) -> float:
         return float(np.average(values, weights=self._counts))
-
-
-def _severity(estimate: Estimate) -> tuple[int, float]:
-    """Return what orders estimates: the smallest is the one that sees least."""
-    return estimate.identifiability.rank, -estimate.identifiability.condition
 
 
 def some_intervals(estimate: Estimate, inside: slice) -> Estimate:

@@ -76,12 +76,6 @@ def bar_angle(start: Pin, end: Pin, arm: complex) -> Angle:
     return Angle(np.angle(bar / arm), _cross(bar, bar_d) / length2, _cross(bar, bar_d2) / length2)
 
 
-def opening(a: Pin, c: Pin, b: Pin) -> Array:
-    """Return the angle at C between the bars to A and to B, in [0, pi]."""
-    between: Array = np.abs(np.angle((a.at - c.at) / (b.at - c.at)))
-    return between
-
-
 def _dot(u: Complex, w: Complex) -> Array:
     return np.asarray((u.conj() * w).real)
 
@@ -208,8 +202,11 @@ class Closure:
     @cached_property
     def transmission(self) -> dict[str, Array]:
         """Angle between the two bars that meet at J4, J7 and J10 [rad], in [0, pi]; 0 and pi are singular."""
-        at = self.points
-        return {name: opening(at[start], at[name], at[end]) for name, (start, end) in DYADS.items()}
+        at = {name: pin.at for name, pin in self.points.items()}
+        return {
+            name: np.abs(np.angle((at[start] - at[name]) / (at[end] - at[name])))
+            for name, (start, end) in DYADS.items()
+        }
 
     @property
     def residual(self) -> float:

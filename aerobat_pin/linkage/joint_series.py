@@ -81,7 +81,6 @@ class SeriesSculpture(KineticSculpture):
     """
 
     def __init__(self, linkage: KineticSculpture) -> None:
-        """Compute the series, see `joint_series`."""
         super().__init__(linkage.lengths)
         self.series = joint_series(linkage)
         self._judged = True

@@ -90,7 +90,6 @@ class Applications:
     """
 
     def __init__(self, model: pin.Model, applications: Sequence[str | Application]) -> None:
-        """Look up the frames and list the components."""
         self.model = model
         self.given = tuple(Application(item) if isinstance(item, str) else item for item in applications)
         self.frames = tuple(application.frame for application in self.given)

@@ -52,7 +52,6 @@ class Sample:
         return self._values[start : start + self._count] if len(self._values) > start else None
 
     def __repr__(self) -> str:
-        """Show the components."""
         return f"{type(self).__name__}(components={np.array2string(self.components, precision=4)})"
 
 
@@ -211,7 +210,6 @@ class Estimate:
         return xr.Dataset({key: variable(*values) for key, values in variables.items()}, coords=coords)
 
     def __repr__(self) -> str:
-        """Show the observer, the record, and the mean and range of each component."""
         lines = (
             f"  {label:<24} mean {mean:>9}, {least:>9} to {most:>9} {unit}"
             for label, mean, least, most, unit in self._rows()

@@ -58,8 +58,12 @@ class Expected:
             raise ObserverError(f"expected.doubt = {self.doubt}: a finite number of at least 1 was expected")
 
     def seen(self, deviation: Array) -> Array:
-        """Return `seen_share` of components (..., c) whose standard deviations with the rows known are given."""
-        return seen_share(deviation, self.force)
+        """Return 1 - P/S^2: the share of the expected square of each component that the rows settle, from 0 to 1.
+
+        Args:
+            deviation: (..., c) standard deviation with the rows known; infinite where they say nothing.
+        """
+        return np.asarray(1.0 - np.minimum(np.square(deviation / self.force), 1.0))
 
     def row_deviation(self, v: Array) -> Array:
         """Return the standard deviation (..., nv) of each row at velocities (..., nv), at k = 1."""
@@ -74,16 +78,6 @@ class Expected:
         table[posterior.STICTION, :nv] = self.stiction**2 / 3.0
         table[posterior.STICTION_RATE, :nv] = self.stiction_rate
         table[posterior.LEVELS, 0] = self.doubt
-
-
-def seen_share(deviation: Array, expected: Array) -> Array:
-    """Return 1 - P/S^2: the share of the expected square of each component that the rows settle, between 0 and 1.
-
-    Args:
-        deviation: (..., c) standard deviation of each component with the rows known; infinite where they say nothing.
-        expected: (c,) its standard deviation before.
-    """
-    return np.asarray(1.0 - np.minimum(np.square(deviation / expected), 1.0))
 
 
 def robot_length(model: pin.Model) -> float:

@@ -58,7 +58,6 @@ class Identifiability:
         return [_pattern(self.components, row) for row in self.null_space]
 
     def __repr__(self) -> str:
-        """Show the rank, the condition number and the patterns that leave no trace."""
         title = f"Identifiability: rank {self.rank} of {len(self.components)}, condition {self.condition:.3g}"
         return "\n".join([title, *(f"  no trace: {pattern}" for pattern in self.describe())])
 

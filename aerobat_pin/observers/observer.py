@@ -136,7 +136,6 @@ class Observer:
         return rebuilt, (partial(type(self), **settings), *arguments)
 
     def __repr__(self) -> str:
-        """Show the name, model, rows, gain and the components that are estimated."""
         gain = np.array2string(self.gain, precision=4, threshold=12)
         components = ", ".join(self.applications.components) or "nothing: the generalised residual alone"
         return (

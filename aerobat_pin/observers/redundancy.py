@@ -89,7 +89,6 @@ class Redundancy:
         return cls(**{**named, "points": tuple(named["points"])})
 
     def __repr__(self) -> str:
-        """Show the verdict in words."""
         return f"Redundancy: {self.describe()}"
 
 

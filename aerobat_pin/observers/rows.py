@@ -140,7 +140,6 @@ class AllBut:
     names: tuple[str, ...]
 
     def __init__(self, *names: str) -> None:
-        """Keep the names."""
         object.__setattr__(self, "names", names)
 
     def kept(self, model: pin.Model) -> list[int]:

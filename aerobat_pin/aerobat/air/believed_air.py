@@ -69,7 +69,6 @@ class AirAlongMotion:
     """The aerodynamic model of an assumed robot in an assumed air, evaluated along a recorded motion."""
 
     def __init__(self, robot: Aerobat, air: AirSection) -> None:
-        """Set up the aerodynamic model, and find the rate of its fastest mode."""
         self.robot, self.section = robot, air
         self.in_air = RobotInAir(robot, robot_air(robot.wing, air))
         self.air = self.in_air.air

@@ -70,15 +70,9 @@ def divide(wing: Wing, line: LiftingLine, added_mass: Array) -> Pieces:
 
 @inner
 def air_loads(air: AirConstants, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array) -> None:
-    """Compute the wrenches on the links and the rates of the aerodynamic state.
+    """Compute the wrenches on the links and the rates of the aerodynamic state, with the arguments of `strip_loads`.
 
-    Args:
-        air: aerodynamic constants.
-        twists: (5, 6) twists of the links relative to the air, at the origin and in the axes of each link's frame.
-        state: (3N,) zeta_1, zeta_2, circulation; empty in the quasi-steady model.
-        wrenches: (5, 6) written: wrenches on the links, at the same points and in the same axes, force first.
-        rates: (3N,) written: rates of `state`.
-        loads: (9, N) written: flow and force at the strips, see `StripLoads`.
+    `state` and `rates` are empty in the quasi-steady model; `loads` (9, N) is written, see `StripLoads`.
     """
     rows = strip_rows(loads)
     if air.quasi_steady[()] > 0.0:
@@ -120,7 +114,6 @@ class RobotAir:
         lift_limit: float | None = None,
         added_mass: float = 1.0,
     ) -> None:
-        """Place the strips on the links."""
         shape = wing.morphology
         self.model: Model = model
         self.lift_limit = lift_limit
@@ -143,7 +136,6 @@ class RobotAir:
         )
 
     def __repr__(self) -> str:
-        """Name the model, its planform, its number of states and its lift limit."""
         return f"RobotAir({self.model}, {self.line!r}, {self.state_size} states, lift limit {self.lift_limit})"
 
     @property

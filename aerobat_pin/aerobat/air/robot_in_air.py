@@ -85,7 +85,6 @@ class RobotInAir:
 
     @guarded()
     def __init__(self, robot: Aerobat, air: RobotAir) -> None:
-        """Lay out the memory and fill in its constants."""
         self.robot, self.air, self.data = robot, air, robot.model.createData()
         model, data = robot.model, self.data
         liMi, v, a_gf = placements(data.liMi), motions(data.v), motions(data.a_gf)

@@ -42,7 +42,6 @@ class AirAboutNominal:
     """
 
     def __init__(self, robot: Aerobat, section: AirSection) -> None:
-        """Set up the aerodynamic model."""
         self.robot, self.along = robot, AirAlongMotion(robot, section)
         self.wind = wind_of(section)
         self._series = joint_series(robot.linkage)

@@ -76,7 +76,6 @@ class JointFilter:
     def __init__(
         self, smoother: JointSmoother, tuning: Tuning, sensors: Mapping[str, SensorSamples], torque: Torque
     ) -> None:
-        """Wait for the first samples."""
         self.smoother, self.tuning, self.sensors, self.torque = smoother, tuning, dict(sensors), torque
         self.layout, self._nv = smoother.layout, smoother.robot.model.nv
         self._waiting: list[tuple[float, dict[str, tuple[float, Array]], Array]] = []

@@ -55,7 +55,6 @@ class Layout:
     offsets: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Place one group of states behind the other."""
         self.size, forces = MOTION, 3 * self.points
         self.walk, self.slope, self.white = self._next(forces), self._next(forces), self._next(forces)
         self.gyro_bias, self.accelerometer_bias = self._next(3), self._next(3)

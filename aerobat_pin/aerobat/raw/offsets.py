@@ -41,7 +41,6 @@ class ClockOffset:
         return self.gain > LEAST_GAIN and abs(self.seconds) > LEAST_OFFSET
 
     def __str__(self) -> str:
-        """Return the offset in words."""
         late = "late" if self.seconds > 0.0 else "early"
         return (
             f"{self.sensor} is {1e3 * abs(self.seconds):.2f} ms {late} against motion capture (deviation "

@@ -93,7 +93,6 @@ class JointSmoother:
     def __init__(
         self, robot: Aerobat, air: AirSection, frames: tuple[str, ...], settings: RawSection, *, mount: bool = False
     ) -> None:
-        """Set up the air."""
         linkage = SeriesSculpture(robot.linkage)
         self.robot = robot = replace(robot, linkage=linkage)
         self.series = linkage.series

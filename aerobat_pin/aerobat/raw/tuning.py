@@ -71,16 +71,10 @@ class Tuning:
 
     def stated(self) -> dict[str, Any]:
         """Return the tuning as entries of the table `observers.raw`."""
-        return {
-            "walk": tuple(self.walk.tolist()),
-            "bend": tuple(self.bend.tolist()),
-            "white": tuple(self.white.tolist()),
-            "alike": tuple(self.alike.tolist()),
-            "crank_jerk": self.jerk,
-        }
+        each = {name: tuple(getattr(self, name).tolist()) for name in ("walk", "bend", "white", "alike")}
+        return {**each, "crank_jerk": self.jerk}
 
     def __str__(self) -> str:
-        """Return the tuning in words."""
         walk, bend, white = (
             " ".join(f"{value:.3g}" for value in 1e3 * values) for values in (self.walk, self.bend, self.white)
         )

@@ -48,7 +48,6 @@ class ElasticJoints:
     """
 
     def __init__(self, robot: Aerobat, plant: PlantSection) -> None:
-        """Compute the modes."""
         sections = {i: getattr(plant, name.split("_")[1]) for i, name in enumerate(JOINTS)}
         elastic = {i: section for i, section in sections.items() if section is not None}
         self.plant, self.count, self.joints = plant, len(elastic), list(elastic)

@@ -66,7 +66,6 @@ class Plant:
         drive: CrankDrive | RateControlledMotor | None = None,
         simulator: Simulator | None = None,
     ) -> None:
-        """Build air, attitude hold and unknown forces, and lay out the kernel's memory."""
         self._given, self.scenario, self.simulator = robot, scenario, simulator
         self.robot = robot = loaded(robot, scenario.plant.payload)
         self.model = model = robot.model
@@ -102,7 +101,6 @@ class Plant:
         self.flight: SteppedFlight | None = None
 
     def __repr__(self) -> str:
-        """Name scenario, robot, aerodynamic model, crank drive and unknown forces."""
         hold = "held" if self.hold is not None else "free"
         return (
             f"Plant({self.scenario.name!r}, {self.robot!r},\n"

@@ -76,7 +76,6 @@ class FlightElsewhere(SteppedFlight):
     def __init__(
         self, plant: SimulatedPlant, step_means: Array, dt: float, start: State, endless: bool, simulator: Simulator
     ) -> None:
-        """Begin the flight in the simulator."""
         if len(plant.crank_start) or plant.elastic.count or plant.scenario.plant.payload is not None or endless:
             raise ScenarioError(
                 f"scenario {plant.scenario.name}: a simulator flies it: no crank.motor, plant.elbow, plant.shoulder, "

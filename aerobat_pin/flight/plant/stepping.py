@@ -36,7 +36,6 @@ class SteppedFlight:
     """
 
     def __init__(self, plant: SimulatedPlant, step_means: Array, dt: float, start: State, endless: bool) -> None:
-        """Lay out the tables, and put the state into the kernel's memory."""
         self.plant, self.endless, self.done, self._window = plant, endless, 0, 0
         self._force: Array = np.zeros(step_means.shape[1])
         self._wind: Array = np.zeros(3)

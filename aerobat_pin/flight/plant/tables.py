@@ -123,7 +123,6 @@ class FlightTables:
     """
 
     def __init__(self, plant: SimulatedPlant, step_means: Array, dt: float, start: State, before: int = 0) -> None:
-        """Tabulate crank and wind, and make room for the rest."""
         self.plant, self.step_means, self.dt = plant, step_means, dt
         self.intervals, self.parts = step_means.shape[2], plant.substeps(dt)
         steps, self.step = self.intervals * self.parts, dt / self.parts

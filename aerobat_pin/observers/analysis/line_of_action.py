@@ -41,7 +41,6 @@ class Panel:
     """
 
     def __init__(self, outline: ArrayLike) -> None:
-        """Check the corners and find their plane."""
         corners = np.array(outline, float)
         if corners.ndim != 2 or corners.shape[1] != 3 or len(corners) < 3 or not np.all(np.isfinite(corners)):
             raise ObserverError(f"outline of shape {corners.shape}: three finite corners (k, 3) or more were expected")

@@ -46,12 +46,7 @@ def low_pass(observer: ObserverState, dt: float, value: Array) -> None:
 
 @inner
 def super_twist(rate: float, slope: float, dt: float, value: float, state: Array) -> None:
-    """Advance a super-twisting differentiator with linear terms by one implicit Euler step.
-
-    With z the estimate of the force f, and e the integral of f minus the integral of z,
-
-        e' = f - z - k1 sqrt|e| sign e - 2 rate e          k1 = 1.5 sqrt(slope)
-        z' = 1.1 slope sign e + rate^2 e
+    """Advance z and e of `momentum_equations._super_twisting`, where the equations stand, by one implicit Euler step.
 
     Args:
         rate: rate of the linear part, which is critically damped [1/s].
