@@ -8,7 +8,6 @@ from .aerobat import load_aerobat as load_aerobat
 from .aerobat import load_morphology as load_morphology
 from .air.added_mass import add_mass as add_mass
 from .air.believed_air import AirStream as AirStream
-from .air.links import place_links as place_links
 from .air.robot_air import RobotAir as RobotAir
 from .air.robot_air import air_loads as air_loads
 from .air.robot_air import air_memory as air_memory
@@ -48,6 +47,7 @@ from .kind_of_log import needs_map as needs_map
 from .link_kernels import Tree as Tree
 from .link_kernels import chain as chain
 from .link_kernels import climb as climb
+from .link_kernels import place_links as place_links
 from .link_kernels import tree_of as tree_of
 from .motion import robot_air as robot_air
 from .motion import wind_of as wind_of

@@ -21,8 +21,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from aerobat_pin.aerobat.air.links import Links, PinocchioResults
-from aerobat_pin.aerobat.link_kernels import Tree
+from aerobat_pin.aerobat.link_kernels import Links, PinocchioResults, Tree
 from aerobat_pin.numerics import Array, inner
 
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from aerobat_pin.aerobat.air.added_mass import add_mass
-from aerobat_pin.aerobat.air.links import place_links
 from aerobat_pin.aerobat.air.robot_air import air_loads
 from aerobat_pin.aerobat.air.robot_in_air import RobotState
-from aerobat_pin.aerobat.link_kernels import climb
+from aerobat_pin.aerobat.link_kernels import climb, place_links
 from aerobat_pin.numerics import (
     ELSEWHERE,
     HALF_STEPS,

@@ -9,9 +9,8 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.aerobat.air.added_mass import AddedMass, factored
-from aerobat_pin.aerobat.air.links import Links, PinocchioResults
 from aerobat_pin.aerobat.air.robot_air import RobotAir, air_loads
-from aerobat_pin.aerobat.link_kernels import Tree, tree_of
+from aerobat_pin.aerobat.link_kernels import Links, PinocchioResults, Tree, tree_of
 from aerobat_pin.aerobat.wing import LINKS
 from aerobat_pin.aerodynamics import STRIP_ROWS, AirConstants
 from aerobat_pin.numerics import (
