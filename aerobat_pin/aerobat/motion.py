@@ -13,24 +13,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat
+from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.aerobat.air.robot_air import RobotAir
-from aerobat_pin.aerobat.channels import angle_fault
 from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
 from aerobat_pin.aerobat.wing import Wing
 from aerobat_pin.aerodynamics import Gust, Tones, Wind, dryden
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import rotations
-from aerobat_pin.records import EXTRA, Block, Channel
+from aerobat_pin.records import Block
 from aerobat_pin.scenario import AirSection
-
-FEWEST_RAW_SAMPLES = 8  # of each channel
 
 
 @guarded()
@@ -89,29 +85,6 @@ class Motion:
         at = slice(first, last + 1)
         crank, bend = (None if part is None else part[:, at] for part in (self.crank, self.bend))
         return Motion(self.time[at], self.q[at], self.v[at], crank, self.wind[at], bend)
-
-
-def fault_of(channels: Mapping[str, Channel]) -> str | None:
-    """Return why the motion cannot follow from the channels of a log, in words; None if it can.
-
-    Args:
-        channels: key -> channel; with an encoder they are raw samples.
-    """
-    if f"{EXTRA}encoder" in channels:
-        few = [channel for channel in channels.values() if len(channel.time) < FEWEST_RAW_SAMPLES]
-        counts = [f"{len(channel.time)} samples of {', '.join(channel.names)}" for channel in few]
-        return f"{counts[0]}: {FEWEST_RAW_SAMPLES} or more were expected" if counts else None
-    twist = [key for key in ("base.velocity", "base.rate") if key in channels]
-    if len(twist) == 1:
-        return f"{', '.join(channels[twist[0]].names)}: velocity and angular velocity were expected, both or none"
-    crank, joints = channels.get(f"{EXTRA}crank_angle"), channels.get("joints.position")
-    if crank is None and f"{EXTRA}crank_rate" in channels:
-        return "crank_rate without crank_angle: the linkage needs the angle"
-    if crank is None and joints is None:
-        return f"neither crank_angle nor the joints {', '.join(JOINTS)} are there"
-    if crank is not None and (fault := angle_fault(crank.time[:], crank.values[:][:, 0], None)) is not None:
-        return fault
-    return None if joints is None else angle_fault(joints.time[:], None, joints.values[:])
 
 
 def completed(block: Block, robot: Aerobat, air: AirSection) -> Block:

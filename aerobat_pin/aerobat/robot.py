@@ -16,8 +16,9 @@ import numpy as np
 from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat
 from aerobat_pin.aerobat.air.believed_air import reconstructed_air
+from aerobat_pin.aerobat.channels import angle_fault
 from aerobat_pin.aerobat.crank_condition import CrankCondition, crank_condition
-from aerobat_pin.aerobat.motion import Motion, completed, fault_of
+from aerobat_pin.aerobat.motion import Motion, completed
 from aerobat_pin.aerobat.parameters import PARAMETERS, SUSPECTS, carrying, changed_belief, crank_turned, flexed
 from aerobat_pin.aerobat.prescribed_joints import joint_table
 from aerobat_pin.aerobat.torque import (
@@ -36,6 +37,7 @@ from aerobat_pin.records import EXTRA, Agreement, Block, Channel, Extras, Parame
 from aerobat_pin.scenario import AirSection, RawSection
 
 WEATHER_KEYS = {"wind", "gust", "turbulence", "wave", "warm_up_cycles"}  # keys of the air of the day
+FEWEST_RAW_SAMPLES = 8  # of each channel
 LARGEST_OPENING = np.degrees(0.01)  # [deg]: rms difference of a joint from the linkage; encoders are 20 times better
 
 
@@ -141,8 +143,26 @@ class AerobatRobot(PlainRobot):
         return replace(self, mount=Mount.of_parts(values))
 
     def fault(self, channels: Mapping[str, Channel]) -> str | None:
-        """Return what is wrong with the channels of a log as a whole: see `motion.fault_of`."""
-        return fault_of(channels)
+        """Return why the motion cannot follow from the channels of a log, in words; None if it can.
+
+        Args:
+            channels: key -> channel; with an encoder they are raw samples.
+        """
+        if f"{EXTRA}encoder" in channels:
+            few = [channel for channel in channels.values() if len(channel.time) < FEWEST_RAW_SAMPLES]
+            counts = [f"{len(channel.time)} samples of {', '.join(channel.names)}" for channel in few]
+            return f"{counts[0]}: {FEWEST_RAW_SAMPLES} or more were expected" if counts else None
+        twist = [key for key in ("base.velocity", "base.rate") if key in channels]
+        if len(twist) == 1:
+            return f"{', '.join(channels[twist[0]].names)}: velocity and angular velocity were expected, both or none"
+        crank, joints = channels.get(f"{EXTRA}crank_angle"), channels.get("joints.position")
+        if crank is None and f"{EXTRA}crank_rate" in channels:
+            return "crank_rate without crank_angle: the linkage needs the angle"
+        if crank is None and joints is None:
+            return f"neither crank_angle nor the joints {', '.join(JOINTS)} are there"
+        if crank is not None and (fault := angle_fault(crank.time[:], crank.values[:][:, 0], None)) is not None:
+            return fault
+        return None if joints is None else angle_fault(joints.time[:], None, joints.values[:])
 
     def complete(self, block: Block) -> Block:
         """Return a block with the joints that the crank drives, the crank's motion and the wind."""
