@@ -105,6 +105,14 @@ def test_step_response_is_that_of_the_matrices() -> None:
     assert lift[0] == pytest.approx(system.D @ w_n, rel=1e-14)
 
 
+def test_slow_and_late_responses_are_the_steady_lift() -> None:
+    """At frequency zero, and long after a step, the lift per span is rho U Gamma of the steady circulation."""
+    line, w_n = rectangle(6.0), np.linspace(0.1, 0.4, 16)
+    steady = 3.0 * line.steady_circulation(w_n)
+    assert line.frequency_response(0.0, 3.0, w_n) == pytest.approx(steady, rel=1e-12)
+    assert line.step_response([1e3], 3.0, w_n)[0] == pytest.approx(steady, rel=1e-9)
+
+
 def test_air_at_rest_freezes_circulation_and_makes_no_lift() -> None:
     """At U = 0 nothing divides by the airspeed: no lift, circulation and lag decay stand still, no warning."""
     line = rectangle(4.0, strips=8)

@@ -65,6 +65,14 @@ def test_harmonic_lift_is_theodorsens() -> None:
     assert 0.4 < k[np.argmax(error)] < 0.6
 
 
+@pytest.mark.parametrize(
+    ("k", "real", "imaginary"), [(0.1, 0.8319, -0.1723), (0.5, 0.5979, -0.1507), (1.0, 0.5394, -0.1003)]
+)
+def test_theodorsens_function_has_its_tabulated_values(k: float, real: float, imaginary: float) -> None:
+    """Theodorsen, NACA report 496 (1935), table of F and G."""
+    assert complex(theodorsen(k)) == pytest.approx(complex(real, imaginary), abs=1e-4)
+
+
 @pytest.mark.parametrize("strips", [1, 7, 16])
 @pytest.mark.parametrize(("aspect_ratio", "printed"), [(4.0, 0.36554), (6.0, 0.41123), (10.0, 0.45693)])
 def test_steady_elliptic_wing_is_prandtls(aspect_ratio: float, printed: float, strips: int) -> None:

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.gliding import AIR, NO_DRAG, SHAPE, WING, evaluate, gliding
+from support.gliding import AIR, NO_DRAG, SHAPE, WING, evaluate, gliding, settled
 from support.kernel_cases import instant
 
 from aerobat_pin.aerobat import LINKS, Aerobat, RobotAir, RobotInAir, Wing, flown_robot, load_aerobat
@@ -75,6 +75,19 @@ def test_strips_lie_on_the_membrane(robot: Aerobat) -> None:
             y, chord = AIR.line.y[strip], AIR.line.chord[strip]
             place = data.oMf[robot.model.getFrameId(LINKS[link])].act(np.array(point))
             assert place[0] + chord / 2.0 == pytest.approx(SHAPE.wing.offset_x + WING.leading_edge(y), abs=1e-15)
+
+
+def test_symmetric_flapping_pushes_neither_sideways_nor_rolls_nor_yaws(robot: Aerobat) -> None:
+    """Equal joint angles and rates on both sides: total wrench on the base has no y force, x and z moment."""
+    closure = robot.linkage.solve(0.7, 30.0)
+    q = robot.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], closure.theta_s, closure.theta_e)
+    v = robot.velocity([3.0, 0.0, -0.2, 0.0, 0.4, 0.0], closure.theta_s_dot, closure.theta_e_dot)
+    wrenches, _, _ = evaluate(AIR, twists_of(robot, q, v), settled(AIR, twists_of(robot, q, v)))
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    places = [data.oMf[robot.model.getFrameId(link)] for link in LINKS]
+    total = sum(place.act(pin.Force(wrench)).vector for place, wrench in zip(places, wrenches, strict=True))
+    assert np.max(np.abs(total[[1, 3, 5]])) < 1e-12 * np.max(np.abs(total))
 
 
 @settings(max_examples=30, derandomize=True)

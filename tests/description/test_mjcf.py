@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.closed import HINGES, MJCF, RATE, fly_in_mujoco, miss, placed
+from support.closed import HINGES, MJCF, RATE, fly_in_mujoco, fly_prescribed, miss, placed
 from support.commands import aerobat
 from support.readers import ROBOTS, URDF, in_mujoco, in_pinocchio
 
@@ -16,6 +16,7 @@ from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import Body
 from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.aerobat.closed_model import closed_model, closed_state
+from aerobat_pin.observers.frames import euler_angles
 
 SIDES = ("left", "right")
 
@@ -36,6 +37,20 @@ def test_mujoco_turns_the_linkage_from_rest(name: str) -> None:
     for side in SIDES:
         assert max(miss(robot.linkage, *columns(twin, rows, side))) < 2.5e-3
     assert np.max(np.abs(columns(twin, rows, "left")[0] - columns(twin, rows, "right")[0])) < 2e-6
+
+
+@ROBOTS
+def test_a_second_of_free_flight_is_the_packages(name: str) -> None:
+    """No air, no gravity: pitch within 0.1 deg and height within 0.1 mm of the flight with prescribed joints."""
+    robot, twin = load_aerobat(name, gravity=0.0), mujoco.MjModel.from_xml_path(MJCF[name])
+    twin.opt.gravity[:] = 0.0
+    model = closed_model(name)[0]
+    rows = fly_in_mujoco(twin, placed(twin, model, *closed_state(model, robot.linkage, -np.pi / 2, RATE)[:2]), 2000)
+    ours, theirs = fly_prescribed(robot, 500, 2e-3), rows[3::4][:, [0, 1, 2, 4, 5, 6, 3]]
+    pitch = [np.degrees(euler_angles(q)[:, 1]) for q in (ours, theirs)]
+    assert np.ptp(pitch[0]) > 10.0
+    assert np.max(np.abs(pitch[0] - pitch[1])) < 0.1
+    assert np.max(np.abs(ours[:, 2] - theirs[:, 2])) < 1e-4
 
 
 @ROBOTS
