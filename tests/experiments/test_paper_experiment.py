@@ -9,11 +9,12 @@ from support.arm import arm
 from support.kernel_cases import record
 
 from aerobat_pin.aerobat.flight_log import true_force
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.experiments.write_results import estimate_dataset, estimate_table
 from aerobat_pin.flight import Plant
-from aerobat_pin.forces.scores import FORCE_AXES
-from aerobat_pin.observers import Application, ForceLevelObserver, KalmanObserver
+from aerobat_pin.forces.scores import FORCE_AXES, r_squared
+from aerobat_pin.observers import OBSERVERS, Application, ForceLevelObserver, KalmanObserver
 from aerobat_pin.scenario import load_scenario
 
 PAPER_R2 = {"Fx": 0.7448, "Fy": 0.9970, "Fz": 0.9991}  # the paper, section IV
@@ -91,15 +92,11 @@ def benchmark(request: pytest.FixtureRequest) -> Experiment:
 
 def rerun(experiment: Experiment, gain: float) -> dict[str, np.ndarray]:
     """Estimate again from the same log with another gain; R2 (wing, axis) by observer."""
-    from aerobat_pin.aerobat.flight_record import known_inputs
-    from aerobat_pin.forces.scores import r_squared
-    from aerobat_pin.observers import OBSERVERS
-
     inputs = known_inputs(experiment.log, experiment.robot)
     found = {}
-    for name, kind in OBSERVERS.items():
+    for name in ("momentum", "force_level"):
         frames = experiment.scenario.observers.frames
-        estimate = kind(experiment.robot.model, frames, gain).run(
+        estimate = OBSERVERS[name](experiment.robot.model, frames, gain).run(
             inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known
         )
         truth = [true_force(experiment.log, frame)[0] for frame in frames]
