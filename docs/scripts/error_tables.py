@@ -3,14 +3,14 @@
 from itertools import product
 
 import numpy as np
-from support.calibrated import PUSHED, false_alarms, free_flight, ideal_latencies, latencies, learnt
+from support.calibrated import PUSHED, FreeFlight, free_flight, ideal_latencies, learnt, seen_with
 from support.elsewhere import FREQUENCY, as_believed, elsewhere, seen_elsewhere
 from support.mismatch import NOISY, estimated, made_up, r_squared, scores, seen
 from support.observer_conditions import Condition
 from support.observer_conditions import estimated as on_the_benchmark
 from support.observer_conditions import flown as benchmark_flight
 
-from aerobat_pin.estimation import calibrate
+from aerobat_pin.estimation import Calibration, calibrate
 from aerobat_pin.observers import moving_weight
 
 QUASI_STEADY = "quasi-steady air"
@@ -54,6 +54,22 @@ def contact_table() -> str:
     ):
         lines.append(f"| noisy | *the bound: {words}* | - | {times(late)} | 1 |")
     return "\n".join(lines)
+
+
+def latencies(calibration: Calibration, free: FreeFlight, seed: int, noise: tuple[str, ...]) -> np.ndarray:
+    """Return the time [s] from the onset of every push of `PUSHED` to its alarm; infinite where there is none."""
+    late = []
+    for flight, more, onset in PUSHED.values():
+        contacts = seen_with(calibration, free, flight, seed, (*more, *noise)).inputs.calibration.contacts
+        after = [one.alarm - onset for one in contacts if one.frame == "left_force_point"]
+        late.append(min((time for time in after if 0.0 < time < 0.06), default=np.inf))
+    return np.array(late)
+
+
+def false_alarms(calibration: Calibration, free: FreeFlight, seed: int, noise: tuple[str, ...]) -> int:
+    """Return the number of contacts found on both wings in 20 s of free flight."""
+    long = seen_with(calibration, free, "no force", 200 + seed, ("simulation.duration=20.0", *noise))
+    return len(long.inputs.calibration.contacts)
 
 
 def times(late: np.ndarray) -> str:

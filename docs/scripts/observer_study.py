@@ -4,11 +4,21 @@ from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.figure import Figure
-from support.observer_conditions import CONDITIONS, TUNING, estimated, flown, worst
+from support.observer_conditions import TUNING, Condition, estimated, flown, worst
 from support.pages import ROOT, Values, run, save, table
 
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.visualization import style
+
+CONDITIONS = (
+    Condition("exact"),
+    Condition("velocity noise", noise=1.0),
+    Condition("mass +5 %", mass=1.05),
+    Condition("air +20 %", air=1.2),
+    Condition("all three", noise=1.0, mass=1.05, air=1.2),
+    Condition("all three, left wing only", noise=1.0, mass=1.05, air=1.2, share=0.0),
+    Condition("all three, right = -0.5 left", noise=1.0, mass=1.05, air=1.2, share=-0.5),
+)
 
 FILTERS = ("force_level", "second_order")  # `momentum` differs from `force_level` in the third digit
 

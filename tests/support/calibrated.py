@@ -115,22 +115,6 @@ def seen_with(
     return Seen(record.robot.model, inputs, truth)
 
 
-def latencies(calibration: Calibration, free: FreeFlight, seed: int, noise: tuple[str, ...]) -> np.ndarray:
-    """Return the time [s] from the onset of every push of `PUSHED` to its alarm; infinite where there is none."""
-    late = []
-    for flight, more, onset in PUSHED.values():
-        contacts = seen_with(calibration, free, flight, seed, (*more, *noise)).inputs.calibration.contacts
-        after = [one.alarm - onset for one in contacts if one.frame == "left_force_point"]
-        late.append(min((time for time in after if 0.0 < time < 0.06), default=np.inf))
-    return np.array(late)
-
-
-def false_alarms(calibration: Calibration, free: FreeFlight, seed: int, noise: tuple[str, ...]) -> int:
-    """Return the number of contacts found on both wings in 20 s of free flight."""
-    long = seen_with(calibration, free, "no force", 200 + seed, ("simulation.duration=20.0", *noise))
-    return len(long.inputs.calibration.contacts)
-
-
 def ideal_latencies(free: FreeFlight, noise: tuple[str, ...]) -> np.ndarray:
     """Return how early the pushes of `PUSHED` can be found [s] (4, 2) by any detector; see `detection_bound`."""
     found = []

@@ -34,17 +34,6 @@ class Condition:
     share: float = 1.0
 
 
-CONDITIONS = (
-    Condition("exact"),
-    Condition("velocity noise", noise=1.0),
-    Condition("mass +5 %", mass=1.05),
-    Condition("air +20 %", air=1.2),
-    Condition("all three", noise=1.0, mass=1.05, air=1.2),
-    Condition("all three, left wing only", noise=1.0, mass=1.05, air=1.2, share=0.0),
-    Condition("all three, right = -0.5 left", noise=1.0, mass=1.05, air=1.2, share=-0.5),
-)
-
-
 def scenario(seed: int, share: float) -> Scenario:
     """Return the benchmark with the right wing's force scaled by a share of its own."""
     given = load_scenario("observer_benchmark", [f"simulation.seed={seed}"])
