@@ -12,7 +12,7 @@ counts for as many instants as are independent.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,7 @@ NO_BETTER = 0.01  # of the middle one of the driven rows' squared errors: forces
 OFFSET = 0.1  # of a row's effort, rms: what a sensor's offset may be
 SMALLEST_SIZE = 1e-4  # of what is expected of a row's squared errors: none has smaller ones
 LEAST_FELT = 1e-12  # of what rows expect, squared: what h = 1 does less to them is rounding, and h stays 0
+PARTS = 4  # of a record, one after the other
 RANK_OF_ROWS = 1e-12  # of the largest eigenvalue: what no row shows is 0
 
 
@@ -56,6 +57,11 @@ class EffortRows:
     prior: Array
     variance: Array
     driven: Sequence[int]
+
+    def but(self, part: int) -> EffortRows:
+        """Return the rows without one of the `PARTS` of the record."""
+        series = ("y", "effort", "needed", "rates", "forces", "own", "variance")
+        return replace(self, **{name: without_part(getattr(self, name), part) for name in series})
 
     @property
     def mean_variance(self) -> Array:
@@ -89,6 +95,12 @@ class Explanation:
     def independent(self) -> float:
         """Share of the instants that are independent, of the middle one of the rows."""
         return float(np.median(independent(self.errors))) / len(self.errors)
+
+
+def without_part(values: Array, part: int) -> Array:
+    """Return values (m, ...) at instants without those of one of the `PARTS` of the record."""
+    pieces = np.array_split(values, PARTS)
+    return np.concatenate([*pieces[:part], *pieces[part + 1 :]])
 
 
 def effort_rows(instants: Instants, expected: Expected, driven: Sequence[int], *, forces: float) -> EffortRows:

@@ -18,7 +18,7 @@ from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_e
 from aerobat_pin.estimation.checks.late_efforts import late_finding
 from aerobat_pin.estimation.checks.readings import limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import SLIDES_AT, EffortRows, Exchange, Explanation, Instants, most_likely_with
+from aerobat_pin.forces import SLIDES_AT, EffortRows, Exchange, Explanation, Instants, most_likely_with, without_part
 from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.records import LARGEST_DELAY, PlainRobot, Record
 
@@ -64,12 +64,13 @@ class Change:
         """What its coefficients cost."""
         return self.doubt + PRICE * (1 if self.columns is None else self.columns.shape[2])
 
-    def explained(self, rows: EffortRows, without: Explanation) -> Explanation:
-        """Return what is most likely with it."""
-        if self.anew is not None:
-            return most_likely_with(*self.anew(), without)
-        shifted = rows if self.shift is None else replace(rows, y=rows.y - self.shift)
-        return most_likely_with(shifted, self.columns, without)
+    def explained(self, rows: EffortRows, without: Explanation, but: int | None = None) -> Explanation:
+        """Return what is most likely with it; without one of the `PARTS` of the record, if it is given."""
+        changed, columns = (rows, self.columns) if self.anew is None else self.anew()
+        changed = changed if self.shift is None else replace(rows, y=rows.y - self.shift)
+        if but is not None:
+            changed, columns = changed.but(but), None if columns is None else without_part(columns, but)
+        return most_likely_with(changed, columns, without)
 
 
 def sliding_rows(instants: Instants) -> NDArray[np.bool_]:

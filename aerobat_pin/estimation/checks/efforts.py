@@ -23,6 +23,7 @@ from aerobat_pin.estimation.checks.free_efforts import GOOD, UNEXPLAINED, left_u
 from aerobat_pin.estimation.checks.misread_joints import changes_of_reading
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
+    PARTS,
     EffortRows,
     Explanation,
     FittedValues,
@@ -189,7 +190,15 @@ def _likely(
         return
     independent = min(tried, key=lambda pair: pair[0].loss)[0].independent
     gains_of = {change: (without.loss - found.loss) * independent - change.price for found, change in tried}
-    for found, change in tried:
-        gain = gains_of[change]
-        if gain > max([ENOUGH, *(gains_of.get(case, ENOUGH) for case in change.cases)]):
+    likely = [
+        (gain, found, change)
+        for found, change in tried
+        if (gain := gains_of[change]) > max([ENOUGH, *(gains_of.get(case, ENOUGH) for case in change.cases)])
+    ]
+    parts = range(PARTS if likely else 0)
+    losses = [most_likely_with(rows.but(part), None, without).loss for part in parts]
+    for gain, found, change in likely:  # a push is in one part, and what makes up for it is worth nothing elsewhere
+        elsewhere = (change.explained(rows, without, part).loss for part in parts)
+        worth = ((loss - after) * independent for loss, after in zip(losses, elsewhere, strict=True))
+        if all(each > change.price for each in worth):
             yield gain, found, change
