@@ -5,6 +5,7 @@ from .balance import Exchange as Exchange
 from .balance import FreeMotion as FreeMotion
 from .balance import InputsBetween as InputsBetween
 from .balance import balance_of as balance_of
+from .balance import later_efforts as later_efforts
 from .balance import motion_of as motion_of
 from .calibration_use import SURE_OF_CONTACT as SURE_OF_CONTACT
 from .calibration_use import CalibrationUse as CalibrationUse

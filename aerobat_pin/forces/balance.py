@@ -160,7 +160,7 @@ class FreeMotion:
 
 def motion_of(record: Record, inputs: InputsBetween) -> FreeMotion | None:
     """Return a free robot's motion at instants spread over its record; None if it is too short."""
-    parts, seen = list[tuple[Array, ...]](), list[tuple[Array, slice]]()
+    parts, seen = list[tuple[Array, ...]](), list[tuple[Array, Array, slice]]()
     most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
     step, at = max(1, most // INSTANTS), [record.robot.v_index(joint) for joint in record.driven]
     for stretch in record.spread(most, *(record.map.use.free or ())):
@@ -174,19 +174,21 @@ def motion_of(record: Record, inputs: InputsBetween) -> FreeMotion | None:
         known = sum(given.known.values(), np.zeros_like(given.tau))
         rates = (each[chosen] for each in (v, accelerations(block, record), given.tau, known))
         parts.append((block.q[:-1][chosen], halfway(record, block, chosen), *rates))
-        seen.append((given.time, chosen))
+        seen.append((given.time, given.tau[:, at], chosen))
     if not parts:
         return None
     q, middle, v, a, tau, known = (np.concatenate(part) for part in zip(*parts, strict=True))
 
-    def measured(by: float) -> Array:
-        return np.concatenate([record.means("joints.effort", time + by)[chosen] for time, chosen in seen])
-
-    def later(by: float) -> Array:  # times the factors that are known of the efforts
-        now = measured(0.0)
-        return np.asarray(measured(by) * np.sum(now * tau[:, at], axis=0) / np.maximum(np.sum(now**2, axis=0), 1e-300))
+    def later(by: float) -> Array:
+        return np.concatenate([later_efforts(record, time, efforts, by)[chosen] for time, efforts, chosen in seen])
 
     return FreeMotion(q, middle, v, a, tau, known, len(q) * step * record.dt, later)
+
+
+def later_efforts(record: Record, time: Array, efforts: Array, by: float) -> Array:
+    """Return efforts (m, joints) between times (m + 1,) as they are measured a time [s] later, with their factors."""
+    now, then = (record.means("joints.effort", time + shift) for shift in (0.0, by))
+    return np.asarray(then * np.sum(now * efforts, axis=0) / np.maximum(np.sum(now**2, axis=0), 1e-300))
 
 
 def balance_of(record: Record, motion: FreeMotion) -> Balance | None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,8 @@ class EffortRows:
     Attributes:
         y: (m, k) rows [N, N m].
         effort: (m, k) efforts.
-        needed: (m, k) what motion and weight need, but for what the forces give.
+        needed: (m, k) what motion and weight need, but for what the forces give; just before and after, as noise that a
+            regressor shares with y would pass for a factor.
         rates: (m, k) how fast the efforts change [N/s, N m/s].
         forces: (m, c, k) S J, of forces of the size expected, or so many times that.
         own: (m, k, p) friction and constants of the driven joints' rows.
@@ -61,7 +63,8 @@ class EffortRows:
     def but(self, part: int) -> EffortRows:
         """Return the rows without one of the `PARTS` of the record."""
         series = ("y", "effort", "needed", "rates", "forces", "own", "variance")
-        return replace(self, **{name: without_part(getattr(self, name), part) for name in series})
+        kept: dict[str, Any] = {name: without_part(getattr(self, name), part) for name in series}
+        return replace(self, **kept)
 
     @property
     def mean_variance(self) -> Array:
@@ -103,18 +106,21 @@ def without_part(values: Array, part: int) -> Array:
     return np.concatenate([*pieces[:part], *pieces[part + 1 :]])
 
 
-def effort_rows(instants: Instants, expected: Expected, driven: Sequence[int], *, forces: float) -> EffortRows:
+def effort_rows(
+    instants: Instants, expected: Expected, driven: Sequence[int], jacobians: Array, *, forces: float
+) -> EffortRows:
     """Return the rows at `WEIGHED` of some instants; without forces if nothing touches the robot there.
 
     Args:
         instants: of the record.
         expected: what is expected of the record.
         driven: which of the believed rows are those of driven joints.
+        jacobians: (m, c, nv) of the forces, where the robot was as what the rows show happened.
         forces: how many times as large as expected they may be, at no cost; 0 where nothing touches the robot.
     """
     kept, some = instants.kept, instants.weighed
     y, (coulomb, viscous, _, effort) = instants.rows[some][:, kept], instants.columns[:, some]
-    J = forces * expected.force[:, None] * instants.jacobians[some][:, :, kept]
+    J = forces * expected.force[:, None] * jacobians[:, :, kept]
     one = np.eye(len(kept))[:, driven]
     own = np.concatenate([x[:, :, None] * one for x in (coulomb, viscous, np.ones_like(y))], axis=2)
     rests = np.abs(instants.sliding[:, driven]).max(axis=0) < SLIDES_AT
@@ -123,7 +129,7 @@ def effort_rows(instants: Instants, expected: Expected, driven: Sequence[int], *
     prior = np.concatenate([np.zeros(2 * len(driven)), held**-2.0])
     variance = expected.row_deviation(instants.v[some])[:, kept] ** 2
     J = J if forces else J[:, :0]
-    return EffortRows(y, effort, y + effort, instants.rates[some], J, own, prior, variance, driven)
+    return EffortRows(y, effort, instants.around[0, some], instants.rates[some], J, own, prior, variance, driven)
 
 
 def most_likely_with(rows: EffortRows, columns: Array | None = None, start: Explanation | None = None) -> Explanation:

@@ -23,6 +23,7 @@ from aerobat_pin.records import Block, Record
 
 LOOKED_AT, WEIGHED = 2_000, 100  # intervals of a record that are looked at, and of these those that are weighed ...
 CLOSELY = 5  # times as many where friction is sought
+CLEAR_OF = 2  # intervals that the noise of a sample of the rates is in
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,9 @@ class Instants:
         columns: (4, m, k) what Coulomb and viscous friction and a rotor's inertia of size 1, and the effort, do in each
             believed row.
         rates: (m, k) how fast the efforts change [N/s or N m/s].
+        around: (2, m, k) what motion and weight need, and the third of `columns`: means of half a time constant before
+            and after, whose noise is not that of the rows.
+        past: q (m, nq) and v (m, nv) a time 1/K before, which is how late the rows are.
         every: intervals of the record from one instant to the next.
         effort: (nv,) rms of the joint torques [N or N m].
         needed: (nv,) rms of what motion and weight need.
@@ -58,6 +62,8 @@ class Instants:
     sliding: Array
     columns: Array
     rates: Array
+    around: Array
+    past: tuple[Array, Array]
     every: int
     effort: Array
     needed: Array
@@ -103,33 +109,38 @@ def looked_at(
     joints = [joint for joint in driven if law is None or joint not in known]
     every = max(sum(len(stretch.tau) for stretch in stretches) // weighed, 1)
     observer, parts = MomentumObserver(model, points_of(record.map), gain, rows), []
-    moments, needed, rates = list[tuple[Array, ...]](), list[Array](), list[Array]()
+    moments, needed, aside = list[tuple[Array, ...]](), list[Array](), list[Array]()
     for stretch in stretches:
-        (v, a), share = mean_motion(record, stretch.time, stretch.v), -np.expm1(-gain * typical_step(stretch.time))
+        (v, a), step = mean_motion(record, stretch.time, stretch.v), typical_step(stretch.time)
+        share = -np.expm1(-gain * step)
         y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
         sliding, coulomb = np.tanh(v / stiction_rate), np.tanh(v / (stiction_rate if law is None else law.rate))
         chosen = settled_instants(stretch.time, gain)[::every]
         table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, -a, stretch.tau))])
         parts.append(table[:, chosen])
-        rates.append(_change_at(chosen, table[-1], max(round(0.5 / share), 1)) / typical_step(stretch.time))
-        moments.append((stretch.time[chosen], stretch.q[chosen + 1], stretch.v[chosen + 1]))
+        ends = _beside(chosen, max(round(0.5 / share), CLEAR_OF), len(y))
+        earlier, later = (np.stack([table[-1, at], table[0, at] + table[-1, at], table[-2, at]]) for at in ends)
+        apart = step * np.maximum(ends[1] - ends[0], 1)[:, None]
+        aside.append(np.stack([(later[0] - earlier[0]) / apart, *0.5 * (later[1:] + earlier[1:])]))
+        now, then = chosen + 1, chosen + 1 - round(1.0 / (gain * step))
+        moments.append((stretch.time[chosen], *(each[at] for at in (now, then) for each in (stretch.q, stretch.v))))
         block = Block(stretch.time, stretch.q, stretch.v, stretch.tau)
         needed.append(required_torque(record, block, accelerations(block, record), slice(None, None, every)))
     (y, sliding, *columns) = np.concatenate(parts, axis=1)
-    time, q, v = (np.concatenate(part) for part in zip(*moments, strict=True))
+    time, q, v, *before = (np.concatenate(part) for part in zip(*moments, strict=True))
     jacobians = observer.applications.jacobian(q)
     slides = [robot.v_index(joint) for joint in driven]
     sliding[:, [row for row in range(model.nv) if row not in slides]] = 1.0
     at = [kept.index(robot.v_index(joint)) for joint in joints]
     effort, need = (column_rms(np.concatenate(part)) for part in ([each.tau for each in stretches], needed))
-    x, rate = np.stack(columns)[:, :, kept], np.concatenate(rates)[:, kept]
-    return Instants(time, q, v, y, jacobians, kept, joints, at, sliding[:, kept], x, rate, every, effort, need)
+    x, (rates, *around) = np.stack(columns)[:, :, kept], np.concatenate(aside, axis=1)[:, :, kept]
+    sliding, beside, past = sliding[:, kept], np.stack(around), (before[0], before[1])
+    return Instants(time, q, v, y, jacobians, kept, joints, at, sliding, x, rates, beside, past, every, effort, need)
 
 
-def _change_at(chosen: NDArray[np.intp], values: Array, apart: int) -> Array:
-    """Return how much values (m, k) change an interval, over `apart` before and after each of some (n,)."""
-    later, earlier = np.minimum(chosen + apart, len(values) - 1), np.maximum(chosen - apart, 0)
-    return np.asarray((values[later] - values[earlier]) / np.maximum(later - earlier, 1)[:, None])
+def _beside(chosen: NDArray[np.intp], apart: int, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the intervals `apart` before and after some of `count`, or the first and the last."""
+    return np.maximum(chosen - apart, 0), np.minimum(chosen + apart, count - 1)
 
 
 def column_rms(values: Array) -> Array:

@@ -55,7 +55,7 @@ KINOVA = Arm(
 )
 JOINTS = PANDA.joints
 READINGS = {"joint zero", "joint sense", "swapped joints"}
-NAMED = READINGS | {"load", "effort unit or mass", "effort unit", "effort sign", "mounting", "mass"}
+NAMED = READINGS | {"late efforts", "load", "effort unit or mass", "effort unit", "effort sign", "mounting", "mass"}
 PERHAPS = "perhaps, as errors too small to name explain the efforts about as well: "
 
 
@@ -71,10 +71,13 @@ def told(
     other_way: int | None = None,
     exchanged: Sequence[int] = (),
     lever: Sequence[float] = (0.0, 0.0, 0.0),
+    noise: float = 0.0,
+    late: int = 0,
 ) -> list[Finding]:
     """Return what is said of an arm's efforts, times factors, of which a joint's zero [rad] and its base may be off.
 
     One joint's columns may count the other way, or two have each other's. It is pushed at a lever [m] from its hand.
+    Its rates have noise [rad/s], and its efforts come so many samples of 5 ms late.
 
     Joints that stand still are held by half of their friction, or less where the rest of what they need is less.
     """
@@ -100,6 +103,8 @@ def told(
         for row in tau[:, k : k + 1]:
             row[0] = held = float(np.clip(held, row[0] - rub, row[0] + rub))
     tau += rubs * coulomb * (np.tanh(v[:, :n] / 0.008) + 0.6 * v[:, :n]) + 0.1 * rng.standard_normal(tau.shape)
+    tau = tau[np.maximum(np.arange(len(time)) - late, 0)]
+    v[:, :n] += noise * rng.standard_normal(tau.shape)
     q[:, zero[0]] += zero[1]
     if other_way is not None:
         for values in (q, v, tau):
@@ -280,3 +285,19 @@ def test_nothing_is_said_of_good_efforts(seed: int, rubs: float, still: tuple[in
 def test_a_push_beside_the_point_is_no_wrong_effort(seed: int, arm: Arm, tmp_path: Path) -> None:
     """For two of twelve seconds, 30 cm beside: wrists' efforts were said to be wrong by 0.74, 0.02, 0.71, 0.38."""
     assert told(tmp_path, seed, 0.3, arm=arm, lever=(0.2, 0.2, 0.1)) == []
+
+
+@pytest.mark.parametrize(
+    ("seed", "rubs", "arm"), [(1, 0.3, PANDA), (2, 0.3, PANDA), (1, 1.0, KINOVA), (2, 1.0, KINOVA)]
+)
+def test_noise_of_rates_is_no_wrong_effort(seed: int, rubs: float, arm: Arm, tmp_path: Path) -> None:
+    """Of 0.02 rad/s: what is needed had the noise of the rows that it was compared with."""
+    assert told(tmp_path, seed, rubs, arm=arm, noise=0.02) == []
+
+
+@pytest.mark.parametrize("late", [6, 12])
+def test_late_efforts_are_told_beside_friction_that_turns_with_the_motion(late: int, tmp_path: Path) -> None:
+    """By 30 or 60 ms: nothing was said, as friction takes up most of what a delay does."""
+    [one] = told(tmp_path, 1, 0.3, late=late)
+    assert one.check == "late efforts"
+    assert one.value == pytest.approx(0.005 * late, abs=0.005)

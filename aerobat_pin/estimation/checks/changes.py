@@ -1,6 +1,6 @@
 """What may be wrong with the efforts of a fixed robot, and what each does to its rows.
 
-Factors of efforts, a delay, exchanged columns; gravity of another direction, a joint's zero, a load beside a point.
+Factors of efforts, exchanged columns; gravity of another direction, a joint's zero, a load beside a point.
 """
 
 from __future__ import annotations
@@ -15,12 +15,20 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_effort, wrong_effort
-from aerobat_pin.estimation.checks.late_efforts import late_finding
 from aerobat_pin.estimation.checks.readings import limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import SLIDES_AT, EffortRows, Exchange, Explanation, Instants, most_likely_with, without_part
+from aerobat_pin.forces import (
+    SLIDES_AT,
+    EffortRows,
+    Exchange,
+    Explanation,
+    InputsBetween,
+    Instants,
+    most_likely_with,
+    without_part,
+)
 from aerobat_pin.numerics import Array, frame_id
-from aerobat_pin.records import LARGEST_DELAY, PlainRobot, Record
+from aerobat_pin.records import PlainRobot, Record
 
 PRICE = 2.0  # in the logarithm of the likelihood: what each number of a change costs
 FACTOR = 4.0  # what factors of efforts cost more, as rows of joints that hardly carry anything look like some
@@ -33,6 +41,7 @@ LEFT_BY_CHANGE = 0.5  # of what is left, in squares, if columns change places, o
 LEAST_TURN = np.radians(3.0)  # by which a robot must be mounted otherwise than believed before that is said
 SIZE_OF_GRAVITY = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
 TURNED, SLID = (0.05, 0.5), (0.02, 0.3)  # least and largest zero of a joint that is named [rad], [m]
+Formed = Callable[[InputsBetween], tuple[EffortRows, Instants]]  # the rows of other inputs
 LEAST_MOMENT = 0.005  # [m] times the mass that moves: a load whose moment about a point is smaller is not named
 
 
@@ -45,7 +54,8 @@ class Change:
             cannot be.
         columns: (m, k, p) what it does to the rows for h = 1.
         shift: (m, k) what it does to the rows, where it has no coefficient.
-        anew: returns rows and columns as they would be, where neither says what it does.
+        anew: returns rows as mapped, and rows and columns as they would be at the same instants, where neither says
+            what it does.
         doubt: what it costs beside its coefficients.
         leaves: share of what is left, in squares, that it must leave at most.
         cases: changes that it contains, one factor of all efforts first: it counts only if it is likelier than each.
@@ -54,7 +64,7 @@ class Change:
     told: Callable[[Explanation, str], Sequence[Finding] | None]
     columns: Array | None = None
     shift: Array | None = None
-    anew: Callable[[], tuple[EffortRows, Array | None]] | None = None
+    anew: Callable[[], tuple[EffortRows, EffortRows, Array | None]] | None = None
     doubt: float = 0.0
     leaves: float = np.inf
     cases: Sequence[Change] = ()
@@ -64,13 +74,19 @@ class Change:
         """What its coefficients cost."""
         return self.doubt + PRICE * (1 if self.columns is None else self.columns.shape[2])
 
-    def explained(self, rows: EffortRows, without: Explanation, but: int | None = None) -> Explanation:
-        """Return what is most likely with it; without one of the `PARTS` of the record, if it is given."""
-        changed, columns = (rows, self.columns) if self.anew is None else self.anew()
+    def likely(self, rows: EffortRows, without: Explanation, but: int | None = None) -> tuple[float, Explanation]:
+        """Return by how much it makes the rows likelier, for its price, and what is most likely with it.
+
+        Without one of the `PARTS` of the record, if it is given.
+        """
+        mapped, changed, columns = (rows, rows, self.columns) if self.anew is None else self.anew()
         changed = changed if self.shift is None else replace(rows, y=rows.y - self.shift)
         if but is not None:
-            changed, columns = changed.but(but), None if columns is None else without_part(columns, but)
-        return most_likely_with(changed, columns, without)
+            mapped, changed = mapped.but(but), changed.but(but)
+            columns = None if columns is None else without_part(columns, but)
+        before = without if mapped is rows else most_likely_with(mapped, None, without)
+        found = most_likely_with(changed, columns, without)
+        return before.loss - found.loss, found
 
 
 def sliding_rows(instants: Instants) -> NDArray[np.bool_]:
@@ -85,7 +101,7 @@ def driven_rows(record: Record, instants: Instants) -> list[tuple[str, int]]:
 
 
 def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, without: Explanation) -> Iterator[Change]:
-    """Yield factors of efforts, their delay, and exchanged ones."""
+    """Yield factors of efforts, and exchanged ones."""
     driven = driven_rows(record, instants)
     names, at = [joint for joint, _ in driven], [place for _, place in driven]
     one, moving = np.eye(len(instants.kept))[:, at], bool(sliding_rows(instants).any())
@@ -99,8 +115,6 @@ def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, wit
         yield common
         yield Change(partial(_own_factors, names, moving), needed, doubt=FACTOR, cases=(common, *single))
         yield from single
-    late = (rows.rates[:, :, None] * one).sum(axis=2, keepdims=True)
-    yield Change(partial(_late_efforts, record), late, leaves=LEFT_BY_CHANGE)
     pairs: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(names)), 2)]
     for pair in [*pairs, *(limb_pairs(record) if len(names) == len(record.driven) else [])]:
         shift = np.zeros_like(rows.y)
@@ -114,13 +128,13 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
     """Yield gravity of another direction, rotors, zeros of the joints, and loads beside the points."""
     model, kept = record.robot.model, instants.kept
     data, rest, pulls, pulling = model.createData(), np.zeros(model.nv), [], model.copy()
-    q = instants.q[instants.weighed]
+    q = instants.past[0][instants.weighed]
     for axis in np.eye(3):
         pulling.gravity.linear = axis
         pulls.append([pin.computeGeneralizedGravity(pulling, data, each)[kept] for each in q])
     yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1), leaves=LEFT_BY_ROBOT)
     slopes = slopes_of_weight(model, q)[:, kept]
-    bends = instants.columns[2, instants.weighed]
+    bends = instants.around[1, instants.weighed]
     yield Change(_rotors, bends[:, :, None] * np.eye(len(kept)))
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
         slope = slopes[:, :, [record.robot.v_index(joint)]]
@@ -168,11 +182,6 @@ def _beyond(factors: Array, size: float) -> NDArray[np.bool_]:
 def _factor_of(size: Array) -> Array:
     """Return the factors of efforts of which rows are off by a share h of what is needed."""
     return np.asarray(1.0 / np.where(size == 1.0, 1e-9, 1.0 - size))
-
-
-def _late_efforts(record: Record, found: Explanation, left: str) -> Sequence[Finding]:
-    by = float(found.size[0])
-    return [] if abs(by) < max(LARGEST_DELAY, record.dt) else [late_finding(by, left)]
 
 
 def _exchanged(names: Sequence[str], pair: Exchange, _: Explanation, left: str) -> Sequence[Finding]:

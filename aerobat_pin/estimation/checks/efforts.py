@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from aerobat_pin.estimation.checks.changes import (
     driven_rows,
     sliding_rows,
 )
+from aerobat_pin.estimation.checks.efforts_in_time import change_of_time
 from aerobat_pin.estimation.checks.free_efforts import GOOD, UNEXPLAINED, left_unexplained, of_free
 from aerobat_pin.estimation.checks.misread_joints import changes_of_reading
 from aerobat_pin.estimation.findings import Finding
@@ -33,10 +35,11 @@ from aerobat_pin.forces import (
     expected_of,
     looked_at,
     most_likely_with,
+    points_of,
     row_scale,
     screened,
 )
-from aerobat_pin.observers import Expected
+from aerobat_pin.observers import Applications, Expected
 from aerobat_pin.records import Record
 
 ENOUGH = 6.0  # gain of the logarithm of the likelihood from which a change is named
@@ -101,6 +104,11 @@ def effort_findings(
         assert seen is not None  # as the record was
         return _effort_rows(record, seen, expected)
 
+    @cache
+    def as_mapped() -> EffortRows:
+        """Return the rows as they are mapped, at the instants of those of other inputs."""
+        return formed(inputs)[0]
+
     needed = max(float(np.sum((rows.needed / scale) ** 2)), 1e-300)
 
     def left(explanation: Explanation) -> float:
@@ -114,9 +122,13 @@ def effort_findings(
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
     changes = list[Change]()
     if not beyond:  # whose efforts say nothing of factors or places before that is settled
-        changes += [*changes_of_efforts(record, instants, rows, without), *changes_of_robot(record, instants)]
+        changes += changes_of_efforts(record, instants, rows, without)
+        changes += [
+            change_of_time(record, inputs, rows, without, as_mapped, formed),
+            *changes_of_robot(record, instants),
+        ]
     if share > MISPLACED and sliding_rows(instants).any():  # one pose fits many
-        changes += changes_of_reading(record, inputs, instants, rows, without, formed)
+        changes += changes_of_reading(record, inputs, instants, rows, without, as_mapped, formed)
     explaining = []
     for gain, found, change in _likely(rows, without, changes):
         after = left(found)
@@ -165,14 +177,15 @@ def _in_motion(instants: Instants) -> Instants:
     if not slide.any():
         return instants
     kept = [row for row, each in zip(instants.kept, slide.tolist(), strict=True) if each]
-    sliding, columns, rates = instants.sliding[:, slide], instants.columns[:, :, slide], instants.rates[:, slide]
-    return replace(instants, kept=kept, sliding=sliding, columns=columns, rates=rates)
+    series = {name: getattr(instants, name)[..., slide] for name in ("sliding", "columns", "rates", "around")}
+    return replace(instants, kept=kept, **series)
 
 
 def _effort_rows(record: Record, instants: Instants, expected: Expected) -> tuple[EffortRows, Instants]:
     instants = _in_motion(instants)
     driven = [place for _, place in driven_rows(record, instants)]
-    return effort_rows(instants, expected, driven, forces=0.0 if record.map.use.free else ANY_FORCE), instants
+    J = Applications(record.robot.model, points_of(record.map)).jacobian(instants.past[0][instants.weighed])
+    return effort_rows(instants, expected, driven, J, forces=0.0 if record.map.use.free else ANY_FORCE), instants
 
 
 def _likely(
@@ -185,20 +198,14 @@ def _likely(
     gains = screened(rows, without, columns, [each.shift for each in first if each.shift is not None])
     order = np.argsort([each.price - gain for each, gain in zip(first, gains.tolist(), strict=True)])
     chosen = [*(first[k] for k in sorted(order[:TRIED].tolist())), *anew]
-    tried = [(each.explained(rows, without), each) for each in chosen]
+    tried = [(*each.likely(rows, without), each) for each in chosen]
     if not tried:
         return
-    independent = min(tried, key=lambda pair: pair[0].loss)[0].independent
-    gains_of = {change: (without.loss - found.loss) * independent - change.price for found, change in tried}
-    likely = [
-        (gain, found, change)
-        for found, change in tried
-        if (gain := gains_of[change]) > max([ENOUGH, *(gains_of.get(case, ENOUGH) for case in change.cases)])
-    ]
-    parts = range(PARTS if likely else 0)
-    losses = [most_likely_with(rows.but(part), None, without).loss for part in parts]
-    for gain, found, change in likely:  # a push is in one part, and what makes up for it is worth nothing elsewhere
-        elsewhere = (change.explained(rows, without, part).loss for part in parts)
-        worth = ((loss - after) * independent for loss, after in zip(losses, elsewhere, strict=True))
-        if all(each > change.price for each in worth):
-            yield gain, found, change
+    independent = max(tried, key=lambda one: one[0])[1].independent
+    gains_of = {change: gain * independent - change.price for gain, _, change in tried}
+    for _, found, change in tried:
+        gain = gains_of[change]
+        if gain > max([ENOUGH, *(gains_of.get(case, ENOUGH) for case in change.cases)]):
+            parts = (change.likely(rows, without, part)[0] * independent for part in range(PARTS))
+            if all(part > change.price for part in parts):  # a push is in one, and what makes up for it says nothing
+                yield gain, found, change

@@ -14,7 +14,7 @@ from functools import cache, partial
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, driven_rows, slopes_of_weight
+from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, Formed, driven_rows, slopes_of_weight
 from aerobat_pin.estimation.checks.free_efforts import reversed_effort
 from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, QUARTER, JointReading, downhill, limb_pairs
 from aerobat_pin.estimation.findings import Finding
@@ -37,7 +37,6 @@ LIKELIEST = 6  # of which the rows are formed anew
 REST_AT_MOST = np.radians(20.0)  # from a turn that was tried to the one that is found: within it the weight is linear
 UPRIGHT = 1e-6  # of the largest change of the weight: an axis along gravity
 SMALLEST_TURN = 0.5 * TURNS_TRIED[0]  # that is said; a column says what smaller ones do
-Formed = Callable[[InputsBetween], tuple[EffortRows, Instants]]  # the rows of other inputs
 
 
 def changes_of_reading(
@@ -46,6 +45,7 @@ def changes_of_reading(
     instants: Instants,
     rows: EffortRows,
     without: Explanation,
+    as_mapped: Callable[[], EffortRows],
     formed: Formed,
 ) -> Iterator[Change]:
     """Yield how the driven joints may have to be read otherwise: the likeliest, were forces as they are.
@@ -56,10 +56,11 @@ def changes_of_reading(
         instants: of the record, their rows being those that are compared.
         rows: at these instants.
         without: what is likely as the joints are mapped.
+        as_mapped: returns the rows as they are mapped, at the instants of those of other inputs.
         formed: returns the rows of other inputs.
     """
     model, kept, some = record.robot.model, instants.kept, instants.weighed
-    q, v = instants.q[some], instants.v[some]
+    q, v = (each[some] for each in instants.past)
     a, effort = np.zeros((2, len(q), model.nv))
     a[:, kept], effort[:, kept] = -instants.columns[2, some], instants.columns[3, some]
     mapped, left = JointReading.as_mapped(record), _left(model, q, v, a, effort)
@@ -69,11 +70,11 @@ def changes_of_reading(
 
     @cache
     def change_to(read: JointReading) -> Change:
-        anew = cache(partial(_anew, record, read, inputs, formed))
+        anew = cache(partial(_anew, record, read, inputs, as_mapped, formed))
         return Change(partial(_told_of_joint, record, read), anew=anew, doubt=FACTOR + PRICE, leaves=LEFT_BY_JOINTS)
 
     def loss(read: JointReading) -> float:
-        return change_to(read).explained(rows, without).loss
+        return -change_to(read).likely(rows, without)[0]
 
     slopes, kinds = np.abs(slopes_of_weight(model, q)).max(axis=(0, 1)), list[list[JointReading]]()
     joints = {joint for joint, _ in driven_rows(record, instants)}
@@ -127,8 +128,10 @@ def _told_of_joint(record: Record, read: JointReading, found: Explanation, left:
     return read.otherwise([k], rest).told(record, left) if sense < 0.0 or abs(turn + rest) >= SMALLEST_TURN else None
 
 
-def _anew(record: Record, read: JointReading, inputs: InputsBetween, formed: Formed) -> tuple[EffortRows, Array | None]:
-    """Return the rows as they would be, and what the rest of a turn does to them."""
+def _anew(
+    record: Record, read: JointReading, inputs: InputsBetween, as_mapped: Callable[[], EffortRows], formed: Formed
+) -> tuple[EffortRows, EffortRows, Array | None]:
+    """Return the rows as mapped and as they would be, and what the rest of a turn does to them."""
 
     def between(first: int, last: int) -> KnownInputs:
         given = inputs(first, last)
@@ -137,6 +140,6 @@ def _anew(record: Record, read: JointReading, inputs: InputsBetween, formed: For
 
     rows, instants = formed(between)
     if (changed := _joint_changed(read)) is None:
-        return rows, None
-    slopes = slopes_of_weight(record.robot.model, instants.q[instants.weighed])
-    return rows, slopes[:, instants.kept][:, :, [record.robot.v_index(record.driven[changed[0]])]]
+        return as_mapped(), rows, None
+    slopes = slopes_of_weight(record.robot.model, instants.past[0][instants.weighed])
+    return as_mapped(), rows, slopes[:, instants.kept][:, :, [record.robot.v_index(record.driven[changed[0]])]]
