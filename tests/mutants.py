@@ -47,6 +47,8 @@ MUTANTS = (
     Mutant("a joint the other way keeps its rate", "estimation/checks/readings.py",
            "self.sense * values[:, at_v[order]]", "values[:, at_v[order]]",
            "tests/estimation/test_explained_efforts.py"),
+    Mutant("a known force is always as mapped", "estimation/checks/efforts.py",
+           "changes += changes_of_known(record, instants)", "pass", "tests/estimation/test_misread_known.py"),
     Mutant("what motors differ by is a wrong unit", "estimation/checks/changes.py", "OWN = 1.25", "OWN = 1.1",
            "tests/estimation/test_named_robots.py"),
     Mutant("another size of one component leaves the others' equations", "observers/expected.py",

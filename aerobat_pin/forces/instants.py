@@ -6,7 +6,7 @@ instants.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,6 +46,7 @@ class Instants:
         around: (2, m, k) what motion and weight need, and the third of `columns`: means of half a time constant before
             and after, whose noise is not that of the rows.
         past: q (m, nq) and v (m, nv) a time 1/K before, which is how late the rows are.
+        known: (m, nv) generalised forces of each force that the map knows.
         every: intervals of the record from one instant to the next.
         effort: (nv,) rms of the joint torques [N or N m].
         needed: (nv,) rms of what motion and weight need.
@@ -64,6 +65,7 @@ class Instants:
     rates: Array
     around: Array
     past: tuple[Array, Array]
+    known: Mapping[str, Array]
     every: int
     effort: Array
     needed: Array
@@ -110,6 +112,7 @@ def looked_at(
     every = max(sum(len(stretch.tau) for stretch in stretches) // weighed, 1)
     observer, parts = MomentumObserver(model, points_of(record.map), gain, rows), []
     moments, needed, aside = list[tuple[Array, ...]](), list[Array](), list[Array]()
+    known_forces: dict[str, list[Array]] = {name: [] for name in record.map.known}
     for stretch in stretches:
         (v, a), step = mean_motion(record, stretch.time, stretch.v), typical_step(stretch.time)
         share = -np.expm1(-gain * step)
@@ -124,6 +127,8 @@ def looked_at(
         aside.append(np.stack([(later[0] - earlier[0]) / apart, *0.5 * (later[1:] + earlier[1:])]))
         now, then = chosen + 1, chosen + 1 - round(1.0 / (gain * step))
         moments.append((stretch.time[chosen], *(each[at] for at in (now, then) for each in (stretch.q, stretch.v))))
+        for name, felt in known_forces.items():
+            felt.append(low_passed(stretch.known[name], share)[chosen])
         block = Block(stretch.time, stretch.q, stretch.v, stretch.tau)
         needed.append(required_torque(record, block, accelerations(block, record), slice(None, None, every)))
     (y, sliding, *columns) = np.concatenate(parts, axis=1)
@@ -134,8 +139,25 @@ def looked_at(
     at = [kept.index(robot.v_index(joint)) for joint in joints]
     effort, need = (column_rms(np.concatenate(part)) for part in ([each.tau for each in stretches], needed))
     x, (rates, *around) = np.stack(columns)[:, :, kept], np.concatenate(aside, axis=1)[:, :, kept]
-    sliding, beside, past = sliding[:, kept], np.stack(around), (before[0], before[1])
-    return Instants(time, q, v, y, jacobians, kept, joints, at, sliding, x, rates, beside, past, every, effort, need)
+    return Instants(
+        time=time,
+        q=q,
+        v=v,
+        rows=y,
+        jacobians=jacobians,
+        kept=kept,
+        joints=joints,
+        at=at,
+        sliding=sliding[:, kept],
+        columns=x,
+        rates=rates,
+        around=np.stack(around),
+        past=(before[0], before[1]),
+        known={name: np.concatenate(felt) for name, felt in known_forces.items()},
+        every=every,
+        effort=effort,
+        needed=need,
+    )
 
 
 def _beside(chosen: NDArray[np.intp], apart: int, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

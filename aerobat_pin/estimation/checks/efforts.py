@@ -23,6 +23,7 @@ from aerobat_pin.estimation.checks.changes import (
 from aerobat_pin.estimation.checks.efforts_in_time import change_of_time
 from aerobat_pin.estimation.checks.free_efforts import GOOD, UNEXPLAINED, left_unexplained, of_free
 from aerobat_pin.estimation.checks.misread_joints import changes_of_reading
+from aerobat_pin.estimation.checks.misread_known import changes_of_known
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     PARTS,
@@ -122,10 +123,10 @@ def effort_findings(
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
     changes = list[Change]()
     if not beyond:  # whose efforts say nothing of factors or places before that is settled
-        changes += changes_of_efforts(record, instants, rows, without)
+        changes += [*changes_of_efforts(record, instants, rows, without), *changes_of_robot(record, instants)]
         changes += [
             change_of_time(record, inputs, rows, without, as_mapped, formed),
-            *changes_of_robot(record, instants),
+            *changes_of_known(record, instants),
         ]
     if share > MISPLACED and sliding_rows(instants).any():  # one pose fits many
         changes += changes_of_reading(record, inputs, instants, rows, without, as_mapped, formed)

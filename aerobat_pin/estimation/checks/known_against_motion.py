@@ -83,7 +83,8 @@ def _mean_force(record: Record, estimated: Array | None, needed: Array, known: A
     off = float(np.linalg.norm(mean - [0.0, 0.0, expected]))
     verdict: FindingVerdict = "good"
     if carried and float(np.linalg.norm(mean - [0.0, 0.0, 2.0])) < 2.0 - UPSIDE_DOWN:
-        verdict, text = "refused", f"{text}: about 2 if the attitude is misread and thrust points down"
+        misread = "the attitude is misread and thrust points down, or what is known counts the other way (its sign)"
+        verdict, text = "refused", f"{text}: about 2 if {misread}"
     elif off > 0.5:
         verdict, text = "warning", f"{text}; {'the weight' if expected else 'little'} was expected"
     return Finding("mean force", verdict, text, off, "1")
