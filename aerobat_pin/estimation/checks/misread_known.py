@@ -16,7 +16,7 @@ from aerobat_pin.numerics import frame_id
 from aerobat_pin.records import Record
 
 LEAST_CONSTANT = 0.02  # of the weight: a smaller force that a sensor shows of nothing is not named
-KNOWN = "known force"
+MISREAD_FORCE = "known force"
 
 
 def changes_of_known(record: Record, instants: Instants) -> Iterator[Change]:
@@ -25,27 +25,27 @@ def changes_of_known(record: Record, instants: Instants) -> Iterator[Change]:
     data = model.createData()
     for name, section in record.map.known.items():
         yield Change(
-            partial(_factor, name), instants.known[name][some][:, kept, None], doubt=FACTOR, leaves=LEFT_BY_ROBOT
+            partial(_known_factor, name), instants.known[name][some][:, kept, None], doubt=FACTOR, leaves=LEFT_BY_ROBOT
         )
         if section.powers or section.frame is None:  # nothing that a joint feels
             continue
         axes = pin.ReferenceFrame.LOCAL if section.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         frame, size = frame_id(model, section.frame), len(section.columns) or 6
         J = [pin.computeFrameJacobian(model, data, q, frame, axes)[:size, kept].T for q in instants.q[some]]
-        yield Change(partial(_constant, record, name), np.array(J), leaves=LEFT_BY_ROBOT)
+        yield Change(partial(_shown_of_nothing, record, name), np.array(J), leaves=LEFT_BY_ROBOT)
 
 
-def _factor(name: str, found: Explanation, left: str) -> Sequence[Finding]:
+def _known_factor(name: str, found: Explanation, left: str) -> Sequence[Finding]:
     factor, clearly = 1.0 + float(found.size[0]), CLEARLY * float(found.deviation[0]) * found.independent**-0.5
     if abs(factor - 1.0) < max(NAMED, clearly):
         return []
     what = (
         f"known.{name} would have to be {factor:.3g} times as large, which leaves {left}: its unit, sign, axes or frame"
     )
-    return [Finding(KNOWN, "warning", what, factor, "1")]
+    return [Finding(MISREAD_FORCE, "warning", what, factor, "1")]
 
 
-def _constant(record: Record, name: str, found: Explanation, left: str) -> Sequence[Finding]:
+def _shown_of_nothing(record: Record, name: str, found: Explanation, left: str) -> Sequence[Finding]:
     shown, weight, words = -found.size, record.robot.weight, list[str]()
     for values, unit, least in ((shown[:3], "N", LEAST_CONSTANT), (shown[3:], "N m", LEAST_MOMENT)):
         if float(np.linalg.norm(values)) > least * weight:
@@ -56,4 +56,4 @@ def _constant(record: Record, name: str, found: Explanation, left: str) -> Seque
         f"known.{name} seems to show {' and '.join(words)} too much all the time, which leaves {left}: its zero "
         f"(known.{name}.tare), or what the robot carries"
     )
-    return [Finding(KNOWN, "warning", what, float(np.linalg.norm(shown[:3])), "N")]
+    return [Finding(MISREAD_FORCE, "warning", what, float(np.linalg.norm(shown[:3])), "N")]
