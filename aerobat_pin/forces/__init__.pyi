@@ -32,7 +32,7 @@ from .expected_of_record import expected_from as expected_from
 from .expected_of_record import expected_of as expected_of
 from .expected_of_record import lifted_errors as lifted_errors
 from .expected_of_record import row_scale as row_scale
-from .explanations import PARTS as PARTS
+from .explanations import PARTS_OF_RECORD as PARTS_OF_RECORD
 from .explanations import EffortRows as EffortRows
 from .explanations import Explanation as Explanation
 from .explanations import effort_rows as effort_rows

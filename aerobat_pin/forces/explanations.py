@@ -29,7 +29,7 @@ NO_BETTER = 0.01  # of the middle one of the driven rows' squared errors: forces
 OFFSET = 0.1  # of a row's effort, rms: what a sensor's offset may be
 SMALLEST_SIZE = 1e-4  # of what is expected of a row's squared errors: none has smaller ones
 LEAST_FELT = 1e-12  # of what rows expect, squared: what h = 1 does less to them is rounding, and h stays 0
-PARTS = 4  # of a record, one after the other
+PARTS_OF_RECORD = 4  # of a record, one after the other
 RANK_OF_ROWS = 1e-12  # of the largest eigenvalue: what no row shows is 0
 
 
@@ -61,7 +61,7 @@ class EffortRows:
     driven: Sequence[int]
 
     def but(self, part: int) -> EffortRows:
-        """Return the rows without one of the `PARTS` of the record."""
+        """Return the rows without one of the `PARTS_OF_RECORD` of the record."""
         series = ("y", "effort", "needed", "rates", "forces", "own", "variance")
         kept: dict[str, Any] = {name: without_part(getattr(self, name), part) for name in series}
         return replace(self, **kept)
@@ -101,8 +101,8 @@ class Explanation:
 
 
 def without_part(values: Array, part: int) -> Array:
-    """Return values (m, ...) at instants without those of one of the `PARTS` of the record."""
-    pieces = np.array_split(values, PARTS)
+    """Return values (m, ...) at instants without those of one of the `PARTS_OF_RECORD` of the record."""
+    pieces = np.array_split(values, PARTS_OF_RECORD)
     return np.concatenate([*pieces[:part], *pieces[part + 1 :]])
 
 

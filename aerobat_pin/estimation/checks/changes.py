@@ -77,7 +77,7 @@ class Change:
     def likely(self, rows: EffortRows, without: Explanation, but: int | None = None) -> tuple[float, Explanation]:
         """Return by how much it makes the rows likelier, for its price, and what is most likely with it.
 
-        Without one of the `PARTS` of the record, if it is given.
+        Without one of the `PARTS_OF_RECORD` of the record, if it is given.
         """
         mapped, changed, columns = (rows, rows, self.columns) if self.anew is None else self.anew()
         changed = changed if self.shift is None else replace(rows, y=rows.y - self.shift)

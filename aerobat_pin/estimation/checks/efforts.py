@@ -26,7 +26,7 @@ from aerobat_pin.estimation.checks.misread_joints import changes_of_reading
 from aerobat_pin.estimation.checks.misread_known import changes_of_known
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
-    PARTS,
+    PARTS_OF_RECORD,
     EffortRows,
     Explanation,
     FittedValues,
@@ -207,6 +207,6 @@ def _likely(
     for _, found, change in tried:
         gain = gains_of[change]
         if gain > max([ENOUGH, *(gains_of.get(case, ENOUGH) for case in change.cases)]):
-            parts = (change.likely(rows, without, part)[0] * independent for part in range(PARTS))
+            parts = (change.likely(rows, without, part)[0] * independent for part in range(PARTS_OF_RECORD))
             if all(part > change.price for part in parts):  # a push is in one, and what makes up for it says nothing
                 yield gain, found, change

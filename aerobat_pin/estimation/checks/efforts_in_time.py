@@ -22,7 +22,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records import LARGEST_DELAY, Record
 
 LEFT_BY_DELAY = 1.0 / 3.0  # of what is left, in squares: what is no delay, or another one, leaves more
-HIDDEN = 0.05  # share of what is left of a delay that is seen at least
+LEAST_SEEN_REST = 0.05  # share of what is left of a delay that is seen at least
 
 
 def change_of_time(
@@ -43,7 +43,7 @@ def change_of_time(
         as_mapped: returns the rows as they are mapped, at the instants of those of other inputs.
         formed: returns the rows of other inputs.
     """
-    short = Change(partial(_told, record, 0.0), _changing(rows), leaves=LEFT_BY_CHANGE)
+    short = Change(partial(_delay_told, record, 0.0), _changing(rows), leaves=LEFT_BY_CHANGE)
     gain, found = short.likely(rows, without)
     rest = move = float(found.size[0])
     if record.knots is not None or abs(rest) < _least_delay(record) or gain * found.independent < short.price:
@@ -62,11 +62,11 @@ def change_of_time(
         by, before = by + move, rest
         shifted, _ = formed(between)
         rest = float(most_likely_with(shifted, _changing(shifted), without).size[0])
-        move = rest / max((before - rest) / move, HIDDEN)
+        move = rest / max((before - rest) / move, LEAST_SEEN_REST)
         if abs(move) < SETTLED_STEP * max(record.dt, abs(by)):
             break
     anew = (as_mapped(), shifted, _changing(shifted))
-    return Change(partial(_told, record, by), anew=lambda: anew, leaves=LEFT_BY_DELAY)
+    return Change(partial(_delay_told, record, by), anew=lambda: anew, leaves=LEFT_BY_DELAY)
 
 
 def _changing(rows: EffortRows) -> Array:
@@ -78,6 +78,6 @@ def _least_delay(record: Record) -> float:
     return max(LARGEST_DELAY, record.dt)
 
 
-def _told(record: Record, shifted: float, found: Explanation, left: str) -> Sequence[Finding]:
+def _delay_told(record: Record, shifted: float, found: Explanation, left: str) -> Sequence[Finding]:
     by = shifted + float(found.size[0])
     return [] if abs(by) < _least_delay(record) else [late_finding(by, left)]
