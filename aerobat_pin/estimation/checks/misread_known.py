@@ -31,8 +31,9 @@ def changes_of_known(record: Record, instants: Instants) -> Iterator[Change]:
             continue
         axes = pin.ReferenceFrame.LOCAL if section.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         frame, size = frame_id(model, section.frame), len(section.columns) or 6
-        J = [pin.computeFrameJacobian(model, data, q, frame, axes)[:size, kept].T for q in instants.q[some]]
-        yield Change(partial(_shown_of_nothing, record, name), np.array(J), leaves=LEFT_BY_ROBOT)
+        J = [pin.computeFrameJacobian(model, data, q, frame, axes).reshape(6, -1) for q in instants.q[some]]
+        felt = np.array(J)[:, :size, kept].swapaxes(1, 2)
+        yield Change(partial(_shown_of_nothing, record, name), felt, leaves=LEFT_BY_ROBOT)
 
 
 def _known_factor(name: str, found: Explanation, left: str) -> Sequence[Finding]:
