@@ -32,13 +32,13 @@ from .expected_of_record import expected_from as expected_from
 from .expected_of_record import expected_of as expected_of
 from .expected_of_record import lifted_errors as lifted_errors
 from .expected_of_record import row_scale as row_scale
-from .explanations import PARTS_OF_RECORD as PARTS_OF_RECORD
+from .explanations import QUARTERS as QUARTERS
 from .explanations import EffortRows as EffortRows
 from .explanations import Explanation as Explanation
 from .explanations import effort_rows as effort_rows
 from .explanations import most_likely_with as most_likely_with
 from .explanations import screened as screened
-from .explanations import without_part as without_part
+from .explanations import without_quarters as without_quarters
 from .fit_beside_forces import CHECKED as CHECKED
 from .fit_beside_forces import FEWEST_INSTANTS as FEWEST_INSTANTS
 from .fit_beside_forces import LEAST_SHOWN as LEAST_SHOWN

@@ -29,7 +29,7 @@ NO_BETTER = 0.01  # of the middle one of the driven rows' squared errors: forces
 OFFSET = 0.1  # of a row's effort, rms: what a sensor's offset may be
 SMALLEST_SIZE = 1e-4  # of what is expected of a row's squared errors: none has smaller ones
 LEAST_FELT = 1e-12  # of what rows expect, squared: what h = 1 does less to them is rounding, and h stays 0
-PARTS_OF_RECORD = 4  # of a record, one after the other
+QUARTERS = 4  # of a record
 RANK_OF_ROWS = 1e-12  # of the largest eigenvalue: what no row shows is 0
 
 
@@ -60,10 +60,10 @@ class EffortRows:
     variance: Array
     driven: Sequence[int]
 
-    def but(self, part: int) -> EffortRows:
-        """Return the rows without one of the `PARTS_OF_RECORD` of the record."""
+    def but(self, quarters: range) -> EffortRows:
+        """Return the rows without some quarters of the record."""
         series = ("y", "effort", "needed", "rates", "forces", "own", "variance")
-        kept: dict[str, Any] = {name: without_part(getattr(self, name), part) for name in series}
+        kept: dict[str, Any] = {name: without_quarters(getattr(self, name), quarters) for name in series}
         return replace(self, **kept)
 
     @property
@@ -100,10 +100,10 @@ class Explanation:
         return float(np.median(independent(self.errors))) / len(self.errors)
 
 
-def without_part(values: Array, part: int) -> Array:
-    """Return values (m, ...) at instants without those of one of the `PARTS_OF_RECORD` of the record."""
-    pieces = np.array_split(values, PARTS_OF_RECORD)
-    return np.concatenate([*pieces[:part], *pieces[part + 1 :]])
+def without_quarters(values: Array, quarters: range) -> Array:
+    """Return values (m, ...) at instants without those of some quarters of the record."""
+    pieces = np.array_split(values, QUARTERS)
+    return np.concatenate([piece for k, piece in enumerate(pieces) if k not in quarters])
 
 
 def effort_rows(

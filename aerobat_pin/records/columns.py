@@ -50,6 +50,13 @@ class Clock:
     reordered: int = 0
     late: Series | None = None
 
+    @property
+    def not_used(self) -> str:
+        """How many rows were not used, in words that follow a number of samples; empty if all were."""
+        counts = {"repeat the stamp before": self.repeated, "go back in time": self.off + self.backward}
+        words = ", ".join(f"{count} rows {what}" for what, count in counts.items() if count)
+        return f"; {words} (log.time: are stamps rounded, or rows in another order?)" if words else ""
+
 
 @dataclass(frozen=True)
 class Columns:
@@ -84,7 +91,8 @@ class Columns:
         """
         if name not in self.values:
             raise self.missing(name, key)
-        time, values = self.clocks[self.clock_of[name]].time, self.values[name]
+        clock, values = self.clocks[self.clock_of[name]], self.values[name]
+        time = clock.time
         if not values.finite:
             full = in_step(time, values)
             time, values = Series(time.spool), Series(time.spool)
@@ -93,7 +101,8 @@ class Columns:
                 time.append(stamps[finite])
                 values.append(samples[finite])
         if len(time) < 2:
-            raise LogError(f"log {self.path}: '{name}' ({key}) has {len(time)} samples: two or more were expected")
+            count = f"{len(time)} samples: two or more were expected{clock.not_used}"
+            raise LogError(f"log {self.path}: '{name}' ({key}) has {count}")
         return time, values
 
     def sample(self, name: str) -> Array:

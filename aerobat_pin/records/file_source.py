@@ -212,9 +212,11 @@ def _common_times(
         leading = max(channels.values(), key=lambda channel: len(channel.time))
         knots, least = leading.time, LEAST_OWN - 1.5
     if (spacing := typical_spacing(leading.time)) > chosen.log.longest_gap * (1.0 + STEP_ERROR):
+        clock = columns.clocks[columns.clock_of[leading.names[0]]]
         raise LogError(
             f"log {path}: time rises by {spacing:g} s from sample to sample of {leading.key} (log.time.unit = "
             f"'{chosen.log.time.unit}'): at most log.longest_gap = {chosen.log.longest_gap:g} s was expected"
+            f"{clock.not_used}"
         )
     rate = chosen.log.rate or 1.0 / spacing
     if knots is not None:

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 from support.recorded import edited, recorded
+from support.robot_parts import channels, joint, link
 from support.six_joints import SIX, six_joints, six_map
 
 from aerobat_pin import estimate
@@ -32,9 +33,9 @@ def on_a_ship(folder: Path) -> None:
     columns |= {f"w{axis}": 1e-3 * rng.standard_normal(len(time)) for axis in AXES}
     felt = deck + [0.0, 0.0, 9.81] + 0.02 * rng.standard_normal(deck.shape)
     columns |= {f"a{axis}": felt[:, k] for k, axis in enumerate(AXES)}
-    for k, joint in enumerate(SIX):
-        columns |= {f"{joint}_q": q[:, k], f"{joint}_v": v[:, k] + 1e-3 * rng.standard_normal(len(time))}
-        columns[f"{joint}_i"] = torque[:, k] + 0.05 * rng.standard_normal(len(time))
+    for k, name in enumerate(SIX):
+        columns |= {f"{name}_q": q[:, k], f"{name}_v": v[:, k] + 1e-3 * rng.standard_normal(len(time))}
+        columns[f"{name}_i"] = torque[:, k] + 0.05 * rng.standard_normal(len(time))
     pd.DataFrame(columns).to_csv(folder / "ship.csv", index=False)
 
 
@@ -84,3 +85,28 @@ def test_nothing_is_compared_with_gravity_in_an_orbit(gravity: float, tmp_path: 
     result = estimate(recorded(tmp_path / "orbit.csv", values))
     assert not any(finding.warns for finding in result.findings)
     np.testing.assert_allclose(result.estimates["force_level"].force[600:, 0].mean(axis=0), push, atol=0.05)
+
+
+def test_a_weight_whose_parts_are_not_seen_is_not_missed(tmp_path: Path) -> None:
+    """A head above two wheels may carry it as well: what is not seen counted as 0, and the weight was expected."""
+    wheels, time, rng = ("left", "right"), np.arange(400) / 100.0, np.random.default_rng(3)
+    parts = [link("body", 6.0, "0 0 0.3", (0.2, 0.2, 0.05)), link("head"), joint("neck", "fixed", "body", "head")]
+    for name, y in zip(wheels, (0.2, -0.2), strict=True):
+        parts += [link(name, 0.5, "0 0 0", 3 * [2e-3]), joint(f"{name}_j", "revolute", "body", name, f"0 {y} 0")]
+    (tmp_path / "cart.urdf").write_text(f'<robot name="cart">{"".join(parts)}</robot>')
+    table = {"t": time, "x": 0.1 * np.sin(time), "vx": 0.1 * np.cos(time), "qw": np.ones(len(time))}
+    table |= dict.fromkeys(("y", "z", "qx", "qy", "qz", "vy", "vz", "wx", "wy", "wz"), np.zeros(len(time)))
+    for name in wheels:
+        table |= {f"{name}_q": np.sin(time), f"{name}_v": np.cos(time)}
+        table[f"{name}_e"] = -2e-3 * np.sin(time) + 0.01 * rng.standard_normal(len(time))
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    chosen = {
+        "robot": {"urdf": "cart.urdf", "root": "free_flyer", "points": [*wheels, "head"]},
+        "log": {"time": {"column": "t"}},
+        "base": channels(AXES, position="{}", velocity="v{}", rate="w{}") | channels([*AXES, "w"], quaternion="q{}"),
+        "joints": channels(wheels, position="{}_q", velocity="{}_v", effort="{}_e"),
+        "observer": {"gain": 20.0},
+    }
+    chosen["joints"]["names"] = [f"{name}_j" for name in wheels]
+    result = estimate(recorded(tmp_path / "log.csv", chosen), trust=True)
+    assert [each.verdict for each in result.findings if each.check == "mean force"] == ["good"]

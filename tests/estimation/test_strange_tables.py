@@ -1,6 +1,7 @@
 """Tables as other programs write them: numbered columns, decimals of both kinds, a silent force sensor, bad stamps."""
 
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from support.walking_log import table, table_map, urdf, walk
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.estimation.checks.samples import channel_findings
+from aerobat_pin.numerics import Array
 from aerobat_pin.records import Channel, read_columns, suggested_map
 from aerobat_pin.records.csv_columns import read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
@@ -50,6 +52,27 @@ def test_what_stands_above_the_names_of_columns_is_no_header(above: str, tmp_pat
     (tmp_path / "log.csv").write_text(f"{above}\nt,x,y\n0,1,2\n1,2,3\n")
     with pytest.raises(LogError, match=r"'(# logged by me|sep=,)': take off what stands above the columns' names"):
         suggested_map(tmp_path / "log.csv", None)
+
+
+@pytest.mark.parametrize(
+    ("upset", "told"),
+    [
+        (lambda t: t[::-1], r"has 1 samples: two or more were expected; \d+ rows go back in time"),
+        (
+            np.floor,
+            r"= 0.1 s was expected; \d+ rows repeat the stamp before \(log.time: are stamps rounded",
+        ),
+    ],
+)
+def test_stamps_that_do_not_rise_are_counted(upset: Callable[[Array], Array], told: str, tmp_path: Path) -> None:
+    """Falling ones, and those in whole seconds: of both it was said how few samples there are, not why."""
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    values = table(walk())
+    stamps = values.columns[0]
+    values[stamps] = upset(values[stamps].to_numpy())
+    values.to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(LogError, match=told):
+        recorded(tmp_path / "log.csv", table_map(tmp_path / "quadruped.urdf"))
 
 
 @pytest.mark.parametrize("way", ["%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%d %H:%M:%S.%f+00:00"])

@@ -18,6 +18,7 @@ from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_e
 from aerobat_pin.estimation.checks.readings import limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
+    QUARTERS,
     SLIDES_AT,
     EffortRows,
     Exchange,
@@ -25,7 +26,7 @@ from aerobat_pin.forces import (
     InputsBetween,
     Instants,
     most_likely_with,
-    without_part,
+    without_quarters,
 )
 from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.records import PlainRobot, Record
@@ -74,16 +75,25 @@ class Change:
         """What its coefficients cost."""
         return self.doubt + PRICE * (1 if self.columns is None else self.columns.shape[2])
 
-    def likely(self, rows: EffortRows, without: Explanation, but: int | None = None) -> tuple[float, Explanation]:
+    @property
+    def parts(self) -> list[range]:
+        """Quarters of a record without which it must be worth its price, too: a push lasts, and a factor imitates it.
+
+        Of factors any half, of what a robot is any quarter, as one pose shows less of that.
+        """
+        width = 2 if self.doubt else 1
+        return [range(first, first + width) for first in range(QUARTERS + 1 - width)]
+
+    def likely(self, rows: EffortRows, without: Explanation, but: range | None = None) -> tuple[float, Explanation]:
         """Return by how much it makes the rows likelier, for its price, and what is most likely with it.
 
-        Without one of the `PARTS_OF_RECORD` of the record, if it is given.
+        Without some quarters of the record, if they are given.
         """
         mapped, changed, columns = (rows, rows, self.columns) if self.anew is None else self.anew()
         changed = changed if self.shift is None else replace(rows, y=rows.y - self.shift)
         if but is not None:
             mapped, changed = mapped.but(but), changed.but(but)
-            columns = None if columns is None else without_part(columns, but)
+            columns = None if columns is None else without_quarters(columns, but)
         before = without if mapped is rows else most_likely_with(mapped, None, without)
         found = most_likely_with(changed, columns, without)
         return before.loss - found.loss, found

@@ -26,7 +26,6 @@ from aerobat_pin.estimation.checks.misread_joints import changes_of_reading
 from aerobat_pin.estimation.checks.misread_known import changes_of_known
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
-    PARTS_OF_RECORD,
     EffortRows,
     Explanation,
     FittedValues,
@@ -205,6 +204,6 @@ def _likely(
     for _, found, change in tried:
         gain = gains_of[change]
         if gain > max([ENOUGH, *(gains_of.get(case, ENOUGH) for case in change.cases)]):
-            parts = (change.likely(rows, without, part)[0] * independent for part in range(PARTS_OF_RECORD))
+            parts = (change.likely(rows, without, part)[0] * independent for part in change.parts)
             if all(part > change.price for part in parts):  # a push is in one, and what makes up for it says nothing
                 yield gain, found, change

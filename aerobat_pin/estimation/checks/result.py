@@ -37,6 +37,7 @@ HARDLY, LARGE = 0.8, 0.2  # of what is left without a fit of friction, and of th
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
 ALWAYS_SEEN = 0.95  # share of the time from which a component counts as always seen
 MOST_WEIGHTS = 10.0  # rms of a force, from which units are doubted
+MOSTLY_SEEN = 0.5  # of the time: vertical forces that are seen less do not add up to a weight
 MANY = 20_000  # intervals of which the power is taken
 MOST_NAMED = 3  # stretches of a component that is not seen
 ALWAYS = 0.995  # share of the time that counts as all of it
@@ -59,13 +60,16 @@ def result_findings(result: Result, inputs: InputsBetween, expected: Expected | 
     estimate = next(iter(estimates.values()))
     for side in next(iter(result.compared.values())):
         yield from _sensor_findings(record, side, estimate)
-    (sums, squares), count = np.zeros((2, len(estimate.head.units))), 0
+    (sums, squares, seen), count = np.zeros((3, len(estimate.head.units))), 0
     for block in estimate.blocks():
         good = settled(record, block.time[:-1])
         shown = np.where(block.shown, block.components, 0.0)[good]
         sums, squares = sums + shown.sum(axis=0), squares + (shown**2).sum(axis=0)
+        seen += block.shown[good].sum(axis=0)
         count += int(good.sum())
-    mean = sums.reshape(-1, 3).sum(axis=0) / max(count, 1) if estimate.head.are_world_forces else None
+    mean = None
+    if estimate.head.are_world_forces and np.all(seen[2::3] > MOSTLY_SEEN * count):
+        mean = sums.reshape(-1, 3).sum(axis=0) / max(count, 1)
     known = [*known_findings(record, inputs, mean)]
     yield from known
     if all(each.check != OTHER_AXES for each in known):
