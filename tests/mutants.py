@@ -141,6 +141,8 @@ MUTANTS = (
     Mutant("a world whose z points down keeps it", "estimation/checks/known_against_motion.py",
            "attitude = np.where(worlds[:, None, None, None], turns", "attitude = np.where(False, turns",
            "tests/estimation/test_flying_arm.py"),
+    Mutant("a push elsewhere is a wrong effort", "estimation/checks/efforts.py",
+           "all(part > change.price for part in parts)", "True", "tests/estimation/test_explained_efforts.py"),
     Mutant("a start that rises counts as a push", "estimation/verdict.py", "> estimate.risen - 1e-9",
            "> -1.0", "tests/estimation/test_verdict.py"),
 )  # fmt: skip

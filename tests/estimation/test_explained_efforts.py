@@ -181,7 +181,7 @@ def test_a_change_counts_only_if_it_is_likelier_than_what_it_contains(factors: S
     rows = EffortRows(y, needed - y, needed, 0.0 * y, forces, own, np.ones(3), np.ones((200, 3)), [0, 1, 2])
     of_all = Change(lambda *_: [], needed[:, :, None])
     of_each = Change(lambda *_: [], needed[:, :, None] * one, cases=(of_all,))
-    counted = [change for _, _, change in _likely(rows, most_likely_with(rows), [of_all, of_each])]
+    counted = [each[2] for each in _likely(rows, most_likely_with(rows), [of_all, of_each])]
     assert (of_each in counted) == (not alone)
     assert not alone or counted == [of_all]
 

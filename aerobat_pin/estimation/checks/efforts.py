@@ -128,9 +128,9 @@ def effort_findings(
     if share > MISPLACED and sliding_rows(instants).any():  # one pose fits many
         changes += changes_of_reading(record, inputs, instants, rows, without, as_mapped, formed)
     explaining = []
-    for gain, found, change in _likely(rows, without, changes):
+    for gain, found, change, lasts in _likely(rows, without, changes):
         after = left(found)
-        findings = change.told(found, _leaves(after, share))
+        findings = change.told(found, _leaves(after, share)) if lasts else []
         if findings is not None and after < change.leaves * share:
             explaining.append((gain, findings, change))
     by_name = {change: gain for gain, findings, change in explaining if findings}
@@ -188,8 +188,11 @@ def _effort_rows(record: Record, instants: Instants, expected: Expected) -> tupl
 
 def _likely(
     rows: EffortRows, without: Explanation, changes: list[Change]
-) -> Iterator[tuple[float, Explanation, Change]]:
-    """Yield the changes that make the rows far more likely, in their order: by how much, and what is likely then."""
+) -> Iterator[tuple[float, Explanation, Change, bool]]:
+    """Yield the changes that make the rows far more likely: by how much, what is likely then, and if that lasts.
+
+    A push is in a part of the record, and what makes up for it says nothing.
+    """
     anew = [each for each in changes if each.anew is not None]
     first = sorted((each for each in changes if each.anew is None), key=lambda each: each.shift is not None)
     columns = [each.columns for each in first if each.columns is not None]
@@ -205,5 +208,4 @@ def _likely(
         gain = gains_of[change]
         if gain > max([ENOUGH, *(gains_of.get(case, ENOUGH) for case in change.cases)]):
             parts = (change.likely(rows, without, part)[0] * independent for part in change.parts)
-            if all(part > change.price for part in parts):  # a push is in one, and what makes up for it says nothing
-                yield gain, found, change
+            yield gain, found, change, all(part > change.price for part in parts)
