@@ -140,8 +140,8 @@ def estimate_by_map(
     self_check: bool,
 ) -> None:
     """Estimate, after a self-check if it is wanted; print what was found, and write the results."""
-    from aerobat_pin.estimation import check_record, estimate
-    from aerobat_pin.experiments import check_mcap_file, write_mcap
+    from aerobat_pin.estimation import estimate
+    from aerobat_pin.experiments import check_mcap_file, check_record, write_mcap
     from aerobat_pin.records import open_by_map
 
     if mcap is not None:

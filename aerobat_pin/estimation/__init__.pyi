@@ -17,6 +17,3 @@ from .online_sample import OnlineSample as OnlineSample
 from .online_sample import StreamHealth as StreamHealth
 from .result import Result as Result
 from .result import versions as versions
-from .self_check import PUSHED_SHARE as PUSHED_SHARE
-from .self_check import Check as Check
-from .self_check import check_record as check_record

@@ -15,6 +15,8 @@ from .live.source import LiveRow as LiveRow
 from .live.source import LiveSource as LiveSource
 from .live.standing_robot import LiveRobot as LiveRobot
 from .mcap_messages import check_mcap_file as check_mcap_file
+from .self_check import Check as Check
+from .self_check import check_record as check_record
 from .self_check import self_check as self_check
 from .sweep.plan import load_sweep as load_sweep
 from .sweep.results import Effect as Effect

@@ -5,8 +5,8 @@ from support import small_recordings
 
 from aerobat_pin import calibrate, estimate, load_scenario, open_record
 from aerobat_pin.aerobat import AerobatRobot, believed_robot, table_record
-from aerobat_pin.estimation import Calibration, Result, check_record
-from aerobat_pin.experiments import run
+from aerobat_pin.estimation import Calibration, Result
+from aerobat_pin.experiments import check_record, run
 
 SOURCES = ("Aerobat simulated", "Aerobat's table", "an arm by map", "a quadruped's bag", "a drone by map")
 ONE_CONTACT = "a walk has no stretch without contact, and nothing can be learnt from it"

@@ -14,7 +14,8 @@ from support.six_joints import six_map, swing
 
 from aerobat_pin import calibrate, estimate
 from aerobat_pin.errors import AerobatError
-from aerobat_pin.estimation import Calibration, OnlineEstimator, calibration_bytes, check_record, read_calibration
+from aerobat_pin.estimation import Calibration, OnlineEstimator, calibration_bytes, read_calibration
+from aerobat_pin.experiments import check_record
 from aerobat_pin.records import Record
 
 FACTORS = np.array([0.85, 1.1, 0.95, 1.15, 0.9, 1.1])

@@ -35,11 +35,11 @@ from aerobat_pin.estimation import (
     OnlineEstimator,
     calibrate,
     calibration_bytes,
-    check_record,
     estimate,
     read_calibration,
 )
 from aerobat_pin.estimation.calibration.error_bar import bar_words
+from aerobat_pin.experiments import check_record
 from aerobat_pin.observers import SHOWN
 from aerobat_pin.records import (
     Block,

@@ -21,7 +21,8 @@ from support.without_coriolis import LEG
 
 from aerobat_pin import load_robot
 from aerobat_pin.errors import AerobatError, CalibrationError, LogError
-from aerobat_pin.estimation import OnlineEstimator, calibrate, check_record, estimate, record_findings
+from aerobat_pin.estimation import OnlineEstimator, calibrate, estimate, record_findings
+from aerobat_pin.experiments import check_record
 from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import parse_map, robot_of_map, suggested_map

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from aerobat_pin.errors import CalibrationError, ObserverError
-from aerobat_pin.estimation import calibrate, check_record, estimate
+from aerobat_pin.estimation import calibrate, estimate
+from aerobat_pin.experiments import check_record
 from aerobat_pin.observers import MomentumObserver
 from aerobat_pin.records import Record
 

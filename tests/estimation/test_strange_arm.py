@@ -17,9 +17,10 @@ from support.further import further
 from support.recorded import edited, recorded
 from support.strange_arm import COULOMB, JOINTS, RATE, URDF, arm_map, nothing, pushed, write_log
 
-from aerobat_pin.estimation import OnlineEstimator, Result, calibrate, check_record, estimate
+from aerobat_pin.estimation import OnlineEstimator, Result, calibrate, estimate
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
 from aerobat_pin.estimation.checks import effort_findings, record_findings
+from aerobat_pin.experiments import check_record
 from aerobat_pin.forces import KnownForces, inputs_between
 from aerobat_pin.forces.deviations import lag_of_filter
 from aerobat_pin.forces.fit_known_forces import fitted_forces
