@@ -56,5 +56,5 @@ def read_flight(path: Path, morphology: str | None = None, settings: Iterable[st
     if not (path / "scenario.toml").is_file() or not (path / "flight.nc").is_file():
         raise LogError(f"{path} is not the folder of a run: scenario.toml and flight.nc were expected in it")
     if morphology is not None:
-        raise LogError("calibrate: --morphology says which robot is believed to have flown a log; a log was expected")
+        raise LogError(f"{path}: --morphology says which robot is believed to have flown a log; a log was expected")
     return read_log(path / "flight.nc"), scenario_of_run(path, settings)

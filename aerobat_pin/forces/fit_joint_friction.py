@@ -82,13 +82,11 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
         friction = fit_friction(inside.q, inside.v, _rotor(section, inside), residual, rate)
     except ObserverError as error:
         raise MapError(f"map: joints.friction.fit = {list(section.fit)}: {error}") from error
-    fits, residuals = (
-        [],
-        [
-            part.needed - part.given - part.tau - friction.torque(part.v, _rotor(section, part))
-            for part in (inside, outside)
-        ],
-    )
+    residuals = [
+        part.needed - part.given - part.tau - friction.torque(part.v, _rotor(section, part))
+        for part in (inside, outside)
+    ]
+    fits = []
     for k, joint in enumerate(joints):
         before = rms_or_nan((plain.needed - plain.given - plain.tau)[:, k])
         coefficients = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": rate}

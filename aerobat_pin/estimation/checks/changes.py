@@ -79,7 +79,8 @@ class Change:
     def parts(self) -> list[range]:
         """Quarters of a record without which it must be worth its price, too: a push lasts, and a factor imitates it.
 
-        Of factors any half, of what a robot is any quarter, as one pose shows less of that.
+        Any half where there is doubt, as of factors and misread joints; else any quarter, as one pose shows less of how
+        a robot stands or weighs.
         """
         width = 2 if self.doubt else 1
         return [range(first, first + width) for first in range(QUARTERS + 1 - width)]
