@@ -77,19 +77,6 @@ def test_strips_lie_on_the_membrane(robot: Aerobat) -> None:
             assert place[0] + chord / 2.0 == pytest.approx(SHAPE.wing.offset_x + WING.leading_edge(y), abs=1e-15)
 
 
-def test_symmetric_flapping_pushes_neither_sideways_nor_rolls_nor_yaws(robot: Aerobat) -> None:
-    """Equal joint angles and rates on both sides: total wrench on the base has no y force, x and z moment."""
-    closure = robot.linkage.solve(0.7, 30.0)
-    q = robot.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], closure.theta_s, closure.theta_e)
-    v = robot.velocity([3.0, 0.0, -0.2, 0.0, 0.4, 0.0], closure.theta_s_dot, closure.theta_e_dot)
-    wrenches, _, _ = evaluate(AIR, twists_of(robot, q, v), settled(AIR, twists_of(robot, q, v)))
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    places = [data.oMf[robot.model.getFrameId(link)] for link in LINKS]
-    total = sum(place.act(pin.Force(wrench)).vector for place, wrench in zip(places, wrenches, strict=True))
-    assert np.max(np.abs(total[[1, 3, 5]])) < 1e-12 * np.max(np.abs(total))
-
-
 @settings(max_examples=30, derandomize=True)
 @given(SEEDS)
 def test_mirrored_motion_gives_mirrored_wrenches(seed: int) -> None:
@@ -102,6 +89,19 @@ def test_mirrored_motion_gives_mirrored_wrenches(seed: int) -> None:
     assert mirrored == pytest.approx(wrenches[MIRRORED_LINKS] * flip, rel=1e-9, abs=1e-9 * np.abs(wrenches).max())
     assert mirrored_rates == pytest.approx(mirror_state(rates), rel=1e-9, abs=1e-9 * np.abs(rates).max())
     assert mirrored_strips.force_z == pytest.approx(strips.force_z[::-1], rel=1e-9, abs=1e-9)
+
+
+def test_symmetric_flapping_pushes_neither_sideways_nor_rolls_nor_yaws(robot: Aerobat) -> None:
+    """Equal joint angles and rates on both sides: total wrench on the base has no y force, x and z moment."""
+    closure = robot.linkage.solve(0.7, 30.0)
+    q = robot.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], closure.theta_s, closure.theta_e)
+    v = robot.velocity([3.0, 0.0, -0.2, 0.0, 0.4, 0.0], closure.theta_s_dot, closure.theta_e_dot)
+    wrenches, _, _ = evaluate(AIR, twists_of(robot, q, v), settled(AIR, twists_of(robot, q, v)))
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    places = [data.oMf[robot.model.getFrameId(link)] for link in LINKS]
+    total = sum(place.act(pin.Force(wrench)).vector for place, wrench in zip(places, wrenches, strict=True))
+    assert np.max(np.abs(total[[1, 3, 5]])) < 1e-12 * np.max(np.abs(total))
 
 
 @settings(max_examples=30, derandomize=True)
@@ -259,3 +259,12 @@ def test_wind_and_gust_survive_writing_and_reading(tmp_path) -> None:  # type: i
     assert load_scenario(file) == scenario
     with pytest.raises(ScenarioError, match=r"air\.gust\.duration = 0"):
         load_scenario("paper", ["air.gust={amplitude = [1.0, 0.0, 0.0], duration = 0.0}"])
+
+
+def test_a_gust_lifts_the_robot_and_dies_down() -> None:
+    """Upward 1 m/s for half a second: higher than without while it blows; the log's airspeed knows of it."""
+    gust = "air.gust={amplitude = [0.0, 0.0, 1.0], start = 0.1, duration = 0.5}"
+    calm, blown = (simulate(load_scenario("paper", ["simulation.duration=0.6", *more])) for more in ([], [gust]))
+    rise = blown.measured["q"].values[:, 2] - calm.measured["q"].values[:, 2]
+    assert np.max(np.abs(rise[:100])) == 0.0
+    assert rise[450] > 0.01

@@ -12,6 +12,7 @@ from support.changed_flights import (
     CHANGES,
     CONTACTS,
     DAY,
+    ELBOW,
     LIVELY,
     MANOEUVRE,
     PUSH,
@@ -118,3 +119,15 @@ def test_an_elbow_that_bends_is_noticed_and_named() -> None:
     assert found.cause["name"] == "compliance"
     assert found.cause["estimate"] == pytest.approx((5.0, 0.05), rel=0.03)
     assert np.max(better.error["force_level"]) < 0.25 * np.max(found.error["force_level"])
+
+
+@pytest.mark.evidence
+def test_an_elbow_is_found_as_it_is_where_the_believed_air_is_right() -> None:
+    """5 rad/(N m) behind a lag of 10 ms, within 5 %: the air meets the wings where they are bent to."""
+    air = ('believed.air.model="lifting_line"', "unknown_force=[]", *AT)
+    free = learnt((*air, "crank.start_deg=70"))
+    found = estimated((*air, *ELBOW), free, ["force_level"])
+    better = estimated((*air, *ELBOW), corrected(free), ["force_level"])
+    assert found.cause["name"] == "compliance"
+    assert found.cause["estimate"] == pytest.approx((5.0, 0.05), rel=0.05)
+    assert np.max(better.error["force_level"]) < 0.1 * np.max(found.error["force_level"])

@@ -26,6 +26,7 @@ from aerobat_pin.aerodynamics.strip_forces import strips_of
 from aerobat_pin.flight.attitude_hold import AttitudeHold, attitude_error, hold_wrench, rotation_vector
 from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.numerics import small_matrices
 
 SPATIAL = ("aerodynamic", "added_mass", "thrusters", "unknown", "link_wrench")
@@ -173,6 +174,22 @@ def test_one_instant_of_the_plant_equals_the_twin_plant(morphology: str, case: s
         for name in forces._fields:
             actual, twin = getattr(forces, name)[0], getattr(expected_forces, name)
             (assert_spatial if name in SPATIAL else assert_equal)(actual, twin)
+
+
+def test_a_flight_of_the_paper_equals_the_flight_of_the_twin(paper_plant: Plant) -> None:
+    """0.1 s with the same held noise; the twin steps the base on SE(3) with the general integrator."""
+    held = interval_means(paper_plant.forces, np.arange(101) * 1e-3, seed=1)
+    found, expected = paper_plant.fly(100, 1e-3, held), twins.fly(paper_plant, 100, 1e-3, held)
+    assert_equal(found.q[:, :3], expected.q[:, :3], 1e-10)
+    assert_equal(found.q[:, 3:], expected.q[:, 3:], 1e-10)
+    assert_spatial(found.v[:, :6], expected.v[:, :6], 1e-10)
+    assert_equal(found.v[:, 6:], expected.v[:, 6:], 1e-10)
+    for part, whole in zip(np.split(found.air, 3, axis=1), np.split(expected.air, 3, axis=1), strict=True):
+        assert_equal(part, whole, 1e-10)
+    for name, mean, twin in zip(found.forces._fields, found.forces, expected.forces, strict=True):
+        (assert_spatial if name in SPATIAL else assert_equal)(mean, twin, 1e-10)
+    for row in range(9):
+        assert_equal(found.loads[:, row], expected.loads[:, row], 1e-10)
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -45,6 +45,14 @@ def test_the_noise_is_the_seeds_alone() -> None:
         assert abs(np.corrcoef(one, stranger)[0, 1]) < 5.0 / np.sqrt(len(one))
 
 
+@pytest.mark.parametrize("dt", [1e-4, 2.5e-4, 5e-4, 2e-3, 5e-3])
+def test_the_signal_does_not_depend_on_the_step_of_the_integrator(dt: float) -> None:
+    """Finer intervals see the held value of their tick, coarser ones the mean of theirs; same seed, same force."""
+    fine, held = (SIGNAL.interval_means(clock(2.0, step), np.random.default_rng(3)) for step in (5e-5, dt))
+    for finest, mean in zip(fine, held, strict=True):
+        assert finest.reshape(len(mean), -1).mean(axis=1) == pytest.approx(mean, abs=1e-9)
+
+
 def test_a_signal_that_is_not_sampled_on_its_ticks_still_covers_the_run() -> None:
     """A run that ends between two ticks draws the last tick as well; an interval across an edge mixes both values."""
     signal = PaperForce(frame="left_force_point", noise=1.0, tick=0.1)
@@ -71,7 +79,7 @@ def test_averaging_conserves_the_impulse(intervals: list[float], seed: int) -> N
 
 
 @pytest.mark.parametrize("axes", ["link", "body", "world"])
-@pytest.mark.parametrize("elbow", [-0.3])
+@pytest.mark.parametrize("elbow", [-1.9, -0.3, 0.0, 0.5])
 def test_the_force_is_a_fifth_of_a_newton_times_the_sine_of_the_elbow_along_its_direction(
     axes: str, elbow: float
 ) -> None:
