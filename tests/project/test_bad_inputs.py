@@ -1,7 +1,7 @@
 """Some 60 bad inputs at all doors, drawn from a seed: none costs a traceback, a hang, a result or a wrong answer.
 
 `make evidence` tries three hundred, `make reliability` thousands of the same kinds, and writes their counts to
-docs/reliability.md. Wrong arguments, three quarters as evidence: every public function names the one that
+docs/reliability.md. Wrong arguments, the other half as evidence: every public function names the one that
 is wrong, in an error of the package.
 """
 
@@ -63,12 +63,12 @@ def test_every_public_function_has_its_wrong_calls() -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.parametrize("quarter", [0, *further(1, 2, 3)])
-def test_every_wrong_argument_is_refused_by_name(quarter: int) -> None:
+@pytest.mark.parametrize("half", [0, *further(1)])
+def test_every_wrong_argument_is_refused_by_name(half: int) -> None:
     """Each argument of each public function, with values of some twenty kinds that do not belong there."""
     arguments = [(name, argument) for name, call in calls().items() for argument in call.arguments]
-    cases = [(*one, kind) for n, one in enumerate(arguments) for k, kind in enumerate(WRONG) if (n + k) % 4 == quarter]
-    assert len(cases) > 1250
+    cases = [(*one, kind) for n, one in enumerate(arguments) for k, kind in enumerate(WRONG) if (n + k) % 2 == half]
+    assert len(cases) > 2500
     assert [said for case in cases if (said := fault(*case))] == []
 
 
