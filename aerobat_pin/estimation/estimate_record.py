@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache, partial
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
@@ -22,6 +23,7 @@ from aerobat_pin.forces import (
     fitted_forces,
     inputs_between,
     knows_friction,
+    motion_of,
     observers_of,
     run_observers,
     sensor_references,
@@ -72,6 +74,7 @@ def estimate(
     beside = knows_friction(forces) and not knows_friction(given)  # found in this record, of which no calibration knew
     record = forces.record  # whose robot carries what was found
     inputs = as_known = inputs_between(record, forces)
+    motion = cache(partial(motion_of, record))  # which several checks look at
 
     model = None
     if calibration is not None and not record.robot.smooths(record.channels):
@@ -94,7 +97,7 @@ def estimate(
         sources, use = smoothed.block.source, None if calibration is None else calibration.use_of_extras
     else:
         if record.robot.measures_effort:
-            findings += efforts_and_friction(given, forces, as_known, findings, instants, expected)
+            findings += efforts_and_friction(given, forces, as_known, findings, instants, expected, motion)
         stored = run_observers(record, inputs, running, progress, watch, expected, model)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
@@ -116,7 +119,7 @@ def estimate(
         smoothed=smoothed,
     )
     if smoothed is None:
-        findings += result_findings(result, as_known, expected)
+        findings += result_findings(result, partial(motion, as_known), expected)
         if calibration is None:
             findings += untested_findings(forces, instants, expected, next(iter(stored.values())))
     findings += [] if calibration is None else [calibration.finding()]

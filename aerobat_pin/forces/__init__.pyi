@@ -4,6 +4,7 @@ from .balance import Balance as Balance
 from .balance import Exchange as Exchange
 from .balance import FreeMotion as FreeMotion
 from .balance import InputsBetween as InputsBetween
+from .balance import MotionOf as MotionOf
 from .balance import balance_of as balance_of
 from .balance import later_efforts as later_efforts
 from .balance import motion_of as motion_of

@@ -29,6 +29,7 @@ RANK = 1e-6
 SERIES = ("q", "halfway", "v", "a", "tau", "known")  # of a motion at its instants
 Exchange = tuple[tuple[int, ...], tuple[int, ...]]  # columns of two joints, or of two limbs, that may be exchanged
 InputsBetween = Callable[[int, int], KnownInputs]  # of first and last index of the common times
+MotionOf = Callable[[InputsBetween], "FreeMotion | None"]  # of a record with such inputs
 
 
 @dataclass(frozen=True)

@@ -31,10 +31,12 @@ from aerobat_pin.forces import (
     FittedValues,
     InputsBetween,
     Instants,
+    MotionOf,
     effort_rows,
     expected_of,
     looked_at,
     most_likely_with,
+    motion_of,
     points_of,
     row_scale,
     screened,
@@ -62,6 +64,7 @@ def effort_findings(
     before: Sequence[Finding],
     instants: Instants | None = None,
     expected: Expected | None = None,
+    motion: MotionOf | None = None,
 ) -> Iterator[Finding]:
     """Yield how well efforts fit the motion, and what change of the map or the robot explains what they leave.
 
@@ -71,13 +74,14 @@ def effort_findings(
         before: what was found before; efforts are not compared with a motion that is misread.
         instants: of the record, if it was looked at.
         expected: what is expected of it, if that is known.
+        motion: of a free robot's record with such inputs, if something keeps it.
     """
     misread = [each for each in before if each.warns and each.check not in HARMLESS]
     beyond = bool(misread) and all(each.check == "joint limits" and each.verdict == "warning" for each in misread)
     if "joints.effort" not in record.channels or (misread and not beyond):
         return
     if record.robot.free:
-        yield from of_free(record, inputs, beyond=beyond)
+        yield from of_free(record, motion(inputs) if motion else motion_of(record, inputs), beyond=beyond)
         return
     free, chosen = record.map.use.free, record.map.robot
     rows = None

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 from aerobat_pin.estimation.checks.efforts import effort_findings
 from aerobat_pin.estimation.checks.free_efforts import of_free
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import InputsBetween, Instants, KnownForces, inputs_between
+from aerobat_pin.forces import InputsBetween, Instants, KnownForces, MotionOf, inputs_between, motion_of
 from aerobat_pin.observers import Expected
 
 
@@ -18,6 +19,7 @@ def efforts_and_friction(
     before: Sequence[Finding],
     instants: Instants | None = None,
     expected: Expected | None = None,
+    motion: MotionOf | None = None,
 ) -> list[Finding]:
     """Return findings about efforts; without those that name friction, if with it they are gone.
 
@@ -28,13 +30,15 @@ def efforts_and_friction(
         before: what was found before.
         instants: of the record, if it was looked at.
         expected: what is expected of it, if that is known.
+        motion: of a free robot's record with such inputs, if something keeps it.
     """
     record = forces.record
+    motion = motion or partial(motion_of, record)
     plain = inputs if forces is given else inputs_between(record, given)
-    doubts = list(effort_findings(record, plain, before, instants, expected))
+    doubts = list(effort_findings(record, plain, before, instants, expected, motion))
     if forces is given or not record.robot.free or not any(map(_names_friction, doubts)):
         return doubts
-    with_friction = of_free(record, inputs, beyond=False, readings=False)  # of which none was told without it
+    with_friction = of_free(record, motion(inputs), beyond=False, readings=False)  # none was told without it
     remaining = {finding.check for finding in with_friction if finding.warns}
     return [finding for finding in doubts if not _names_friction(finding) or finding.check in remaining]
 

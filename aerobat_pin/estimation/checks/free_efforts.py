@@ -24,7 +24,7 @@ from aerobat_pin.estimation.checks.late_efforts import late_efforts
 from aerobat_pin.estimation.checks.misread_limbs import left_by_readings, reading_of
 from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, JointReading, limb_pairs, swapped
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import Balance, Exchange, FreeMotion, InputsBetween, balance_of, motion_of
+from aerobat_pin.forces import Balance, Exchange, FreeMotion, balance_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE
 from aerobat_pin.records import Record
@@ -47,16 +47,15 @@ WHITE_SECOND_DIFFERENCE = 0.6745 * np.sqrt(6.0)  # median magnitude of that of w
 MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if for A and N m
 
 
-def of_free(record: Record, inputs: InputsBetween, *, beyond: bool, readings: bool = True) -> Iterator[Finding]:
+def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings: bool = True) -> Iterator[Finding]:
     """Yield factors of a free robot's efforts, columns that are exchanged, and its base's mass, as the rows show them.
 
     Args:
         record: the record.
-        inputs: what an observer is given between two indices of the common times.
+        motion: at some instants; None if the record is too short.
         beyond: whether joints are beyond their limits; before that is settled efforts say nothing of factors or places.
         readings: whether another reading of the joints is sought, too.
     """
-    motion = motion_of(record, inputs)
     balance = None if motion is None else balance_of(record, motion)
     if motion is None or balance is None:
         free = "" if record.map.use.free else "; use.free names a stretch without contact"

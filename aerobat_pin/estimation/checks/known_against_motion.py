@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.findings import Finding, FindingVerdict
-from aerobat_pin.forces import FreeMotion, InputsBetween, motion_of
+from aerobat_pin.forces import FreeMotion
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import rotation_matrices
 from aerobat_pin.records import Record
@@ -38,22 +38,19 @@ QUARTER_TURNS = [
 ]
 
 
-def known_findings(record: Record, inputs: InputsBetween, estimated: Array | None) -> Iterator[Finding]:
+def known_findings(record: Record, motion: FreeMotion | None, estimated: Array | None) -> Iterator[Finding]:
     """Yield the mean of all unknown forces over the weight, and other axes in which known ones are what motion needs.
 
     For a robot whose base nothing else holds.
 
     Args:
         record: the record.
-        inputs: what an observer is given between two indices of the common times.
+        motion: of a robot with a free base; None if the record is too short.
         estimated: (3,) mean of all forces that are sought, which must carry the robot where known forces do not; of
             others, what is not known counts, whether or not points show it.
     """
     robot, chosen = record.robot, record.map
-    if not robot.free or robot.weightless or chosen.base.held or "base" in chosen.robot.rows.ignore:
-        return
-    motion = motion_of(record, inputs)
-    if motion is None:
+    if motion is None or robot.weightless or chosen.base.held or "base" in chosen.robot.rows.ignore:
         return
     turns, needed = _needed(record, motion)
     yield _mean_force(

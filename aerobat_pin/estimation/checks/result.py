@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +16,7 @@ from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.forces import (
     BESIDE,
-    InputsBetween,
+    FreeMotion,
     KnownForces,
     PairedEstimate,
     StoredEstimate,
@@ -47,10 +47,12 @@ FAINT_LEVER = 0.1  # lever of a direction over the largest one, below which the 
 FAR = 0.3  # of the farthest joint's distance: joints nearer to the force have little lever anyhow
 
 
-def result_findings(result: Result, inputs: InputsBetween, expected: Expected | None = None) -> Iterator[Finding]:
+def result_findings(
+    result: Result, motion: Callable[[], FreeMotion | None], expected: Expected | None = None
+) -> Iterator[Finding]:
     """Yield what the estimate itself shows, and the sensor beside it.
 
-    `inputs` are what an observer is given between two indices of the common times.
+    `motion` gives that of a free robot's record, None if it is too short.
     """
     record, forces, estimates = result.record, result.forces, result.stored
     assert record is not None
@@ -70,7 +72,7 @@ def result_findings(result: Result, inputs: InputsBetween, expected: Expected | 
     mean = None
     if estimate.head.are_world_forces and np.all(seen[2::3] > MOSTLY_SEEN * count):
         mean = sums.reshape(-1, 3).sum(axis=0) / max(count, 1)
-    known = [*known_findings(record, inputs, mean)]
+    known = [*known_findings(record, motion() if record.robot.free else None, mean)]
     yield from known
     if all(each.check != OTHER_AXES for each in known):
         yield from thrust_order_findings(record, forces)
