@@ -43,11 +43,9 @@ from .explanations import without_quarters as without_quarters
 from .fit_beside_forces import CHECKED as CHECKED
 from .fit_beside_forces import FEWEST_INSTANTS as FEWEST_INSTANTS
 from .fit_beside_forces import LEAST_SHOWN as LEAST_SHOWN
-from .fit_beside_forces import checked_share as checked_share
 from .fit_beside_forces import fit_beside_forces as fit_beside_forces
 from .fit_beside_forces import knows_friction as knows_friction
 from .fit_beside_forces import most_likely as most_likely
-from .fit_beside_forces import spare_share as spare_share
 from .fit_known_forces import fitted_forces as fitted_forces
 from .fit_known_forces import given_forces as given_forces
 from .fit_learnt_error import fit_learnt_error as fit_learnt_error
@@ -82,6 +80,8 @@ from .learnt_error import LearntError as LearntError
 from .learnt_error import alone as alone
 from .learnt_error import shares as shares
 from .learnt_error import weight_count as weight_count
+from .leverage import checked_share as checked_share
+from .leverage import spare_share as spare_share
 from .map_fits import fit_notes as fit_notes
 from .map_fits import fits_anything as fits_anything
 from .map_fits import fits_thrust as fits_thrust
@@ -117,6 +117,8 @@ from .scores import point_label as point_label
 from .scores import quantity as quantity
 from .scores import r_squared as r_squared
 from .scores import short_label as short_label
+from .shared_error import beside_forces as beside_forces
+from .shared_error import in_own_rows as in_own_rows
 from .stored_estimate import ROWS_READ as ROWS_READ
 from .stored_estimate import TIME_CONSTANTS_TO_SETTLE as TIME_CONSTANTS_TO_SETTLE
 from .stored_estimate import StoredEstimate as StoredEstimate

@@ -31,7 +31,9 @@ from aerobat_pin.forces.expected_of_record import EFFORT_ERROR, SLIDES_AT, expec
 from aerobat_pin.forces.factors_by_balance import factors_by_balance
 from aerobat_pin.forces.instants import Instants, column_rms, looked_at
 from aerobat_pin.forces.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
+from aerobat_pin.forces.leverage import spare_share
 from aerobat_pin.forces.run_observers import ignored_rows, inputs_between, points_of
+from aerobat_pin.forces.shared_error import in_own_rows, shared_error
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected, JointFriction, as_others_rub, effort_limits, rotation_matrices, row_names
 
@@ -46,7 +48,6 @@ HARDLY_MOVES = (
 )
 CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
 BLOW, BLOW_ROUNDS = 3.0, 5  # of what is expected of a force: one that is larger is what the rows show of it
-LEAST_TRACE = 1e-9  # of the largest singular value: a fainter force leaves none
 ROTORS_SOUGHT = 0.5  # of what is expected of the rows' errors, geometric mean, from which they may show rotors
 ROTORS_SHOWN = 0.75  # of the errors of rows, geometric mean: where rotors leave more, errors cover them all the same
 AT_BOUND = 1e-14  # of the largest coefficient, all of size 1: what is left of one at its bound
@@ -181,6 +182,12 @@ def _fitted(
         d, sigma = factors_by_balance(rows, instants.jacobians, G, kept, efforts, attitude, least, EFFORT_ERROR)
         unsure += np.mean((efforts * sigma) ** 2, axis=0)
         factors = d[at]
+    shared, some, stiction = np.zeros(len(kept)), instants.weighed, np.zeros(len(kept))
+    stiction[at] = coulomb
+    if not robot.free:
+        R = size * error**2 + stiction**2 / 3.0 * (1.0 - instants.sliding[some] ** 2)
+        friction, SJ = in_own_rows(x[:, some], at, len(kept)), force[some, :, None] * J[some]
+        shared = shared_error(y[some], friction, instants.around[0, some], SJ, R)
     level = 1.0 if lifts else max(1.0, float(np.mean(size)))
     noise = np.sqrt((size * error**2 + unsure) / level)
     before, zero, slid = column_rms(y), np.zeros(n), np.abs(instants.sliding[:, at]).max(axis=0)
@@ -204,6 +211,7 @@ def _fitted(
         friction=JointFriction(coulomb, viscous, inertia, zero, float(expected.stiction_rate.max())),
         scale=1.0 + factors,
         row_noise=dict(zip([names[row] for row in kept], noise.tolist(), strict=True)),
+        shared=dict(zip([names[row] for row in kept], (shared / level**0.5).tolist(), strict=True)),
         doubt=level,
         fits=(*forces.values.fits, *fits),
     )
@@ -284,33 +292,6 @@ def most_likely(
     unsure[at] = np.sum(np.mean(np.einsum("ami,aio->omi", x, change) ** 2, axis=1), axis=0)
     unsure[at] += row_variance(x, covariance)
     return b, size, unsure, column_rms(mean)
-
-
-def spare_share(J: Array, force: Array, error: Array) -> Array:
-    """Return which share (k,) of each row's error the other rows show whatever the forces are: 1 - its leverage."""
-    return np.asarray(np.mean(_pseudo_inverse(J, force, error)[1], axis=0))
-
-
-def checked_share(J: Array, force: Array, error: Array) -> tuple[Array, Array]:
-    """Return how much of the rows that show each component others check (c,), and each row's share in it (c, k).
-
-    The first is the mean of `spare_share`, by the shares of the rows, which are those of what errors make of it.
-
-    Args:
-        J: (m, c, k) Jacobian of the components.
-        force: (c,) or (m, c) what is expected of these [N or N m].
-        error: (k,), or (m, 1, k), of each row [N or N m].
-    """
-    inverse, spare = _pseudo_inverse(J, force, error)
-    shares = inverse**2 / np.maximum(np.sum(inverse**2, axis=1, keepdims=True), np.finfo(float).tiny)
-    return np.einsum("mic,mi->c", shares, spare) / len(J), shares.mean(axis=0).T
-
-
-def _pseudo_inverse(J: Array, force: Array, error: Array) -> tuple[Array, Array]:
-    """Return what whitened rows make of components over their sizes (m, k, c), and 1 - leverage of each row (m, k)."""
-    B = force[..., None] * J / error
-    inverse = np.linalg.pinv(B, rcond=LEAST_TRACE)
-    return inverse, 1.0 - np.einsum("mic,mci->mi", inverse, B)
 
 
 def _bounded(normal: Array, target: Array, largest: Array) -> Array:

@@ -77,6 +77,7 @@ class FittedValues:
         fits: how well each holds.
         row_noise: row -> root second moment of what all of this leaves where nothing touches, in data that no fit used
             [N, N m]; empty where that is not known.
+        shared: row -> rms of the error that it shares with all others, beside that of its own (`shared_error`).
         doubt: least k, where the errors of rows were found while unknown forces pushed.
     """
 
@@ -89,6 +90,7 @@ class FittedValues:
     gain_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     fits: tuple[Fit, ...] = ()
     row_noise: Mapping[str, float] = field(default_factory=dict)
+    shared: Mapping[str, float] = field(default_factory=dict)
     doubt: float = 1.0
 
     def stiction(self, robot: PlainRobot) -> tuple[Array, Array]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
+
+import numpy as np
 
 from aerobat_pin.estimation.checks.efforts import effort_findings
 from aerobat_pin.estimation.checks.free_efforts import of_free
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import InputsBetween, Instants, KnownForces, MotionOf, inputs_between, motion_of
-from aerobat_pin.observers import Expected
+from aerobat_pin.observers import Expected, row_names
 
 
 def efforts_and_friction(
@@ -33,6 +36,9 @@ def efforts_and_friction(
         motion: of a free robot's record with such inputs, if something keeps it.
     """
     record = forces.record
+    if expected is not None:  # an error that all rows share is one of those that are sought
+        shared = [forces.values.shared.get(row, 0.0) for row in row_names(record.robot.model)]
+        expected = replace(expected, row_error=np.sqrt(expected.row_error**2 - np.square(shared)))
     motion = motion or partial(motion_of, record)
     plain = inputs if forces is given else inputs_between(record, given)
     doubts = list(effort_findings(record, plain, before, instants, expected, motion))
