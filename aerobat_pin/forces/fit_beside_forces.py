@@ -182,9 +182,10 @@ def _fitted(
         d, sigma = factors_by_balance(rows, instants.jacobians, G, kept, efforts, attitude, least, EFFORT_ERROR)
         unsure += np.mean((efforts * sigma) ** 2, axis=0)
         factors = d[at]
-    shared, some, stiction = np.zeros(len(kept)), instants.weighed, np.zeros(len(kept))
-    stiction[at] = coulomb
+    shared: Array = np.zeros(len(kept))
     if not robot.free:
+        some, stiction = instants.weighed, np.zeros(len(kept))
+        stiction[at] = coulomb
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - instants.sliding[some] ** 2)
         friction, SJ = in_own_rows(x[:, some], at, len(kept)), force[some, :, None] * J[some]
         shared = shared_error(y[some], friction, instants.around[0, some], SJ, R)
