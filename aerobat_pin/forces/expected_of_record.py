@@ -111,7 +111,7 @@ def expected_from(
     model, weight = robot.model, moving_weight(robot.model)
     error = EFFORT_ERROR * np.where(effort > 0.0, effort, needed)
     for k, name in enumerate(row_names(model)):
-        error[k] = np.hypot(values.row_noise.get(name, error[k]), values.shared.get(name, 0.0))
+        error[k] = values.row_noise.get(name, error[k])
     applications = Applications(model, points)
     lever = np.array([1.0 if unit == "N" else robot_length(model) for unit in applications.units])
     least = LEAST_ROW_ERROR * (moving_weight(model, rows) or weight) * row_scale(model)

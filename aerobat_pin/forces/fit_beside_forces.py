@@ -75,7 +75,22 @@ def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None
     assert law is not None
     b = np.stack([law.coulomb, law.viscous, law.inertia, found.scale - 1.0])[:, -n:]
     smooth = instants.without(b)
-    return replace(forces, values=found), expected_of(record, smooth, found), instants
+    forces, expected = replace(forces, values=found), expected_of(record, smooth, found)
+    if not record.robot.free:
+        shared = _shared(smooth, expected)
+        expected = replace(expected, row_error=np.hypot(expected.row_error, shared))
+        forces = replace(forces, shared=shared)
+    return forces, expected, instants
+
+
+def _shared(instants: Instants, expected: Expected) -> Array:
+    """Return the rms (nv,) of the error that each row shares with all others, at instants without friction."""
+    some, kept, at, shared = instants.weighed, instants.kept, instants.at, np.zeros(instants.rows.shape[1])
+    R = expected.doubt * expected.row_deviation(instants.v[some])[:, kept] ** 2
+    friction = in_own_rows(instants.columns[:2, some][..., at], at, len(kept))
+    SJ = expected.force[:, None] * instants.jacobians[some][..., kept]
+    shared[kept] = shared_error(instants.rows[some][:, kept], friction, instants.around[0, some], SJ, R)
+    return shared
 
 
 def _found(forces: KnownForces, instants: Instants, expected: Expected) -> FittedValues | None:
@@ -182,13 +197,6 @@ def _fitted(
         d, sigma = factors_by_balance(rows, instants.jacobians, G, kept, efforts, attitude, least, EFFORT_ERROR)
         unsure += np.mean((efforts * sigma) ** 2, axis=0)
         factors = d[at]
-    shared: Array = np.zeros(len(kept))
-    if not robot.free:
-        some, stiction = instants.weighed, np.zeros(len(kept))
-        stiction[at] = coulomb
-        R = size * error**2 + stiction**2 / 3.0 * (1.0 - instants.sliding[some] ** 2)
-        friction, SJ = in_own_rows(x[:, some], at, len(kept)), force[some, :, None] * J[some]
-        shared = shared_error(y[some], friction, instants.around[0, some], SJ, R)
     level = 1.0 if lifts else max(1.0, float(np.mean(size)))
     noise = np.sqrt((size * error**2 + unsure) / level)
     before, zero, slid = column_rms(y), np.zeros(n), np.abs(instants.sliding[:, at]).max(axis=0)
@@ -212,7 +220,6 @@ def _fitted(
         friction=JointFriction(coulomb, viscous, inertia, zero, float(expected.stiction_rate.max())),
         scale=1.0 + factors,
         row_noise=dict(zip([names[row] for row in kept], noise.tolist(), strict=True)),
-        shared=dict(zip([names[row] for row in kept], (shared / level**0.5).tolist(), strict=True)),
         doubt=level,
         fits=(*forces.values.fits, *fits),
     )

@@ -77,7 +77,6 @@ class FittedValues:
         fits: how well each holds.
         row_noise: row -> root second moment of what all of this leaves where nothing touches, in data that no fit used
             [N, N m]; empty where that is not known.
-        shared: row -> rms of the error that it shares with all others, beside that of its own (`shared_error`).
         doubt: least k, where the errors of rows were found while unknown forces pushed.
     """
 
@@ -90,7 +89,6 @@ class FittedValues:
     gain_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     fits: tuple[Fit, ...] = ()
     row_noise: Mapping[str, float] = field(default_factory=dict)
-    shared: Mapping[str, float] = field(default_factory=dict)
     doubt: float = 1.0
 
     def stiction(self, robot: PlainRobot) -> tuple[Array, Array]:
@@ -116,6 +114,8 @@ class KnownForces:
         tare: name of a wrench -> mean (k,) that is taken off.
         series: what a calibration found that repeats itself with the robot's phase; None if there is none.
         sources: name of a known force -> where it comes from, of those that a calibration gives.
+        shared: (nv,) rms of the error that each row shares with all others (`shared_error`), which is part of what is
+            expected of its errors.
     """
 
     record: Record
@@ -123,6 +123,7 @@ class KnownForces:
     tare: dict[str, Array] = field(default_factory=dict)
     series: LearntError | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
+    shared: Array | float = 0.0
 
     @property
     def fits(self) -> tuple[Fit, ...]:

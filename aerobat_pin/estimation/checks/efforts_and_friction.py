@@ -12,7 +12,7 @@ from aerobat_pin.estimation.checks.efforts import effort_findings
 from aerobat_pin.estimation.checks.free_efforts import of_free
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import InputsBetween, Instants, KnownForces, MotionOf, inputs_between, motion_of
-from aerobat_pin.observers import Expected, row_names
+from aerobat_pin.observers import Expected
 
 
 def efforts_and_friction(
@@ -37,8 +37,7 @@ def efforts_and_friction(
     """
     record = forces.record
     if expected is not None:  # an error that all rows share is one of those that are sought
-        shared = [forces.values.shared.get(row, 0.0) for row in row_names(record.robot.model)]
-        expected = replace(expected, row_error=np.sqrt(expected.row_error**2 - np.square(shared)))
+        expected = replace(expected, row_error=np.sqrt(expected.row_error**2 - forces.shared**2))
     motion = motion or partial(motion_of, record)
     plain = inputs if forces is given else inputs_between(record, given)
     doubts = list(effort_findings(record, plain, before, instants, expected, motion))
