@@ -8,7 +8,7 @@ from typing import Literal
 
 from aerobat_pin.errors import LogError
 
-UNTESTED = "untested forces"  # name of a check, whose words the verdict repeats
+UNTESTED, LOST_SAMPLES = "untested forces", "lost samples"  # names of checks, whose words the verdict repeats
 WOULD_LOOK = "a wrong sign, order, mass, mounting or friction would look like this force"
 FindingVerdict = Literal["good", "note", "warning", "refused"]
 

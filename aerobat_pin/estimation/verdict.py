@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerobat_pin.estimation.findings import UNTESTED, WOULD_LOOK, Finding
+from aerobat_pin.estimation.findings import LOST_SAMPLES, UNTESTED, WOULD_LOOK, Finding
 from aerobat_pin.forces import (
     SURE_OF_CONTACT,
     ComponentSize,
@@ -142,8 +142,9 @@ def verdict_of(
     findings = tuple(findings)
     doubts = [f"the record contradicts itself: {finding.check}" for finding in findings if finding.verdict == "refused"]
     warned = dict.fromkeys(finding.check for finding in findings if finding.verdict == "warning")
-    doubted = [check for check in warned if check not in HARMLESS_CHECKS]
+    doubted = [check for check in warned if check not in (*HARMLESS_CHECKS, LOST_SAMPLES)]
     doubts += [f"a check doubts the record: {', '.join(doubted)}"] if doubted else []
+    doubts += [finding.text for finding in findings if finding.check == LOST_SAMPLES]
     words, wrong = scores.judgement
     if certain and not scores.points:  # which test it
         blind = estimate.redundancy.verdict == "blind"

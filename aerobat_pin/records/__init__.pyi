@@ -14,6 +14,7 @@ from .channels import G as G
 from .channels import Request as Request
 from .channels import base_requests as base_requests
 from .checked_netcdf import seal_netcdf as seal_netcdf
+from .columns import Clock as Clock
 from .columns import Columns as Columns
 from .csv_columns import header_of as header_of
 from .file_source import open_by_map as open_by_map

@@ -18,6 +18,8 @@ from aerobat_pin.records.spool import EXTENT, Series, Spool, series_of
 
 FEW = 10  # rows whose stamps do not fit between their neighbours': they are left out
 LONG_STEP = 10.0  # usual steps; a longer one ends a stretch of rows, as the clock may have been set
+ROUNDED_FROM = 1.5  # rows per stamp from which stamps may be rounded
+ALIKE = 0.9  # share of rounded stamps at even distances, and of those with as many rows as others, or one more or less
 OTHER_EPOCH = 3600.0  # [s] from all others, of a single first or last stamp that is left out
 
 
@@ -38,6 +40,7 @@ class Clock:
         backward: number of rows left out because they go back to times that have samples already.
         set_back: how often rows stand before earlier ones, as the clock was set back between them.
         reordered: number of rows behind later ones, of sensors whose samples came late.
+        rounded_to: [s] what the stamps seem to be rounded to; 0 if they do not.
         late: (n,) recorder's stamp minus the sensor's [s]; None where there is only one of them.
     """
 
@@ -48,6 +51,7 @@ class Clock:
     backward: int = 0
     set_back: int = 0
     reordered: int = 0
+    rounded_to: float = 0.0
     late: Series | None = None
 
     @property
@@ -166,13 +170,25 @@ class GrowingTable:
             differing[filled] |= values[filled] != first[which[filled]]
             columns[name] = series_of(self._spool, first)
         delays = None if delays is None else series_of(self._spool, delays[:][rows[new]])
-        repeated, differ = len(rows) - int(np.sum(new)), int(np.sum(differing))
-        return Clock(series_of(self._spool, stamps[rows[new]]), repeated, differ, late=delays, **counts), columns
+        repeated, differ, time = len(rows) - int(np.sum(new)), int(np.sum(differing)), stamps[rows[new]]
+        rounded_to = _rounded_to(time, np.bincount(which)) if differ else 0.0
+        clock = Clock(series_of(self._spool, time), repeated, differ, rounded_to=rounded_to, late=delays, **counts)
+        return clock, columns
 
     def _columns_rise(self, stamps: Array) -> bool:
         """Return whether the stamps (n,) of each column's samples rise, as where some sensors come late."""
         own = (stamps[np.isfinite(series[:])] for series in self._columns.values())
         return bool(np.all(np.isfinite(stamps))) and all(np.all(np.diff(time) > 0.0) for time in own)
+
+
+def _rounded_to(time: Array, rows: NDArray[np.intp]) -> float:
+    """Return what stamps (n,) [s] seem to be rounded to: each has as many rows (n,), at even distances; else 0."""
+    if len(rows) < FEW or float(np.mean(rows)) < ROUNDED_FROM:
+        return 0.0
+    steps, whole = np.diff(time), rows[1:-1]  # the first and the last stamp may have half as many rows
+    usual = float(np.median(steps))
+    alike = np.abs(steps - usual) < 0.5 * usual, np.abs(whole - np.mean(whole)) < 1.5  # a tie goes to either stamp
+    return usual if min(map(np.mean, alike)) > ALIKE else 0.0
 
 
 def in_step(time: Series, *others: Series) -> Iterator[tuple[Array, ...]]:

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.compare import LATEST_SHIFT
-from aerobat_pin.estimation.findings import Finding, FindingVerdict
-from aerobat_pin.records import EXTENT, Channel, Columns, Record, typical_spacing
+from aerobat_pin.estimation.findings import LOST_SAMPLES, Finding
+from aerobat_pin.records import EXTENT, Channel, Clock, Columns, Record, typical_spacing
 
 FEWEST_CHANGES = 4  # of a channel that can be told to be held
 FREQUENT = 0.75  # share of samples that change in a channel that is not held
@@ -26,6 +26,7 @@ FEWEST_LEVELS, MOVES_IN = 50, 10  # values of an effort that varies; samples wit
 STRAIGHT = 0.5  # share of triples of neighbours on a straight line, from which a channel is interpolated
 STRAIGHT_ERROR = 1e-7  # of the channel's size: how straight
 FEWEST_STRAIGHT = 20  # samples that can be told to be interpolated
+MOST_LOST = 0.6  # share of samples that another one with their stamp replaces, beyond which forces may be missed
 CLOCK_DELAY = 0.5e-3  # [s] between sensor's and recorder's stamps, or their scatter, that is worth a warning
 LARGEST_COMPARED = 500_000_000  # bytes of files that are compared
 EMPTY = "leave its cells empty where there is no sample, or interpolate"
@@ -77,10 +78,7 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
     for name, clock in columns.clocks.items():
         count = len(clock.time) + clock.repeated + clock.off + clock.backward
         if clock.repeated:
-            differ = f"; {clock.differing} of them differ: the first value stays" if clock.differing else ""
-            what = f"{clock.repeated} of {count} samples have the stamp of the one before, and are merged with it"
-            verdict: FindingVerdict = "warning" if differ else "note"
-            yield Finding("repeated stamps", verdict, f"{name}: {what}{differ}", clock.repeated / count, "1")
+            yield _repeated(name, clock, count)
         for number, words in (
             (clock.off, "have stamps that do not fit between their neighbours': left out"),
             (clock.backward, "go back in time (a file appended to itself?): dropped"),
@@ -109,6 +107,21 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
             yield Finding("recorder clock", "warning", what, middle, "s")
         else:
             yield Finding("recorder clock", "note", f"{text}; the headers' are used", middle, "s")
+
+
+def _repeated(name: str, clock: Clock, count: int) -> Finding:
+    """Return how many of a clock's samples have the stamp of the one before: most of those that differ are lost."""
+    share = clock.repeated / count
+    rounded = f" seem to be rounded to {clock.rounded_to:.2g} s: write them with more digits" * bool(clock.rounded_to)
+    if clock.differing > MOST_LOST * count:
+        what = f"{name}: {clock.differing} of {count} samples are not used, as earlier ones have their stamps"
+        what += f", which{rounded or ' should tell samples apart'}"
+        return Finding(LOST_SAMPLES, "warning", what, share, "1")
+    what = f"{name}: {clock.repeated} of {count} samples have the stamp of the one before, and are merged with it"
+    if not clock.differing:
+        return Finding("repeated stamps", "note", what, share, "1")
+    what += f"; {clock.differing} of them differ: the first value stays{rounded and f'; stamps{rounded}'}"
+    return Finding("repeated stamps", "warning", what, share, "1")
 
 
 def channel_findings(
