@@ -40,6 +40,7 @@ class Balance:
         needed: (n,) what motion and weight need.
         reach: (n, joints) what an effort of 1 N m or N of each joint gives.
         base: (n,) what the mass of the base link needs.
+        project: (n, nv) what a generalised force gives.
         at: (n,) the instant of each equation.
         effort: (instants, joints) efforts [N m, N].
         v: (instants, joints) rates.
@@ -51,6 +52,7 @@ class Balance:
     needed: Array
     reach: Array
     base: Array
+    project: Array
     at: NDArray[np.intp]
     effort: Array
     v: Array
@@ -61,7 +63,7 @@ class Balance:
     def between(self, first: int, last: int) -> Balance:
         """Return the equations of the instants from one to before another."""
         low, high = np.searchsorted(self.at, (first, last))
-        rows = {name: getattr(self, name)[low:high] for name in ("needed", "reach", "base")}
+        rows = {name: getattr(self, name)[low:high] for name in ("needed", "reach", "base", "project")}
         instants = {name: getattr(self, name)[first:last] for name in ("effort", "v", "a")}
         return replace(self, at=self.at[low:high] - first, **rows, **instants)
 
@@ -91,6 +93,10 @@ class Balance:
         """Factor of all efforts with which they come nearest to what is needed."""
         given = self.given.sum(axis=1)
         return float(given @ self.needed) / max(float(given @ given), 1e-300)
+
+    def of_forces(self, forces: Array) -> Array:
+        """Return (n, p) what generalised forces (instants, nv, p) give."""
+        return np.asarray(np.einsum("nv,nvp->np", self.project, forces[self.at]))
 
     def beside_friction(self, residual: Array) -> float:
         """Return the sum of squares of a residual (n,) that friction of the joints leaves, over the needed one.
@@ -207,13 +213,13 @@ def balance_of(record: Record, motion: FreeMotion) -> Balance | None:
     if any(Q.shape[1] == 0 for Q in beyond):
         return None
     instant = np.repeat(np.arange(len(beyond)), [Q.shape[1] for Q in beyond])
-    project = np.concatenate([Q.T * weight for Q in beyond])
+    project = np.zeros((len(instant), model.nv))
+    project[:, rows] = np.concatenate([Q.T * weight for Q in beyond])
     needed = _weight_and_motion(model, motion.halfway, motion) - motion.known
     base = _weight_and_motion(_heavier_base(model), motion.q, motion)
-    b, heavier = (np.einsum("nr,nr->n", project, part[:, rows][instant]) for part in (needed, base))
-    unit = (np.array(rows)[:, None] == np.array(at)).astype(float)
+    b, heavier = (np.einsum("nv,nv->n", project, part[instant]) for part in (needed, base))
     effort, rates, bends = (part[:, at] for part in (motion.tau, motion.v, motion.a))
-    return Balance(b, project @ unit, heavier, instant, effort, rates, bends, motion.span, motion.later)
+    return Balance(b, project[:, at], heavier, project, instant, effort, rates, bends, motion.span, motion.later)
 
 
 def _weight_and_motion(model: pin.Model, q: Array, motion: FreeMotion) -> Array:

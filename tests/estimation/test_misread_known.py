@@ -7,14 +7,17 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from support.pushed_robots import RATE, STEPS, log_of, map_of
 from support.recorded import recorded
 from support.robot_parts import channels, efforts
 from support.six_joints import SIX, six_joints
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Finding, estimate
+from aerobat_pin.records import load_robot
 
 CLEAR = np.array([5.0, -4.0, 12.0, 0.5, 0.3, 0.1])  # [N, N m] that a sensor shows of nothing
+SOLES = ("l_sole", "r_sole")
 TIMES, SHIFT = "known.wrist would have to be", "known.wrist seems to show"
 
 
@@ -77,6 +80,56 @@ def test_a_sensor_that_shows_a_constant_is_named_with_it(seed: int, tmp_path: Pa
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_of_a_sensor_that_is_right_nothing_is_said(seed: int, tmp_path: Path) -> None:
     assert told(tmp_path, seed) == []
+
+
+def told_of_ankles(folder: Path, *shown: list[float]) -> list[Finding]:
+    """Return what is warned of a humanoid whose soles' sensors show so much [N, N m] of nothing.
+
+    It moves all joints, leans from one sole to the other, and something pulls a hand.
+    """
+    robot, rng, time = load_robot("icub_reduced"), np.random.default_rng(3), np.arange(0.0, 8.0, 1.0 / RATE)
+    model, data, n = robot.model, robot.model.createData(), len(robot.joints)
+    pace, phase, size = rng.uniform(0.6, 3.0, n), rng.uniform(0.0, 6.0, n), 0.15
+    hand, *soles = (model.getFrameId(name) for name in ("r_hand", *SOLES))
+    states, efforts, wrenches = [], [], np.zeros((len(time), 2, 6))
+    for k, now in enumerate(time):
+        q, v, a = pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
+        angle = pace * now + phase
+        q[7:], v[6:], a[6:] = size * np.sin(angle), size * pace * np.cos(angle), -size * pace**2 * np.sin(angle)
+        tau = pin.rnea(model, data, q, v, a)
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        J = [pin.getFrameJacobian(model, data, frame, pin.LOCAL) for frame in (hand, *soles)]
+        tau -= J[0][:3].T @ (np.array([30.0, -20.0, 10.0]) * (3.0 < now < 4.5))
+        base, left = tau[:6].copy(), 0.5 + 0.3 * np.sin(2.0 * now)
+        for sole, share in enumerate((left, 1.0 - left)):
+            wrenches[k, sole] = np.linalg.solve(J[1 + sole][:, :6].T, share * base)
+            tau -= J[1 + sole].T @ wrenches[k, sole]
+        states.append(np.concatenate([q, v]))
+        efforts.append(tau)
+    table = log_of(robot, time, np.array(states), np.repeat(efforts, STEPS, axis=0), rng)
+    chosen = map_of("icub_reduced", robot, "r_hand") | {"known": {}}
+    for sole, name in enumerate(SOLES):
+        noise = rng.standard_normal((len(time), 6)) * [0.5, 0.5, 1.0, 0.03, 0.03, 0.03]
+        columns = [f"{name}_{k}" for k in range(6)]
+        table[columns] = wrenches[:, sole] + shown[sole] + noise
+        chosen["known"][name] = {"columns": columns, "unit": "N", "frame": name}
+    table.to_csv(folder / "log.csv", index=False)
+    return [one for one in estimate(recorded(folder / "log.csv", chosen), ["force_level"]).findings if one.warns]
+
+
+def test_what_ankles_sensors_show_of_nothing_is_named(tmp_path: Path) -> None:
+    """Of a hip it was said that it counts from another zero."""
+    [one] = told_of_ankles(tmp_path, [3.0, -3.0, 4.0, 0.2, 0.0, 0.1], 6 * [0.0])
+    assert one.text.startswith("known.l_sole seems to show")
+    assert one.value == pytest.approx(34.0**0.5, rel=0.2)  # efforts are wrong by 2 %
+    both = told_of_ankles(tmp_path, [5.0, 3.0, 15.0, 1.0, 1.0, 0.0], [-4.0, 8.0, -2.0, 0.0, -1.0, 0.5])
+    assert [one.text.partition(" ")[0] for one in both] == ["known.l_sole", "known.r_sole"]
+    assert [one.value for one in both] == pytest.approx([259.0**0.5, 84.0**0.5], rel=0.2)
+
+
+def test_of_ankles_sensors_that_are_right_nothing_is_said(tmp_path: Path) -> None:
+    assert told_of_ankles(tmp_path, 6 * [0.0], 6 * [0.0]) == []
 
 
 def test_a_known_force_that_counts_the_other_way_is_told_so(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_effort, wrong_effort
 from aerobat_pin.estimation.checks.readings import limb_pairs, swapped
+from aerobat_pin.estimation.checks.sensor_zeros import LEAST_MOMENT
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     QUARTERS,
@@ -43,7 +44,6 @@ LEAST_TURN = np.radians(3.0)  # by which a robot must be mounted otherwise than 
 SIZE_OF_GRAVITY = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
 TURNED, SLID = (0.05, 0.5), (0.02, 0.3)  # least and largest zero of a joint that is named [rad], [m]
 Formed = Callable[[InputsBetween], tuple[EffortRows, Instants]]  # the rows of other inputs
-LEAST_MOMENT = 0.005  # [m] times the mass that moves: a load whose moment about a point is smaller is not named
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from aerobat_pin.estimation.checks.late_efforts import late_efforts
 from aerobat_pin.estimation.checks.misread_limbs import left_by_readings, reading_of
 from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, JointReading, limb_pairs, swapped
+from aerobat_pin.estimation.checks.sensor_zeros import zeros_of_free
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import Balance, Exchange, FreeMotion, balance_of
 from aerobat_pin.numerics import Array
@@ -80,19 +81,20 @@ def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings
     joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
     turned = balance.imbalance(signs=signs)
-    late = late_efforts(record, balance, min(turned, float(least @ least) / balance.size))
+    zeros, without_zeros = zeros_of_free(record, motion, balance, _left_by_one_number(balance))
+    late = late_efforts(record, balance, min(turned, float(least @ least) / balance.size, without_zeros))
     if late is not None:
         yield late
         return
     if idle:
         return
     by_factors = float(least @ least) / (SWAP * balance.size)
-    exchanged = share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors)
-    most = SWAP * least_share if exchanged else np.inf
+    exchanged = share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors, without_zeros)
+    most = min(SWAP * least_share if exchanged else np.inf, without_zeros)
     told = list(_read_otherwise(record, motion, balance, signs, most)) if readings else []
     if exchanged and not told:
         told = [swapped(record.driven, "efforts", pair, _share_words(least_share, share))]
-    told = told or list(_factors(record, balance, signs, factors, least))
+    told = told or zeros or list(_factors(record, balance, signs, factors, least))
     if not told and unfit and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
         told = [left_unexplained("no factors, places or zeros", 100.0 * float(np.sqrt(share)))]
     yield from told
