@@ -124,7 +124,7 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
     missing = [name for name in robot.joints if name not in names and name not in table.held]
     if missing and not robot.moves_joints:
         hint = "name their columns"
-        following = [f"{name} mimics {robot.mimics[name]}" for name in missing if name in robot.mimics]
+        following = [f"{name} mimics {robot.mimics[name].leader}" for name in missing if name in robot.mimics]
         hint += f" ({', '.join(following)}, and moves with it)" if following else ""
         if strangers:
             alike = as_names(nearest_joints(strangers, missing) or {"NAME": missing[0]})
@@ -133,8 +133,8 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
             f"map: joints: {', '.join(missing)} have no channel; {hint}, or write joints.held = "
             f"{{{missing[0]} = 0.0}} for a joint that stands still (its row is then not believed)"
         )
-    if driven := [name for name in table.held if robot.mimics.get(name) in names]:
-        leader = robot.mimics[driven[0]]
+    if driven := [name for name in table.held if name in robot.mimics and robot.mimics[name].leader in names]:
+        leader = robot.mimics[driven[0]].leader
         raise MapError(
             f"map: joints: {driven[0]} is in held, but the robot's file says that it mimics {leader}, which moves: its "
             f"share of the effort would be taken for a force. Name its columns: position and velocity follow those of "

@@ -15,8 +15,9 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import checked_robot, guarded, read_robot
 from aerobat_pin.observers import has_free_base
 from aerobat_pin.records.robot_tables import RobotTable
-from aerobat_pin.records.robots import PlainRobot
+from aerobat_pin.records.robots import Mimic, PlainRobot
 
+MIMIC_NUMBERS = ("multiplier", "1"), ("offset", "0")  # of a URDF, and what they are when left out
 MOST_JOINTS = 150  # that move: TIAGo with two arms and hands has 101; what is expected of 200 takes 1 GB
 FOLDER = Path("share", "example-robot-data", "robots")  # in an environment, or in the folder where cmeel installs
 FREE = {  # robots whose base moves: name -> file
@@ -117,7 +118,7 @@ def _built(table: RobotTable, folder: Path) -> PlainRobot:
             "name = ROBOT was expected"
         )
     free = table.root != "fixed"
-    mimics, unread = dict[str, str](), tuple[str, ...]()
+    mimics, unread = dict[str, Mimic](), tuple[str, ...]()
     if table.body is not None:
         model, title = _one_body(table), f"one body of {1e3 * table.body.mass:g} g"
         if not free:
@@ -146,16 +147,20 @@ def _built(table: RobotTable, folder: Path) -> PlainRobot:
     return PlainRobot(model, free, joints, title, mimics=mimics, unread=unread)
 
 
-def _beside_the_model(path: Path, *, mjcf: bool) -> tuple[dict[str, str], tuple[str, ...]]:
+def _beside_the_model(path: Path, *, mjcf: bool) -> tuple[dict[str, Mimic], tuple[str, ...]]:
     """Return which joints of a URDF follow another one, and what an MJCF file says that the model does not have."""
     root = checked_robot(path, "mjcf" if mjcf else "urdf")
     if not mjcf:
         pairs = ((joint.get("name"), joint.find("mimic")) for joint in root.iter("joint"))
-        return {name: mimic.get("joint", "") for name, mimic in pairs if name and mimic is not None}, ()
+        return {name: _mimic(mimic) for name, mimic in pairs if name and mimic is not None}, ()
     said = {f"{element.tag} {key}" for element in root.iter() for key in {"gravcomp", "stiffness"} & {*element.keys()}}
     said |= {"equality"} if next(root.iter("equality"), None) is not None else set()
     said |= {"option gravity"} if any(option.get("gravity") for option in root.iter("option")) else set()
     return {}, tuple(sorted(said))
+
+
+def _mimic(element: ElementTree.Element) -> Mimic:
+    return Mimic(element.get("joint", ""), *(float(element.get(key, one)) for key, one in MIMIC_NUMBERS))
 
 
 def _one_body(table: RobotTable) -> pin.Model:

@@ -27,6 +27,15 @@ WEIGHTLESS = 1.0  # [m/s2] of gravity, below which motion hides the weight and w
 
 
 @dataclass(frozen=True)
+class Mimic:
+    """How a joint follows another one: its position is a factor times that one's, plus an offset [rad, m]."""
+
+    leader: str
+    factor: float
+    offset: float
+
+
+@dataclass(frozen=True)
 class PlainRobot(ShownInNotebooks):
     """A robot of which the model is known, and which a subclass can know more about.
 
@@ -36,7 +45,7 @@ class PlainRobot(ShownInNotebooks):
         joints: names of the other joints, in the order of v.
         title: what it is, for reports.
         payload: what it carries, contained in the model; None if nothing is known of it.
-        mimics: joint that a file says to follow another one -> that one; the model lets both move by themselves.
+        mimics: joint that a file says to follow another one -> how; the model lets both move by themselves.
         unread: what its file says and the model does not have, such as `gravcomp`.
         unloaded, stated: the model without the payload, and also without corrected links; None if it is the model.
     """
@@ -46,7 +55,7 @@ class PlainRobot(ShownInNotebooks):
     joints: tuple[str, ...]
     title: str
     payload: PayloadSection | None = field(default=None, kw_only=True)
-    mimics: Mapping[str, str] = field(default_factory=dict, hash=False, kw_only=True)
+    mimics: Mapping[str, Mimic] = field(default_factory=dict, hash=False, kw_only=True)
     unread: tuple[str, ...] = field(default=(), kw_only=True)
     unloaded: pin.Model | None = field(default=None, kw_only=True)
     stated: pin.Model | None = field(default=None, kw_only=True)

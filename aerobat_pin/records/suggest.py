@@ -23,7 +23,7 @@ from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.spool import typical_spacing
-from aerobat_pin.records.suggest_joints import joint_columns, listed, named_unit, suggest_joints, topic_of
+from aerobat_pin.records.suggest_joints import followers, joint_columns, listed, named_unit, suggest_joints, topic_of
 from aerobat_pin.records.suggest_rotors import ROTOR_WORDS, suggest_rotors
 
 TIME = re.compile(
@@ -70,6 +70,8 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     ]
     free = "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform"))
     lines += _robot(columns, known, free)
+    if built is not None and (following := followers(columns, built)):
+        lines.append(f"rows = {{ignore = {listed(following)}}}  # they follow other joints, whose motors move them")
     lines += ["", "[log]"]
     step, spacing = None, _spacing_of_lead(columns)
     if not columns.kinds and not str(log).endswith(NETCDF):

@@ -11,7 +11,7 @@ import numpy as np
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import JOINT_KINDS
 from aerobat_pin.records.joint_names import as_names, nearest_joints
-from aerobat_pin.records.robots import PlainRobot
+from aerobat_pin.records.robots import Mimic, PlainRobot
 
 NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)(?P<tail>(?:\D.*)?)$", re.IGNORECASE)
 PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
@@ -45,7 +45,8 @@ LARGEST_RADIANS = 7.0  # of an angle; beyond, degrees are suggested
 def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | None = None) -> Iterator[str]:
     """Yield the lines of the table `joints`; `step` is the time between rows of a table [s], if it is known."""
     topic = topic_of(columns, "JointState")
-    if topic:
+    following = {} if robot is None else followers(columns, robot)
+    if topic and not following:
         yield "[joints]"
         yield (
             f'topic = "{topic}"  # is its effort a torque in N m? Else effort = '
@@ -61,13 +62,15 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
             yield f"{as_names(alike)}  # the robot calls them otherwise: are these the same?"
         yield ""
         return
-    if columns.kinds:
+    if columns.kinds and not topic:
         return
     if robot is None:
         yield from _without_robot(columns)
         return
-    names = list(robot.joints)
-    parts_of = joint_columns(columns, names)
+    names, parts_of = list(robot.joints), _columns_of(columns, robot)
+    as_named = topic is not None or parts_of == _named_columns(columns, names)
+    for name, mimic in following.items():
+        parts_of[name] = {part: column for part, column in parts_of[mimic.leader].items() if part != "effort"}
     placed = [name for name in names if "position" in parts_of.get(name, {})]
     yield "[joints]"
     if not placed:
@@ -79,7 +82,7 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         return
     whole = {part: [parts_of[name][part] for name in placed if part in parts_of[name]] for part in PART_WORDS}
     slides = [name for name in placed if robot.slides(name)]
-    if parts_of != _named_columns(columns, names):
+    if not as_named:
         yield "# the columns are not called like the joints: are they in this order?"
     yield f"names = {listed(placed)}"
     units = dict(_units(columns, parts_of, [name for name in placed if name not in slides], slides, step))
@@ -89,24 +92,29 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         yield f"velocity = {{columns = {listed(whole['velocity'])}{units['velocity']}"
     else:
         yield 'velocity = {from = "position", window = 0.02}'
-    if len(whole["effort"]) == len(placed):
+    driven = [name for name in placed if name not in following]
+    if len(whole["effort"]) == len(driven):
         unit = said_unit("effort", whole["effort"])
         if unit in ("A", "mA"):
             yield f"effort.columns = {listed(whole['effort'])}"
             yield f'effort.unit = "{unit}"'
             yield f"# How many N m at the joint for each {unit} (torque constant times gear, with its sign)? Fill in:"
-            yield f"# effort.torque_per_unit = {{{', '.join(f'{toml_key(name)} = ...' for name in placed)}}}"
+            yield f"# effort.torque_per_unit = {{{', '.join(f'{toml_key(name)} = ...' for name in driven)}}}"
         else:
             yield f'effort = {{columns = {listed(whole["effort"])}{units["effort"]}  # or a current, "A"?'
     else:
-        lacking = ", ".join(name for name in placed if "effort" not in parts_of[name])
-        found = ", ".join(f'"{parts_of[name]["effort"]}"' if "effort" in parts_of[name] else "..." for name in placed)
+        lacking = ", ".join(name for name in driven if "effort" not in parts_of[name])
+        found = ", ".join(f'"{parts_of[name]["effort"]}"' if "effort" in parts_of[name] else "..." for name in driven)
         yield f"# MISSING: what drives {lacking}? No column is called so, and without it no row of a joint is believed:"
         yield f"# effort = {{columns = [{found}]{units['effort']}"
+    for key, plain in (("factor", 1.0), ("offset", 0.0)):
+        others = {name: value for name, mimic in following.items() if (value := getattr(mimic, key)) != plain}
+        if others:
+            yield f"{key} = {{{', '.join(f'{toml_key(name)} = {value!r}' for name, value in others.items())}}}"
     if len(placed) < len(names):
         unplaced = ", ".join(name for name in names if name not in placed)
         yield f'held = {{"*" = 0.0}}  # do they stand still? {unplaced}'
-    if len(whole["effort"]) == len(placed):
+    if len(whole["effort"]) == len(driven):
         yield ""
         yield "# When does nothing touch the robot [s]? There friction can be fitted, and the error bar is seen; or,"
         yield "# without fit, by `aerobat calibrate` of a recording that nobody touched, as all of it:"
@@ -115,6 +123,26 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         yield "[use]"
         yield "# free = [0, 3]"
     yield ""
+
+
+def followers(columns: Columns, robot: PlainRobot) -> dict[str, Mimic]:
+    """Return the joints without columns that follow one with columns, and how."""
+    placed = {name for name, parts in _columns_of(columns, robot).items() if "position" in parts}
+    mimics = robot.mimics.items()
+    return {name: mimic for name, mimic in mimics if name not in placed and mimic.leader in placed and mimic.factor}
+
+
+def _columns_of(columns: Columns, robot: PlainRobot) -> dict[str, dict[str, str]]:
+    """Return joint -> position, velocity, effort -> column, of a topic by the joints' own names."""
+    if topic := topic_of(columns, "JointState"):
+        named = {joint: {part: f"{topic}.{part}.{joint}" for part in PART_WORDS} for joint in robot.joints}
+        known = {
+            joint: {part: name for part, name in parts.items() if name in columns.names}
+            for joint, parts in named.items()
+        }
+        return {joint: parts for joint, parts in known.items() if parts}
+    leading = [name for name in robot.joints if name not in robot.mimics]
+    return max((joint_columns(columns, names) for names in (leading, list(robot.joints))), key=len)
 
 
 def _without_robot(columns: Columns) -> Iterator[str]:

@@ -6,8 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.recorded import recorded
+from support.robot_parts import joint, link
+from support.walking_log import bag, urdf, walk
 
+from aerobat_pin import estimate, open_record
 from aerobat_pin.errors import MapError
+from aerobat_pin.records import suggested_map
 
 LINK = '<inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>'
 GRIPPER = f"""<robot name="gripper"><link name="hand"/><link name="left">{LINK}</link><link name="right">{LINK}</link>
@@ -37,6 +41,41 @@ def test_a_joint_that_mimics_a_moving_one_is_not_held(tmp_path: Path) -> None:
         opened(tmp_path, {"urdf": "gripper.urdf"}, "left", "one")
     with pytest.raises(MapError, match=r"two is in held, .* mimics one, which moves"):
         opened(tmp_path, {"urdf": "gripper.urdf"}, "left", "one", held={"two": 0.02})
+
+
+@pytest.mark.parametrize("names", ["one {}", "two {}"])
+def test_a_suggested_map_gives_a_follower_its_leaders_columns(names: str, tmp_path: Path) -> None:
+    """By the multiplier and offset of the robot's file, its row left out: the map opens and estimates as it is."""
+    urdf = GRIPPER.replace('<mimic joint="one"/>', '<mimic joint="one" multiplier="-0.5" offset="0.01"/>')
+    if names.startswith("two"):  # of two files, in which the follower comes first, and last
+        urdf = urdf.replace('"one"', '"zwei"').replace('"two"', '"one"').replace('"zwei"', '"two"')
+    (tmp_path / "gripper.urdf").write_text(urdf)
+    time = np.arange(400) * 0.005
+    q, v = 0.02 + 0.01 * np.sin(6.0 * time), 0.06 * np.cos(6.0 * time)
+    columns = {"t": time} | {names.format(part): values for part, values in (("q", q), ("qd", v), ("tau", 0.1 * q))}
+    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    (tmp_path / "map.toml").write_text(suggested_map(tmp_path / "log.csv", tmp_path / "gripper.urdf", ["left"]))
+    record = open_record(tmp_path / "log.csv", tmp_path / "map.toml")
+    block = record.block(0, 100)
+    leader, follower = ("two", "one") if names.startswith("two") else ("one", "two")
+    np.testing.assert_allclose(block.q[:, record.robot.q_index(leader)], q[:101], atol=1e-9)
+    np.testing.assert_allclose(block.q[:, record.robot.q_index(follower)], 0.01 - 0.5 * q[:101], atol=1e-9)
+    np.testing.assert_allclose(block.v[:, record.robot.v_index(follower)], -0.5 * v[:101], atol=1e-9)
+    assert record.map.robot.rows.ignore == (follower,)
+    assert estimate(record).estimates
+
+
+def test_so_does_that_of_a_bag_whose_topic_leaves_it_out(tmp_path: Path) -> None:
+    tail = link("tail", 0.1, "0 0 -0.1", 3 * (1e-4,)) + joint("wag", "revolute", "trunk", "tail", "-0.3 0 0", limit=3)
+    tail = tail.replace("</joint>", '<mimic joint="FL_HAA" multiplier="2"/></joint>')
+    (tmp_path / "robot.urdf").write_text(urdf().replace("</robot>", f"{tail}</robot>"))
+    bag(walk(), tmp_path / "bag")
+    (tmp_path / "map.toml").write_text(suggested_map(tmp_path / "bag", tmp_path / "robot.urdf"))
+    record = open_record(tmp_path / "bag", tmp_path / "map.toml")
+    block = record.block(0, 100)
+    leader, follower = (record.robot.q_index(name) for name in ("FL_HAA", "wag"))
+    np.testing.assert_allclose(block.q[:, follower], 2.0 * block.q[:, leader], atol=1e-9)
+    assert record.map.robot.rows.ignore == ("wag",)
 
 
 def test_what_an_mjcf_file_says_beyond_the_model_is_noted(tmp_path: Path) -> None:
