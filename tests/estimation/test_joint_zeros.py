@@ -44,7 +44,7 @@ def test_nothing_is_said_of_a_good_log(tmp_path: Path, seed: int, rubs: float) -
 
 
 def test_what_is_lifted_for_a_while_is_no_zero(tmp_path: Path) -> None:
-    """Of the fifth joint it was said that another zero left 1.6 %, as mapped 1.6 %: no less, in the figures told."""
+    """Of the fifth joint it was said that another zero left 1.6 %, as mapped 1.6 %."""
     model, rng, time = load_robot("kinova").model, np.random.default_rng(7), np.arange(3001) / 100.0
     low, high, names = model.lowerPositionLimit, model.upperPositionLimit, list(model.names)[1:]
     centre = np.clip((low + high) / 2.0, -2.0, 2.0) + rng.uniform(-0.3, 0.3, 6)

@@ -135,7 +135,7 @@ def effort_findings(
     for gain, found, change, lasts in _likely(rows, without, changes):
         after = left(found)
         findings = change.told(found, _leaves(after, share)) if lasts else []
-        if findings is not None and _less(after, share, change.leaves):
+        if findings is not None and after < change.leaves * share:
             explaining.append((gain, findings, change))
     by_name = {change: gain for gain, findings, change in explaining if findings}
     told = [  # too many factors to name are one of all, where that explains most of what they do
@@ -170,16 +170,7 @@ def _in_doubt(finding: Finding) -> Finding:
 
 
 def _leaves(after: float, before: float) -> str:
-    return f"{_percent(after)} of what is needed, as mapped {_percent(before)}"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share**0.5:.1f} %"
-
-
-def _less(after: float, before: float, most: float) -> bool:
-    """Return whether less is left than at most such a share of it before, also in the figures that are told."""
-    return after < most * before and (most == np.inf or _percent(after) != _percent(before))
+    return f"{100.0 * after**0.5:.3g} % of what is needed, as mapped {100.0 * before**0.5:.3g} %"
 
 
 def _in_motion(instants: Instants) -> Instants:
