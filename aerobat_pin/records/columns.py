@@ -19,7 +19,7 @@ from aerobat_pin.records.spool import EXTENT, Series, Spool, series_of
 FEW = 10  # rows whose stamps do not fit between their neighbours': they are left out
 LONG_STEP = 10.0  # usual steps; a longer one ends a stretch of rows, as the clock may have been set
 ROUNDED_FROM = 1.5  # rows per stamp from which stamps may be rounded
-ALIKE = 0.9  # share of rounded stamps at even distances, and of those with as many rows as others, or one more or less
+SAME_COUNT = 0.9  # share of rounded stamps at even distances, and with as many rows as others, or one more or less
 OTHER_EPOCH = 3600.0  # [s] from all others, of a single first or last stamp that is left out
 
 
@@ -188,7 +188,7 @@ def _rounded_to(time: Array, rows: NDArray[np.intp]) -> float:
     steps, whole = np.diff(time), rows[1:-1]  # the first and the last stamp may have half as many rows
     usual = float(np.median(steps))
     alike = np.abs(steps - usual) < 0.5 * usual, np.abs(whole - np.mean(whole)) < 1.5  # a tie goes to either stamp
-    return usual if min(map(np.mean, alike)) > ALIKE else 0.0
+    return usual if min(map(np.mean, alike)) > SAME_COUNT else 0.0
 
 
 def in_step(time: Series, *others: Series) -> Iterator[tuple[Array, ...]]:

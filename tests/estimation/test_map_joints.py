@@ -396,7 +396,7 @@ def test_a_file_gets_a_free_base_or_keeps_its_own(tmp_path: Path) -> None:
         robot = robot_of_map(table, tmp_path)
         assert (robot.free, robot.joints) == (True, joints)
     (tmp_path / "leg.xml").write_text(LEG)
-    with pytest.raises(LogError, match=r"joint '\w+' has \d coordinates: joints of one angle or one length were"):
+    with pytest.raises(LogError, match=r"joint '\w+' stands for several joints of one body: joints of one angle"):
         robot_of_map(RobotTable(mjcf="leg.xml", points=("sole",)), tmp_path)
 
 
@@ -419,3 +419,40 @@ def test_a_name_that_is_none_is_told_the_nearest(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("sys.path", [])
     with pytest.raises(LogError, match=r"robot 'ur5': its file is not installed: pip install '.*\[robots\]'"):
         load_robot("ur5")
+
+
+SLIDES = joint("x", "prismatic", "base", "sled", axis="1 0 0") + joint("y", "prismatic", "sled", "sledge", axis="0 1 0")
+IN_STEPS = f"{link('sled')}{link('sledge')}{SLIDES}{joint('yaw', 'revolute', 'sledge', 'cart', axis='0 0 1')}"
+CART = f'<robot name="cart">{link("base", 1.0, moments=3 * (0.1,))}{link("cart", 1.0, moments=3 * (0.1,))}'
+BODY = '<mujoco><worldbody><body name="one"><joint name="a" axis="0 1 0"/>{0}<body name="two">{1}{0}</body></body>'
+WEIGHT = '<geom type="sphere" size="0.1" mass="1" pos="0 0 0.2"/>'
+
+
+@pytest.mark.parametrize(
+    ("kind", "said", "instead"),
+    [
+        ("planar", "is planar", "as two slides and a hinge"),
+        ("floating", 'root = "fixed", but by its file robot robot floats', '"free_flyer" was expected'),
+        ("spherical", "is of a type that URDF does not have, 'spherical'", "a ball joint as three hinges"),
+        ('<joint name="odd" type="ball"/>', "is a ball joint", "a ball joint as three hinges"),
+        ('<freejoint name="odd"/>', "floats freely", "Leave what floats beside the base out"),
+        ('<joint name="odd"/><joint name="b" axis="1 0 0"/>', "stands for several joints", "one after the other"),
+    ],
+)
+def test_joints_that_are_not_read_are_named_with_what_to_do(kind: str, said: str, instead: str, tmp_path: Path) -> None:
+    """What was said was a number of coordinates, or nothing of what to write instead."""
+    text, name = f"{CART}{joint('odd', kind, 'base', 'cart')}</robot>", "urdf"
+    if kind.startswith("<"):
+        text, name = f"{BODY.format(WEIGHT, kind)}</worldbody></mujoco>", "mjcf"
+    (tmp_path / "robot").write_text(text)
+    with pytest.raises(LogError, match=re.escape(said)) as refused:
+        robot_of_map(RobotTable.model_validate({name: "robot", "root": "fixed", "points": ("cart",)}), tmp_path)
+    assert "odd'" in str(refused.value)
+    assert instead in str(refused.value)
+
+
+def test_a_planar_joint_in_steps_is_read(tmp_path: Path) -> None:
+    """As the message says: two slides and a hinge, with links without mass between them."""
+    (tmp_path / "robot").write_text(f"{CART}{IN_STEPS}</robot>")
+    robot = robot_of_map(RobotTable(urdf="robot", root="fixed", points=("cart",)), tmp_path)
+    assert robot.joints == ("x", "y", "yaw")

@@ -43,7 +43,7 @@ ROBOTS = {  # text -> what is said of it
     ARM.replace('name="bar"', 'name=""'): r"child link \[bar\] of joint \[hinge\] not found",
     ARM.replace("<limit", "<!-- ").replace('velocity="1"/>', "-->"): "it does not specify limits",
     ARM.replace('child link="bar"', 'child link="base"'): "links in a row, or a closed chain",
-    ARM.replace("revolute", "magic"): r"has no known type \[magic\]",
+    ARM.replace("revolute", "magic"): r"of a type that URDF does not have, 'magic'",
     ARM.replace("revolute", "floating"): "1 columns of configuration; arm.urdf takes 7, or 14 on a free base",
     ARM.replace("revolute", "continuous"): r"takes 2, or 9 on a free base, in the order hinge \(cosine and sine\)",
     ARM.replace("revolute", "fixed"): "no joint of it moves",

@@ -17,7 +17,7 @@ MISREAD_FORCE = "known force"  # name of the check
 LEAST_CONSTANT = 0.02  # of the weight: a smaller force that a sensor shows of nothing is not named
 LEAST_OF_LEGS = 0.005  # of the weight, as the sensors of legs carry all of it
 NEARLY_EXACT = 0.005  # of the needed square sum, that is left
-FAR_LESS = 0.5  # of what is left otherwise, in squares
+LEFT_BY_ZEROS = 0.5  # of what is left otherwise, in squares
 LEAST_MOMENT = 0.005  # [m] times the weight, or the mass, that moves: a smaller moment about a point is not named
 
 
@@ -69,13 +69,13 @@ def zeros_of_free(
     felt = {name: felt_of_constant(record, section, motion.halfway) for name, section in record.map.known.items()}
     columns = {name: balance.of_forces(each) for name, each in felt.items() if each is not None}
     before, best = balance.beside_friction(balance.residual), dict[str, Array]()
-    most = FAR_LESS * min(before, otherwise)
+    most = LEFT_BY_ZEROS * min(before, otherwise)
     for names in [*([name] for name in columns), list(columns)[1:] and list(columns)]:
         table = np.column_stack([balance.rubbing, *(columns[name] for name in names)])
         fitted = balance.explained_by(table)
         remainder = balance.residual + table @ fitted
         left = float(remainder @ remainder) / balance.size
-        if left < (most if len(names) == 1 else FAR_LESS * most):
+        if left < (most if len(names) == 1 else LEFT_BY_ZEROS * most):
             ends = np.cumsum([balance.rubbing.shape[1], *(columns[name].shape[1] for name in names)])[:-1]
             most, best = left, dict(zip(names, np.split(fitted, ends)[1:], strict=True))
     leaves = f"{100.0 * most**0.5:.1f} %, as mapped {100.0 * before**0.5:.1f} %"
