@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.forces.inputs import KnownInputs
-from aerobat_pin.forces.inverse_dynamics import accelerations, required_torque
+from aerobat_pin.forces.inverse_dynamics import accelerations, mean_in, required_torque
 from aerobat_pin.forces.known_forces import FittedValues, mean_motion
 from aerobat_pin.forces.run_observers import points_of
 from aerobat_pin.forces.stored_estimate import TIME_CONSTANTS_TO_SETTLE
@@ -158,6 +158,17 @@ def looked_at(
         effort=effort,
         needed=need,
     )
+
+
+def seen_wrench(record: Record, instants: Instants, name: str) -> Array:
+    """Return (m, p) what the sensor of a known force shows at the instants that are weighed, behind the low-pass."""
+    section, gain = record.map.known[name], float(record.map.observer.gain)
+    tare = 0.0 if section.tare is None else mean_in(record, f"known.{name}", section.tare)
+    before = np.arange(int(TIME_CONSTANTS_TO_SETTLE / gain * record.rate), -1, -1)
+    weight = np.exp(-gain * record.dt * before)
+    times = (time + record.dt * np.append(-before, 1) for time in instants.time[instants.weighed])
+    means = np.array([weight @ record.means(f"known.{name}", each) for each in times]) / weight.sum()
+    return np.asarray(section.sign * (means - tare))
 
 
 def _beside(chosen: NDArray[np.intp], apart: int, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

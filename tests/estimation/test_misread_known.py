@@ -21,8 +21,12 @@ SOLES = ("l_sole", "r_sole")
 TIMES, SHIFT = "known.wrist would have to be", "known.wrist seems to show"
 
 
-def told(folder: Path, seed: int, factor: float = 1.0, shift: float = 0.0) -> list[Finding]:
+def told(
+    folder: Path, seed: int, factor: float = 1.0, shift: float = 0.0, order: str = "012345", axes: str = "frame"
+) -> list[Finding]:
     """Return what is warned of an arm whose wrist's sensor shows so many times the wrench there, and a constant.
+
+    The map names its columns in an order, and says in which axes they are.
 
     It holds 1 kg beside the wrist, something pushes it, and for two seconds its elbow; all joints rub.
     """
@@ -53,7 +57,7 @@ def told(folder: Path, seed: int, factor: float = 1.0, shift: float = 0.0) -> li
         "robot": {"urdf": str(folder / "six.urdf"), "root": "fixed", "points": ["elbow_link"]},
         "log": {"time": {"column": "t", "unit": "s"}},
         "joints": {"names": list(SIX), **channels(SIX, position="{}_q", velocity="{}_v", effort="{}_tau")},
-        "known": {"wrist": {"columns": [f"w{k}" for k in range(6)], "unit": "N", "frame": "tool"}},
+        "known": {"wrist": {"columns": [f"w{k}" for k in order], "unit": "N", "frame": "tool", "axes": axes}},
     }
     found = estimate(recorded(folder / "log.csv", chosen), ["force_level"]).findings
     return [one for one in found if one.warns and one.check != "push elsewhere"]
@@ -75,6 +79,24 @@ def test_a_sensor_that_shows_a_constant_is_named_with_it(seed: int, tmp_path: Pa
     assert one.text.startswith(SHIFT)
     assert "known.wrist.tare" in one.text
     assert one.value == pytest.approx(float(np.linalg.norm(CLEAR[:3])), rel=0.1)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize(
+    ("order", "axes", "said"),
+    [
+        ("012345", "world", 'in axes = "frame"'),
+        ("102345", "frame", "forces (y, x, z)"),
+        ("021354", "frame", "forces and moments (x, z, y)"),
+        ("012543", "frame", "wrist with moments (z, "),
+    ],
+)
+def test_a_sensor_of_other_axes_or_columns_is_named_with_them(
+    order: str, axes: str, said: str, seed: int, tmp_path: Path
+) -> None:
+    """Another size of it was named, single efforts that would be reversed, or nothing."""
+    [one] = told(tmp_path, seed, order=order, axes=axes)
+    assert said in one.text
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -127,7 +127,7 @@ def effort_findings(
     changes = list[Change]()
     if not beyond:  # whose efforts say nothing of factors or places before that is settled
         changes += [*changes_of_efforts(record, instants, rows, without), *changes_of_robot(record, instants)]
-        changes += changes_of_known(record, instants)
+        changes += changes_of_known(record, instants, rows, without)
         changes.append(change_of_time(record, inputs, rows, without, as_mapped, formed))
     if share > MISPLACED and sliding_rows(instants).any():  # one pose fits many
         changes += changes_of_reading(record, inputs, instants, rows, without, as_mapped, formed)

@@ -7,14 +7,15 @@ from functools import partial
 
 from aerobat_pin.estimation.checks.changes import CLEARLY, FACTOR, LEFT_BY_ROBOT, Change
 from aerobat_pin.estimation.checks.free_efforts import NAMED
+from aerobat_pin.estimation.checks.sensor_axes import changes_of_axes
 from aerobat_pin.estimation.checks.sensor_zeros import MISREAD_FORCE, felt_of_constant, shown_of_nothing
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import Explanation, Instants
+from aerobat_pin.forces import EffortRows, Explanation, Instants
 from aerobat_pin.records import Record
 
 
-def changes_of_known(record: Record, instants: Instants) -> Iterator[Change]:
-    """Yield another factor of each known force, and a constant wrench that its sensor shows of nothing."""
+def changes_of_known(record: Record, instants: Instants, rows: EffortRows, without: Explanation) -> Iterator[Change]:
+    """Yield another factor of each known force, a constant that its sensor shows of nothing, and its other axes."""
     kept, some = instants.kept, instants.weighed
     for name, section in record.map.known.items():
         yield Change(
@@ -23,6 +24,7 @@ def changes_of_known(record: Record, instants: Instants) -> Iterator[Change]:
         felt = felt_of_constant(record, section, instants.q[some])
         if felt is not None:
             yield Change(partial(_shown_of_nothing, record, name), felt[:, kept], leaves=LEFT_BY_ROBOT)
+        yield from changes_of_axes(record, instants, rows, without, name, section)
 
 
 def _known_factor(name: str, found: Explanation, left: str) -> Sequence[Finding]:
