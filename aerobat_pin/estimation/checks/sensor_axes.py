@@ -15,7 +15,7 @@ from aerobat_pin.forces import EffortRows, Explanation, Instants, screened, seen
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import KnownSection, Record
 
-ORDERS = [  # of three columns, each with either sign, the fewest signs first; not as mapped, nor all reversed
+COLUMN_ORDERS = [  # of three columns, each with either sign, the fewest signs first; not as mapped, nor all reversed
     np.array(order) * np.array(signs)[:, None]
     for signs in sorted(itertools.product((1.0, -1.0), repeat=3), key=sum, reverse=True)
     for order in itertools.permutations(np.eye(3))
@@ -38,12 +38,13 @@ def changes_of_axes(
     yield Change(partial(_in_axes, name, other.axes), shift=shift, doubt=FACTOR, leaves=LEFT_BY_CHANGE)
     parts = [slice(first, first + 3) for first in range(0, felt.shape[2], 3)]
     each = [
-        [np.einsum("mki,ij,mj->mk", felt[:, :, part], M - np.eye(3), wrench[:, part]) for M in ORDERS] for part in parts
+        [np.einsum("mki,ij,mj->mk", felt[:, :, part], M - np.eye(3), wrench[:, part]) for M in COLUMN_ORDERS]
+        for part in parts
     ]
     both = [("forces and moments", np.sum(each, axis=0))] * (len(each) - 1)
     for what, shifts in [*both, *zip(("forces", "moments"), each, strict=False)]:
         best = int(np.argmax(screened(rows, without, [], list(shifts))))
-        told = partial(_in_order, name, what, ORDERS[best])
+        told = partial(_in_order, name, what, COLUMN_ORDERS[best])
         yield Change(told, shift=shifts[best], doubt=FACTOR + PRICE, leaves=LEFT_BY_CHANGE)
 
 
