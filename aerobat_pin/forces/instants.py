@@ -168,7 +168,7 @@ def seen_wrench(record: Record, instants: Instants, name: str) -> Array:
     weight = np.exp(-gain * record.dt * before)
     times = (time + record.dt * np.append(-before, 1) for time in instants.time[instants.weighed])
     means = np.array([weight @ record.means(f"known.{name}", each) for each in times]) / weight.sum()
-    return np.asarray(section.sign * (means - tare))
+    return np.asarray(means - tare)
 
 
 def _beside(chosen: NDArray[np.intp], apart: int, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -22,11 +22,11 @@ TIMES, SHIFT = "known.wrist would have to be", "known.wrist seems to show"
 
 
 def told(
-    folder: Path, seed: int, factor: float = 1.0, shift: float = 0.0, order: str = "012345", axes: str = "frame"
+    folder: Path, seed: int, factor: float = 1.0, shift: float = 0.0, order: str = "012345", **section: Any
 ) -> list[Finding]:
     """Return what is warned of an arm whose wrist's sensor shows so many times the wrench there, and a constant.
 
-    The map names its columns in an order, and says in which axes they are.
+    The map names its columns in an order, and says more of them.
 
     It holds 1 kg beside the wrist, something pushes it, and for two seconds its elbow; all joints rub.
     """
@@ -55,9 +55,9 @@ def told(
     pd.DataFrame(columns).to_csv(folder / "log.csv", index=False)
     chosen: dict[str, Any] = {
         "robot": {"urdf": str(folder / "six.urdf"), "root": "fixed", "points": ["elbow_link"]},
-        "log": {"time": {"column": "t", "unit": "s"}},
+        "log": {"time": {"column": "t", "unit": "s"}, "world": "ned" if section.pop("down", False) else "z_up"},
         "joints": {"names": list(SIX), **channels(SIX, position="{}_q", velocity="{}_v", effort="{}_tau")},
-        "known": {"wrist": {"columns": [f"w{k}" for k in order], "unit": "N", "frame": "tool", "axes": axes}},
+        "known": {"wrist": {"columns": [f"w{k}" for k in order], "unit": "N", "frame": "tool", **section}},
     }
     found = estimate(recorded(folder / "log.csv", chosen), ["force_level"]).findings
     return [one for one in found if one.warns and one.check != "push elsewhere"]
@@ -97,6 +97,17 @@ def test_a_sensor_of_other_axes_or_columns_is_named_with_them(
     """Another size of it was named, single efforts that would be reversed, or nothing."""
     [one] = told(tmp_path, seed, order=order, axes=axes)
     assert said in one.text
+
+
+def test_so_is_one_of_forces_on_the_sensor_and_of_a_world_with_z_down(tmp_path: Path) -> None:
+    """Whose sign and turn the map knows."""
+    [one] = told(tmp_path, 1, -1.0, order="102345", sign=-1)
+    assert "forces (y, x, z)" in one.text
+    [one] = told(tmp_path, 1, -1.0, shift=1.0, sign=-1)
+    numbers = [float(number) for number in one.text.partition("(")[2].partition(")")[0].split(", ")]
+    np.testing.assert_allclose(numbers, CLEAR[:3], rtol=0.2)
+    [one] = told(tmp_path, 1, axes="world", down=True)
+    assert 'in axes = "frame"' in one.text
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -81,7 +81,7 @@ def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings
     joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
     turned = balance.imbalance(signs=signs)
-    zeros, without_zeros = zeros_of_free(record, motion, balance, _left_by_one_number(balance))
+    zeros, without_zeros = zeros_of_free(record, motion, balance, _left_by_one_number)
     late = late_efforts(record, balance, min(turned, float(least @ least) / balance.size, without_zeros))
     if late is not None:
         yield late

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -11,7 +12,7 @@ from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import Balance, FreeMotion
 from aerobat_pin.numerics import Array, frame_id
-from aerobat_pin.records import KnownSection, Record
+from aerobat_pin.records import KnownSection, Record, world_turn
 
 MISREAD_FORCE = "known force"  # name of the check
 LEAST_CONSTANT = 0.02  # of the weight: a smaller force that a sensor shows of nothing is not named
@@ -29,7 +30,10 @@ def felt_of_constant(record: Record, section: KnownSection, q: Array) -> Array |
     data, frame, size = model.createData(), frame_id(model, section.frame), len(section.columns) or 6
     axes = pin.ReferenceFrame.LOCAL if section.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     J = [pin.computeFrameJacobian(model, data, each, frame, axes).reshape(6, -1) for each in q]
-    return np.array(J)[:, :size].swapaxes(1, 2)
+    felt = section.sign * np.array(J)[:, :size].swapaxes(1, 2)
+    if section.axes == "world":
+        felt = (felt.reshape(*felt.shape[:2], -1, 3) @ world_turn(record.map)).reshape(felt.shape)
+    return felt
 
 
 def shown_of_nothing(
@@ -53,7 +57,7 @@ def shown_of_nothing(
 
 
 def zeros_of_free(
-    record: Record, motion: FreeMotion, balance: Balance, otherwise: float
+    record: Record, motion: FreeMotion, balance: Balance, otherwise: Callable[[Balance], float]
 ) -> tuple[list[Finding], float]:
     """Return what sensors of a free robot show of nothing, and the share that is left then, in squares, if any do.
 
@@ -64,13 +68,15 @@ def zeros_of_free(
         record: the record.
         motion: its motion at some instants.
         balance: its equations there.
-        otherwise: the share that another number leaves: theirs must be far less.
+        otherwise: returns the share that another number leaves: theirs must be far less.
     """
     felt = {name: felt_of_constant(record, section, motion.halfway) for name, section in record.map.known.items()}
     columns = {name: balance.of_forces(each) for name, each in felt.items() if each is not None}
+    if not columns:
+        return [], np.inf
     before, best = balance.beside_friction(balance.residual), dict[str, Array]()
-    most = LEFT_BY_ZEROS * min(before, otherwise)
-    for names in [*([name] for name in columns), list(columns)[1:] and list(columns)]:
+    most = LEFT_BY_ZEROS * min(before, otherwise(balance))
+    for names in [*([name] for name in columns), *([list(columns)] if len(columns) > 1 else [])]:
         table = np.column_stack([balance.rubbing, *(columns[name] for name in names)])
         fitted = balance.explained_by(table)
         remainder = balance.residual + table @ fitted
