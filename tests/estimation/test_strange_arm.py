@@ -276,6 +276,23 @@ def test_a_calibration_that_knows_no_friction_makes_nothing_worse(folder: Path) 
     assert any("none was fitted" in line for line in told.warnings)
 
 
+@pytest.mark.parametrize(
+    ("seed", "change", "verdict"),
+    [
+        (108, {}, "unchanged"),
+        (107, {"load": LOAD}, "changed"),
+        *further((107, {"rubs": 1.3}, "changed"), (109, {"load": LOAD}, "changed"), (109, {"pace": 1.6}, "unchanged")),
+    ],
+)
+def test_rest_does_not_hide_that_a_robot_changed_after_its_calibration(
+    seed: int, change: dict[str, Any], verdict: str, folder: Path, tmp_path: Path
+) -> None:
+    """What joints may hold at rest was most of what was expected; the same robot was said to have changed, others not."""
+    calibration = calibrate([opened(folder / "free.csv", ["tool0"], friction=True)])
+    write_log(tmp_path / "later.csv", seed, pushed, **change)
+    assert estimate(opened(tmp_path / "later.csv", ["tool0"]), calibration=calibration).model.verdict == verdict
+
+
 def test_rest_says_nothing_of_the_errors_in_motion(folder: Path) -> None:
     """Free seconds at rest give no row an error, as friction hides it there; free seconds of motion give all."""
 

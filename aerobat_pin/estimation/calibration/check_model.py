@@ -98,14 +98,17 @@ def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt)
 
 
 def _check_of_blocks(calibration: Calibration, record: Record, inputs: InputsAt) -> ModelCheck | None:
-    """Return the verdict on a record by blocks, over all of which the ratio is one."""
+    """Return the verdict on a record by blocks, in which each instant counts by what was expected at it.
+
+    A joint that rests may rub in any way: what was expected then must not hide what is left while all joints move.
+    """
     checks = []
     for first, last in record.parts:
         for begin, end in blocks_of(first, min(last, first + MOST_JUDGED)):
             part = part_to_check(calibration, record, inputs(begin, end))
             if part is None or part.check.ratio is None:
                 return None if part is None else part.check
-            checks.append((part.check.size, part.check.expected, end - begin))
-    sizes, expected, counts = np.array(checks).T
-    size, usual = (float(np.sqrt(np.average(values**2, weights=counts))) for values in (sizes, expected))
-    return ModelCheck(size / max(usual, 1e-12), size, usual)
+            checks.append((part.check.size**2, float(np.mean(part.near**2)), end - begin))
+    squares, shares, counts = np.array(checks).T
+    size, ratio = (float(np.sqrt(np.average(values, weights=counts))) for values in (squares, shares))
+    return ModelCheck(ratio, size, size / max(ratio, 1e-12))
