@@ -110,9 +110,10 @@ def further_requests(chosen: Map) -> Iterator[Request]:
 def named_columns(chosen: Map) -> set[str]:
     """Return the names that a map's joints, topics and conditions have, whoever of the joints has a channel."""
     table, when = chosen.joints, chosen.use.when
-    sections = (table.position, table.velocity, table.effort)
-    names = {name for section in sections if section is not None for name in section.columns}
-    names |= {topic for topic in (table.topic, chosen.base.topic) if topic is not None}
+    sections = [part for part in (table.position, table.velocity, table.effort) if part is not None]
+    names = {name for section in sections for name in section.columns}
+    topics = (table.topic, chosen.base.topic, *(section.topic for section in sections))
+    names |= {topic for topic in topics if topic is not None}
     return names | ({when.column} if when is not None else set())
 
 

@@ -46,15 +46,18 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
     geared = bool(table.factor or table.offset or table.coupling)
     coupled = {*table.coupling, *(name for row in table.coupling.values() for name in row), *table.factor}
     for part, kind in JOINT_KINDS.items():
-        key, topic, section = f"joints.{part}", table.topic, getattr(table, part)
+        key, section = f"joints.{part}", getattr(table, part)
         if getattr(section, "from_", None) == "position":
             continue
+        own = None if section is None else section.topic
+        topic = own or table.topic
         whose, counts = (sensed, (len(sensed), len(driven))) if part == "effort" else (joints, (len(joints),))
         if section is not None and section.columns:
             names, optional = section.columns, False
             check_count(key, names, counts)
         elif topic is not None and whose:
-            names, optional = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in whose), part != "position"
+            names = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in whose)
+            optional = own is None and part != "position"
         else:
             continue
         unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)

@@ -92,6 +92,21 @@ def test_a_bag_by_its_headers_and_by_its_recorder(folder: Path, monkeypatch: pyt
         estimated(folder / "walk", missing)
 
 
+def test_each_channel_of_joints_can_have_a_topic_of_its_own(folder: Path) -> None:
+    """As where the drives publish the efforts; such a topic was not read, and its absence was not said."""
+    pytest.importorskip("rosbags")
+    bag(walk(), folder / "walk")
+    shared = bag_map(folder / "quadruped.urdf")
+    own = {part: {"topic": "/joint_states"} for part in ("position", "velocity", "effort")}
+    apart = recorded(folder / "walk", {**shared, "joints": {"names": list(walk().joints), **own}})
+    block, whole = apart.block(0, 1000), recorded(folder / "walk", shared).block(0, 1000)
+    np.testing.assert_array_equal(block.tau, whole.tau)
+    np.testing.assert_array_equal(block.v, whole.v)
+    drives = edited(shared, {"joints.effort.topic": "/drives"})
+    with pytest.raises(LogError, match=r"no (topic|column) '/drives\.effort\.\S+', which joints\.effort of the map names"):
+        recorded(folder / "walk", drives)
+
+
 def test_a_topic_of_a_bag_with_another_clock_is_named_with_its_delay(folder: Path) -> None:
     """A motion capture's computer 0.4 s ahead: beyond what any comparison of channels can find."""
     pytest.importorskip("rosbags")
