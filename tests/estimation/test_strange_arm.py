@@ -287,7 +287,7 @@ def test_a_calibration_that_knows_no_friction_makes_nothing_worse(folder: Path) 
 def test_rest_does_not_hide_that_a_robot_changed_after_its_calibration(
     seed: int, change: dict[str, Any], verdict: str, folder: Path, tmp_path: Path
 ) -> None:
-    """What joints may hold at rest was most of what was expected; the same robot was said to have changed, others not."""
+    """What joints may hold at rest was most of what was expected: an arm with a load was said to be unchanged."""
     calibration = calibrate([opened(folder / "free.csv", ["tool0"], friction=True)])
     write_log(tmp_path / "later.csv", seed, pushed, **change)
     assert estimate(opened(tmp_path / "later.csv", ["tool0"]), calibration=calibration).model.verdict == verdict
