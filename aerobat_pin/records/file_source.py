@@ -223,9 +223,10 @@ def _common_times(
         rate = (len(knots) - 1) / float(knots[-1] - knots[0])
     if not 0.0 < rate <= FASTEST:
         unit = f" (log.time.unit = '{chosen.log.time.unit}')" if not columns.kinds else ""
-        raise LogError(
-            f"log {path}: {leading.key} has {rate:.3g} samples a second{unit}: at most {FASTEST:g} were expected"
-        )
+        mean = (len(leading.time) - 1) / float(leading.time[-1] - leading.time[0])
+        most = f"{FASTEST:g} were expected"
+        most += f"; stamped in bursts? log.rate = {mean:.4g} is the mean" if mean <= FASTEST else ""
+        raise LogError(f"log {path}: {leading.key} has {rate:.3g} samples a second{unit}: at most {most}")
     start = max(channel.time[0] for channel in channels.values())
     end = min(channel.time[-1] for channel in channels.values())
     if chosen.use.part is not None:

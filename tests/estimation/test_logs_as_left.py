@@ -111,6 +111,15 @@ def test_velocities_are_not_differentiated_across_a_hole(seconds: float, swing: 
         np.testing.assert_allclose(v, expected[begin : begin + len(v)], atol=0.02)
 
 
+def test_stamps_of_arrival_in_bursts_are_named_with_the_rate(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Ten rows come at once, every 20 ms: the unit of the stamps was doubted; with the rate it is read."""
+    table = swing.assign(t=0.02 * (np.arange(len(swing)) // 10) + 1e-5 * (np.arange(len(swing)) % 10))
+    with pytest.raises(LogError, match=r"stamped in bursts\? log\.rate = 504\.5"):
+        opened(table, tmp_path)
+    record = recorded(tmp_path / "log.csv", edited(WITHOUT_FRICTION, {"log.rate": 500.0}))
+    assert counts(record) == [pytest.approx(990, abs=2)]
+
+
 def test_a_slow_channel_is_not_split(swing: pd.DataFrame, tmp_path: Path) -> None:
     """One sample in 0.2 s is its usual step, which a note states; a hole is longer than two and a half of them."""
     rows = np.arange(len(swing))
