@@ -57,6 +57,9 @@ def checked_robot(path: Path, kind: str) -> Element:
         raise LogError(f"{name}: more than {DEEPEST_XML} links in a row, or a closed chain")
     classes = {element.get("class") for element in root.iter("default")}
     for element, where in _with_places(root, ""):
+        if element.tag.startswith("xacro.") or any("${" in text or "$(" in text for text in element.attrib.values()):
+            tag = element.tag.replace(".", ":")
+            raise LogError(f"{name}: {where}<{tag}>: left for xacro to replace; what `xacro FILE` writes was expected")
         for key, text in element.attrib.items():
             rule = _broken_rule(element, key, text, kind)
             if kind == "mjcf" and key in ("class", "childclass") and text not in classes:

@@ -81,6 +81,12 @@ def test_what_stands_before_the_declaration_of_an_xml_file_is_no_matter(before: 
         (urdf().replace("</robot>", '<mesh filename="/etc/passwd"/></robot>'), 'passwd">: a file in the folder'),
         (urdf().replace("</robot>", '<mesh filename="/nowhere/a.stl"/></robot>'), None),
         (urdf().replace("</robot>", f"{UNREAD}</robot>"), None),
+        (urdf().replace("</robot>", '<xacro:gripper parent="trunk"/></robot>'), "<xacro:gripper>: left for xacro"),
+        (
+            urdf().replace("<robot", '<robot xmlns:xacro="x"', 1).replace("</robot>", "<xacro:leg/></robot>"),
+            "<xacro:leg>: left for xacro",
+        ),
+        (urdf().replace("<mass value=", '<mass value="${m}" was=', 1), "link 'trunk': <mass>: left for xacro"),
         (urdf().replace("</robot>", '<box size="0 -1 0"/></robot>'), '<box size="0 -1 0">: 0 or more'),
     ],
 )
