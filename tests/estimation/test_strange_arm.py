@@ -17,6 +17,7 @@ from support.further import further
 from support.recorded import edited, recorded
 from support.strange_arm import COULOMB, JOINTS, RATE, URDF, arm_map, nothing, pushed, write_log
 
+from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation import OnlineEstimator, Result, calibrate, estimate
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
 from aerobat_pin.estimation.checks import effort_findings, record_findings
@@ -291,6 +292,22 @@ def test_rest_does_not_hide_that_a_robot_changed_after_its_calibration(
     calibration = calibrate([opened(folder / "free.csv", ["tool0"], friction=True)])
     write_log(tmp_path / "later.csv", seed, pushed, **change)
     assert estimate(opened(tmp_path / "later.csv", ["tool0"]), calibration=calibration).model.verdict == verdict
+
+
+@pytest.mark.parametrize("wrong", ["rates", *further("held")])
+def test_a_free_recording_in_which_something_seems_to_push_is_refused_with_what_checks_found(
+    wrong: str, folder: Path, tmp_path: Path
+) -> None:
+    """Rates of another unit and a logger that hung look like pushes; only these were named."""
+    table = pd.read_csv(folder / "free.csv")
+    if wrong == "rates":
+        table[[f"v{k}" for k in range(6)]] *= 1.5
+    else:
+        table.iloc[1500:1800, 1:] = table.iloc[1500, 1:].to_numpy()
+    table.to_csv(tmp_path / "free.csv", index=False)
+    said = {"rates": "joint velocities are 1.5 times", "held": "joints.effort does not change for 3.00 s"}[wrong]
+    with pytest.raises(CalibrationError, match=rf"something pushed at tool0.* because of what checks find: .*{said}"):
+        calibrate([opened(tmp_path / "free.csv", ["tool0"])])
 
 
 def test_rest_says_nothing_of_the_errors_in_motion(folder: Path) -> None:

@@ -136,11 +136,11 @@ def calibrate(
             f"{share}{series.order} harmonics of {first.cycle}, half of them linear and a quarter quadratic in "
             f"{', '.join(series.states)}: {before} becomes {_sizes(runs)}"
         )
-        warnings += _unless_pushed([line for run in runs for line in pushes(run)], trust=trust)
+        warnings += _unless_pushed([line for run in runs for line in pushes(run)], findings, trust=trust)
         warnings += [line for run in runs for line in unexpected(run)]
     for known in () if to_sensor else forces:
         pushed, untold = pushed_points(known)
-        warnings += [*_unless_pushed(pushed, trust=trust), *untold]
+        warnings += [*_unless_pushed(pushed, findings, trust=trust), *untold]
 
     values, learnt = kept_of(records[0], forces[0].values), tested is not runs or identified is not None
     bar = error_bar([(raw, replace(known, series=tested_series)) for raw, known in zip(plain, forces, strict=True)])
@@ -297,10 +297,12 @@ def _without(runs: Sequence[FreeRun], series: LearntError) -> list[FreeRun]:
     return [run.explained(CALIBRATION, force) for run, force in zip(runs, expected, strict=True)]
 
 
-def _unless_pushed(pushed: list[str], *, trust: bool) -> list[str]:
-    """Return what pushed, as warnings. Raises CalibrationError where something did, without `trust`."""
+def _unless_pushed(pushed: list[str], findings: Sequence[Finding], *, trust: bool) -> list[str]:
+    """Return what pushed, as warnings. Raises CalibrationError where something did, or may seem to, without `trust`."""
     if pushed and not trust:
-        raise CalibrationError("; ".join([*pushed, "--trust calibrates nevertheless"]))
+        doubts = "; ".join(str(finding) for finding in findings if finding.warns)
+        why = [f"or it seems so because of what checks find: {doubts}"] if doubts else []
+        raise CalibrationError("; ".join([*pushed, *why, "--trust calibrates nevertheless"]))
     return pushed
 
 
