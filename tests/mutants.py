@@ -126,6 +126,8 @@ MUTANTS = (
            "-known.delay if known.powers", "known.delay if known.powers", RECORDINGS),
     Mutant("a load cell's sign dropped", "forces/known_forces.py",
            "values = section.sign * (", "values = (", RECORDINGS),
+    Mutant("what joints may hold at rest hides a change", "estimation/calibration/check_model.py",
+           "float(np.mean(part.near**2))", "part.check.ratio**2", "tests/estimation/test_strange_arm.py"),
     Mutant("a learnt mass dropped", "estimation/calibration/calibration.py",
            "else robot.heavier(self.fitted.mass)", "else robot", CALIBRATIONS),
     Mutant("the share of the air dropped", "forces/learnt_error.py",

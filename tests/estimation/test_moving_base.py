@@ -40,7 +40,7 @@ def on_a_ship(folder: Path) -> None:
 
 
 def test_an_arm_on_a_ship_needs_its_imu(tmp_path: Path) -> None:
-    """Fixed, it is wrong by newtons; by the IMU it is not, and no weight is asked for, which the deck bears."""
+    """Fixed, it is wrong by newtons; by the IMU it is not, and no weight is asked for. A map without is told so."""
     on_a_ship(tmp_path)
     fixed = edited(six_map(), {"log.time.column": "t", "observer.gain": 50.0, "joints.friction": None})
     names = {"quaternion": ("qx", "qy", "qz", "qw"), "rate": ("wx", "wy", "wz"), "acceleration": ("ax", "ay", "az")}
@@ -55,6 +55,9 @@ def test_an_arm_on_a_ship_needs_its_imu(tmp_path: Path) -> None:
     assert errors[1] < 0.3 * errors[0]
     assert np.mean(np.abs(found.components[100:]) < 2.0 * found.standard_deviation[100:]) > 0.95
     assert not any(finding.check == "mean force" for finding in result.findings)
+    result = estimate(recorded(tmp_path / "ship.csv", edited(free, {"robot.rows": None})), trust=True)
+    (finding,) = (one for one in result.findings if one.check == "mean force")
+    assert 'robot.rows = {ignore = ["base"]}' in finding.text
 
 
 @pytest.mark.parametrize("gravity", [0.0, 1e-3])

@@ -83,7 +83,8 @@ def _mean_force(record: Record, estimated: Array | None, needed: Array, known: A
         misread = "the attitude is misread and thrust points down, or what is known counts the other way (its sign)"
         verdict, text = "refused", f"{text}: about 2 if {misread}"
     elif off > 0.5:
-        verdict, text = "warning", f"{text}; {'the weight' if expected else 'little'} was expected"
+        other = 'the weight was expected, or, where wheels or a deck bear it, robot.rows = {ignore = ["base"]}'
+        verdict, text = "warning", f"{text}; {other if expected else 'little was expected'}"
     return Finding("mean force", verdict, text, off, "1")
 
 
