@@ -210,6 +210,29 @@ def test_a_page_that_was_changed_by_hand_is_found_out(monkeypatch: pytest.Monkey
     assert stop.value.code == "page.md: 'b' is not what the script finds"  # which Python prints, with exit code 1
 
 
+PAGES = [
+    ROOT / "README.md",
+    *DOCS.glob("*.md"),
+    *DOCS.glob("tutorials/*.md"),
+    ROOT / "examples" / "recordings" / "README.md",
+]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_no_command_of_a_page_finds_its_folder_full(page: Path) -> None:
+    """Typed one after the other, behind the demo: two that write into one folder are told apart, or say --force."""
+    full = {"runs/paper"}
+    for block in re.findall(r"^```(?:sh|bash|console)\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE):
+        for line in block.replace("\\\n", " ").splitlines():
+            program, command, *words = [*shlex.split(line, comments=True), "", ""]
+            if program != "aerobat" or command not in ("run", "estimate") or "--suggest" in words:
+                continue
+            usual = f"runs/{Path(words[0]).stem}{'-estimate' if command == 'estimate' else ''}"
+            folder = words[words.index("--out") + 1] if "--out" in words else usual
+            assert folder not in full or "--force" in words, line
+            full.add(folder)
+
+
 def test_make_docs_runs_every_script() -> None:
     """Those that draw alone too; the parts of the lifting line's page are run by its script."""
     scripts = {path.relative_to(DOCS / "scripts").as_posix() for path in (DOCS / "scripts").rglob("*.py")}
