@@ -24,7 +24,10 @@ HEAD = (
 @guarded()
 def load_map(path: Path) -> Map:
     """Read a map file. Raises MapError, which names key, value and rule, if it is not one."""
-    return parse_map(read_toml("map", str(path) if path.suffix else f"{path}.toml", path.parent, MapError), str(path))
+    values = read_toml("map", str(path) if path.suffix else f"{path}.toml", path.parent, MapError)
+    if not values:
+        raise MapError(f"map {path}: the file is empty; `aerobat estimate LOG --suggest` prints one to begin with")
+    return parse_map(values, str(path))
 
 
 @guarded()

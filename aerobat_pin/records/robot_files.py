@@ -117,8 +117,9 @@ def urdf_of(table: RobotTable, folder: Path) -> Path | None:
 
 
 def option_of_robot(said: str) -> dict[str, str]:
-    """Return what a map says of a robot that an option gives: a URDF file, or, where there is none, a robot's name."""
-    return {"name": said} if said in FREE | FIXED and not os.path.exists(said) else {"urdf": os.path.abspath(said)}
+    """Return what a map says of a robot that an option gives: a URDF file, or a name, which has no folder and ending."""
+    named = Path(said).name == said and not Path(said).suffix and not os.path.exists(said)
+    return {"name": said} if named else {"urdf": os.path.abspath(said)}
 
 
 def _built(table: RobotTable, folder: Path) -> PlainRobot:

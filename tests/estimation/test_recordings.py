@@ -18,7 +18,7 @@ from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.checks.attitude import accelerometer_findings
 from aerobat_pin.estimation.checks.compare import compare
-from aerobat_pin.records import describe_map
+from aerobat_pin.records import describe_map, load_map, suggested_map
 from aerobat_pin.records.resample import line_means, turn_rates
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
@@ -201,6 +201,28 @@ def test_a_command_that_is_told_can_be_pasted() -> None:
     """Paths with spaces are quoted."""
     told = str(needs_map(Path("my arm.csv"), robot="my arm.urdf"))
     assert "`aerobat estimate 'my arm.csv' --suggest --urdf 'my arm.urdf'`" in told
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        ("ur7", "robot 'ur7': did you mean 'ur5'"),
+        ("ur7.urdf", "robot {here}/ur7.urdf: there is no such file"),
+        ("arms/ur7", "robot {here}/arms/ur7: there is no such file"),
+    ],
+)
+def test_a_robot_that_an_option_misspells_is_a_name_or_a_file(here: Path, said: str, expected: str) -> None:
+    """A word without folder and ending was taken for a file where no robot had that name."""
+    (here / "log.csv").write_text("t,q1\n0,0\n1,1\n")
+    with pytest.raises(AerobatError, match=re.escape(expected.format(here=here))):
+        suggested_map(here / "log.csv", said)
+
+
+def test_a_map_without_a_line_is_said_to_be_empty(here: Path) -> None:
+    """As `--suggest > map.toml` leaves one behind when the log is not there."""
+    (here / "map.toml").touch()
+    with pytest.raises(MapError, match="^map map.toml: the file is empty"):
+        load_map(Path("map.toml"))
 
 
 def test_other_axes_and_orders_give_the_same_forces(folder: Path) -> None:
