@@ -125,13 +125,16 @@ def test_what_is_no_robot_is_refused_with_its_reason(
     assert capfd.readouterr().err == ""
 
 
-def test_a_robot_without_visible_parts_is_placed_by_its_joints(folder: Path) -> None:
-    """A skeleton has a page too; it used to end in a message of numpy about shapes."""
+def test_a_robot_without_visible_parts_is_drawn_by_its_joints(folder: Path) -> None:
+    """As sticks; it used to end in a message of numpy about shapes, then in a page on which nothing moved."""
     (folder / "arm.urdf").write_text(ARM.replace(f"<visual><geometry>{SHAPE}</geometry></visual>", ""))
-    assert "hinge" not in replay_table(folder / "motion.csv", folder / "arm.urdf").title
+    skeleton = replay_table(folder / "motion.csv", folder / "arm.urdf")
+    assert "hinge" not in skeleton.title
+    assert [part.name for part in skeleton.visual_model.geometryObjects] == ["box"]
     (folder / "ball.urdf").write_text('<robot name="r"><link name="base"/></robot>')
     (folder / "ball.csv").write_text("time,a,b,c,d,e,f,g\n0,0,0,0,0,0,0,1\n1,1,0,0,0,0,0,1\n")
-    assert replay_table(folder / "ball.csv", folder / "ball.urdf").duration == 1.0
+    ball = replay_table(folder / "ball.csv", folder / "ball.urdf")
+    assert (ball.duration, ball.visual_model.ngeoms) == (1.0, 1)
 
 
 @pytest.mark.parametrize("text", MOTIONS)

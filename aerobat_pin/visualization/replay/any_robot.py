@@ -39,6 +39,8 @@ LARGEST_MOTION = 1e6  # of any number: no motion goes further, and a page holds 
 def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pin.GeometryModel]:
     """Load a robot, with a free base if a table that moves it has as many columns as joints and the base's placement.
 
+    A robot that has no visual shapes gets sticks.
+
     Raises:
         LogError: the file or one that it names cannot be read or lies outside the robot's packages; a number is not
             finite or too large; the robot cannot move, or has another number of joints.
@@ -70,7 +72,7 @@ def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pi
     for part in visual_model.geometryObjects:
         if hasattr(part.geometry, "vertices") and not np.all(np.isfinite(part.geometry.vertices())):
             raise LogError(f"robot {urdf}: mesh {part.meshPath} holds NaN or infinity")
-    return model, visual_model
+    return model, visual_model if visual_model.ngeoms else sticks(model)
 
 
 def _check_mesh(path: Path, packages: Packages) -> None:
@@ -148,12 +150,10 @@ def _read_table(table: Path) -> tuple[list[str], Array]:
 
 
 def visible_parts(path: Path | None, model: pin.Model, name: str) -> tuple[pin.Model, pin.GeometryModel]:
-    """Return the model with its own shapes if its URDF file names any that can be read, else with sticks."""
+    """Return the model with the shapes of its URDF file, if they can be read, else with sticks."""
     if path is not None:
         try:
-            model_of_file, visual = load_any_robot(path, int(model.nq), Path(name))
-            if visual.ngeoms > 0:
-                return model_of_file, visual
+            return load_any_robot(path, int(model.nq), Path(name))
         except LogError:
             pass
     return model, sticks(model)
