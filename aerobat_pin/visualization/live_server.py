@@ -34,6 +34,7 @@ from aerobat_pin.visualization.template import fill_template
 PERIOD = 0.04  # [s] between messages
 SHARE = 0.6  # of a period that the robot may take, at most
 ROW_PERIOD = 0.02  # [s] between points of a curve
+LONGEST_TIME = 10_000.0  # [s] that a page counts before it begins anew: messages hold single precision
 PICTURE_FOLLOWS = 0.1  # share by which the picture follows a robot that flies, from message to message
 LARGEST_WISH = 10_000  # bytes of a message from a page
 PAGE_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; frame-ancestors 'none'"
@@ -46,7 +47,7 @@ class _Picture:
     """What is drawn of a robot."""
 
     def __init__(self, source: LiveSource) -> None:
-        self.source = source
+        self.source, self._begun = source, source.time
         if isinstance(source, LiveFlight):
             self.visual = visual_model_with_bars(source.robot)
         else:
@@ -68,15 +69,17 @@ class _Picture:
         pin.updateFramePlacements(source.model, self._data)
 
     def message(self, rows: list[LiveRow], pace: float) -> bytes:
-        """Return a message as the page reads it: numbers in single precision."""
+        """Return a message as the page reads it: numbers in single precision, times since the robot's first."""
         source = self.source
+        if abs(source.time - self._begun) > LONGEST_TIME:
+            self._begun = source.time
         self._place()
         if self._free:
             self._target = self._target + PICTURE_FOLLOWS * (source.q[:3] - self._target)
         parts = [pin.SE3ToXYZQUAT(place) for place in self._placed.oMg]
         points = [self._data.oMf[frame].translation for frame in self._frames]
-        curves = [np.concatenate([[row.time], row.true.ravel(), row.estimate.ravel()]) for row in rows]
-        whole = [[source.time, pace, len(rows)], self._target, source.force.ravel(), *parts, *points, *curves]
+        curves = [np.concatenate([[row.time - self._begun], row.true.ravel(), row.estimate.ravel()]) for row in rows]
+        whole = [[source.time - self._begun, pace, len(rows)], self._target, source.force.ravel(), *parts, *points, *curves]
         return np.concatenate([np.ravel(part) for part in whole]).astype("<f4").tobytes()
 
 
@@ -86,10 +89,15 @@ class _Life:
     def __init__(self, source: LiveSource, save: Callable[[], str]) -> None:
         self.source, self.picture, self.save = source, _Picture(source), save
         self.watchers: dict[Any, Any] = {}  # socket -> its last message, on its way
-        self.paused, self._row, self._wanted = False, -np.inf, False
+        self.paused, self._row, self._wanted, self._seen = False, -np.inf, False, False
 
-    def greeting(self) -> str:
-        """Return what a page is told first."""
+    def welcome(self, socket: Any) -> None:
+        """Tell a page that has come what there is, and show how it stands."""
+        self._seen, self.watchers[socket] = True, None
+        socket.write_message(self._greeting())
+        self._send(socket, self.picture.message([], 0.0))
+
+    def _greeting(self) -> str:
         source = self.source
         greeting = {
             "title": source.title,
@@ -146,7 +154,7 @@ class _Life:
                     self.tell(f"saved in {self.save()}")
                 except AerobatError as error:
                     self.tell(f"error: {error}")
-            if self.paused:
+            if self.paused or not (self._seen or self.source.unseen):
                 continue
             before = self.source.time
             rows = self.source.advance(PERIOD, budget)
@@ -212,8 +220,7 @@ def serve_live(source: LiveSource, announce: Callable[[str], None], save: Callab
             return True  # `prepare` has seen to it
 
         def open(self, *_: str) -> None:
-            life.watchers[self] = None
-            self.write_message(life.greeting())
+            life.welcome(self)
 
         def on_message(self, message: str | bytes) -> None:
             life.wish(message)

@@ -82,6 +82,29 @@ def test_a_robot_is_pushed_by_slider_and_by_drag_and_saved(browser: Any, tmp_pat
     assert {"map.toml", "metrics.json", "report.html", "replay.html", "estimate.nc"} <= written
 
 
+@needs_browser
+def test_a_recording_waits_for_its_page_and_keeps_its_time(browser: Any, tmp_path: Path) -> None:
+    """It was over before the page was opened; stamps of Unix time were one instant, as messages hold single precision."""
+    robot, log, chosen = tmp_path / "quadruped.urdf", tmp_path / "log.csv", tmp_path / "map.toml"
+    robot.write_text(urdf())
+    walked = table(walk(0.5))
+    walked["t"] += 1.7e9
+    walked.to_csv(log, index=False)
+    chosen.write_text(tomli_w.dumps(table_map(robot) | {"log": {"time": {"column": "t"}}, "check": {}}))
+    with served("live", str(log), "--map", str(chosen), "--out", str(tmp_path / "live")) as (server, address):
+        time.sleep(2.0)
+        with opened(browser, address, "http://127.0.0.1", "ws://127.0.0.1") as page:
+            until(page, "element('said').textContent === 'the recording has ended'")
+            until(page, "live.pictures > 0")
+            assert page.evaluate("rows.at(-1).time - rows[0].time") == pytest.approx(0.5, abs=0.1)
+            assert page.evaluate("now.time") == pytest.approx(0.5, abs=0.02)
+            assert "push" not in page.inner_text("#panel")
+        with opened(browser, address, "http://127.0.0.1", "ws://127.0.0.1") as page:  # what stands still is seen, too
+            until(page, "live.pictures > 0")
+        server.send_signal(signal.SIGINT)
+        assert server.wait(60) == 0
+
+
 def test_nobody_else_comes_in(tmp_path: Path) -> None:
     """No wrong token, host or origin, for page and socket, and no other address of this machine."""
     with served("live", "double_pendulum", "--out", str(tmp_path / "live")) as (server, address):

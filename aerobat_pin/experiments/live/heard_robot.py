@@ -64,6 +64,8 @@ class LiveRecording(LiveStream):
         LogError, MapError: they cannot be read, or need a whole record.
     """
 
+    unseen = False
+
     @guarded()
     def __init__(self, log: Path, chosen: Map, folder: Path) -> None:
         record = open_by_map(log, chosen, folder)

@@ -38,6 +38,7 @@ class LiveSource:
         model: its model.
         points: frames at which forces are sought.
         limit: of a force that may be set [N]; 0 where none can be.
+        unseen: whether it goes on before the first page is open.
         knobs: which of `noise` (a factor) and `wind` (3,) [m/s] may be set.
         time: of now [s].
         q: configuration (nq,) of now.
@@ -49,6 +50,7 @@ class LiveSource:
     """
 
     knobs: ClassVar[tuple[str, ...]] = ()
+    unseen: ClassVar[bool] = True
     limit = 0.0
     said = ""
     ended = False
