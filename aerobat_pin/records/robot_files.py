@@ -117,7 +117,7 @@ def urdf_of(table: RobotTable, folder: Path) -> Path | None:
 
 
 def option_of_robot(said: str) -> dict[str, str]:
-    """Return what a map says of a robot that an option gives: a URDF file, or a name, which has no folder and ending."""
+    """Return what a map says of a robot that an option gives: a URDF file, or a name (no folder, no ending)."""
     named = Path(said).name == said and not Path(said).suffix and not os.path.exists(said)
     return {"name": said} if named else {"urdf": os.path.abspath(said)}
 

@@ -73,13 +73,14 @@ class _Picture:
         source = self.source
         if abs(source.time - self._begun) > LONGEST_TIME:
             self._begun = source.time
+        now = source.time - self._begun
         self._place()
         if self._free:
             self._target = self._target + PICTURE_FOLLOWS * (source.q[:3] - self._target)
         parts = [pin.SE3ToXYZQUAT(place) for place in self._placed.oMg]
         points = [self._data.oMf[frame].translation for frame in self._frames]
         curves = [np.concatenate([[row.time - self._begun], row.true.ravel(), row.estimate.ravel()]) for row in rows]
-        whole = [[source.time - self._begun, pace, len(rows)], self._target, source.force.ravel(), *parts, *points, *curves]
+        whole = [[now, pace, len(rows)], self._target, source.force.ravel(), *parts, *points, *curves]
         return np.concatenate([np.ravel(part) for part in whole]).astype("<f4").tobytes()
 
 

@@ -221,7 +221,7 @@ def test_a_robot_that_an_option_misspells_is_a_name_or_a_file(here: Path, said: 
 def test_a_map_without_a_line_is_said_to_be_empty(here: Path) -> None:
     """As `--suggest > map.toml` leaves one behind when the log is not there."""
     (here / "map.toml").touch()
-    with pytest.raises(MapError, match="^map map.toml: the file is empty"):
+    with pytest.raises(MapError, match=r"^map map\.toml: the file is empty"):
         load_map(Path("map.toml"))
 
 
