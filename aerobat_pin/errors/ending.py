@@ -64,14 +64,15 @@ def undisturbed() -> Iterator[None]:
 
 
 @contextmanager
-def raising() -> Iterator[None]:
+def raising() -> Iterator[Callable[[], bool]]:
     """Let the first signal raise KeyboardInterrupt (Ctrl-C) or SystemExit in the `with` block.
 
     For blocks in which other processes or threads have to be ended in order; a second signal ends the program at once.
+    The function that it provides says whether a signal came, for loops whose callbacks may have lost the exception.
     """
     _now.raising = True
     try:
-        yield
+        yield lambda: not _now.raising
     finally:
         _now.raising = False
 

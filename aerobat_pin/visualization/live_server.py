@@ -139,10 +139,10 @@ class _Life:
         with suppress(Exception):  # it has just left
             self.watchers[socket] = socket.write_message(message, binary=isinstance(message, bytes))
 
-    async def live(self) -> None:
-        """Go on, message by message."""
+    async def live(self, ended: Callable[[], bool]) -> None:
+        """Go on, message by message, until that says so."""
         due, begun, budget = monotonic(), monotonic(), SHARE * PERIOD
-        while True:
+        while not ended():
             due = max(due + PERIOD, monotonic() + 0.1 * PERIOD)
             await asyncio.sleep(due - monotonic())
             late, begun = monotonic() - begun - 1.05 * PERIOD, monotonic()
@@ -242,10 +242,10 @@ def serve_live(source: LiveSource, announce: Callable[[str], None], save: Callab
         server.add_sockets(sockets)
         hosts.extend(f"{name}:{sockets[0].getsockname()[1]}" for name in (LOCALHOST, "localhost"))
         announce(f"http://{hosts[0]}/?token={token}")
-        await life.live()
+        await life.live(interrupted)
 
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGPIPE])  # a page that is closed would end the program by it
-    with suppress(KeyboardInterrupt), raising():
+    with suppress(KeyboardInterrupt), raising() as interrupted:
         asyncio.run(run())
 
 

@@ -3,6 +3,8 @@
 import http.client
 import signal
 import socket
+import subprocess
+import sys
 import time
 import urllib.parse
 from collections.abc import Callable
@@ -136,6 +138,36 @@ def test_nobody_else_comes_in(tmp_path: Path) -> None:
             socket.create_connection(("127.0.0.2", where.port), timeout=10)
         server.send_signal(signal.SIGTERM)
         assert server.wait(60) == 143
+
+
+LOSES = """
+import os, signal, pinocchio as pin
+from aerobat_pin.errors import end_on_signals
+from aerobat_pin.experiments import LiveSource
+from aerobat_pin.visualization import serve_live
+
+class Loses(LiveSource):
+    def step(self):
+        self.time += 1.0
+        try:
+            if self.time == 1.0:
+                os.kill(os.getpid(), signal.SIGINT)
+                sum(range(1_000_000))
+        except KeyboardInterrupt:
+            pass
+        return []
+
+end_on_signals()
+model = pin.buildSampleModelManipulator()
+source = Loses("an arm", model, ("effector_body",), "momentum", 50.0)
+serve_live(source, print, str)
+"""
+
+
+def test_ctrl_c_that_a_library_loses_ends_it_all_the_same(here: Path) -> None:
+    """An exception that a signal raises in a callback may be caught there; the page then lived on."""
+    done = subprocess.run([sys.executable, "-c", LOSES], capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_shapes_are_drawn_as_closed_surfaces() -> None:
