@@ -173,18 +173,18 @@ def moving_weight(model: pin.Model, rows: Rows = "all") -> float:
 
 
 @guarded()
-def tie_joints(model: pin.Model, pairs: dict[str, str], name: str = "left-right") -> Tie:
-    """Tie the second joint of every pair to the first, so that both have the same rate.
+def tie_joints(model: pin.Model, pairs: dict[str, str]) -> Tie:
+    """Tie the second joint of every pair to the first, so that both have the same rate; the tie is called after them.
 
     Args:
         model: any model.
         pairs: joint -> the joint that moves with it, such as `{"left_shoulder": "right_shoulder"}`.
-        name: name of the tie.
 
     Raises:
         ObserverError: a joint is not in the model, or moves with more than one degree of freedom.
     """
     model = serial_model(model)
+    name = ", ".join(f"{first} with {second}" for first, second in pairs.items())
     for joint in [*pairs, *pairs.values()]:
         if not model.existJointName(joint) or model.joints[model.getJointId(joint)].nv != 1:
             raise ObserverError(f"tie {name}: '{joint}' is not a joint of one degree of freedom of this model")

@@ -97,7 +97,7 @@ def test_a_tie_hides_what_acts_against_it_and_is_named_in_the_result() -> None:
     tie = tie_joints(robot.model, PAIRS)
     time, q, v, tau, known = record(robot.model)
     tied = ForceLevelObserver(robot.model, WINGS, rows=tie).run(time, q, v, tau, known)
-    assert tied.rows == "left-right"
+    assert tied.rows == "left_shoulder with right_shoulder, left_elbow with right_elbow"
     free = ForceLevelObserver(robot.model, WINGS).run(time, q, v, tau, known)
     assert free.rows == "all"
     assert np.abs(tied.force - free.force).max() > 1e-3

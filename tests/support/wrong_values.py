@@ -161,7 +161,7 @@ def calls() -> dict[str, Call]:
         "load_scenario": {"source": "paper"},
         "parse_scenario": {"values": paper.model_dump(exclude_none=True)},
         "Tie": {"name": "tie"},
-        "tie_joints": {"pairs": {"left_elbow": "right_elbow"}, "name": "elbows"},
+        "tie_joints": {"pairs": {"left_elbow": "right_elbow"}},
         "locate_series": {"wrenches": rng.standard_normal((50, 6))},
         "Gust": {"amplitude": (0.0, 0.0, 1.0)},
         "Tones": {name: np.ones((2, 3)) for name in ("amplitude", "rate", "phase")},
