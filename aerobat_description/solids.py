@@ -14,6 +14,8 @@ Point = tuple[float, float, float]
 Triangle = tuple[Point, Point, Point]
 Mesh = list[Triangle]
 
+DISC_CORNERS = 12
+
 
 def mirrored(mesh: Mesh) -> Mesh:
     """Mirror a mesh in the x-z plane; the corners are reversed so that the outside remains outside."""
@@ -46,9 +48,9 @@ def slab(outline: Sequence[complex], aft: float, fore: float) -> Mesh:
     return lofted([[(x, at.real, at.imag) for at in outline] for x in (aft, fore)])
 
 
-def disc(centre: complex, radius: float, corners: int = 12) -> list[complex]:
+def disc(centre: complex, radius: float) -> list[complex]:
     """Return the corners y + i z of a circle, counter-clockwise seen from ahead."""
-    return [centre + radius * _unit(2.0 * math.pi * i / corners) for i in range(corners)]
+    return [centre + radius * _unit(2.0 * math.pi * i / DISC_CORNERS) for i in range(DISC_CORNERS)]
 
 
 def strut(start: complex, end: complex, half: float) -> list[complex]:
