@@ -9,6 +9,13 @@ from .arrays import runs_of_true as runs_of_true
 from .arrays import shaped as shaped
 from .arrays import shown as shown
 from .arrays import together as together
+from .cross_correlation import COMPARED_OVER as COMPARED_OVER
+from .cross_correlation import FEWEST_POINTS as FEWEST_POINTS
+from .cross_correlation import LATEST_SHIFT as LATEST_SHIFT
+from .cross_correlation import SHIFT_STEPS as SHIFT_STEPS
+from .cross_correlation import CrossCorrelation as CrossCorrelation
+from .cross_correlation import compare_rates as compare_rates
+from .cross_correlation import compare_series as compare_series
 from .foreign_robots import Packages as Packages
 from .foreign_robots import checked_robot as checked_robot
 from .jit import Integers as Integers

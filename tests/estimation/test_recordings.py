@@ -17,7 +17,7 @@ from aerobat_pin.errors import AerobatError, LogError, MapError
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.checks.attitude import accelerometer_findings
-from aerobat_pin.estimation.checks.compare import compare
+from aerobat_pin.numerics import compare_series
 from aerobat_pin.records import describe_map, load_map, suggested_map
 from aerobat_pin.records.resample import line_means, turn_rates
 
@@ -302,7 +302,7 @@ def test_a_comparison_finds_factor_and_lag() -> None:
     time = np.arange(3000) * 1e-3
     series = np.stack([np.sin(7.0 * time) + 0.3 * np.cos(31.0 * time)], axis=1)
     late = 2.0 * np.interp(time - 0.0123, time, series[:, 0])[:, None]
-    found = compare(series, late, time)
+    found = compare_series(series, late, time)
     assert found.factor[0] == pytest.approx(2.0, rel=0.01)
     assert found.lag == pytest.approx(0.0123, abs=1e-4)
 

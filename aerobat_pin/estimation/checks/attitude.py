@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.compare import COMPARED_OVER, comparison_of
+from aerobat_pin.estimation.checks.compare import comparison_of
 from aerobat_pin.estimation.findings import Finding, FindingVerdict
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import COMPARED_OVER, Array
 from aerobat_pin.observers import rotation_matrices
 from aerobat_pin.records import Agreement, G
 

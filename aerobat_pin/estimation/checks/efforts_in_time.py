@@ -14,11 +14,10 @@ from functools import partial
 import numpy as np
 
 from aerobat_pin.estimation.checks.changes import LEFT_BY_CHANGE, Change, Formed
-from aerobat_pin.estimation.checks.compare import LATEST_SHIFT, SHIFT_STEPS
 from aerobat_pin.estimation.checks.late_efforts import SETTLED_STEP, late_finding
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import EffortRows, Explanation, InputsBetween, KnownInputs, later_efforts, most_likely_with
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import LATEST_SHIFT, SHIFT_STEPS, Array
 from aerobat_pin.records import LARGEST_DELAY, Record
 
 LEFT_BY_DELAY = 1.0 / 3.0  # of what is left, in squares: what is no delay, or another one, leaves more

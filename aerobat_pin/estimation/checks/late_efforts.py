@@ -14,9 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.compare import LATEST_SHIFT, SHIFT_STEPS
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import Balance
+from aerobat_pin.numerics import LATEST_SHIFT, SHIFT_STEPS
 from aerobat_pin.records import LARGEST_DELAY, Record
 
 LEFT_BY_SHIFT = 0.7  # of the square sum that friction and rotors leave: a shift that leaves more is not named

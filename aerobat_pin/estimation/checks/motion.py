@@ -9,10 +9,10 @@ from functools import partial
 import numpy as np
 
 from aerobat_pin.estimation.checks.attitude import Reading, accelerometer_findings, reading_findings, turned_so_far
-from aerobat_pin.estimation.checks.compare import COMPARED_OVER, FEWEST_POINTS, agreement_findings
+from aerobat_pin.estimation.checks.compare import agreement_findings
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import COMPARED_OVER, FEWEST_POINTS, Array
 from aerobat_pin.observers import rotation_matrices
 from aerobat_pin.records import (
     LARGEST_DELAY,

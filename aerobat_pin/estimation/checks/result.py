@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS, compare
+from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS
 from aerobat_pin.estimation.checks.known_against_motion import OTHER_AXES, known_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.checks.push_elsewhere import elsewhere_findings
@@ -27,7 +27,7 @@ from aerobat_pin.forces import (
     settled,
     unit_direction,
 )
-from aerobat_pin.numerics import Array, frame_id, runs_of_true
+from aerobat_pin.numerics import Array, compare_series, frame_id, runs_of_true
 from aerobat_pin.observers import AllBut, Applications, Expected, moving_weight
 from aerobat_pin.records import Record
 
@@ -127,7 +127,7 @@ def _sensor_findings(record: Record, side: PairedEstimate, estimate: StoredEstim
     if estimate.seen is not None and estimate.seen[estimate.head.identifiability.components.index(name)] < ALWAYS_SEEN:
         return
     estimated, sensed = side.sample(MOST_SAMPLES)
-    comparison = compare(estimated[:, [k]], sensed[:, [k]], np.arange(len(estimated)) * record.dt)
+    comparison = compare_series(estimated[:, [k]], sensed[:, [k]], np.arange(len(estimated)) * record.dt)
     if comparison is None or not comparison.swings.all():
         return
     factor, correlation = float(comparison.factor[0]), float(comparison.correlation[0])
@@ -152,7 +152,7 @@ def _check_commands(record: Record, forces: KnownForces) -> Iterator[Finding]:
     for (delay, *direction), names in alike.items():
         measured = (record.means("check.specific_force", time) @ np.array(direction))[:, None]
         commands = np.sum([command_sum(record, name, time) for name in names], axis=0)
-        comparison = compare(commands[:, None], measured, time[:-1])
+        comparison = compare_series(commands[:, None], measured, time[:-1])
         if comparison is None or comparison.correlation[0] < FOLLOWS:
             continue
         what = f"{', '.join(f'known.{name}' for name in names)} lead{'s' if len(names) == 1 else ''}"

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.compare import LATEST_SHIFT
 from aerobat_pin.estimation.findings import LOST_SAMPLES, Finding
+from aerobat_pin.numerics import LATEST_SHIFT
 from aerobat_pin.records import EXTENT, Channel, Clock, Columns, Record, typical_spacing
 
 FEWEST_CHANGES = 4  # of a channel that can be told to be held
