@@ -58,6 +58,13 @@ def test_every_scenario_flies_and_reports_finite_numbers(name: str) -> None:
     assert "no observer looks" not in experiment.metrics["note"]
 
 
+def test_no_shipped_flight_has_joints_or_efforts_that_are_misread() -> None:
+    """A wrong belief of the air is no elbow of another zero, of which `model_error` and `noisy_sensors` were told."""
+    joints = ("joint", "swapped joints", "effort", "known force", "mass", "late efforts")
+    told = [one for name in SHIPPED for one in flown(name).metrics["warnings"] if one.startswith(joints)]
+    assert told == []
+
+
 def test_a_gust_that_is_not_believed_is_found_as_the_load_it_makes() -> None:
     """The residual is the air's true force less the believed one, row by row; before and after there is nothing.
 

@@ -120,10 +120,10 @@ def _read_otherwise(
             reading = mapped.otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)
         (left,) = left_by_readings(record, motion, [reading])
         factors = float(least @ least) / balance.size  # what they leave, with a number for each joint and friction
-        enough = max(LEFT_BY_JOINTS * share, factors)
-        k = int(np.argmax(np.abs(reading.turn)))
-        if reading == mapped.otherwise([k], reading.turn[k]):  # one number explains it better than any other one
-            enough = max(enough, min(EXPLAINED * share, _left_by_one_number(balance)))
+        k, enough = int(np.argmax(np.abs(reading.turn))), LEFT_BY_JOINTS * share
+        if not record.robot.knows_forces:  # else these may be wrong, and are those of the joints as mapped
+            one = reading == mapped.otherwise([k], reading.turn[k])  # number, which must explain it better than others
+            enough = max(enough, min(EXPLAINED * share, max(factors, _left_by_one_number(balance) if one else 0.0)))
         if left < min(enough, RIGHT_PLACES, turned, NO_NUMBERS * factors, most):
             yield from reading.told(record, _share_words(left, share))
 
