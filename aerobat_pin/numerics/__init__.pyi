@@ -42,6 +42,7 @@ from .matrix_products import add_row_product as add_row_product
 from .matrix_products import factorise as factorise
 from .matrix_products import mirror as mirror
 from .notebook import ShownInNotebooks as ShownInNotebooks
+from .pinocchio_models import IN_STEPS as IN_STEPS
 from .pinocchio_models import frame_id as frame_id
 from .pinocchio_models import frame_jacobian as frame_jacobian
 from .pinocchio_models import model_bytes as model_bytes

@@ -16,6 +16,7 @@ import numpy as np
 
 from aerobat_description import PACKAGE_PATH
 from aerobat_pin.errors import DEEPEST_XML, LogError, foreign_file, foreign_xml
+from aerobat_pin.numerics.pinocchio_models import IN_STEPS
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -33,6 +34,7 @@ LARGEST_NUMBERS = {  # keys with numbers -> the largest; of lengths and angles, 
 URDF_ELEMENTS = (  # whose numbers are read; others may have keys that are called alike
     *("origin", "mass", "inertia", "axis", "limit", "mimic", "box", "sphere", "cylinder", "capsule", "mesh", "color"),
 )
+URDF_JOINTS = {"revolute", "continuous", "prismatic", "fixed", "floating", "planar"}
 DIRECTION_KEYS = ("axis", "quat", "quat_xyzw", "zaxis")  # keys whose numbers are not all 0
 ROUNDED_INERTIA = 1e-15  # of inertias that files round to less than 0 [kg m2]
 INSIDE = (
@@ -55,6 +57,10 @@ def checked_robot(path: Path, kind: str) -> Element:
         raise LogError(f"{name}: {bodies} bodies: at most {MOST_BODIES} were expected")
     if kind == "urdf" and _deeper_than(root, DEEPEST_XML):
         raise LogError(f"{name}: more than {DEEPEST_XML} links in a row, or a closed chain")
+    for joint in root.iterfind("joint") if kind == "urdf" else ():
+        if (said := joint.get("type", "")) not in URDF_JOINTS:
+            what = f"joint '{joint.get('name', '')}' is of a type that URDF does not have, '{said}'"
+            raise LogError(f"{name}: {what}: joints of one angle or one length were expected. {IN_STEPS}")
     classes = {element.get("class") for element in root.iter("default")}
     for element, where in _with_places(root, ""):
         if element.tag.startswith("xacro.") or any("${" in text or "$(" in text for text in element.attrib.values()):

@@ -18,6 +18,10 @@ from aerobat_pin.numerics.arrays import Array
 
 Loaded = TypeVar("Loaded")
 LONGEST_REASON = 300  # characters
+IN_STEPS = (
+    "Write it as such joints, one after the other, with links without mass between them: a ball joint as three hinges, "
+    "a planar one as two slides and a hinge"
+)
 
 
 def read_robot(path: Path, read: Callable[[], Loaded]) -> Loaded:

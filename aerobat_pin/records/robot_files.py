@@ -12,23 +12,18 @@ import pinocchio as pin
 
 from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import LogError
-from aerobat_pin.numerics import checked_robot, guarded, read_robot
+from aerobat_pin.numerics import IN_STEPS, checked_robot, guarded, read_robot
 from aerobat_pin.observers import has_free_base
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.robots import Mimic, PlainRobot
 
 MIMIC_NUMBERS = ("multiplier", "1"), ("offset", "0")  # of a URDF, and what they are when left out
-IN_STEPS = (
-    "Write it as such joints, one after the other, with links without mass between them: a ball joint as three hinges, "
-    "a planar one as two slides and a hinge"
-)
 KINDS_OF_JOINTS = {  # what Pinocchio calls a joint of more coordinates than one -> what it is, what to do
     "JointModelSpherical": ("is a ball joint", IN_STEPS),
     "JointModelPlanar": ("is planar", IN_STEPS),
     "JointModelComposite": ("stands for several joints of one body", IN_STEPS),
     "JointModelFreeFlyer": ("floats freely", "Leave what floats beside the base out of the file"),
 }
-URDF_JOINTS = {"revolute", "continuous", "prismatic", "fixed", "floating", "planar"}
 MOST_JOINTS = 150  # that move: TIAGo with two arms and hands has 101; what is expected of 200 takes 1 GB
 FOLDER = Path("share", "example-robot-data", "robots")  # in an environment, or in the folder where cmeel installs
 FREE = {  # robots whose base moves: name -> file
@@ -157,14 +152,10 @@ def _built(table: RobotTable, folder: Path) -> PlainRobot:
     for name in joints:
         joint = model.joints[model.getJointId(name)]
         if (joint.nq, joint.nv) != (1, 1):
-            other = f"has {joint.nq} coordinates", IN_STEPS
-            raise _refused_joint(title, name, *KINDS_OF_JOINTS.get(joint.shortname(), other))
+            what, instead = KINDS_OF_JOINTS.get(joint.shortname(), (f"has {joint.nq} coordinates", IN_STEPS))
+            expected = "joints of one angle or one length were expected"
+            raise LogError(f"robot {title}: joint '{name}' {what}: {expected}. {instead}")
     return PlainRobot(model, free, joints, title, mimics=mimics, unread=unread)
-
-
-def _refused_joint(robot: Path | str, name: str, what: str, instead: str = IN_STEPS) -> LogError:
-    """Return the error for a joint of another kind."""
-    return LogError(f"robot {robot}: joint '{name}' {what}: joints of one angle or one length were expected. {instead}")
 
 
 def _beside_the_model(path: Path, *, mjcf: bool) -> tuple[dict[str, Mimic], tuple[str, ...]]:
@@ -204,10 +195,6 @@ def model_of_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
     Raises LogError if it is none, or no robot can have its values: what Pinocchio prints about it is the message.
     """
     root = checked_robot(path, "mjcf" if mjcf else "urdf")
-    for joint in () if mjcf else root.iter("joint"):
-        kind = joint.get("type", "fixed")  # left out of a joint of a transmission
-        if kind not in URDF_JOINTS:
-            raise _refused_joint(path, joint.get("name", ""), f"is of a type that URDF does not have, '{kind}'")
     text = "" if mjcf else _with_angles(root)
 
     def read(*root: pin.JointModel) -> pin.Model:

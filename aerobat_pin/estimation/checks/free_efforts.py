@@ -95,7 +95,7 @@ def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings
     if exchanged and not told:
         told = [swapped(record.driven, "efforts", pair, _share_words(least_share, share))]
     told = told or zeros or list(_factors(record, balance, signs, factors, least))
-    if not told and unfit and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance, least)):
+    if not told and unfit and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
         told = [left_unexplained("no factors, places or zeros", 100.0 * float(np.sqrt(share)))]
     yield from told
 
@@ -111,7 +111,7 @@ def _read_otherwise(
     residuals = balance.residual, balance.needed - balance.given @ signs, balance.needed - scaled_efforts
     share, turned, scaled = map(balance.beside_friction, residuals)
     _, least = _least_squares(balance, balance.rubbing)
-    noisy = share < ABOVE_NOISE * _white_share(balance, least)
+    noisy = share < ABOVE_NOISE * _white_share(balance)
     if min(share, scaled) > (GOOD if noisy else WORTH):
         mapped = JointReading.as_mapped(record)
         if turned > GOOD or np.all(signs > 0.0):
@@ -190,9 +190,10 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
             yield left_unexplained("no signs", 100.0 * float(np.sqrt(balance.imbalance())))
         return
     explained = 1.0 - float(residual @ residual) / max(balance.imbalance() * balance.size, 1e-300)
-    if explained < EXPLAINED or balance.imbalance() < ABOVE_NOISE * _white_share(balance, residual):
+    fit = float(residual @ residual) < UNFIT * balance.size  # of white efforts, unlike fast ones, factors leave more
+    if explained < EXPLAINED or (not fit and balance.imbalance() < ABOVE_NOISE * _white_share(balance)):
         return
-    if float(residual @ residual) > UNFIT * balance.size and explained < CLEAR:
+    if not fit and explained < CLEAR:
         if balance.imbalance() * balance.size < UNFIT * float(np.sum(balance.given**2)):
             return  # what is needed is small beside efforts that hold each other
         yield left_unexplained("no factors", 100.0 * float(np.sqrt(residual @ residual / balance.size)))
@@ -307,14 +308,10 @@ def _measured_per_needed(balance: Balance, factors: Array, residual: Array) -> t
     return gain, deviation
 
 
-def _white_share(balance: Balance, residual: Array) -> float:
-    """Return the square sum of what is white in the efforts, over the needed one, from what the best factors leave.
-
-    Of white efforts w these leave w / (1 + w) at least: of fast ones, which look white, they may leave nothing.
-    """
+def _white_share(balance: Balance) -> float:
+    """Return the square sum of what is white in the efforts, over the needed one."""
     x = balance.effort  # means over intervals, of which only every other one has noise of its own
     if len(x) < 5:
         return 0.0
     white = np.median(np.abs(x[4:] - 2.0 * x[2:-2] + x[:-4]), axis=0) / WHITE_SECOND_DIFFERENCE
-    left = min(float(residual @ residual) / balance.size, 1.0 - 1e-12)
-    return min(float(np.sum((balance.reach * white) ** 2)) / balance.size, left / (1.0 - left))
+    return float(np.sum((balance.reach * white) ** 2)) / balance.size
