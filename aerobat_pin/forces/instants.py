@@ -161,7 +161,7 @@ def looked_at(
 
 
 def seen_wrench(record: Record, instants: Instants, name: str) -> Array:
-    """Return (m, p) what the sensor of a known force shows at the instants that are weighed, behind the low-pass."""
+    """Return (m, p) what a known force's sensor shows as mapped [N, N m], behind the low-pass, at weighed instants."""
     section, gain = record.map.known[name], float(record.map.observer.gain)
     tare = 0.0 if section.tare is None else mean_in(record, f"known.{name}", section.tare)
     before = np.arange(int(TIME_CONSTANTS_TO_SETTLE / gain * record.rate), -1, -1)

@@ -21,14 +21,14 @@ HARDLY_FELT = 1e-9  # share of a coefficient's information that is added to it
 
 
 def shared_error(y: Array, friction: Array, needed: Array, force: Array, variance: Array) -> Array:
-    """Return the rms (k,) of c n in each row: the median of c^2 over stretches, 0 where chance explains it.
+    """Return the rms (k,) of c n in each row [N, N m]: the median of c^2 over stretches, 0 where chance explains it.
 
     Args:
-        y: (m, k) rows.
-        friction: (m, k, p) columns of X.
-        needed: (m, k) n.
-        force: (m, c, k) S J.
-        variance: (m, k) R.
+        y: (m, k) rows, generalised forces of the joints [N, N m].
+        friction: (m, k, p) columns of X [N, N m for each unit of their coefficients].
+        needed: (m, k) n [N, N m].
+        force: (m, c, k) S J, of the expected size of each component [N, N m].
+        variance: (m, k) R, the squares of the rows' unit.
     """
     each = np.repeat(np.eye(STRETCHES), -(-len(y) // STRETCHES), axis=0)[: len(y)]
     columns = np.concatenate([needed[:, :, None] * each[:, None], friction], axis=2)
