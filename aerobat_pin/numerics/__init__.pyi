@@ -37,6 +37,7 @@ from .lie_runge_kutta import add_stage as add_stage
 from .lie_runge_kutta import lie_step as lie_step
 from .lie_runge_kutta import next_state as next_state
 from .lie_runge_kutta import next_tangent as next_tangent
+from .lost_samples import lost_samples as lost_samples
 from .matrix_products import add_product as add_product
 from .matrix_products import add_row_product as add_row_product
 from .matrix_products import factorise as factorise

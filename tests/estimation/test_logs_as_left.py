@@ -16,6 +16,7 @@ from support.walking_log import bag, bag_map, urdf, walk
 from aerobat_pin import open_record
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, estimate
+from aerobat_pin.estimation.checks.motion import record_findings
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.observers import JointFriction
@@ -316,6 +317,18 @@ def test_samples_that_share_uneven_stamps_are_lost_but_not_rounded(swing: pd.Dat
     [found] = [one for one in sample_findings(opened(swing.assign(t=stamps), tmp_path)) if one.check == "lost samples"]
     assert "rounded" not in found.text
     assert "which should tell samples apart" in found.text
+
+
+@pytest.mark.parametrize("share", [0.02, 0.2, 0.4])
+def test_rows_that_are_lost_under_even_stamps_are_said_to_be(share: float, swing: pd.DataFrame, tmp_path: Path) -> None:
+    """A unit of the velocities was named, or nothing; where these count by half, nothing is lost."""
+    kept = swing[np.random.default_rng(0).random(len(swing)) > share]
+    even = kept.assign(t=swing.t[: len(kept)].to_numpy())
+    found = [one for one in record_findings(opened(even, tmp_path)) if one.warns]
+    assert [one.check for one in found] == ["lost samples"]
+    assert found[0].value == pytest.approx(1.0 - len(kept) / len(swing), abs=0.01)
+    slow = swing.assign(**{f"{joint}_v": 0.5 * swing[f"{joint}_v"] for joint in ("turn", "lift", "bend")})
+    assert "lost samples" not in [one.check for one in record_findings(opened(slow, tmp_path))]
 
 
 @pytest.mark.parametrize(

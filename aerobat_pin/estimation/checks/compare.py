@@ -7,13 +7,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.numerics import COMPARED_OVER, Array, CrossCorrelation, compare_rates, compare_series
+from aerobat_pin.estimation.findings import LOST_SAMPLES, Finding
+from aerobat_pin.numerics import COMPARED_OVER, Array, CrossCorrelation, compare_rates, compare_series, lost_samples
 from aerobat_pin.records import Agreement
 
 FOLLOWS = 0.8  # correlation from which one series is taken to follow the other
 CONFUSED = 0.5  # correlation below which one does not follow the other
 FACTOR_OFF = 0.1  # deviation of a factor from 1 that counts, if the factor explains most of the difference
+LOST = 5e-3  # share of samples that are missing under even stamps, from which it is said
 LEAST_MOTION = 5e-4  # [rad, m] in a window: a column that moves less shows no factor
 SEEN_MOTION = 2e-3  # [rad, m] in a window: series that move less are not said to differ in kind
 UNIT_FACTORS = {  # second per first -> the slip that makes it
@@ -36,9 +37,16 @@ def slip_of(factor: float, correlation: float) -> str:
 
 
 def agreement_findings(pair: Agreement) -> Iterator[Finding]:
-    """Yield a delay between the two series, exchanged columns, and columns that are off; or that they agree."""
+    """Yield lost samples; or a delay between the two series, exchanged columns, and those off; or that they agree."""
     comparison = comparison_of(pair)
     if comparison is None:
+        return
+    if pair.kind == "rates" and (missing := lost_samples(pair.first, pair.second, pair.time)) > LOST:
+        text = (
+            f"{pair.names[0]} move on as if {100.0 * missing:.2g} % of the samples were missing between stamps that do "
+            "not show it: write the time at which each was taken"
+        )
+        yield Finding(LOST_SAMPLES, "warning", text, missing, "1")
         return
     yield from _late(pair, comparison)
     swapped = exchanged(comparison) if pair.apart else []
