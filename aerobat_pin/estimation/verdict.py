@@ -31,6 +31,7 @@ from aerobat_pin.numerics import Array
 LASTING = 1.5  # or its rms: noise alone has one error
 SHORT_BLOW = 3.5  # times what size over errors without lag usually is: a blow, however sure its size is
 USUALLY = 0.99  # share of the time
+NEARLY = 0.8  # of what would stand out: a push that is said to be below that
 CROSSTALK = 0.02  # share of the largest force that its estimate leaves elsewhere
 SAID_AT_MOST = 2  # pushes, or components, that a sentence names
 MOSTLY = 0.8  # share of a force that is along an axis before the axis is named
@@ -136,7 +137,7 @@ def verdict_of(
         count, places = len(certain), {push.place for push in certain}
     quiet = [push.place for push in pushes if push.place not in places]
     what = f"{what} {_listed(certain, count)}" if certain else f"no {singular[2:]} that stands out from its errors"
-    sentence = f"{estimate.head.observer} finds {what}"
+    sentence = f"{estimate.head.observer} finds {what}{'' if certain or events is not None else _nearest(pushes)}"
     if certain and quiet:
         sentence += f"; nothing at {_listed(dict.fromkeys(quiet))} stands out from its errors"
     findings = tuple(findings)
@@ -144,16 +145,24 @@ def verdict_of(
     warned = dict.fromkeys(finding.check for finding in findings if finding.verdict == "warning")
     doubted = [check for check in warned if check not in (*HARMLESS_CHECKS, LOST_SAMPLES)]
     doubts += [f"a check doubts the record: {', '.join(doubted)}"] if doubted else []
-    doubts += [finding.text for finding in findings if finding.check == LOST_SAMPLES]
+    doubts += [finding.text for finding in findings if finding.check == LOST_SAMPLES][:1]  # others lack the same ones
     words, wrong = scores.judgement
     if certain and not scores.points:  # which test it
-        blind = estimate.redundancy.verdict == "blind"
         untested = [finding.text for finding in findings if finding.check == UNTESTED]
-        doubts += [f"no row is to spare: {WOULD_LOOK}"] if blind else untested
+        doubts += [f"no row is to spare: {WOULD_LOOK}"] if estimate.redundancy.verdict == "blind" else untested
     doubts += [words.removeprefix("belief: ").partition(";")[0]] * wrong
     doubts += ["something has changed since the calibration"] * (model is not None and model.verdict == "changed")
     parts = [sentence, _sureness(scores, kind, certain, pushes), *doubts, _unseen(scores)]
     return "; ".join(part for part in parts if part) + "."
+
+
+def _nearest(pushes: Sequence[_Push]) -> str:
+    """Return the push that nearly stands out, if there is one, with its size in deviations and that which would."""
+    near = max(pushes, key=lambda push: push.sure, default=None)
+    if near is None or not near.deviation or near.short or near.sure < NEARLY:
+        return ""
+    size = near.peak / near.deviation
+    return f"; {near} is {size:.3g} deviations, of which {size / near.sure:.3g} would"
 
 
 def _listed(things: Iterable[object], count: int = 0) -> str:

@@ -117,6 +117,18 @@ def test_a_topic_of_a_bag_with_another_clock_is_named_with_its_delay(folder: Pat
     assert "delay = 0.400" in text
 
 
+@pytest.mark.parametrize("fast", [0.01, -0.01])
+def test_a_topic_of_a_bag_whose_clock_runs_at_another_rate_is_named(fast: float, folder: Path) -> None:
+    """By 1 %: over a log of seconds that is less than two clocks were told apart by, and nothing was said."""
+    pytest.importorskip("rosbags")
+    bag(walk(), folder / f"rate{fast}", odometry_fast=fast)
+    told = record_findings(recorded(folder / f"rate{fast}", bag_map(folder / "quadruped.urdf")))
+    (found,) = (one for one in told if one.check == "recorder clock" and one.warns)
+    assert "/odom" in found.text
+    assert "a clock of another rate" in found.text
+    assert found.value == pytest.approx(-0.9 * fast * walk().time[-1], rel=0.2)
+
+
 def scaled(names: list[str], factor: float) -> Change:
     """Return a change of a table: columns times a factor."""
     return lambda frame: frame.assign(**{name: frame[name] * factor for name in names})

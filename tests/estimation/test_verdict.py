@@ -110,6 +110,16 @@ def test_a_push_is_judged_by_the_deviation_at_its_time(paper: Experiment) -> Non
     assert f", at {made.time[700]:.2f} s)" in found
 
 
+def test_a_push_that_nearly_stands_out_is_told_with_what_would(paper: Experiment) -> None:
+    """Of 8.4 deviations nothing was said, and 8.7 would have been a push; of half as many there is nothing to say."""
+    made = noisy(paper)
+    made.components[700, 3:] = [0.0, 0.0, 0.084]
+    near = f"; right (up to 84 +-10 mN upward, at {made.time[700]:.2f} s) is 8.4 deviations, of which 8.66 would; "
+    assert f"no push that stands out from its errors{near}" in judged(paper, made).verdict
+    made.components[700, 5] = 0.042
+    assert "deviations, of which" not in judged(paper, made).verdict
+
+
 def test_contacts_are_the_pushes_where_they_are_sought(paper: Experiment) -> None:
     """Each with its times, size, deviation and direction, on the record's clock; without one there is no push."""
     made = noisy(paper)

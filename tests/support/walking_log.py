@@ -139,10 +139,10 @@ def table_map(robot: Path) -> dict[str, object]:
     }
 
 
-def bag(walked: Walk, path: Path, *, odometry_ahead: float = 0.0) -> None:
+def bag(walked: Walk, path: Path, *, odometry_ahead: float = 0.0, odometry_fast: float = 0.0) -> None:
     """Write a walk as a ROS 2 bag: topics at their own rates, recorded 3 ms after their stamps, with scatter.
 
-    The clock of the odometry is ahead of the others' [s].
+    The clock of the odometry is ahead of the others' [s], and by so much more every second.
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
@@ -176,7 +176,8 @@ def bag(walked: Walk, path: Path, *, odometry_ahead: float = 0.0) -> None:
             pose = make["geometry_msgs/msg/PoseWithCovariance"](place, none36)
             twist = make["geometry_msgs/msg/Twist"](vector(v[:3]), vector(v[3:6]))
             twist = make["geometry_msgs/msg/TwistWithCovariance"](twist, none36)
-            odometry = make["nav_msgs/msg/Odometry"](header(t + odometry_ahead), "trunk", pose, twist)
+            stamp = header((1.0 + odometry_fast) * t + odometry_ahead)
+            odometry = make["nav_msgs/msg/Odometry"](stamp, "trunk", pose, twist)
             messages.append((t, "/odom", odometry))
             wrench = make["geometry_msgs/msg/Wrench"](vector(walked.force[k, 0]), vector(np.zeros(3)))
             messages.append((t, "/ft", make["geometry_msgs/msg/WrenchStamped"](header(t), wrench)))

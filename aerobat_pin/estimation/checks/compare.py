@@ -42,10 +42,8 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
     if comparison is None:
         return
     if pair.kind == "rates" and (missing := lost_samples(pair.first, pair.second, pair.time)) > LOST:
-        text = (
-            f"{pair.names[0]} move on as if {100.0 * missing:.2g} % of the samples were missing between stamps that do "
-            "not show it: write the time at which each was taken"
-        )
+        moves = f"{pair.names[0]} move{'s' if pair.names[0][-1] != 's' else ''} on as if {100.0 * missing:.2g} %"
+        text = f"{moves} of the samples were lost under stamps that do not show it: write when each was taken"
         yield Finding(LOST_SAMPLES, "warning", text, missing, "1")
         return
     yield from _late(pair, comparison)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.findings import LOST_SAMPLES, Finding
-from aerobat_pin.numerics import LATEST_SHIFT
+from aerobat_pin.numerics import LATEST_SHIFT, Array
 from aerobat_pin.records import EXTENT, Channel, Clock, Columns, Record, typical_spacing
 
 FEWEST_CHANGES = 4  # of a channel that can be told to be held
@@ -29,6 +29,7 @@ FEWEST_STRAIGHT = 20  # samples that can be told to be interpolated
 MOST_LOST = 0.6  # share of samples that another one with their stamp replaces, beyond which forces may be missed
 CLOCK_DELAY = 0.5e-3  # [s] between sensor's and recorder's stamps, or their scatter, that is worth a warning
 LARGEST_COMPARED = 500_000_000  # bytes of files that are compared
+DRIFT, APART = 5e-3, 5.0  # [s] by which a clock leaves the others over a log, and over its scatter at both ends
 EMPTY = "leave its cells empty where there is no sample, or interpolate"
 CHANNEL_WORDS = {  # keys of channels -> what messages call them
     "base.position": "position",
@@ -75,6 +76,8 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
         if clock.late is not None and len(clock.late)
     }
     usual = min((float(np.median(late)) for late in delays.values()), key=abs, default=0.0)
+    drifts = {name: _drift(late) for name, late in delays.items()}
+    steady = min(drifts.values(), key=abs, default=0.0)
     for name, clock in columns.clocks.items():
         count = len(clock.time) + clock.repeated + clock.off + clock.backward
         if clock.repeated:
@@ -99,6 +102,12 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
         text = f"{name}: the recorder's stamps are {1e3 * middle:.1f} ms late and scatter by {1e3 * scatter:.1f} ms"
         if columns.stamps == "recorder" and max(abs(middle), scatter) > CLOCK_DELAY:
             yield Finding("recorder clock", "warning", f'{text}; log.clock = "header" avoids it', middle, "s")
+        elif columns.stamps != "recorder" and drifts[name] and abs(drift := drifts[name] - steady) > DRIFT:
+            what = (
+                f"{text}; from the first tenth to the last they drift by {1e3 * drift:.0f} ms against those of other "
+                'topics: its headers seem to have a clock of another rate (in a map: log.clock = "recorder")'
+            )
+            yield Finding("recorder clock", "warning", what, drift, "s")
         elif columns.stamps != "recorder" and abs(middle - usual) > LATEST_SHIFT:
             what = (
                 f"{text}, those of other topics {1e3 * usual:.1f} ms: its headers seem to have another clock "
@@ -107,6 +116,14 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
             yield Finding("recorder clock", "warning", what, middle, "s")
         else:
             yield Finding("recorder clock", "note", f"{text}; the headers' are used", middle, "s")
+
+
+def _drift(late: Array) -> float:
+    """Return how much later the recorder's stamps (n,) [s] are in their last tenth; 0 if they scatter as much."""
+    n = max(len(late) // 10, 1)
+    first, last = np.median(late[:n]), np.median(late[-n:])
+    scatter = max(np.median(np.abs(late[:n] - first)), np.median(np.abs(late[-n:] - last)))
+    return float(last - first) if abs(last - first) > APART * scatter else 0.0
 
 
 def _repeated(name: str, clock: Clock, count: int) -> Finding:
