@@ -193,6 +193,17 @@ class PlainRobot(ShownInNotebooks):
         """Return whether a joint slides, so that its row is in N."""
         return bool(self.model.joints[self.model.getJointId(joint)].shortname().startswith("JointModelP"))
 
+    def limbs(self, joints: Sequence[str]) -> list[tuple[int, ...]]:
+        """Return which of some joints are on each limb, a chain of joints without a branch."""
+        limbs, parents = dict[int, list[int]](), self.model.parents.tolist()
+        first = list(range(self.model.njoints))
+        for k in range(2, self.model.njoints):
+            if parents.count(parents[k]) == 1:
+                first[k] = first[parents[k]]
+        for column, joint in enumerate(joints):
+            limbs.setdefault(first[self.model.getJointId(joint)], []).append(column)
+        return [tuple(limb) for limb in limbs.values()]
+
     def heavier(self, factor: float) -> Self:
         """Return the robot with all its own masses and inertias times a factor."""
         model = self.own_model.copy()

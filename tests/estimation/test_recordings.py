@@ -17,8 +17,9 @@ from aerobat_pin.errors import AerobatError, LogError, MapError
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.checks.attitude import accelerometer_findings
+from aerobat_pin.estimation.checks.compare import agreement_findings
 from aerobat_pin.numerics import compare_series
-from aerobat_pin.records import describe_map, load_map, suggested_map
+from aerobat_pin.records import Agreement, describe_map, load_map, suggested_map
 from aerobat_pin.records.resample import line_means, turn_rates
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
@@ -127,6 +128,16 @@ def test_a_topic_of_a_bag_whose_clock_runs_at_another_rate_is_named(fast: float,
     assert "/odom" in found.text
     assert "a clock of another rate" in found.text
     assert found.value == pytest.approx(-0.9 * fast * walk().time[-1], rel=0.2)
+
+
+@pytest.mark.parametrize(("factor", "wrong"), [(1.0, False), (1.3, True)])
+def test_what_steady_motion_shows_to_be_right_is_not_off_by_a_factor(factor: float, wrong: bool) -> None:
+    """A sensor smooths a quick wobble of 3 mm of a robot that falls: a velocity 1 times what follows was warned of."""
+    time = np.arange(1000) / 400.0
+    place, pace = 0.003 * np.sin(40.0 * time), 0.12 * np.cos(40.0 * time)
+    series = ((0.3 * time + place)[:, None], factor * (0.3 + 0.6 * pace)[:, None])
+    pair = Agreement("position", ("a", "b"), time, *series, "rates", ("along x",), "m", 0.01, "m")
+    assert any(one.warns for one in agreement_findings(pair)) == wrong
 
 
 def scaled(names: list[str], factor: float) -> Change:

@@ -54,7 +54,8 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
         yield Finding("swapped joints", "warning", text)
     skip = {column for columns in swapped for column in columns}
     limit = np.maximum(pair.floor, pair.share * comparison.sizes[0])
-    explained = (np.abs(comparison.factor - 1.0) > FACTOR_OFF) & (comparison.scaled < 0.5 * comparison.unlike)
+    factor = np.array([comparison.follows(column)[0] for column in range(len(limit))])  # as it is told
+    explained = (np.abs(factor - 1.0) > FACTOR_OFF) & (comparison.scaled < 0.5 * comparison.unlike)
     wrong = (comparison.residual > limit) | (explained & (comparison.swings.max(axis=0) > LEAST_MOTION))
     slips: dict[str, list[int]] = {}
     for column in np.flatnonzero(wrong).tolist():
@@ -63,8 +64,8 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
     moving = int(np.sum(comparison.swings.max(axis=0) > LEAST_MOTION))
     for slip, columns in slips.items():
         certain = bool(slip) and (pair.apart or len(columns) >= max(moving, 1))
-        text, factor = _sentence(pair, comparison, limit, columns, slip), float(comparison.factor[columns[0]])
-        yield Finding(pair.check, "refused" if certain else "warning", text, factor, "1")
+        text = _sentence(pair, comparison, limit, columns, slip)
+        yield Finding(pair.check, "refused" if certain else "warning", text, float(factor[columns[0]]), "1")
     if not slips and pair.kind == "rates":
         yield _whole_channel(pair, comparison)
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.readings import QUARTER, JointReading, downhill, limbs_of
+from aerobat_pin.estimation.checks.readings import QUARTER, JointReading, downhill
 from aerobat_pin.forces import FreeMotion, balance_of
 from aerobat_pin.records import Record
 
@@ -35,7 +35,7 @@ def reading_of(record: Record, motion: FreeMotion) -> JointReading:
         motion: its motion at some instants.
     """
     few, reading = motion.every(max(1, len(motion.q) // FEW_INSTANTS)), JointReading.as_mapped(record)
-    limbs = [limb for limb in limbs_of(record) if len(limb) > 1]
+    limbs = [limb for limb in record.robot.limbs(record.driven) if len(limb) > 1]
     limbs = [limb for limb in limbs if len(limb) == len(limbs[0])]
     alone = [(k,) for k in range(len(record.driven)) if not record.robot.slides(record.driven[k])]
     turning: list[Sequence[int]] = [*alone, *zip(*limbs, strict=True)]

@@ -111,22 +111,9 @@ def swapped(names: Sequence[str], columns: str, pair: Exchange, left: str) -> Fi
     return Finding("swapped joints", "warning", f"{columns} of {both} in exchanged places leave {left}")
 
 
-def limbs_of(record: Record) -> list[tuple[int, ...]]:
-    """Return the driven joints of each limb, a chain of joints without a branch."""
-    model, limbs = record.robot.model, dict[int, list[int]]()
-    parents = model.parents.tolist()
-    first = list(range(model.njoints))
-    for k in range(2, model.njoints):
-        if parents.count(parents[k]) == 1:
-            first[k] = first[parents[k]]
-    for column, joint in enumerate(record.driven):
-        limbs.setdefault(first[model.getJointId(joint)], []).append(column)
-    return [tuple(limb) for limb in limbs.values()]
-
-
 def limb_pairs(record: Record) -> list[Exchange]:
     """Return pairs of limbs with equally many driven joints, two or more."""
-    pairs = itertools.combinations(limbs_of(record), 2)
+    pairs = itertools.combinations(record.robot.limbs(record.driven), 2)
     return [pair for pair in pairs if len(pair[0]) == len(pair[1]) > 1]
 
 
