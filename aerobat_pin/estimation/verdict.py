@@ -31,7 +31,7 @@ from aerobat_pin.numerics import Array
 LASTING = 1.5  # or its rms: noise alone has one error
 SHORT_BLOW = 3.5  # times what size over errors without lag usually is: a blow, however sure its size is
 USUALLY = 0.99  # share of the time
-NEARLY = 0.8  # of what would stand out: a push that is said to be below that
+JUST_BELOW = 0.8  # of what would stand out: a push that is said to be below that
 CROSSTALK = 0.02  # share of the largest force that its estimate leaves elsewhere
 SAID_AT_MOST = 2  # pushes, or components, that a sentence names
 MOSTLY = 0.8  # share of a force that is along an axis before the axis is named
@@ -159,7 +159,7 @@ def verdict_of(
 def _nearest(pushes: Sequence[_Push]) -> str:
     """Return the push that nearly stands out, if there is one, with its size in deviations and that which would."""
     near = max(pushes, key=lambda push: push.sure, default=None)
-    if near is None or not near.deviation or near.short or near.sure < NEARLY:
+    if near is None or not near.deviation or near.short or near.sure < JUST_BELOW:
         return ""
     size = near.peak / near.deviation
     return f"; {near} is {size:.3g} deviations, of which {size / near.sure:.3g} would"

@@ -11,11 +11,11 @@ import numpy as np
 from aerobat_pin.numerics.arrays import Array
 
 QUARTILE = 0.3186  # of the magnitude of noise of deviation 1, below which a quarter is
-CLEARLY = 15.0  # deviations of a step's noise by which its values move on, of the steps that count
-ALIKE = 0.9  # share of the squares of a step that its rates explain, if it is of another length only
-WHOLE = 0.1  # median distance from whole numbers, of longer steps; those of any length are 0.25 away
+CLEAR_STEP = 15.0  # deviations of a step's noise by which its values move on, of the steps that count
+OF_OTHER_LENGTH = 0.9  # share of the squares of a step that its rates explain, if it is of another length only
+WHOLE_STEPS = 0.1  # median distance from whole numbers, of longer steps; those of any length are 0.25 away
 FEWEST_LONGER = 4  # steps that tell whether they are whole
-ONE = 0.4  # share of the steps that are right, at least: else it is a unit that is wrong
+RIGHT_STEPS = 0.4  # share of the steps that are right, at least: else it is a unit that is wrong
 
 
 def lost_samples(values: Array, rates: Array, time: Array) -> float:
@@ -31,15 +31,17 @@ def lost_samples(values: Array, rates: Array, time: Array) -> float:
     moved = noise > 0.0
     expected, actual = expected[:, moved] / noise[moved], actual[:, moved] / noise[moved]
     power = np.sum(expected**2, axis=1)
-    clear = power > CLEARLY**2
+    clear = power > CLEAR_STEP**2
     expected, actual, power = expected[clear], actual[clear], power[clear]
     if not len(power):
         return 0.0
     length = np.sum(actual * expected, axis=1) / power
-    explained = length**2 * power > ALIKE * np.sum(actual**2, axis=1)
+    explained = length**2 * power > OF_OTHER_LENGTH * np.sum(actual**2, axis=1)
     steps = np.round(length)
     longer, right = explained & (steps > 1.0), steps == 1.0
-    if longer.sum() < FEWEST_LONGER or right.mean() < ONE or np.median(np.abs(length - steps)[longer]) > WHOLE:
+    if longer.sum() < FEWEST_LONGER or right.mean() < RIGHT_STEPS:
+        return 0.0
+    if np.median(np.abs(length - steps)[longer]) > WHOLE_STEPS:
         return 0.0
     missing = float(np.sum(steps[longer] - 1.0) - np.sum(steps < 1.0))
     return max(missing / (missing + len(steps)), 0.0)

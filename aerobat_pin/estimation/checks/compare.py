@@ -14,7 +14,7 @@ from aerobat_pin.records import Agreement
 FOLLOWS = 0.8  # correlation from which one series is taken to follow the other
 CONFUSED = 0.5  # correlation below which one does not follow the other
 FACTOR_OFF = 0.1  # deviation of a factor from 1 that counts, if the factor explains most of the difference
-LOST = 5e-3  # share of samples that are missing under even stamps, from which it is said
+LOST_SHARE = 5e-3  # share of samples that are missing under even stamps, from which it is said
 LEAST_MOTION = 5e-4  # [rad, m] in a window: a column that moves less shows no factor
 SEEN_MOTION = 2e-3  # [rad, m] in a window: series that move less are not said to differ in kind
 UNIT_FACTORS = {  # second per first -> the slip that makes it
@@ -41,7 +41,7 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
     comparison = comparison_of(pair)
     if comparison is None:
         return
-    if pair.kind == "rates" and (missing := lost_samples(pair.first, pair.second, pair.time)) > LOST:
+    if pair.kind == "rates" and (missing := lost_samples(pair.first, pair.second, pair.time)) > LOST_SHARE:
         moves = f"{pair.names[0]} move{'s' if pair.names[0][-1] != 's' else ''} on as if {100.0 * missing:.2g} %"
         text = f"{moves} of the samples were lost under stamps that do not show it: write when each was taken"
         yield Finding(LOST_SAMPLES, "warning", text, missing, "1")

@@ -29,7 +29,7 @@ FEWEST_STRAIGHT = 20  # samples that can be told to be interpolated
 MOST_LOST = 0.6  # share of samples that another one with their stamp replaces, beyond which forces may be missed
 CLOCK_DELAY = 0.5e-3  # [s] between sensor's and recorder's stamps, or their scatter, that is worth a warning
 LARGEST_COMPARED = 500_000_000  # bytes of files that are compared
-DRIFT, APART = 5e-3, 5.0  # [s] by which a clock leaves the others over a log, and over its scatter at both ends
+DRIFT, OVER_SCATTER = 5e-3, 5.0  # [s] by which a clock leaves the others over a log, and over its scatter at both ends
 EMPTY = "leave its cells empty where there is no sample, or interpolate"
 CHANNEL_WORDS = {  # keys of channels -> what messages call them
     "base.position": "position",
@@ -123,7 +123,7 @@ def _drift(late: Array) -> float:
     n = max(len(late) // 10, 1)
     first, last = np.median(late[:n]), np.median(late[-n:])
     scatter = max(np.median(np.abs(late[:n] - first)), np.median(np.abs(late[-n:] - last)))
-    return float(last - first) if abs(last - first) > APART * scatter else 0.0
+    return float(last - first) if abs(last - first) > OVER_SCATTER * scatter else 0.0
 
 
 def _repeated(name: str, clock: Clock, count: int) -> Finding:
