@@ -135,7 +135,8 @@ def test_what_steady_motion_shows_to_be_right_is_not_off_by_a_factor(factor: flo
     """A sensor smooths a quick wobble of 3 mm of a robot that falls: a velocity 1 times what follows was warned of."""
     time = np.arange(1000) / 400.0
     place, pace = 0.003 * np.sin(40.0 * time), 0.12 * np.cos(40.0 * time)
-    series = ((0.3 * time + place)[:, None], factor * (0.3 + 0.6 * pace)[:, None])
+    noise = 0.02 * np.random.default_rng(0).standard_normal(len(time))
+    series = ((0.3 * time + place)[:, None], factor * (0.3 + 0.6 * pace + noise)[:, None])
     pair = Agreement("position", ("a", "b"), time, *series, "rates", ("along x",), "m", 0.01, "m")
     assert any(one.warns for one in agreement_findings(pair)) == wrong
 
