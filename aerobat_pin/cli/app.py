@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
+from typer.core import TyperGroup
 
 from aerobat_pin.cli.calibrate import calibrate_command, check_command
 from aerobat_pin.cli.console import doing, picture_files, print_version, write_results
@@ -37,11 +38,22 @@ from aerobat_pin.cli.urdf import urdf_command
 
 LONGEST_MESSAGE = 2000  # characters of an error message, which can quote a file
 
+
+class _Commands(TyperGroup):
+    """Commands of whose descriptions the help shows the whole first sentence."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, self.commands[name].get_short_help_str(1000)) for name in self.commands])
+
+
 app = typer.Typer(
     name="aerobat",
+    cls=_Commands,
     help="Fly Aerobat, and ask what is pushing on it.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # boxes around the help take half of its time
 )
 
 

@@ -44,9 +44,9 @@ def live_command(
         write_results(source.result, target, force=False)
         return str(target)
 
-    voice.rest()
     try:
-        serve_live(source, lambda address: typer.echo(f"live at {address} (Ctrl-C stops)"), save, port)
+        with voice.resting():
+            serve_live(source, lambda address: typer.echo(f"live at {address} (Ctrl-C stops)"), save, port)
     finally:
         source.close()
     typer.echo("stopped")
@@ -89,8 +89,8 @@ def node_command(
     chosen, learnt = load_map(map_file), None if calibration is None else read_calibration(calibration)
     with doing("starting the node"):
         node = ForceNode(chosen, map_file.absolute().parent, typer.echo, name, learnt, wait=wait)
-    voice.rest()
     typer.echo(f"/{name}: forces of {', '.join(node.estimator.observers)} on /{name}/<observer>/<point>/force")
-    node.spin()
+    with voice.resting():
+        node.spin()
     node.close()
     typer.echo(str(node.estimator.health))

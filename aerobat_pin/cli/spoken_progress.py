@@ -36,14 +36,9 @@ class Voice:
             self._last = now
             again = f", {now - self._begin:.0f} s" if self._said == self._doing else ""
             self._said = self._doing
-            with suppress(
-                OSError
-            ):  # past Python's buffers, whose lock a process that is forked meanwhile would inherit
+            # past Python's buffers, whose lock a process that is forked meanwhile would inherit
+            with suppress(OSError):
                 os.write(2, f"{self._doing}{again}\n".encode())
-
-    def rest(self) -> None:
-        """Say nothing until the next `speaking` begins."""
-        self._resting = True
 
     @contextmanager
     def resting(self) -> Iterator[None]:

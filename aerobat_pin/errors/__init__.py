@@ -3,7 +3,7 @@
 Only the standard library is imported, so that the command line can load this room before anything else.
 """
 
-from aerobat_pin.errors.ending import cleaned, end_on_signals, raising
+from aerobat_pin.errors.ending import cleaned, end_on_signals, raising, until_signal
 from aerobat_pin.errors.exceptions import (
     AerobatError,
     ArgumentError,
@@ -85,6 +85,7 @@ __all__ = [
     "plain_json",
     "raising",
     "replace_results",
+    "until_signal",
     "write_files",
     "write_text",
 ]

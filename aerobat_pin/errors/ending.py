@@ -77,6 +77,13 @@ def raising() -> Iterator[Callable[[], bool]]:
         _now.raising = False
 
 
+def until_signal(step: Callable[[], object]) -> None:
+    """Repeat a step until a signal comes, also one whose exception was lost in a callback. Ctrl-C returns."""
+    with suppress(KeyboardInterrupt), raising() as interrupted:
+        while not interrupted():
+            step()
+
+
 def written(path: Path) -> None:
     """Record that a file or folder was written, for the last line of an interrupted program."""
     _now.written.append(path)

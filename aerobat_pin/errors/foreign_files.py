@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aerobat_pin.errors.exceptions import LogError
+from aerobat_pin.errors.other_kinds import check_kind
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -43,6 +44,7 @@ def foreign_file(path: str | Path, name: str, largest: float = float("inf")) -> 
         raise LogError(f"{name}: {reason}")
     if (size := os.path.getsize(path)) > largest:
         raise LogError(f"{name}: {size} bytes: at most {largest} were expected")
+    check_kind(path, name)
     return Path(path)
 
 

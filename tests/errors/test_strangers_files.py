@@ -1,5 +1,6 @@
 """The door for files of strangers: each thing that it looks at, on both sides of its limit."""
 
+import gzip
 import os
 from pathlib import Path
 
@@ -20,6 +21,24 @@ UNREAD = (  # what public files of Sawyer, Jaco, Valkyrie, PR2, OpenManipulator 
     '<box size="0 0 0"/><sphere radius="0.0"/><material value="PR2/wheel"/><RefLink ref="link1"/>'
     '<gazebo><axis xyz="0 0 0"/><sensor:camera name="rgb"/></gazebo>'
 )
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("log.csv.gz", gzip.compress(b"time,q1\n"), "is gzip-compressed: unpack it first"),
+        ("log.nc", gzip.compress(b"time,q1\n"), "is gzip-compressed: unpack it first"),
+        ("log.mcap", gzip.compress(b"time,q1\n"), "is gzip-compressed: unpack it first"),
+        ("log.xlsx", b"PK\x03\x04\x14", "is a zip archive or a spreadsheet"),
+        ("log.parquet", b"PAR1\x15\x04", "is in the Parquet format: save it as CSV or NetCDF first"),
+        ("log.csv", "time,q1\n0,1\n".encode("utf-16"), "is text in UTF-16: save it as UTF-8 first"),
+    ],
+)
+def test_what_a_log_is_that_nothing_here_reads_is_said(tmp_path: Path, name: str, content: bytes, said: str) -> None:
+    """Whatever its name says, and by whatever reader."""
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(LogError, match=f"log .*{name}: .*{said}"):
+        read_columns(tmp_path / name, LogTable())
 
 
 def test_a_file_is_regular_and_not_too_large(tmp_path: Path) -> None:

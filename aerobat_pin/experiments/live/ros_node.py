@@ -18,14 +18,13 @@ import gc
 import importlib
 import re
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from aerobat_pin.errors import ExtraError, MapError, raising
+from aerobat_pin.errors import ExtraError, MapError, until_signal
 from aerobat_pin.estimation import Calibration, OnlineEstimator, OnlineSample
 from aerobat_pin.forces import ContactWatch, contact_probability
 from aerobat_pin.records import Map, stamp
@@ -92,9 +91,7 @@ class ForceNode:
         """Run until Ctrl-C, SIGTERM or SIGHUP."""
         gc.collect()
         gc.freeze()  # what stays need not be walked again: a tenth of a second, in which no message is heard
-        with suppress(KeyboardInterrupt), raising():
-            while True:  # `spin` of this executor does not let Python handle signals
-                self.turn(LOOK_PERIOD)
+        until_signal(lambda: self.turn(LOOK_PERIOD))  # `spin` of this executor does not let Python handle signals
 
     def turn(self, seconds: float) -> None:
         """Handle what comes next, within some time [s]."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -86,10 +86,6 @@ class Checkpoint:
         except OSError as error:
             raise OutputError(f"output {self.folder / FINISHED}: cannot be written: {error.strerror}") from error
         self.finished[number] = json.loads(outcome)
-
-    def write(self, tables: Mapping[str, bytes]) -> None:
-        """Write the results atomically: either all of them or none. Raises OutputError if they cannot be written."""
-        write_files({self.folder / name: content for name, content in tables.items()})
 
     def _remove_if_empty(self) -> None:
         """Remove the files of a sweep that has no finished run, so nothing to resume."""

@@ -16,7 +16,7 @@ from typing import Any
 
 import xarray as xr
 
-from aerobat_pin.errors import WorkersLostError
+from aerobat_pin.errors import WorkersLostError, write_files
 from aerobat_pin.estimation import versions
 from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Checkpoint
 from aerobat_pin.experiments.sweep.outcomes import outcome_of
@@ -204,5 +204,6 @@ def run_sweep(
             if progress is not None:
                 progress(len(checkpoint.finished), count, failed)
         grid = results_grid(sweep, checkpoint.finished)
-        checkpoint.write({GRID: netcdf_bytes(grid), TABLE: results_csv(sweep, checkpoint.finished).encode()})
+        table = results_csv(sweep, checkpoint.finished).encode()
+        write_files({checkpoint.folder / GRID: netcdf_bytes(grid), checkpoint.folder / TABLE: table})
     return grid

@@ -10,15 +10,16 @@ from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-from aerobat_pin.errors import OutputError, raising
+from aerobat_pin.errors import OutputError, until_signal
 
 LOCALHOST = "127.0.0.1"
 MOST_OPEN = 64  # connections: a further one closes the oldest, so that idle ones do not use up what a process may open
+WAKE_PERIOD = 0.5  # [s] after which it is seen at the latest that a signal came
 WAITING = 512  # connections that can wait to be accepted; further ones would be delayed by seconds
 
 
 class _Server(ThreadingHTTPServer):
-    daemon_threads, block_on_close, request_queue_size = True, False, WAITING
+    daemon_threads, block_on_close, request_queue_size, timeout = True, False, WAITING, WAKE_PERIOD
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
@@ -76,5 +77,4 @@ def serve(page: str, announce: Callable[[str], None], port: int = 0) -> None:
     with ready as server:
         hosts = [f"{name}:{server.server_address[1]}" for name in (LOCALHOST, "localhost")]
         announce(f"http://{hosts[0]}/")
-        with suppress(KeyboardInterrupt), raising():
-            server.serve_forever()
+        until_signal(server.handle_request)
