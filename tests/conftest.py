@@ -28,11 +28,13 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # the hundreds of programs that
 sys.dont_write_bytecode = False
 
 LONGEST = (  # ten seconds of processor time and more
-    "docs types sweep_interrupted bad_inputs tutorials site play screens files calibration changed_robot bad_logs "
-    "house wheel recordings estimate_recordings strange_arm planted_mistakes changed_model moving_page replay "
-    "flights gains live_page stream map_calibration calibrate simulated_elsewhere crank_page map_joints "
-    "raw_sensors contradictions ros_node jit events cli shipped_scenarios kalman mistakes estimate legs pages "
-    "lattice_cases closed_loop locate observer_kernels"
+    "site tutorials types estimate_recordings play strange_arm bad_inputs closed_loop misread_known calibration "
+    "explained_efforts sweep_interrupted screens planted_mistakes flying_arm wheel changed_robot calibrate "
+    "map_calibration files stream shipped_scenarios house moving_page flights replay raw_sensors live_page "
+    "linkage_sheet recordings ros_node simulated_elsewhere jit cli crank_page humanoid gains free_records docs tables "
+    "legs locate links bad_logs pages netcdf_library mistakes other_plant live kalman sensed sweep mismatch "
+    "named_robots misread_limbs map_joints events logs_as_left contradictions estimate changed_model "
+    "lattice_cases flapping_wing robot_air_flow wake kernel_state"
 ).split()
 
 settings.register_profile("untimed", deadline=None)  # a busy machine is no failure

@@ -159,14 +159,18 @@ def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest
 
 
 def test_trim_writes_a_scenario_that_flies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Standard output alone is the scenario; with --out it is a file, here of a second search from there."""
-    assert call("trim", "paper_open_loop", "--set", "crank.frequency=6.8") == 0
+    """Standard output alone is the scenario; with --out it is a file, here of a second search from there.
+
+    Of few strips and steps, which is fast; `tests/flight/test_flights.py` holds the trim of the shipped flight.
+    """
+    coarse = ["--set", "simulation.dt=2e-3", "--set", "air.strips=4"]
+    assert call("trim", "paper_open_loop", "--set", "crank.frequency=6.8", *coarse) == 0
     printed = capsys.readouterr()
-    assert printed.err.startswith("from a first guess of 6.8 Hz: 6.501 Hz, wing offset -83.75 mm")
+    assert printed.err.startswith("from a first guess of 6.8 Hz: 6.958 Hz, wing offset -87.28 mm")
     assert "doubles in" in printed.err
     (tmp_path / "found.toml").write_text(printed.out)
     assert call("trim", str(tmp_path / "found.toml"), "--force", "--out", str(tmp_path / "found.toml")) == 0
-    assert "6.501 Hz, wing offset -83.75 mm" in capsys.readouterr().out
+    assert "6.958 Hz, wing offset -87.28 mm" in capsys.readouterr().out
     out = str(tmp_path / "run")
     short = ["--set", "simulation.duration=0.02"]
     assert call("run", str(tmp_path / "found.toml"), "--out", out, "--no-report", *short) == 0
