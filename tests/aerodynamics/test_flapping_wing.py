@@ -274,7 +274,6 @@ def test_any_motion_gives_finite_loads(motion: Callable[[float], Halves]) -> Non
     ],
 )
 def test_a_flight_that_cannot_be_is_refused(change: dict[str, Any], message: str) -> None:
-    """Errors name the argument or the instant."""
     given: dict[str, Any] = {"motion": Stroke(4.0, 0.1), "time": [0.0, 0.1], **change}
     motion, time = given.pop("motion"), given.pop("time")
     with pytest.raises(ShapeError, match=message):

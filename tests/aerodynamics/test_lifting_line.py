@@ -218,7 +218,6 @@ def test_a_wing_that_cannot_be_is_refused(span: float, chord: Any, options: dict
     ],
 )
 def test_a_question_that_cannot_be_is_refused(call: Any, message: str) -> None:
-    """Negative airspeed, NaN and odd shapes, by name."""
     with pytest.raises(ShapeError, match=message):
         call(rectangle(4.0))
 

@@ -64,7 +64,6 @@ def test_this_installation_is_healthy() -> None:
 
 
 def test_a_finding_prints_its_advice_only_when_it_is_needed() -> None:
-    """One line if well, two if not."""
     assert str(Verified("numpy", True, "2.4", "pip install numpy")) == "ok   numpy: 2.4"
     assert str(Verified("numpy", False, "1.0", "pip install numpy")) == "BAD  numpy: 1.0\n  -> pip install numpy"
 
@@ -206,13 +205,11 @@ def test_a_requirement_that_is_missing_or_old_is_named(monkeypatch: pytest.Monke
 
 
 def test_a_python_that_is_not_supported_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By the project's own metadata."""
     monkeypatch.setattr("platform.python_version", lambda: "3.10.4")
     assert not found()["python"].ok
 
 
 def test_a_platform_without_wheels_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An old glibc, another libc, another system."""
     for libc in (("glibc", "2.17"), ("", "")):
         monkeypatch.setattr("platform.libc_ver", lambda libc=libc: libc)
         assert not found()["platform"].ok

@@ -157,7 +157,6 @@ def test_a_missing_extra_is_told_before_anything_is_read(
 
 
 def test_a_simulated_flight_becomes_mcap(paper_folder: Path, tmp_path: Path) -> None:
-    """With true forces beside the estimates."""
     highlevel = pytest.importorskip("rosbags.highlevel")
     assert call("convert", str(paper_folder), "--out", str(tmp_path / "paper.mcap")) == 0
     with highlevel.AnyReader([tmp_path / "paper.mcap"]) as reader:
@@ -165,7 +164,6 @@ def test_a_simulated_flight_becomes_mcap(paper_folder: Path, tmp_path: Path) -> 
 
 
 def test_the_map_is_described(capsys: pytest.CaptureFixture[str]) -> None:
-    """Every table with its keys."""
     assert call("describe", "map") == 0
     said = capsys.readouterr().out
     assert "[joints.friction]" in said

@@ -169,7 +169,6 @@ def test_two_runs_stand_side_by_side(here: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
-    """The package's own."""
     assert call("--version") == 0
     assert capsys.readouterr().out == f"aerobat {aerobat_pin.__version__}\n"
 
@@ -245,7 +244,6 @@ def test_every_command_that_writes_has_the_same_out_and_force() -> None:
 
 
 def test_a_port_that_is_taken_is_one_message(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """`play --port`: which port, and why not."""
     from aerobat_pin.errors import OutputError
     from aerobat_pin.visualization import serve
 

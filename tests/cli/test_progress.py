@@ -78,7 +78,6 @@ def test_kernels_that_are_left_are_counted() -> None:
 
 
 def test_each_observer_is_a_stage_of_its_own() -> None:
-    """Named; shares begin at zero and stay below one."""
     seen: list[tuple[str, float]] = []
     scenario = load_scenario("paper", [*SHORT, 'observers.names=["momentum", "kalman", "smoother"]'])
     run(scenario, lambda label, share: seen.append((label, share)))

@@ -145,7 +145,6 @@ def test_too_weak_thrusters_are_announced_before_the_flight() -> None:
 
 
 def test_a_scenario_without_a_table_control_has_no_controller() -> None:
-    """And `simulate` says what is missing."""
     with pytest.raises(ScenarioError, match="no table control"):
         Controller(load_scenario("paper"))
     with pytest.raises(ScenarioError, match="has a table control, but no pilot was given"):

@@ -66,7 +66,6 @@ def test_bars_meet_their_neighbours_at_every_pin(name: str) -> None:
 
 @ROBOTS
 def test_the_right_bars_mirror_the_left_ones(name: str) -> None:
-    """Exactly, in the body's x-z plane."""
     mirror = np.diag([1.0, -1.0, 1.0])
     placed = bar_placements(robot(name), 1.2)
     for bar in CLOSING:
@@ -76,7 +75,6 @@ def test_the_right_bars_mirror_the_left_ones(name: str) -> None:
 
 
 def test_a_crank_angle_that_is_no_number_is_refused() -> None:
-    """As the linkage itself refuses it."""
     with pytest.raises(ShapeError, match="finite"):
         bar_placements(robot("aerobat"), float("nan"))
 

@@ -57,7 +57,6 @@ def test_a_thruster_does_not_take_the_name_of_anything_else(name: str) -> None:
     ],
 )
 def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message: str) -> None:
-    """Their fixed joints are named too."""
     with pytest.raises(MorphologyError, match=message):
         Morphology.load("aerobat", {"thrusters": [thruster(name) for name in names]})
     load_aerobat("aerobat", {"thrusters": [thruster("a"), thruster("b")]})

@@ -42,7 +42,6 @@ def test_sizes_postures_and_colours_are_those_that_the_page_states(name: str) ->
 
 
 def test_every_test_that_the_page_names_is_there() -> None:
-    """Files of this folder, and functions in them."""
     page, folder = (ROOT / "docs" / "upstream.md").read_text("utf-8"), Path(__file__).parent
     named = set(re.findall(r"`(test_\w+\.py)`", page))
     assert {name for name in named if not (folder / name).is_file()} == set()

@@ -78,8 +78,6 @@ def test_a_link_to_a_folder_is_not_followed(target: Path) -> None:
 def test_where_the_file_system_cannot_exchange_folders_a_warning_says_so(
     number: int, target: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The files are then replaced one by one."""
-
     def refuse(*_: object) -> None:
         raise OSError(number, os.strerror(number))
 

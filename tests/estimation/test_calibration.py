@@ -310,7 +310,6 @@ def test_a_forged_file_is_refused(damage: Callable[[xr.Dataset], xr.Dataset], me
 
 
 def test_names_and_short_flights_are_refused() -> None:
-    """Each message says what was expected."""
     free = free_flight(QUASI_STEADY)
     record = free.record()
     with pytest.raises(CalibrationError, match="parameters has 'luck': of mass"):

@@ -131,7 +131,6 @@ def test_trains_of_contacts_are_counted_with_their_spacing() -> None:
 
 
 def test_a_robot_knows_no_causes_unless_it_says_so() -> None:
-    """A plain robot names none."""
     free = free_flight(QUASI_STEADY)
     assert PlainRobot.suspects(free.plugged()) == {}
     assert set(free.plugged().suspects()) == {"crank_zero", "air_density", "compliance", "payload"}

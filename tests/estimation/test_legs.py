@@ -212,7 +212,6 @@ def test_a_base_by_its_imu_is_one_topic(folder: Path) -> None:
 
 
 def test_the_results_show_the_gait(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """metrics.json, a figure and the report."""
     monkeypatch.chdir(folder)
     Path("map.toml").write_text(tomli_w.dumps(mapped(folder, "joints")))
     assert call("estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0

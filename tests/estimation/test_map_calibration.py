@@ -296,7 +296,6 @@ def test_a_model_that_nothing_can_check_says_why(points: list[str], why: str, fo
 def test_what_cannot_be_learnt_or_used_is_refused(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Each with its reason."""
     monkeypatch.chdir(folder)
     learnt = calibrated(folder, "free", arm_map())
 

@@ -215,7 +215,6 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
 
 @pytest.mark.parametrize("name", WRONG)
 def test_a_map_that_cannot_be_meant_is_refused(name: str, folder: Path) -> None:
-    """Each with the key and what was expected."""
     change, expected = WRONG[name]
     with pytest.raises(AerobatError, match=expected):
         recorded(folder / "joints.csv", changed(**change))

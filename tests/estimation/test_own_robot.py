@@ -62,7 +62,6 @@ def test_observers_by_name_and_of_ones_own_run_side_by_side(flights: tuple[Recor
 
 
 def test_parameters_of_the_robot_change_what_it_knows(example: ModuleType, flights: tuple[Record, Record]) -> None:
-    """Twice the drag is twice the force."""
     record = flights[1]
     block = record.block(*record.parts[0])
     one = record.robot.known(block)["rotor drag"]

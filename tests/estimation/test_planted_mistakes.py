@@ -252,7 +252,6 @@ MISTAKES: dict[str, Mistakes] = {
 
 @pytest.mark.parametrize("robot", MISTAKES)
 def test_a_good_log_causes_no_warning(robot: str, records: dict[str, Record]) -> None:
-    """Neither samples nor motion nor efforts."""
     assert warned(records[robot]) == []
 
 
@@ -286,7 +285,6 @@ def test_noise_of_the_efforts_is_no_mistake(robot: str, noise: float, records: d
 @pytest.mark.parametrize(("noise", "friction"), LOUD)
 @pytest.mark.parametrize("robot", ["arm almost at rest", "arm", "quadruped"])
 def test_reversed_efforts_are_named(robot: str, noise: float, friction: float, records: dict[str, Record]) -> None:
-    """One, two and all of them, and nothing else."""
     record, loud = records[robot], together(rubbing(friction), noisy(noise))
     for columns in ((1,), (0, 1)):
         found = warned(planted(record, together(loud, times(EFFORTS, -1.0, *columns))))

@@ -306,7 +306,6 @@ def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight()
 
 
 def test_without_torque_the_split_between_the_wings_is_refused() -> None:
-    """The sum is given, and a warning says so."""
     scenario = load_scenario("raw_sensors", ["observers.torque=none", 'observers.names=["smoother"]', *SHORT])
     observers = scenario.observers.model_copy(update={"raw": GIVEN})
     scenario = scenario.model_copy(update={"observers": observers})
@@ -336,7 +335,6 @@ def test_what_raw_samples_do_not_allow_is_refused_in_a_line() -> None:
 
 
 def test_the_series_closes_the_linkage_as_the_dyads_do() -> None:
-    """Angles to 1e-13, second derivatives to 1e-10."""
     _, robot = flight()
     angle = np.linspace(-1.0, 7.0, 40)
     one, other = robot.linkage.solve(angle, 3.0, 5.0), SeriesSculpture(robot.linkage).solve(angle, 3.0, 5.0)

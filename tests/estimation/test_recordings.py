@@ -214,7 +214,6 @@ def test_a_wrong_map_or_log_is_refused_or_named(name: str, folder: Path) -> None
 
 
 def test_a_file_under_two_names_is_named(folder: Path) -> None:
-    """The same bytes beside the log."""
     for name in ("walk.csv", "other.csv"):
         table(walk()).to_csv(folder / name, index=False)
     found = estimated(folder / "walk.csv", table_map(folder / "quadruped.urdf"))
@@ -332,7 +331,6 @@ def test_a_comparison_finds_factor_and_lag() -> None:
 
 
 def test_every_key_of_a_map_is_described() -> None:
-    """Its tables and its units."""
     text = describe_map()
     for key in ("[base.quaternion]", "body_to_world", "torque_per_unit", "[known.supply]", "trim", "from "):
         assert key in text

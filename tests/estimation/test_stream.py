@@ -346,7 +346,6 @@ def test_thousands_of_random_faults_neither_raise_nor_fill_memory(folder: Path) 
 
 
 def test_what_a_stream_cannot_do_is_refused_with_its_reason(folder: Path) -> None:
-    """A smoother, a wait of seconds."""
     with pytest.raises(MapError, match="smoother corrects every estimate by what comes later"):
         OnlineEstimator(mapped(folder, observer={"names": ["smoother"]}), folder)
     with pytest.raises(MapError, match=r"wait = 2\.0: at least 0 s and less than 1 s"):

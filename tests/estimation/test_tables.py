@@ -181,7 +181,6 @@ def test_a_header_may_state_units(tmp_path: Path) -> None:
 
 
 def test_an_optional_channel_is_there_or_not(tmp_path: Path) -> None:
-    """Half of it is refused by name."""
     check = {"specific_force": {"columns": ["ax", "ay", "az"], "optional": True}}
     header = "t,x,y,z,qx,qy,qz,qw"
     assert "check.specific_force" not in opened(f"{header}\n{rows()}", tmp_path, check=check).channels

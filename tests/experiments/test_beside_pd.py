@@ -28,5 +28,4 @@ def test_a_closed_loop_says_how_far_off_it_was_and_pd_alone() -> None:
 
 
 def test_a_flight_without_a_controller_is_left_as_it_is(paper: Experiment) -> None:
-    """Nothing is flown again."""
     assert beside_pd(paper) is paper

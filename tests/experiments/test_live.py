@@ -83,7 +83,6 @@ def test_every_observer_lives(hovering: LiveFlight, observer: str) -> None:
 
 
 def test_a_robot_that_is_lost_begins_again() -> None:
-    """Ten times its weight at a wing."""
     live = LiveFlight(load_scenario("hover_closed_loop", ["air.strips=4"]))
     live.limit = 10.0
     live.change({"force": [[0.0, 0.0, 9.0], [0.0, 0.0, 0.0]]})
@@ -137,7 +136,6 @@ def test_what_stood_is_a_recording(tmp_path: Path) -> None:
 
 
 def test_a_recording_lives_as_the_batch_has_it(tmp_path: Path) -> None:
-    """Sample by sample within 1e-9 N."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
     values = copy.deepcopy(table_map(tmp_path / "quadruped.urdf"))
     values |= {"log": {"time": {"column": "t"}}, "check": {}}

@@ -276,7 +276,6 @@ def test_a_fault_of_ours_in_one_run_does_not_stop_the_rest(monkeypatch: pytest.M
 
 
 def test_where_all_runs_fail_the_exit_code_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The tables are there, with the reasons."""
     path = written(tmp_path, SHORT + BROKEN.replace(", 6.71e-3", ""))
     assert call("sweep", str(path), "--out", str(tmp_path / "out"), "--jobs", "1") == 2
     printed = capsys.readouterr()
@@ -285,7 +284,6 @@ def test_where_all_runs_fail_the_exit_code_says_so(tmp_path: Path, capsys: pytes
 
 
 def test_a_cluster_that_is_not_there_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """It names the address and what was expected."""
     from aerobat_pin.experiments.sweep import run_sweep as workers
 
     monkeypatch.setattr(workers, "CONNECT", 0.3)
@@ -296,7 +294,6 @@ def test_a_cluster_that_is_not_there_is_an_error(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("name", ["morphology", "gain_noise", "model_error", "sample_rate", "sensor_noise"])
 def test_a_shipped_sweep_is_listed_and_every_run_of_it_is_a_scenario(name: str) -> None:
-    """With a description; all runs parse."""
     assert shipped_sweeps()[name]
     sweep = load_sweep(name)
     assert sweep.file.name == name

@@ -185,7 +185,6 @@ def test_a_killed_worker_costs_nothing_but_time(file: Path, uninterrupted: Path,
 def test_a_cluster_survives_the_death_of_a_worker(
     file: Path, uninterrupted: Path, cluster: LocalCluster, tmp_path: Path
 ) -> None:
-    """One of two workers is killed in the middle."""
     pids = [worker.pid for worker in cluster.workers.values()]
 
     def progress(finished: int, count: int, failed: int) -> None:

@@ -98,7 +98,6 @@ def test_a_log_made_in_python_may_leave_out_labels_and_units(log: FlightLog, tmp
 def test_a_message_names_channel_sample_and_what_was_expected(
     change: object, message: str, log: FlightLog, tmp_path: Path
 ) -> None:
-    """In one line, after the name of the file."""
     measured = log.measured.copy(deep=True)
     change(measured)  # type: ignore[operator]
     measured.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")

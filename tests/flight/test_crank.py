@@ -35,7 +35,6 @@ DRIVES: dict[str, CrankDrive] = {
 
 @pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)
 def test_the_rate_is_the_angles_derivative_and_the_acceleration_the_rates(drive: CrankDrive) -> None:
-    """Against central differences."""
     h = 1e-5
     time = np.concatenate([np.linspace(-0.1, -0.01, 10), np.linspace(0.01, 0.9, 200)])
     here = CrankMotion(*drive(time))
@@ -152,7 +151,6 @@ def test_joints_and_log_follow_the_drive(drive: str) -> None:
 
 
 def test_a_function_that_says_what_the_scenario_says_flies_the_same_flight() -> None:
-    """To the last bit, warm-up included."""
     chosen = scenario("constant")
     default = simulate(chosen)
     own = simulate(chosen, drive=ConstantRate(np.radians(-90.0), 2.0 * np.pi * 4.75))

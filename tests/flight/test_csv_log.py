@@ -87,7 +87,6 @@ def changed(row: int, column: int, value: object) -> list[list[float]]:
 def test_what_is_not_a_flight_is_refused_in_one_message(
     tmp_path: Path, header: list[str], rows: list[list[float]], message: str
 ) -> None:
-    """File, line and column, and what was expected."""
     file = write(tmp_path / "hall.csv", header, rows)
     with pytest.raises(LogError, match=f"hall.csv.*{message}"):
         read_log(file)
@@ -116,7 +115,6 @@ def test_a_quote_that_does_not_end_is_refused(tmp_path: Path) -> None:
 
 
 def test_lines_are_counted_as_an_editor_does(tmp_path: Path) -> None:
-    """Header and empty lines too."""
     file = write(tmp_path / "hall.csv", HEADER, changed(4, 1, "far"))
     file.write_text("\n" + file.read_text().replace("\n", "\n\n", 3))
     wrong = next(k for k, line in enumerate(file.read_text().splitlines(), start=1) if "far" in line)

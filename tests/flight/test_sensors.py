@@ -48,7 +48,6 @@ def test_a_random_walk_spreads_with_the_root_of_time_at_any_rate(dt: float, rate
 
 
 def test_a_bias_is_added_to_every_sample() -> None:
-    """One number for all axes, or one each."""
     true = np.random.default_rng(1).normal(size=(20, 2))
     np.testing.assert_allclose(shown(true, bias=0.5), true + 0.5)
     np.testing.assert_allclose(shown(true, bias=[0.5, -1.0]), true + np.array([0.5, -1.0]))

@@ -108,7 +108,6 @@ def test_steps_that_cannot_be_flown_are_refused_in_a_line() -> None:
 
 
 def test_a_step_that_diverges_says_so_and_keeps_the_flight() -> None:
-    """A wrench of 10 kN tears the robot away."""
     plant = plant_of("paper")
     plant.start()
     plant.step()

@@ -292,6 +292,5 @@ def test_a_pose_far_from_the_singular_one_does_not_warn_yet() -> None:
 
 
 def test_loading_a_robot_warns_of_a_nearly_singular_linkage() -> None:
-    """The robot checks its linkage when it is made."""
     with pytest.warns(NearSingularWarning, match="nearly singular at J7"):
         load_aerobat("aerobat", {"linkage": {"L5a": 0.8 * BARS.L5a}})

@@ -33,7 +33,6 @@ def views_of(data: pin.Data) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_views_share_memory_with_pinocchio_and_change_with_it(name: str) -> None:
-    """Placements, velocities, and matrices by address."""
     model, _ = MODELS[name]
     data, rng = model.createData(), np.random.default_rng(6)
     oMi, liMi, v = views_of(data)

@@ -137,7 +137,6 @@ def test_one_compilation_serves_all_sizes() -> None:
 
 
 def test_states_work_as_plain_python_too() -> None:
-    """With numba's compiler off."""
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         pytest.skip("it is off")
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__]

@@ -235,7 +235,6 @@ def test_moments_and_directions_have_standard_deviations_of_their_own() -> None:
 
 
 def test_settings_that_make_no_sense_are_refused() -> None:
-    """Each by its name, with what was expected."""
     model, frames = MODELS["aerobat"]
     for settings, words in (
         ({"gain": np.ones(6)}, "takes one number"),

@@ -150,7 +150,6 @@ def test_a_couple_is_not_a_pure_force_and_has_no_line(robot: Aerobat) -> None:
 
 
 def test_nothing_can_be_said_without_a_force(robot: Aerobat) -> None:
-    """Zero, and noise alone: said so, with no number."""
     for wrench in (np.zeros(6), NOISE @ np.random.default_rng(3).normal(size=6)):
         line = locate(wrench, COVARIANCE)
         assert line.verdict == "nothing can be said"

@@ -93,5 +93,4 @@ def test_every_path_and_name_of_the_map_is_there() -> None:
     ],
 )
 def test_a_map_that_is_wrong_is_found_out(text: str, complaint: str | None) -> None:
-    """In backticks, in running text and in drawings."""
     assert missing(text) == ([] if complaint is None else [complaint])

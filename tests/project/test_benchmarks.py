@@ -24,7 +24,6 @@ def importable(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.parametrize("name", ["bench.py", "extras.py", "other_tools.py", "same_numbers.py"])
 def test_a_benchmark_starts(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """All that it imports is there."""
     monkeypatch.setattr(sys, "argv", [name, "--help"])
     with pytest.raises(SystemExit, match=r"^0$"):
         runpy.run_path(str(BENCHMARKS / name), run_name="__main__")

@@ -124,7 +124,6 @@ def test_the_quadrupeds_log_gives_the_force_on_every_foot(here: Path) -> None:
 
 @pytest.mark.parametrize("name", OBSERVERS)
 def test_every_observer_has_a_row_in_the_table(name: str) -> None:
-    """By its name, once."""
     assert len(re.findall(rf"^\| `{name}` \|", PAGE, re.MULTILINE)) == 1
 
 
@@ -201,7 +200,6 @@ def test_a_page_says_what_its_script_finds(name: str, monkeypatch: pytest.Monkey
 
 
 def test_a_page_that_was_changed_by_hand_is_found_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Exit code 1, page and value named, and no other."""
     (tmp_path / "page.md").write_text("<!-- a -->1<!-- /a --> and\n<!-- b -->\n| 2 |\n<!-- /b -->\n")
     monkeypatch.setattr(sys, "argv", ["script.py", "--check", str(tmp_path)])
     run(dict, lambda: {"page.md": {"a": "1", "b": "| 2 |"}})

@@ -63,7 +63,6 @@ def is_command(node: ast.stmt) -> bool:
 
 
 def test_the_top_of_the_package_fits_on_a_screen() -> None:
-    """At most eighteen entries."""
     assert len([path for path in PIN.iterdir() if path.name != "__pycache__"]) <= 18
 
 
@@ -76,7 +75,6 @@ def test_a_room_says_in_one_sentence_what_it_is_for(room: Path) -> None:
 
 
 def test_no_file_is_long() -> None:
-    """At most 330 lines."""
     lines = {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in MODULES.items()}
     assert {name: count for name, count in lines.items() if count > 330} == {}
 

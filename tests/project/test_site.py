@@ -91,7 +91,6 @@ def test_every_link_of_the_site_leads_somewhere(pages: dict[Path, Page]) -> None
 
 
 def test_a_page_loads_nothing_from_elsewhere(pages: dict[Path, Page]) -> None:
-    """Scripts, styles and pictures lie beside it."""
     for path, page in pages.items():
         for address in page.loaded:
             assert "//" not in address, f"{path.name} loads {address}"
@@ -109,7 +108,6 @@ def test_every_public_name_of_a_room_has_an_entry(door: str, site: Path, pages: 
 
 
 def test_the_names_of_the_front_door_are_listed(pages: dict[Path, Page], site: Path) -> None:
-    """Each leads to the entry in its room."""
     listed = {link.rpartition(".")[2] for link in pages[site / "api" / "names.html"].links}
     assert set(aerobat_pin.__all__) - {"__version__"} - listed == set()
 

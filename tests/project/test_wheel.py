@@ -233,7 +233,6 @@ def test_every_requirement_has_a_lower_bound_that_is_tried() -> None:
 
 
 def test_the_citation_is_of_this_version_and_names_the_paper() -> None:
-    """Version, licence, authors and identifiers."""
     text = (ROOT / "CITATION.cff").read_text("utf-8")
     for part in (f"version: {PROJECT['version']}", "license: BSD-2-Clause", "doi: 10.48550/arXiv.2411.11218"):
         assert part in text

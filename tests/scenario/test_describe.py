@@ -120,7 +120,6 @@ def test_the_text_names_every_key_of_every_section_under_its_table(capsys: pytes
     ],
 )
 def test_a_key_is_told_with_type_bounds_unit_and_default(lines: str) -> None:
-    """As the sections have them."""
     assert lines in describe_scenario()
 
 
@@ -154,7 +153,6 @@ def test_the_table_of_an_observer_has_its_arguments_and_their_defaults(name: str
 
 
 def test_every_observer_that_takes_settings_has_a_table() -> None:
-    """And no other."""
     for name, kind in OBSERVERS.items():
         keywords = [
             one for one in inspect.signature(kind).parameters.values() if one.kind is inspect.Parameter.KEYWORD_ONLY

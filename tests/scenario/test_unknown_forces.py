@@ -99,7 +99,6 @@ def series(path: Path, text: str = "time [s], force [N], other\n0.1, 0.0, 1\n0.2
 
 
 def test_a_recorded_series_is_straight_between_its_samples_and_nothing_outside(tmp_path: Path) -> None:
-    """Against the polygon, integrated finely."""
     file = series(tmp_path / "push.csv")
     fine = np.linspace(0.0, 0.8, 80_001)
     middle = 0.5 * (fine[1:] + fine[:-1])

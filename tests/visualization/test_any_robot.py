@@ -101,7 +101,6 @@ def test_a_texture_pulls_no_file_into_the_page(texture: str, folder: Path) -> No
 
 
 def test_a_texture_of_the_robots_own_is_drawn(folder: Path) -> None:
-    """The page holds the picture."""
     (folder / "meshes" / "bar.dae").write_text(COLLADA.format("bar.png"))
     (folder / "arm.urdf").write_text(ARM.replace(SHAPE, '<mesh filename="meshes/bar.dae"/>'))
     recording = replay_table(folder / "motion.csv", folder / "arm.urdf")

@@ -151,7 +151,6 @@ def test_it_can_be_used_on_a_telephone(page_file: Path, browser: Any) -> None:
 
 @pytest.mark.parametrize("name", ["aerobat_guard", "aerobat_light"])
 def test_every_robot_has_its_page(name: str) -> None:
-    """Under 1.3 MB, with its own parts."""
     page = crank_page(Morphology.load(name))
     assert f"{name}: turn the crank" in page
     assert len(page) < 1.3e6

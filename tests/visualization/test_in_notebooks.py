@@ -32,7 +32,6 @@ def test_a_robot_moves_in_its_frame(browser: Any, tmp_path: Path) -> None:
 
 
 def test_a_flight_shows_its_scores_and_its_replay(paper: Experiment) -> None:
-    """One under the other."""
     text = paper._repr_html_()
     assert text.index("<table") < text.index("<iframe")
     assert "79 % thruster-borne" in frame(paper)

@@ -85,7 +85,6 @@ def test_a_bars_name_stands_on_the_bar_of_its_lengths() -> None:
 
 
 def test_the_same_linkage_gives_the_same_files() -> None:
-    """Byte for byte in every kind."""
     for kind, begin in (("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")):
         first, second = (style.render_figure(linkage_sheet.draw_linkage(LINKAGE), kind) for _ in range(2))
         assert first == second

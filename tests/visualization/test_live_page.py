@@ -219,7 +219,6 @@ def test_what_lives_is_what_the_words_name(monkeypatch: pytest.MonkeyPatch, tmp_
 
 
 def test_without_tornado_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One line that names the extra."""
     monkeypatch.setitem(__import__("sys").modules, "tornado.web", None)
     with pytest.raises(ExtraError, match=r"aerobat-pinocchio\[live\]"):
         serve_live(LiveRobot("double_pendulum"), print, lambda: "")

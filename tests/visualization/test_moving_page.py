@@ -49,7 +49,6 @@ def test_the_page_about_replays_does_what_it_says() -> None:
 
 
 def test_the_pictures_of_the_page_are_small() -> None:
-    """Below 150 kB each."""
     pictures = list((DOCS / "figures" / "replay").iterdir())
     assert len(pictures) == 4
     assert all(path.stat().st_size < 150_000 for path in pictures)

@@ -107,7 +107,6 @@ def test_a_page_is_served_at_its_own_address_only_and_beside_300_idle_connection
 
 
 def test_importing_opens_no_port_and_writes_no_file(tmp_path: Path) -> None:
-    """Neither the command nor what it calls."""
     modules = "any_robot, moving_page, flight_replay, scene, serve, snapshots"
     code = f"""
 import os
