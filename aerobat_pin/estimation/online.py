@@ -293,6 +293,7 @@ class OnlineEstimator:
                 deviation = deviation.copy()
                 raise_to_noise(components, recent, deviation)
                 add_lag_of_filter(components, kept, behind, deviation)
+                deviation = np.hypot(deviation, observer.expected.shared)
             if deviation is not None and self._tilt > 0.0:
                 deviation = with_tilt(components, deviation, self._tilt)
             times = epoch + end - dt, epoch + end

@@ -118,8 +118,7 @@ from .scores import point_label as point_label
 from .scores import quantity as quantity
 from .scores import r_squared as r_squared
 from .scores import short_label as short_label
-from .shared_error import beside_forces as beside_forces
-from .shared_error import in_own_rows as in_own_rows
+from .shared_error import shared_error as shared_error
 from .stored_estimate import ROWS_READ as ROWS_READ
 from .stored_estimate import TIME_CONSTANTS_TO_SETTLE as TIME_CONSTANTS_TO_SETTLE
 from .stored_estimate import StoredEstimate as StoredEstimate

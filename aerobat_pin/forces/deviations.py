@@ -51,14 +51,14 @@ def rows_as_components(estimate: Estimate, observer: Observer, v: Array, expecte
 
 
 def with_expected(estimate: Estimate, observer: Observer, expected: Expected) -> Estimate:
-    """Return an estimate with what it shows of an expected force; its deviation then contains its noise and its lag."""
+    """Return an estimate with what it shows of an expected force; its deviation has noise, lag and shared errors."""
     deviation = estimate.standard_deviation
     if deviation is None:
         return estimate
     whole = replace(estimate, expected_force=expected.force, seen=expected.seen(deviation))
     deviation = np.maximum(deviation, recent_noise(estimate.components))
     lag = lag_of_filter(estimate.components, np.diff(estimate.time), float(np.min(observer.gain)), deviation)
-    return replace(whole, standard_deviation=np.hypot(deviation, lag))
+    return replace(whole, standard_deviation=np.sqrt(deviation**2 + lag**2 + np.square(expected.shared)))
 
 
 def with_belief_error(estimate: Estimate, deviation: Array | None) -> Estimate:

@@ -33,7 +33,7 @@ from aerobat_pin.forces.instants import Instants, column_rms, looked_at
 from aerobat_pin.forces.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
 from aerobat_pin.forces.leverage import spare_share
 from aerobat_pin.forces.run_observers import ignored_rows, inputs_between, points_of
-from aerobat_pin.forces.shared_error import in_own_rows, shared_error
+from aerobat_pin.forces.shared_error import shared_error
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected, JointFriction, as_others_rub, effort_limits, rotation_matrices, row_names
 
@@ -75,22 +75,9 @@ def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None
     assert law is not None
     b = np.stack([law.coulomb, law.viscous, law.inertia, found.scale - 1.0])[:, -n:]
     smooth = instants.without(b)
-    forces, expected = replace(forces, values=found), expected_of(record, smooth, found)
-    if not record.robot.free:
-        shared = _shared(smooth, expected)
-        expected = replace(expected, row_error=np.hypot(expected.row_error, shared))
-        forces = replace(forces, shared=shared)
-    return forces, expected, instants
-
-
-def _shared(instants: Instants, expected: Expected) -> Array:
-    """Return the rms (nv,) of the error that each row shares with all others, at instants without friction."""
-    some, kept, at, shared = instants.weighed, instants.kept, instants.at, np.zeros(instants.rows.shape[1])
-    R = expected.doubt * expected.row_deviation(instants.v[some])[:, kept] ** 2
-    friction = in_own_rows(instants.columns[:2, some][..., at], at, len(kept))
-    SJ = expected.force[:, None] * instants.jacobians[some][..., kept]
-    shared[kept] = shared_error(instants.rows[some][:, kept], friction, instants.around[0, some], SJ, R)
-    return shared
+    expected = expected_of(record, smooth, found)
+    shared = shared_error(record.robot.model, instants, expected).deviation
+    return replace(forces, values=found), replace(expected, shared=shared), instants
 
 
 def _found(forces: KnownForces, instants: Instants, expected: Expected) -> FittedValues | None:

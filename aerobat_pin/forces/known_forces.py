@@ -114,8 +114,6 @@ class KnownForces:
         tare: name of a wrench -> mean (k,) that is taken off.
         series: what a calibration found that repeats itself with the robot's phase; None if there is none.
         sources: name of a known force -> where it comes from, of those that a calibration gives.
-        shared: (nv,) rms of the error that each row shares with all others (`shared_error`), which is part of what is
-            expected of its errors.
     """
 
     record: Record
@@ -123,7 +121,6 @@ class KnownForces:
     tare: dict[str, Array] = field(default_factory=dict)
     series: LearntError | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
-    shared: Array | float = 0.0
 
     @property
     def fits(self) -> tuple[Fit, ...]:

@@ -1,47 +1,120 @@
-"""Errors that all rows of a fixed robot share: of the masses, or of a factor of the efforts, which may drift.
+"""Errors that the rows of all instants share: of the masses of links, or of a factor of all efforts.
 
-    y = J^T f + X b + c n + e,    f ~ N(0, S^2),    e ~ N(0, R),    c a number for each stretch of the record
+    y = J^T f + X b + W c + e,    f ~ N(0, S^2),    e ~ N(0, R),    c ~ N(0, s^2) of each link
 
-y are rows, X b friction, n what motion and weight need. Most of c n looks like a force at the points, so that R, which
-rows to spare show row by row, does not contain it: of what a tool's arm weighs they show some hundredths, in squares.
-But all instants of a stretch share a factor, so that it becomes known to some thousandths.
+y are rows, X b friction, W what each link weighs, and c by which share of it its mass errs. Most of W c looks like a
+force at the points, so that R, which rows to spare show row by row, does not contain it. But all instants share c, so
+that they show some of its directions to some thousandths. How large it is in these says how large it is: the s that
+makes them most likely (empirical Bayes, Efron and Morris 1973). With it c in the others follows, and what it does to
+forces.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+import pinocchio as pin
 
 from aerobat_pin.forces.coefficient_errors import coefficient_covariance
-from aerobat_pin.forces.expected_of_record import STRETCHES
-from aerobat_pin.forces.instants import column_rms
+from aerobat_pin.forces.explanations import QUARTERS, without_quarters
+from aerobat_pin.forces.instants import Instants
 from aerobat_pin.numerics import Array
+from aerobat_pin.observers import Expected
 
-NO_CHANCE = 3.0  # standard deviations from which a factor counts
+NO_CHANCE = 3.0  # standard deviations from which errors count: a gain of half their square in the log likelihood
+ERROR_OF_MASS = 0.1  # of a link's, that nobody would notice
+SIZES = np.geomspace(1e-3, 1.0, 31)  # s that are tried
 HARDLY_FELT = 1e-9  # share of a coefficient's information that is added to it
 
 
-def shared_error(y: Array, friction: Array, needed: Array, force: Array, variance: Array) -> Array:
-    """Return the rms (k,) of c n in each row [N, N m]: the median of c^2 over stretches, 0 where chance explains it.
+@dataclass(frozen=True)
+class SharedError:
+    """What a record shows of the errors c of n links, beside forces of any instant.
+
+    Attributes:
+        shown: (n,) c, in directions that are not shown 0.
+        covariance: (n, n) its covariance, in directions that are not shown that of errors as large as the masses.
+        moved: (m, k, n) what c does to each component at some instants [N or N m].
+    """
+
+    shown: Array
+    covariance: Array
+    moved: Array
+
+    @property
+    def size(self) -> float:
+        """The most likely s; 0 where chance explains what is shown."""
+        values, vectors = np.linalg.eigh(self.covariance)
+        square = SIZES[:, None] ** 2 + (values := np.maximum(values, 0.0))
+        along = (self.shown @ vectors) ** 2
+        least = np.maximum(values, np.finfo(float).tiny)
+        gain = 0.5 * np.sum(np.log(least / square) + along / least - along / square, axis=1)
+        best = int(np.argmax(gain))
+        return float(SIZES[best]) if gain[best] > 0.5 * NO_CHANCE**2 else 0.0
+
+    @property
+    def deviation(self) -> Array:
+        """The rms (k,) over the instants of what c does to each component, as far as the record tells it."""
+        size = self.size
+        left, taken = self._left(size)
+        return self._deviation(left + np.outer(taken, taken))
+
+    @property
+    def untested(self) -> Array:
+        """The rms (k,) of what no instant would show of c, if each mass may err by a tenth."""
+        return self._deviation(self._left(ERROR_OF_MASS)[0])
+
+    def _left(self, size: float) -> tuple[Array, Array]:
+        """Return covariance and mean of c that has deviations of a size before it is shown."""
+        share = size**2 * np.linalg.inv(size**2 * np.eye(len(self.shown)) + self.covariance)
+        return size**2 * (np.eye(len(share)) - share), share @ self.shown
+
+    def _deviation(self, square: Array) -> Array:
+        return np.asarray(
+            np.sqrt(np.maximum(np.einsum("mkp,pq,mkq->k", self.moved, square, self.moved), 0.0) / len(self.moved))
+        )
+
+
+def shared_error(model: pin.Model, instants: Instants, expected: Expected) -> SharedError:
+    """Return what instants of a record show of the errors of links, beside forces and friction."""
+    some, kept, still, data = instants.weighed, instants.kept, np.zeros(model.nv), model.createData()
+    links = np.array([inertia.toDynamicParameters() for inertia in model.inertias[1:]]).ravel()
+    weighs = [pin.computeJointTorqueRegressor(model, data, q, still, still)[kept] * links for q in instants.q[some]]
+    weights = np.reshape(weighs, (len(weighs), len(kept), -1, 10)).sum(axis=3)
+    J = instants.jacobians[some][..., kept]
+    R = expected.doubt * expected.row_deviation(instants.v[some])[:, kept] ** 2
+    one = np.eye(len(kept))[instants.at].T
+    friction = np.concatenate([x[:, None] * one for x in instants.columns[:2, some][..., instants.at]], axis=2)
+    white = J / R[:, None]
+    moved = np.linalg.solve(white @ np.swapaxes(J, 1, 2) + np.diag(expected.force**-2.0), white @ weights)
+    columns = np.concatenate([weights, friction], axis=2)
+    return shown_without_any_quarter(columns, instants.rows[some][:, kept], expected.force[:, None] * J, R, moved)
+
+
+def shown_without_any_quarter(columns: Array, y: Array, force: Array, variance: Array, moved: Array) -> SharedError:
+    """Return what is shown of errors that move components so (m, k, n), by the three quarters that show least.
+
+    A push elsewhere, which lasts for a while, is no error of masses. The rest as in `beside_forces`.
+    """
+    n, found = moved.shape[2], list[SharedError]()
+    for k in range(QUARTERS):
+        one = range(k, k + 1)
+        x, rows, SJ, R = (without_quarters(each, one) for each in (columns, y, force, variance))
+        b, covariance = beside_forces(x, rows, SJ, R, n)
+        found.append(SharedError(b[:n], covariance[:n, :n], moved))
+    return min(found, key=lambda each: each.size)
+
+
+def beside_forces(columns: Array, y: Array, force: Array, variance: Array, shares: int) -> tuple[Array, Array]:
+    """Return the most likely coefficients (p,) of columns in rows beside forces, and their covariance.
 
     Args:
-        y: (m, k) rows, generalised forces of the joints [N, N m].
-        friction: (m, k, p) columns of X [N, N m for each unit of their coefficients].
-        needed: (m, k) n [N, N m].
+        columns: (m, k, p) what a coefficient of size 1 does in each row [N, N m].
+        y: (m, k) rows, generalised forces [N, N m].
         force: (m, c, k) S J, of the expected size of each component [N, N m].
         variance: (m, k) R, the squares of the rows' unit.
-    """
-    each = np.repeat(np.eye(STRETCHES), -(-len(y) // STRETCHES), axis=0)[: len(y)]
-    columns = np.concatenate([needed[:, :, None] * each[:, None], friction], axis=2)
-    b, covariance = beside_forces(columns, y, force, variance, np.zeros(columns.shape[2]))
-    square, chance = b[:STRETCHES] ** 2, np.diag(covariance)[:STRETCHES]
-    size = np.sqrt(np.median(np.where(square > NO_CHANCE**2 * chance, square, 0.0)))
-    return np.asarray(size * column_rms(needed))
-
-
-def beside_forces(columns: Array, y: Array, force: Array, variance: Array, prior: Array) -> tuple[Array, Array]:
-    """Return the most likely coefficients (p,) of columns (m, k, p) in rows beside forces, and their covariance.
-
-    `prior` (p,) is the inverse of the variance that is expected of each, 0 for none; the rest as in `shared_error`.
+        shares: how many of the coefficients, the first ones, are expected to be of size 1; nothing is of the others.
     """
     p, at = columns.shape[2], range(y.shape[1])
     cov = np.swapaxes(force, 1, 2) @ force
@@ -49,19 +122,10 @@ def beside_forces(columns: Array, y: Array, force: Array, variance: Array, prior
     white = np.linalg.solve(cov, np.concatenate([columns, y[:, :, None]], axis=2))
     flat = columns.reshape(-1, p)
     both = flat.T @ white.reshape(len(flat), -1)
-    normal, target = both[:, :p], both[:, p]
-    felt = np.diag(normal) > 0.0
+    normal, target, prior = both[:, :p], both[:, p], (np.arange(p) < shares).astype(float)
+    felt = np.diag(normal) + prior > 0.0
     normal[range(p), range(p)] += prior + HARDLY_FELT * np.diag(normal)
     b = np.zeros(p)
     b[felt] = np.linalg.solve(normal[np.ix_(felt, felt)], target[felt])
     scores = np.einsum("mkp,mk->mp", columns, white[:, :, p] - white[:, :, :p] @ b)
-    covariance = coefficient_covariance(normal, scores, prior, felt)
-    unfelt = ~felt & (prior > 0.0)
-    covariance[unfelt, unfelt] = 1.0 / prior[unfelt]
-    return b, covariance
-
-
-def in_own_rows(x: Array, at: list[int], rows: int) -> Array:
-    """Return columns (m, rows, kinds n) of what kinds of friction (kinds, m, n) do in the rows `at` of their joints."""
-    spread = x[:, :, None] * np.eye(rows)[at].T  # (kinds, m, rows, n)
-    return np.asarray(np.concatenate(list(spread), axis=2))
+    return b, coefficient_covariance(normal, scores, prior, felt)

@@ -35,6 +35,7 @@ class Expected:
         stiction: (nv,) Coulomb friction [N or N m]: at rest a joint may hold any torque up to it.
         stiction_rate: (nv,) speed at which Coulomb friction has set in [m/s or rad/s].
         doubt: least k, at least 1: that of a whole record, if it is known.
+        shared: (c,) of what errors that all rows share do to each component [N or N m]; not among the rows' errors.
     """
 
     force: Array
@@ -42,6 +43,7 @@ class Expected:
     stiction: Array
     stiction_rate: Array
     doubt: float = 1.0
+    shared: Array | float = 0.0
 
     def refuse_unusable(self, components: int, nv: int) -> None:
         """Raise ObserverError unless it fits the robot, everything is finite, and what divides is positive."""

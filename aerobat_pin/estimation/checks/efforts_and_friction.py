@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
-
-import numpy as np
 
 from aerobat_pin.estimation.checks.efforts import effort_findings
 from aerobat_pin.estimation.checks.free_efforts import of_free
@@ -36,8 +33,6 @@ def efforts_and_friction(
         motion: of a free robot's record with such inputs, if something keeps it.
     """
     record = forces.record
-    if expected is not None:  # an error that all rows share is one of those that are sought
-        expected = replace(expected, row_error=np.sqrt(expected.row_error**2 - forces.shared**2))
     motion = motion or partial(motion_of, record)
     plain = inputs if forces is given else inputs_between(record, given)
     doubts = list(effort_findings(record, plain, before, instants, expected, motion))

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import pinocchio as pin
 
 from aerobat_pin.estimation.findings import UNTESTED, WOULD_LOOK, Finding
 from aerobat_pin.forces import (
@@ -17,17 +16,14 @@ from aerobat_pin.forces import (
     Instants,
     KnownForces,
     StoredEstimate,
-    beside_forces,
     checked_share,
-    in_own_rows,
+    shared_error,
     short_label,
 )
-from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected, row_names
 
 PART = 0.1  # of what errors make of a component: a row's that is named
 COMPONENTS_NAMED = 3  # in a sentence
-ERROR_OF_MASS = 0.1  # of a link's, that nobody would notice
 
 
 def untested_findings(
@@ -53,13 +49,12 @@ def untested_findings(
     if words:
         more = f" and {len(words) - COMPONENTS_NAMED} more" * (len(words) > COMPONENTS_NAMED)
         yield Finding(UNTESTED, "note", f"nothing tests {', '.join(words[:COMPONENTS_NAMED])}{more}: {WOULD_LOOK}")
-    if not forces.record.robot.free:
-        yield from _masses(forces, instants, expected, estimate)
+    yield from _masses(forces, instants, expected, estimate)
 
 
 def _masses(forces: KnownForces, instants: Instants, expected: Expected, estimate: StoredEstimate) -> Iterator[Finding]:
     """Yield which components the masses of links may spoil by more than is stated, as no row to spare shows it."""
-    spoilt = _spoilt_by_masses(forces.record.robot.model, instants, expected)
+    spoilt = shared_error(forces.record.robot.model, instants, expected).untested
     words = [
         f"{spoilt[k]:.2g} {size.unit} of {short_label(size.name)}, where +-{size.deviation:.2g} is stated"
         for k, size in enumerate(estimate.component_sizes())
@@ -69,23 +64,3 @@ def _masses(forces: KnownForces, instants: Instants, expected: Expected, estimat
         more = f" and {len(words) - COMPONENTS_NAMED} more" * (len(words) > COMPONENTS_NAMED)
         text = f"errors of a tenth would look like {', '.join(words[:COMPONENTS_NAMED])}{more}"
         yield Finding(UNTESTED, "note", f"nothing tests the masses of all links: {text}")
-
-
-def _spoilt_by_masses(model: pin.Model, instants: Instants, expected: Expected) -> Array:
-    """Return the deviation (c,) of the components that errors of the links' masses leave, if each may err by a tenth.
-
-    What rows to spare show of them, beside friction, is taken out.
-    """
-    some, kept, still, data = instants.weighed, instants.kept, np.zeros(model.nv), model.createData()
-    links = np.array([inertia.toDynamicParameters() for inertia in model.inertias[1:]]).ravel()
-    weighs = [pin.computeJointTorqueRegressor(model, data, q, still, still)[kept] * links for q in instants.q[some]]
-    weights = np.reshape(weighs, (len(weighs), len(kept), -1, 10)).sum(axis=3)
-    J, R = instants.jacobians[some][..., kept], expected.row_deviation(instants.v[some])[:, kept] ** 2
-    friction = in_own_rows(instants.columns[:2, some][..., instants.at], instants.at, len(kept))
-    columns, n = np.concatenate([weights, friction], axis=2), weights.shape[2]
-    prior = np.pad(np.full(n, ERROR_OF_MASS**-2.0), (0, friction.shape[2]))
-    force = expected.force[:, None] * J
-    _, covariance = beside_forces(columns, instants.rows[some][:, kept], force, R, prior)
-    white = J / R[:, None]
-    shown = np.linalg.solve(white @ np.swapaxes(J, 1, 2) + np.diag(expected.force**-2.0), white @ weights)
-    return np.asarray(np.sqrt(np.einsum("mcp,pq,mcq->c", shown, covariance[:n, :n], shown) / len(shown)))
