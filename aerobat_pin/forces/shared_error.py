@@ -24,7 +24,7 @@ from aerobat_pin.observers import Expected
 
 NO_CHANCE = 3.0  # standard deviations from which errors count: a gain of half their square in the log likelihood
 ERROR_OF_MASS = 0.1  # of a link's, that nobody would notice
-SIZES = np.geomspace(1e-3, 1.0, 31)  # s that are tried
+ERRORS_TRIED = np.geomspace(1e-3, 1.0, 31)  # s that are tried
 HARDLY_FELT = 1e-9  # share of a coefficient's information that is added to it
 
 
@@ -46,12 +46,12 @@ class SharedError:
     def size(self) -> float:
         """The most likely s; 0 where chance explains what is shown."""
         values, vectors = np.linalg.eigh(self.covariance)
-        square = SIZES[:, None] ** 2 + (values := np.maximum(values, 0.0))
+        values = np.maximum(values, np.finfo(float).tiny)
+        square = ERRORS_TRIED[:, None] ** 2 + values
         along = (self.shown @ vectors) ** 2
-        least = np.maximum(values, np.finfo(float).tiny)
-        gain = 0.5 * np.sum(np.log(least / square) + along / least - along / square, axis=1)
+        gain = 0.5 * np.sum(np.log(values / square) + along / values - along / square, axis=1)
         best = int(np.argmax(gain))
-        return float(SIZES[best]) if gain[best] > 0.5 * NO_CHANCE**2 else 0.0
+        return float(ERRORS_TRIED[best]) if gain[best] > 0.5 * NO_CHANCE**2 else 0.0
 
     @property
     def deviation(self) -> Array:
