@@ -33,8 +33,8 @@ class SharedError:
     """What a record shows of the errors c of n links, beside forces of any instant.
 
     Attributes:
-        shown: (n,) c, in directions that are not shown 0.
-        covariance: (n, n) its covariance, in directions that are not shown that of errors as large as the masses.
+        shown: (n,) c, a share of each mass [1], in directions that are not shown 0.
+        covariance: (n, n) its covariance [1], in directions that are not shown that of errors as large as the masses.
         moved: (m, k, n) what c does to each component at some instants [N or N m].
     """
 
@@ -44,7 +44,7 @@ class SharedError:
 
     @property
     def size(self) -> float:
-        """The most likely s; 0 where chance explains what is shown."""
+        """The most likely s, a share of each mass [1]; 0 where chance explains what is shown."""
         values, vectors = np.linalg.eigh(self.covariance)
         values = np.maximum(values, np.finfo(float).tiny)
         square = ERRORS_TRIED[:, None] ** 2 + values
@@ -55,14 +55,14 @@ class SharedError:
 
     @property
     def deviation(self) -> Array:
-        """The rms (k,) over the instants of what c does to each component, as far as the record tells it."""
+        """The rms (k,) over the instants of what c does to each component [N or N m], as far as the record tells it."""
         size = self.size
         left, taken = self._left(size)
         return self._deviation(left + np.outer(taken, taken))
 
     @property
     def untested(self) -> Array:
-        """The rms (k,) of what no instant would show of c, if each mass may err by a tenth."""
+        """The rms (k,) of what three quarters would not show of c [N or N m], if each mass may err by a tenth."""
         return self._deviation(self._left(ERROR_OF_MASS)[0])
 
     def _left(self, size: float) -> tuple[Array, Array]:

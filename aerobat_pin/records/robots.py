@@ -194,7 +194,7 @@ class PlainRobot(ShownInNotebooks):
         return bool(self.model.joints[self.model.getJointId(joint)].shortname().startswith("JointModelP"))
 
     def limbs(self, joints: Sequence[str]) -> list[tuple[int, ...]]:
-        """Return which of some joints are on each limb, a chain of joints without a branch."""
+        """Return the places among some joints, by name, of those on each limb, a chain of joints without a branch."""
         limbs, parents = dict[int, list[int]](), self.model.parents.tolist()
         first = list(range(self.model.njoints))
         for k in range(2, self.model.njoints):
