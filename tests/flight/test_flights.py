@@ -12,7 +12,7 @@ from aerobat_pin.flight.trim import find_trim
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.scenario.toml import scenario_toml
 
-COARSE = ("simulation.dt=2e-3", "air.strips=4")  # which a trim is found with in a third of the time
+COARSE = ("simulation.dt=4e-3", "air.strips=2")  # which a trim is found with in a third of the time
 
 
 def fly(name: str, *settings: str) -> Experiment:
@@ -125,7 +125,7 @@ def test_a_trim_that_cannot_be_found_says_so() -> None:
     """A crank that stands still has no flap; and at a meter a second nothing carries the robot."""
     with pytest.raises(TrimError, match="only a flapping flight"):
         find_trim(load_scenario("paper_open_loop", ["crank.frequency=0.0", "air.warm_up_cycles=0"]))
-    slow = ["crank.frequency=1.0", "flight.velocity=[1.0, 0.0, 0.0]", "simulation.dt=2e-3", "air.strips=2"]
+    slow = [*COARSE, "crank.frequency=1.0", "flight.velocity=[1.0, 0.0, 0.0]"]
     with pytest.raises(TrimError, match=r"no periodic flight found near 1\.00 Hz"):
         find_trim(load_scenario("paper_open_loop", slow))
 
@@ -160,41 +160,18 @@ def test_what_is_known_of_the_torques_decides_what_can_be_found() -> None:
 @pytest.mark.parametrize(
     ("frames", "torque"),
     [
-        (["left_force_point", "left_distal"], "measured"),  # two points on one wing
-        (["left_force_point", "base_link"], "none"),
-        (["left_force_point", "right_force_point", "base_link"], "motor_only"),
+        ("'left_force_point', 'left_distal'", "measured"),  # two points on one wing
+        ("'left_force_point', 'right_force_point', 'base_link'", "motor_only"),
     ],
 )
-def test_what_cannot_be_told_apart_is_left_out_and_does_not_blow_up(frames: list[str], torque: str) -> None:
+def test_what_cannot_be_told_apart_is_left_out_and_does_not_blow_up(frames: str, torque: str) -> None:
     """The null direction turns with the wing; the estimate along it stays zero, and what the points share is right."""
-    listed = ", ".join(f"'{frame}'" for frame in frames)
-    for dt in (1e-3, 4e-3):
-        settings = [f"observers.torque={torque}", f"observers.frames=[{listed}]", "simulation.duration=0.4"]
-        flight = fly("paper_left", *settings, f"simulation.dt={dt}")
-        true, _ = true_force(flight.log, "left_force_point")
-        for estimate in flight.estimates.values():
-            assert estimate.identifiability.rank < 3 * len(frames)
-            assert np.max(np.abs(estimate.force)) < 3.0 * np.max(np.abs(true))
-            if torque == "measured":
-                total = estimate.force.sum(axis=1) - true
-                assert np.sqrt(np.mean(total**2)) < 0.2 * true.std()
-
-
-def test_a_robot_that_turns_through_half_a_turn_against_its_hold_converges_with_order_four() -> None:
-    """Spun up to 100 rad/s of roll in practically no air, limits of the hold out of reach.
-
-    The attitude error passes 180 deg; each of three steps is half the last.
-    """
-    settings = [
-        *("hold.torque_limit=[9, 9, 9]", "hold.thrust_limit=9", "hold.lift_limit=9", "simulation.duration=0.3"),
-        "air.model=quasi_steady",  # without states, which would ask for more steps in an interval
-        *("air.density=1e-9", "flight.angular_velocity=[100, 0, 0]", "unknown_force=[]", "observers.frames=[]"),
-    ]
-    first, second, third = (
-        simulate(load_scenario("paper", [*settings, f"simulation.dt={dt}"])).measured["q"].values
-        for dt in (1e-3, 5e-4, 2.5e-4)
-    )
-    from_start = 2.0 * np.arccos(np.clip(np.abs(first[:, 3:7] @ first[0, 3:7]), 0.0, 1.0))
-    assert np.max(from_start) > 3.0
-    coarse, fine = np.linalg.norm(first[-1] - second[-1]), np.linalg.norm(second[-1] - third[-1])
-    assert np.log2(coarse / fine) == pytest.approx(4.0, abs=0.4)
+    settings = [f"observers.torque={torque}", f"observers.frames=[{frames}]", "simulation.duration=0.4"]
+    flight = fly("paper_left", *settings, "simulation.dt=4e-3")
+    true, _ = true_force(flight.log, "left_force_point")
+    for estimate in flight.estimates.values():
+        assert estimate.identifiability.rank < estimate.components.shape[1]
+        assert np.max(np.abs(estimate.force)) < 3.0 * np.max(np.abs(true))
+        if torque == "measured":
+            total = estimate.force.sum(axis=1) - true
+            assert np.sqrt(np.mean(total**2)) < 0.2 * true.std()

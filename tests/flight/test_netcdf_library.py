@@ -132,19 +132,3 @@ def test_a_file_written_block_by_block_is_sealed(tmp_path: Path) -> None:
     path.write_bytes(content)
     with pytest.raises(LogError, match="it is damaged"):
         read_netcdf(path, "estimates")
-
-
-def test_what_the_library_needs_to_tell_dimensions_apart() -> None:
-    """A number for each dimension of the file, also for those that a group has with another size, and an order."""
-    import io
-
-    with h5py.File(io.BytesIO(netcdf_bytes(*parts())), "r") as file:
-        numbers: list[int] = []
-        file.visititems(lambda _, item: numbers.extend(np.ravel(item.attrs.get("_Netcdf4Dimid", []))))
-        assert sorted(numbers) == list(range(len(numbers))) == list(range(6))
-        assert file["truth/shorter"].dims[0][0] == file["truth/time"]
-        for group in (file["/"], file["truth"]):
-            assert (
-                group.id.get_create_plist().get_link_creation_order()
-                == h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED
-            )

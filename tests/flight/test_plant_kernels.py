@@ -58,29 +58,20 @@ def test_what_is_not_positive_definite_gives_nan_and_not_a_plausible_number() ->
 # ------------------------------------------------------------------------------------------------ rotation and the hold
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-300, 1e-15, 1e-9, 1e-6, 1e-3, 0.5, 1.5, 2.0, 2.5, 3.0, 3.1])
-def test_the_rotation_vector_is_log3(angle: float) -> None:
-    """All four branches of the quaternion, around random axes and the three axes of the frame."""
+@pytest.mark.parametrize("below", [np.pi, np.pi - 1e-9, 3.0, 2.0, 1.0, 0.5, 0.04, 1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 0.0])
+def test_the_rotation_vector_is_exact_up_to_half_a_turn(below: float) -> None:
+    """Also where sin(angle) vanishes; at half a turn itself both signs are right.
+
+    All four branches of the quaternion, around random axes and the three axes of the frame.
+    """
     axes = np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(1).standard_normal((20, 3))])
     for axis in axes / np.linalg.norm(axes, axis=1, keepdims=True):
-        R, found = pin.exp3(angle * axis), np.empty(3)
-        rotation_vector(R, found)
-        np.testing.assert_allclose(found, pin.log3(R), rtol=0.0, atol=1e-12)
-        np.testing.assert_allclose(found, angle * axis, rtol=0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("below", [1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 0.0])
-def test_the_rotation_vector_is_exact_near_half_a_turn(below: float) -> None:
-    """Where sin(angle) vanishes; at half a turn itself both signs are right. R by Rodrigues' formula."""
-    angle = np.pi - below
-    for axis in np.random.default_rng(2).standard_normal((20, 3)):
-        axis /= np.linalg.norm(axis)
         half = np.sin(below / 2.0)  # cos(angle / 2), without cancellation
         R, found = pin.Quaternion(half, *(np.cos(below / 2.0) * axis)).matrix(), np.empty(3)
         rotation_vector(R, found)
         if below < 1e-9:
             found *= np.sign(found @ axis)
-        np.testing.assert_allclose(found, angle * axis, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(found, (np.pi - below) * axis, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("axis", [*np.eye(3), np.array([0.48, -0.6, 0.64])])
@@ -106,17 +97,17 @@ def test_the_holds_attitude_error_passes_half_a_turn_without_a_jump(axis: np.nda
     assert sizes[-1] < 1e-12
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_the_hold_pushes_as_its_twin(seed: int) -> None:
+def test_the_hold_pushes_as_its_twin() -> None:
     """Inside the limits and outside, per axis; errors of the attitude up to half a turn."""
-    rng = np.random.default_rng(seed)
-    gains = [rng.uniform(0.1, 1.0, 3) for _ in range(3)]
-    hold = AttitudeHold(pin.exp3(rng.uniform(-1, 1, 3)), *rng.uniform(-1, 1, 2), *gains, *rng.uniform(0.1, 1.0, 6))
-    rotation, (position, linear, angular) = pin.exp3(rng.uniform(-2, 2, 3)), rng.uniform(-2.0, 2.0, (3, 3))
-    twist = np.concatenate([linear, 0.3 * angular])
-    packed, wrench = AttitudeHold(*(np.asarray(value) for value in hold)), np.empty(6)
-    hold_wrench(packed, np.append(rotation.ravel(order="F"), position), twist, np.empty((3, 3)), wrench)
-    assert_spatial(wrench, twins.hold_wrench(hold, position, rotation, twist))
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        gains = [rng.uniform(0.1, 1.0, 3) for _ in range(3)]
+        hold = AttitudeHold(pin.exp3(rng.uniform(-1, 1, 3)), *rng.uniform(-1, 1, 2), *gains, *rng.uniform(0.1, 1.0, 6))
+        rotation, (position, linear, angular) = pin.exp3(rng.uniform(-2, 2, 3)), rng.uniform(-2.0, 2.0, (3, 3))
+        twist = np.concatenate([linear, 0.3 * angular])
+        packed, wrench = AttitudeHold(*(np.asarray(value) for value in hold)), np.empty(6)
+        hold_wrench(packed, np.append(rotation.ravel(order="F"), position), twist, np.empty((3, 3)), wrench)
+        assert_spatial(wrench, twins.hold_wrench(hold, position, rotation, twist))
 
 
 # ----------------------------------------------------------------------------------------------------------------- air
@@ -124,12 +115,11 @@ def test_the_hold_pushes_as_its_twin(seed: int) -> None:
 
 @pytest.mark.parametrize("options", [{}, {"lift_limit": 1.2}, {"model": "quasi_steady"}])
 @pytest.mark.parametrize("tail", ["own", "tilted", "none"])
-@pytest.mark.parametrize("morphology", MORPHOLOGIES)
-def test_the_air_loads_equal_their_twin(morphology: str, tail: str, options: dict[str, Any]) -> None:
+def test_the_air_loads_equal_their_twin(tail: str, options: dict[str, Any]) -> None:
     """Random twists, also backwards, and a random state; strips at rest among them."""
-    robot = robot_with_a_turned_frame(morphology, tail)
+    robot = robot_with_a_turned_frame("aerobat", tail)
     air = RobotAir(robot.wing, strips=13, air_density=1.1, **options)
-    for seed in range(10):
+    for seed in range(6):
         rng = np.random.default_rng(seed)
         twists = rng.uniform(-4.0, 4.0, (5, 6)) * np.repeat([1.0, 8.0], 3)
         twists[seed % 5] *= seed % 2
@@ -159,8 +149,10 @@ def test_the_warm_up_is_runge_kutta_on_the_air_alone(seed: int, paper_plant: Pla
 # --------------------------------------------------------------------------------------------------------------- plant
 
 
-@pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("morphology", MORPHOLOGIES)
+@pytest.mark.parametrize(
+    ("morphology", "case"),
+    [*(("aerobat", case) for case in CASES), *((name, "all forces, hold") for name in MORPHOLOGIES[1:])],
+)
 def test_one_instant_of_the_plant_equals_the_twin_plant(morphology: str, case: str) -> None:
     """Accelerations, rates of the air, all generalised forces, point forces, motor torque and power."""
     plant = built(morphology, case)
@@ -192,11 +184,10 @@ def test_a_flight_of_the_paper_equals_the_flight_of_the_twin(paper_plant: Plant)
         assert_equal(found.loads[:, row], expected.loads[:, row], 1e-10)
 
 
-@pytest.mark.parametrize("case", CASES)
-@pytest.mark.parametrize("morphology", MORPHOLOGIES)
-def test_a_few_steps_in_every_case_equal_the_twin(morphology: str, case: str) -> None:
-    """Three steps from a warmed-up start, so that every stage of `advance` is met with every kind of load."""
-    plant = built(morphology, case)
+@pytest.mark.parametrize("case", ["all forces, no hold, tail tilted", "quasi-steady, wind"])
+def test_a_few_steps_in_a_gust_equal_the_twin(case: str) -> None:
+    """Three steps from a warmed-up start, so that every stage has a time of its own."""
+    plant = built("aerobat", case)
     held = np.random.default_rng(11).uniform(-0.2, 0.2, (2, len(plant.forces), 3))
     found, expected = plant.fly(3, 2e-3, held), twins.fly(plant, 3, 2e-3, held)
     assert_equal(found.q, expected.q)
