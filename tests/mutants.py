@@ -70,7 +70,7 @@ MUTANTS = (
            "tests/observers/test_applications.py"),
     Mutant("power row not normalised", "observers/rows.py",
            "np.divide(joints, speed, out=np.zeros_like(joints), where=speed > 0.0)", "joints",
-           "tests/observers/test_applications.py"),
+           "tests/observers/test_rows.py"),
     Mutant("errors of rows at rest as in motion", "observers/kalman/learning.py", "(1.0 - sliding * sliding))",
            "(1.0 - sliding))", "tests/observers/test_kalman.py"),
     Mutant("rows not weighted", "observers/rows.py",

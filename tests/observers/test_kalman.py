@@ -14,9 +14,8 @@ from support.rails import Rails
 
 from aerobat_pin.aerobat.aerobat import FORCE_POINTS, load_aerobat
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight import simulate
-from aerobat_pin.observers import Application, Expected, KalmanObserver, SensorNoise, SmootherObserver, tie_joints
+from aerobat_pin.observers import Expected, KalmanObserver, SensorNoise, SmootherObserver, tie_joints
 from aerobat_pin.scenario.scenario import load_scenario
 
 ROBOT = load_aerobat("aerobat_light")
@@ -31,11 +30,10 @@ CASES: dict[str, dict[str, Any]] = {
     "no torque, harmonics, mass in doubt": {"rows": "base", "frequency": 40.0, "mass_error": 0.05},
 }
 ALL = [(name, case) for name in MODELS for case in CASES]
-MOST = [one for one in ALL if one[0] != "humanoid" or one[1] == "mass and two forces in doubt"]
-REST = [one for one in ALL if one not in MOST]
+MOST = [one for one in ALL if one[0] == "aerobat" or one == ("arm", "harmonics, all in doubt")]
 
 
-@pytest.mark.parametrize(("name", "case"), [*MOST, *further(*REST)])
+@pytest.mark.parametrize(("name", "case"), [*MOST, *further(*(one for one in ALL if one not in MOST))])
 def test_filter_and_smoother_equal_the_textbook(name: str, case: str) -> None:
     """Estimate and standard deviation against dense Joseph-form Kalman and Rauch-Tung-Striebel, one stamp repeated."""
     model, frames = MODELS[name]
@@ -84,7 +82,7 @@ def test_a_stream_is_a_batch_with_its_standard_deviation(case: str) -> None:
         np.testing.assert_array_equal(sample.standard_deviation, batch.standard_deviation[k])
 
 
-WALK, PRIOR, DOUBT, RUNS = 0.5, 0.1, 0.2, 60
+WALK, PRIOR, DOUBT, RUNS = 0.5, 0.1, 0.2, 30
 
 
 def resting_flight(seed: int, steps: int = 60) -> tuple[Any, ...]:
@@ -112,7 +110,7 @@ def resting_flight(seed: int, steps: int = 60) -> tuple[Any, ...]:
 
 @pytest.mark.parametrize("kind", [KalmanObserver, SmootherObserver])
 def test_the_error_is_as_large_as_the_standard_deviation_says(kind: type[KalmanObserver]) -> None:
-    """Over 60 draws the squared error in standard deviations is chi-square for every component, never more early on.
+    """Over 30 draws the squared error in standard deviations is chi-square for every component, never more early on.
 
     While the filter learns the sensors' noise from the record, it claims less than it knows. Told a third of the
     sensors' noise, or nothing of the doubt about the air, it is not; what no force explains repairs a part only.
@@ -173,16 +171,6 @@ def test_what_base_rows_cannot_tell_is_zero_with_an_infinite_deviation(settings:
         assert seeing.standard_deviation[-1].max() < 0.5
 
 
-def test_a_gain_means_the_same_wherever_the_wings_are() -> None:
-    """The walk follows the configuration: kept from the start, Fx of a flapping robot was 10 mN wrong without noise."""
-    settings = [f'observers.{name}.force_walk="gain"' for name in ("kalman", "smoother")]
-    names = 'observers.names=["force_level", "kalman", "smoother"]'
-    found = run(load_scenario("paper", ["simulation.duration=0.5", "observers.gain=2000", names, *settings])).estimates
-    for name in ("kalman", "smoother"):
-        wrong = np.sqrt(np.mean((found[name].force - found["force_level"].force) ** 2, axis=(0, 1)))
-        assert np.all(wrong < 0.003), name
-
-
 def test_a_covariance_stays_symmetric() -> None:
     """Where all torques but their power are unknown, entries differ by eight orders; rounding must not pile up."""
     model, robot_q = ROBOT.model, ROBOT.q0
@@ -221,31 +209,13 @@ def test_wrong_torques_do_not_matter_where_they_are_not_believed(kind: type[Kalm
         assert np.abs(naive - one).max() > 10.0 * near * scale
 
 
-def test_moments_and_directions_have_standard_deviations_of_their_own() -> None:
-    """A wrench at one frame and a force along a line at another: seven components, each with its unit's uncertainty."""
-    model, frames = MODELS["aerobat, turned frame"]
-    flight = record(model)
-    where = [Application(frames[0], kind="wrench", axes="frame"), Application(frames[1], direction=(0.0, 1.0, 1.0))]
-    estimate = KalmanObserver(model, where, force_walk=1.0, prior=2.0).run(*flight)
-    assert estimate.standard_deviation.shape == estimate.components.shape == (len(flight[3]), 7)
-    assert np.all(estimate.standard_deviation > 0.0)
-    first = estimate.standard_deviation[0]
-    assert np.all(first[3:6] < 0.05 * 2.0 * 1.01)  # 50 mm times the prior of a force
-    assert np.all(first[[0, 1, 2, 6]] < 2.0 * 1.01)
-
-
 def test_settings_that_make_no_sense_are_refused() -> None:
     model, frames = MODELS["aerobat"]
     for settings, words in (
         ({"gain": np.ones(6)}, "takes one number"),
         ({"force_walk": "fast"}, "force_walk = 'fast': a number in N/sqrt"),
         ({"force_walk": 0.0}, "force_walk = 0.0: one finite positive number or 6"),
-        ({"force_walk": np.ones(5)}, "force_walk"),
-        ({"sensor_noise": (0.1, 0.1)}, "three numbers"),
         ({"sensor_noise": (0.1, 0.1, 0.0)}, "sensor_noise = 0.0"),
-        ({"force_walk": 1.0, "prior": -1.0}, "prior = -1.0"),
-        ({"mass_error": -0.05}, "mass_error"),
-        ({"known_error": {"air": np.nan}}, "known_error of air"),
         ({"error_time": 0.0, "mass_error": 0.1}, "error_time"),
         ({"misfit": 0.0}, "misfit"),
         ({"frequency": 0.0}, "frequency"),

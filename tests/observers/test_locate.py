@@ -4,15 +4,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.signal import lfilter
-from support.arm import arm, push, rest, settled
 
 from aerobat_description.meshes import parts
 from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
 from aerobat_pin.aerobat.wing import LINKS
-from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
+from aerobat_pin.errors import ObserverError
 from aerobat_pin.observers import Application, ForceLevelObserver, LineOfAction, locate, locate_series
 from aerobat_pin.observers.analysis.line_of_action import Panel
-from aerobat_pin.observers.analysis.noise_and_lag import correlation_length
 
 LINK = "left_distal"
 SPOTS = [(0.02, 0.03, 0.0), (0.06, 0.08, 0.0), (-0.08, 0.012, 0.0)]  # [m], on the distal membrane
@@ -67,15 +65,6 @@ def test_the_outline_of_a_panel_is_that_of_its_mesh(robot: Aerobat, link: str) -
     assert Panel(outline).margin(outline.mean(axis=0))[0] > 0.0
 
 
-def test_an_outline_of_what_is_not_a_link_is_refused(robot: Aerobat) -> None:
-    """The links that have one are listed; the body's is a rectangle as wide as the shoulders are apart."""
-    with pytest.raises(FrameNotFoundError, match=r"no frame named 'tail'.*left_distal"):
-        robot.wing.outline("tail")
-    body = robot.wing.outline("base_link")
-    assert body.shape == (4, 3)
-    assert np.ptp(body[:, 1]) == pytest.approx(2.0 * robot.wing.breaks[0])
-
-
 @pytest.mark.parametrize("spot", SPOTS)
 def test_a_known_force_on_the_distal_wing_is_found_where_it_pushes(robot: Aerobat, spot: tuple[float, ...]) -> None:
     """From J^T f by another road, without noise: the point on the membrane to a micron, and the line through it."""
@@ -106,12 +95,12 @@ def test_the_whole_bodys_wrench_finds_the_link_that_nobody_named(robot: Aerobat)
 
 
 def test_covariances_are_those_of_many_noisy_wrenches(robot: Aerobat) -> None:
-    """Point of the line, crossing, margin and pitch against ten thousand draws, 5 %."""
+    """Point of the line, crossing, margin and pitch against four thousand draws, 5 %."""
     wrench, outline = at(SPOTS[0], np.array([0.05, -0.1, 0.4])), robot.wing.outline(LINK) + np.array([0.0, 0.0, 0.05])
     line = locate(wrench, COVARIANCE)
     crossing = line.cross(outline)
     rng, crossings, pitches, margins = np.random.default_rng(1), [], [], []
-    for draw in wrench + rng.normal(size=(10000, 6)) @ NOISE.T:
+    for draw in wrench + rng.normal(size=(4000, 6)) @ NOISE.T:
         other = LineOfAction(draw, EXACT)
         pitches.append(other.pitch)
         force = other.wrench[:3]
@@ -125,35 +114,33 @@ def test_covariances_are_those_of_many_noisy_wrenches(robot: Aerobat) -> None:
     assert np.std(margins) == pytest.approx(crossing.margin_deviation, rel=0.05)
     assert np.std(pitches) == pytest.approx(line.pitch_deviation, rel=0.05)
     screw, along_x = np.array([0.2, 0.0, 0.4, 0.03, 0.0, 0.0]), 5e-3 * np.eye(6)[0]
-    pitches = [LineOfAction(screw + shift * along_x, EXACT).pitch for shift in rng.normal(size=10000)]
+    pitches = [LineOfAction(screw + shift * along_x, EXACT).pitch for shift in rng.normal(size=4000)]
     assert np.std(pitches) == pytest.approx(locate(screw, np.outer(along_x, along_x)).pitch_deviation, rel=0.05)
 
 
 def test_a_pure_force_passes_the_pitch_test_but_for_one_in_370() -> None:
     """Three standard deviations: between 0.1 and 0.5 % of noisy pure forces are refused."""
     wrench, rng = at(SPOTS[0], np.array([0.05, -0.1, 0.4])), np.random.default_rng(2)
-    draws = wrench + rng.normal(size=(10000, 6)) @ NOISE.T
+    draws = wrench + rng.normal(size=(4000, 6)) @ NOISE.T
     refused = sum(locate(draw, COVARIANCE).verdict != "a point force" for draw in draws)
-    assert 10 <= refused <= 50
+    assert 4 <= refused <= 20
 
 
-def test_a_couple_is_not_a_pure_force_and_has_no_line(robot: Aerobat) -> None:
-    """A moment along the force, and a moment without any force; the crossing is refused with the reason."""
+def test_what_is_no_pure_force_has_no_line(robot: Aerobat) -> None:
+    """A moment along the force, a moment without any force, no force; the crossing is refused with the reason."""
     force = np.array([0.05, -0.1, 0.4])
     wrench = at(SPOTS[0], force)
     wrench[3:] += 10e-3 * force
-    for screw in (wrench, np.array([0.0, 0.0, 1e-6, 0.01, 0.0, 0.02])):
+    noise = NOISE @ np.random.default_rng(3).normal(size=6)
+    for screw, verdict in (
+        (wrench, "not a pure force"),
+        (np.array([0.0, 0.0, 1e-6, 0.01, 0.0, 0.02]), "not a pure force"),
+        (np.zeros(6), "nothing can be said"),
+        (noise, "nothing can be said"),
+    ):
         line = locate(screw, COVARIANCE)
-        assert line.verdict == "not a pure force"
-        with pytest.raises(ObserverError, match="no line of action: not a pure force"):
-            line.cross(robot.wing.outline(LINK))
-
-
-def test_nothing_can_be_said_without_a_force(robot: Aerobat) -> None:
-    for wrench in (np.zeros(6), NOISE @ np.random.default_rng(3).normal(size=6)):
-        line = locate(wrench, COVARIANCE)
-        assert line.verdict == "nothing can be said"
-        with pytest.raises(ObserverError, match="nothing can be said"):
+        assert line.verdict == verdict
+        with pytest.raises(ObserverError, match=f"no line of action: {verdict}"):
             line.cross(robot.wing.outline(LINK))
     assert locate(np.zeros(6), EXACT).verdict == "nothing can be said"
     with pytest.raises(ObserverError, match="the force is zero"):
@@ -175,12 +162,8 @@ def test_a_line_that_misses_the_membrane_says_so(robot: Aerobat) -> None:
 
 
 def test_what_is_no_wrench_and_no_panel_is_refused(robot: Aerobat) -> None:
-    """Shapes, NaN, covariances that are none, outlines without an area or a plane."""
+    """Covariances that are none, outlines without an area or a plane."""
     good = at(SPOTS[0], np.array([0.0, 0.0, 1.0]))
-    with pytest.raises(ShapeError, match=r"wrench has shape \(3,\)"):
-        locate(good[:3], COVARIANCE)
-    with pytest.raises(ShapeError, match="finite"):
-        locate(good * np.nan, COVARIANCE)
     for wrong in (-COVARIANCE, np.triu(COVARIANCE)):
         with pytest.raises(ObserverError, match="symmetric, positive semidefinite"):
             locate(good, wrong)
@@ -188,27 +171,10 @@ def test_what_is_no_wrench_and_no_panel_is_refused(robot: Aerobat) -> None:
     for outline in (corners[:2], np.vstack([corners[0]] * 4)):
         with pytest.raises(ObserverError, match="corners"):
             locate(good, EXACT).cross(outline)
-    with pytest.raises(ShapeError, match="outline holds NaN"):
-        locate(good, EXACT).cross(corners[[0, 2, 5]] * np.nan)
     bent = corners.copy()
     bent[2, 2] = 0.05
     with pytest.raises(ObserverError, match="flat polygon"):
         locate(good, EXACT).cross(bent)
-    with pytest.raises(ShapeError, match=r"wrenches have shape \(1, 6\)"):
-        locate_series(good[None], COVARIANCE)
-
-
-def test_a_push_on_an_arms_last_link_is_found_through_an_observer() -> None:
-    """On a fixed base: six joints hold still against a force 0.1 m beside the tool; wrench, then its line."""
-    model, frame = arm()
-    beside = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.3]))
-    model.addFrame(pin.Frame("beside", model.njoints - 1, 0, beside, pin.FrameType.OP_FRAME))
-    q = np.random.default_rng(2).uniform(-1.0, 1.0, model.nq)
-    observer = ForceLevelObserver(model, [Application(frame, "wrench", "frame")], gain=1e4)
-    sample = settled(observer, q, rest(model, q) - push(model, "beside", q, np.array([1.5, -2.0, 0.7])))
-    square = np.array([[-0.2, -0.2, 0.0], [0.2, -0.2, 0.0], [0.2, 0.2, 0.0], [-0.2, 0.2, 0.0]])
-    crossing = locate(sample.components, 1e-6 * np.eye(6)).cross(square)
-    np.testing.assert_allclose(crossing.point, [0.1, 0.0, 0.0], atol=1e-6)
 
 
 def turning(count: int, rng: np.random.Generator) -> np.ndarray:
@@ -217,15 +183,15 @@ def turning(count: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def test_a_log_of_a_turning_force_gives_the_point_itself_with_its_covariance() -> None:
-    """No plane needed. Unbiased though the force has errors too, and the covariance is that of 400 logs."""
+    """No plane needed. Unbiased though the force has errors too, and the covariance is that of 250 logs."""
     rng, spot, found = np.random.default_rng(4), np.array([0.02, 0.03, 0.01]), []
-    for _ in range(400):
+    for _ in range(250):
         log = at(tuple(spot), turning(100, rng)) + rng.normal(size=(100, 6)) @ (3.0 * NOISE).T
         found.append(locate_series(log, 9.0 * COVARIANCE))
     assert {one.verdict for one in found} == {"a point"}
     points = np.array([one.point for one in found])
     spread = points.std(axis=0)
-    assert np.all(np.abs(points.mean(axis=0) - spot) < 4.0 * spread / 20.0)
+    assert np.all(np.abs(points.mean(axis=0) - spot) < 4.0 * spread / np.sqrt(250.0))
     predicted = np.sqrt(np.mean([np.diag(one.covariance) for one in found], axis=0))
     np.testing.assert_allclose(predicted, spread, rtol=0.2)  # correlation is never found to be below one: 10 % over
     assert np.mean([one.misfit for one in found]) == pytest.approx(1.0, abs=0.02)
@@ -235,7 +201,7 @@ def test_errors_that_hang_together_are_counted_once() -> None:
     """The same noise through a first-order filter, force and moment of slow turns: predicted within a third."""
     rng, spot, found = np.random.default_rng(5), (0.02, 0.03, 0.0), []
     a = np.exp(-0.1)
-    for _ in range(200):
+    for _ in range(60):
         slow = lfilter([np.sqrt(1.0 - a * a)], [1.0, -a], rng.normal(size=(500, 6)), axis=0)[100:]
         angle = 2.0 * np.pi * np.arange(400) / 400.0
         force = np.column_stack([0.3 * np.sin(angle), 0.3 * np.cos(angle), 0.3 + 0.0 * angle])
@@ -266,14 +232,3 @@ def test_a_log_says_when_it_tells_a_line_no_point_or_nothing() -> None:
     exact = locate_series(at(spot, turning(3, rng)), EXACT)
     assert exact.verdict == "a point"
     np.testing.assert_allclose(exact.point, spot, atol=1e-9)
-
-
-def test_the_correlation_length_is_that_of_the_filter() -> None:
-    """(1 + a)/(1 - a) of a first-order filter, one of white noise and of a constant."""
-    rng, a = np.random.default_rng(8), np.exp(-0.2)
-    white = rng.normal(size=400_000)
-    filtered = lfilter([1.0], [1.0, -a], white)
-    assert correlation_length(white) == pytest.approx(1.0, abs=0.05)
-    assert correlation_length(filtered) == pytest.approx((1.0 + a) / (1.0 - a), rel=0.1)
-    assert correlation_length(np.column_stack([white, filtered])) == correlation_length(filtered)
-    assert correlation_length(np.full(10, 0.25)) == 1.0

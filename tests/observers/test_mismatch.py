@@ -8,16 +8,18 @@ belief, the Kalman observers have one tuning for all conditions.
 import numpy as np
 import pytest
 from support import observer_conditions as benchmark
+from support.further import further
 from support.mismatch import NOISY, Seen, estimated, made_up, scores, seen, thinned
 from support.observer_conditions import TUNING, Condition, worst
 from support.observer_twins import believed, remembered
 
 from aerobat_pin.aerobat.aerobat import FORCE_POINTS
 from aerobat_pin.forces.scores import r_squared
-from aerobat_pin.observers import OBSERVERS, moving_weight
+from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.observers.redundancy import redundancy_of
 
 FILTERS = ("kalman", "smoother")
+SEEDS = (1, 2)  # docs/observer_results.md has five
 
 
 def assert_near_force_level(flight: Seen, least: float) -> None:
@@ -36,7 +38,9 @@ def test_with_an_exact_belief_the_filters_equal_force_level_at_any_rate() -> Non
         assert_near_force_level(one, 0.02)
 
 
-@pytest.mark.parametrize("row", ["quasi-steady air", "wing offset 5 mm", "centre of mass 3 mm", "distal mass +15 %"])
+@pytest.mark.parametrize(
+    "row", ["quasi-steady air", "distal mass +15 %", *further("wing offset 5 mm", "centre of mass 3 mm")]
+)
 def test_a_wrong_belief_costs_the_filters_no_more_than_force_level(row: str) -> None:
     """Never 0.1 below. Weighed by the sensors alone, tiny joint momenta won: Fx -5536 under quasi-steady air."""
     assert_near_force_level(seen(row), 0.1)
@@ -122,32 +126,23 @@ def test_noise_alone_is_no_wrong_belief_and_no_redundancy_is_blind() -> None:
     assert redundancy_of(time, noise, 6, 0, 1.0, []).verdict == "blind"
 
 
-def test_forces_are_measured_in_weights_of_what_moves() -> None:
-    """The robot's own weight, also where there is no gravity; of an arm, the links behind its base."""
-    flight = seen("exact")
-    assert moving_weight(flight.model) == pytest.approx(9.81 * 0.0921, rel=0.01)
-    weightless = flight.model.copy()
-    weightless.gravity.linear = np.zeros(3)
-    assert moving_weight(weightless) == moving_weight(flight.model)
+SHARES = [1.0, 0.0, *further(-0.5)]  # of the left wing's force on the right one
 
 
-SHARES = {"both wings": 1.0, "left wing only": 0.0, "right = -0.5 left": -0.5}
-
-
-@pytest.mark.parametrize("share", SHARES.values(), ids=SHARES)
+@pytest.mark.parametrize("share", SHARES)
 def test_sensor_noise_leaves_the_figures_standing(share: float) -> None:
     """Goal: R2 of 0.98 as it comes and 0.995 over the record on every axis, whatever the two wings' forces are."""
     noisy = Condition("velocity noise", noise=1.0, share=share)
-    assert worst("kalman", noisy).min() > 0.98
-    assert worst("smoother", noisy).min() > 0.995
+    assert worst("kalman", noisy, seeds=SEEDS).min() > 0.98
+    assert worst("smoother", noisy, seeds=SEEDS).min() > 0.995
 
 
-@pytest.mark.parametrize("share", SHARES.values(), ids=SHARES)
+@pytest.mark.parametrize("share", SHARES)
 def test_noise_and_a_wrong_mass_and_air_together_leave_the_figures_standing(share: float) -> None:
     """Mass +5 %, air +20 %. Goal: 0.95, 0.85, 0.92 along x, y, z as it comes; 0.985, 0.90, 0.985 over the record."""
     wrong = Condition("all three", noise=1.0, mass=1.05, air=1.2, share=share)
-    assert np.all(worst("kalman", wrong) > [0.97, 0.97, 0.97])
-    assert np.all(worst("smoother", wrong) > [0.99, 0.99, 0.99])
+    assert np.all(worst("kalman", wrong, seeds=SEEDS) > [0.97, 0.97, 0.97])
+    assert np.all(worst("smoother", wrong, seeds=SEEDS) > [0.99, 0.99, 0.99])
 
 
 def test_without_doubt_about_the_belief_the_filter_loses_and_the_redundancy_says_so() -> None:

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as draw
 from support import without_coriolis
 from support.arm import arm
+from support.further import further
 from support.kernel_cases import streamed
 from support.stepping import step
 from support.without_coriolis import AXES, JOINTS, chain, drift, links, mjcf_leg, random_record
@@ -123,7 +124,7 @@ def motion(name: str) -> Motion:
 
 
 @pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
-@pytest.mark.parametrize("name", ["arm", "humanoid", "mjcf leg", *FRAMES])
+@pytest.mark.parametrize("name", ["arm", "mjcf leg", "solo12", *further("humanoid", "borinot", "hector", "talos")])
 def test_every_observer_finds_a_known_force_on_other_robots(name: str, kind: type[Observer]) -> None:
     """Silent before the push, and within 1 % of it from 80 ms after its onset on, in world axes.
 
@@ -141,7 +142,7 @@ def test_every_observer_finds_a_known_force_on_other_robots(name: str, kind: typ
     assert errors[PUSHED + 80 :].max() < (0.01 if kind.project_first else 0.05)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(name=draw.sampled_from(sorted(KINDS)), wanted=draw.sampled_from(["force", "wrench", "along"]), data=draw.data())
 @pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
 def test_every_observer_is_right_on_any_kind_of_robot_or_refuses_it(

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.arm import push, rest
-from support.kernel_cases import MODELS, assert_equal, record
+from support.kernel_cases import assert_equal, record
 from support.observer_twins import point_jacobian
 from support.robot_parts import efforts
 from support.without_coriolis import mjcf_leg
@@ -27,8 +27,6 @@ from aerobat_pin.observers import (
     tie_joints,
 )
 from aerobat_pin.observers.rows import BelievedRows, Rows
-
-WINGS = ["left_force_point", "right_force_point"]
 
 
 def arm_on_a_rail() -> tuple[pin.Model, str]:
@@ -82,18 +80,6 @@ def test_names_stand_for_a_joint_or_a_part_of_it_and_appear_in_the_result() -> N
     assert observer.believed.count == model.nv - 5
     chosen = observer.believed.map(np.zeros(model.nv))
     assert list(np.flatnonzero(~chosen.any(axis=1))) == [2, 6, 7, 8, 11]
-
-
-def test_all_but_the_joints_is_the_base() -> None:
-    """On every wing's joints left out by name, an observer does what it does with `rows="base"`."""
-    model, _ = MODELS["aerobat"]
-    flown, point = record(model), WINGS[:1]
-    joints = AllBut(*(name for name in model.names.tolist()[2:]))
-    for kind in OBSERVERS.values():
-        one, other = (kind(model, point, 300.0, rows).run(*flown) for rows in (joints, "base"))
-        assert_equal(one.components, other.components, 1e-9)
-        assert one.redundancy.rms == pytest.approx(other.redundancy.rms, rel=1e-9)
-        assert one.redundancy.redundant == other.redundancy.redundant == 3
 
 
 def test_a_row_in_newtons_is_not_divided_by_a_lever_arm() -> None:
