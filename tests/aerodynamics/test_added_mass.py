@@ -1,8 +1,5 @@
 """Added mass as a part of inertia: its energy, its momentum, and the observer that must not notice it."""
 
-from collections.abc import Iterator
-from typing import Any
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -59,33 +56,6 @@ def test_the_constant_matrices_of_the_links_hold_the_energy_of_all_strips(plant:
     q, v, *_ = instant(plant, seed)
     M, _ = twins.added_mass(plant, q, v, STILL)
     assert 0.5 * v @ M @ v == pytest.approx(link_energy(plant, q[None], v[None])[0], rel=1e-12)
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_rate_of_inertia_with_added_mass_is_coriolis_plus_its_transpose(plant: Plant, seed: int) -> None:
-    """On the total, M + M_a and C + C_a with C_a = sum m n^T n': the ground on which momentum observers stand.
-
-    The rate by central differences of the total along exp(h v), extrapolated: error O(h^4).
-    """
-    model, data = plant.model, plant.model.createData()
-    q, v, *_ = instant(plant, seed)
-
-    def total(at: np.ndarray) -> np.ndarray:
-        return pin.crba(model, data, at).copy() + twins.added_mass(plant, at, v, STILL)[0]
-
-    def difference(h: float) -> np.ndarray:
-        return (total(pin.integrate(model, q, h * v)) - total(pin.integrate(model, q, -h * v))) / (2.0 * h)
-
-    rate = (4.0 * difference(1e-4) - difference(2e-4)) / 3.0
-    C = pin.computeCoriolisMatrix(model, data, q, v).copy()
-    pin.computeJointJacobiansTimeVariation(model, data, q, v)
-    for link, row, m in moving_air(plant):
-        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
-        n, n_rate = (
-            row @ of(model, data, joint, LOCAL) for of in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
-        )
-        C += m * np.outer(n, n_rate)
-    np.testing.assert_allclose(rate, C + C.T, rtol=0.0, atol=1e-8 * np.abs(rate).max())
 
 
 def moving_air(plant: Plant) -> list[tuple[int, np.ndarray, float]]:
@@ -152,61 +122,11 @@ def test_what_the_added_mass_takes_is_its_kinetic_energy() -> None:
     np.testing.assert_allclose(work, energy[0] - energy[1:], rtol=0.0, atol=2e-4 * energy.max())
 
 
-def scores(settings: list[str]) -> np.ndarray:
-    """Return R2 of the paper's forces, both observers, wings and axes."""
-    experiment = run(load_scenario("paper", ["simulation.duration=1.2", *settings]))
-    metrics: dict[str, Any] = experiment.metrics["observers"]
-    return np.array(
-        [metrics[o][w][f"F{x}"]["r2"] for o in experiment.estimates for w in ("left", "right") for x in "xyz"]
-    )
-
-
-def test_the_observer_finds_the_forces_as_well_with_added_mass_as_without() -> None:
-    """It knows nothing of air: a known channel more, and the same R2 to 2e-4."""
-    with_it, without = scores([]), scores(["air.added_mass=0.0"])
-    assert with_it.min() > 0.999
-    np.testing.assert_allclose(with_it, without, atol=2e-4)
-
-
 def test_wings_lighter_than_their_air_fly_without_trouble() -> None:
     """Ten times the air's mass on 42 g of robot: as an explicit force this would diverge within a few steps."""
     log = simulate(load_scenario("paper", ["air.added_mass=10.0", "simulation.duration=0.3", "simulation.dt=0.002"]))
     assert np.all(np.isfinite(log.measured["q"].values))
     assert np.max(np.abs(log.measured["v"].values[:, :3])) < 10.0
-
-
-def normals(plant: Plant, q: np.ndarray, v: np.ndarray) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
-    """Yield the mass m of each of `moving_air`, the row n with which its velocity is n v, and the row's rate."""
-    model, data = plant.model, plant.model.createData()
-    pin.computeJointJacobiansTimeVariation(model, data, q, v)
-    for link, choose, m in moving_air(plant):
-        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
-        n, n_rate = (
-            choose @ of(model, data, joint, LOCAL) for of in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
-        )
-        yield m, n, n_rate
-
-
-def test_the_logged_channel_is_the_change_of_momentum_and_asks_for_no_acceleration() -> None:
-    """-(p_a,k+1 - p_a,k) / dt + mean(C_a^T v), p_a = M_a v, by Simpson's rule.
-
-    Its middle comes from the run at half the step. Independent
-    of the accelerations that the plant knows; this is how a recorded flight would find the channel.
-    """
-    dt, plant = 1e-3, plant_of("paper", COLD)
-    logs = [
-        simulate(load_scenario("paper", [f"simulation.dt={step}", "simulation.duration=0.2"])) for step in (dt, dt / 2)
-    ]
-    q, v = (logs[1].measured[name].values for name in ("q", "v"))
-    p, turning = np.empty_like(v), np.empty_like(v)
-    for k, (at, speed) in enumerate(zip(q, v, strict=True)):
-        p[k] = twins.added_mass(plant, at, speed, STILL)[0] @ speed
-        turning[k] = sum(m * n_rate * (n @ speed) for m, n, n_rate in normals(plant, at, speed))
-    simpson = (turning[:-2:2] + 4.0 * turning[1::2] + turning[2::2]) / 6.0
-    expected = -(p[2::2] - p[:-2:2]) / dt + simpson
-    found = logs[0].truth["added_mass"].values
-    scale = np.abs(expected).max(axis=0) + 1e-6
-    assert np.max(np.abs(found - expected) / scale) < 1e-4
 
 
 def test_an_observer_that_is_not_told_of_the_added_mass_sees_it_as_a_force() -> None:

@@ -5,16 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.further import further
 from support.references import LATTICE_FLAP, FlapLoads, plunge
 
 from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.flapping_wing import Halves, LineFlight, Stroke, fly
+from aerobat_pin.aerodynamics.flapping_wing import Halves, Stroke, fly
 from aerobat_pin.errors import ShapeError
 
-MIRROR = np.diag([1.0, -1.0, 1.0])
 STILL = float(LiftingLine(0.4, 0.1, strips=8).y[5])
-MIRROR_TWIST = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
 
 def amplitude(signal: np.ndarray, cycles: int) -> complex:
@@ -22,32 +21,25 @@ def amplitude(signal: np.ndarray, cycles: int) -> complex:
     return complex(2.0 * np.fft.fft(signal)[cycles] / len(signal))
 
 
-def flapping_loads(strips: int, added_mass: float) -> tuple[FlapLoads, LineFlight]:
-    """Fly five cycles of the lattice's wing and look at the last one."""
-    line = LiftingLine(0.40, 0.10, strips=strips)
-    stroke = Stroke(4.0, frequency=5.0, flap=np.radians(30.0))
-    flight = fly(line, stroke, [0.0, *np.linspace(0.8, 1.0, 101)], added_mass=added_mass)
-    thrust, _, lift = flight.force[-100:].T
-    return FlapLoads(np.sqrt(np.mean(lift**2)), np.abs(lift).max(), thrust.mean()), flight
-
-
 def test_flapping_rectangle_lifts_and_pulls_as_the_vortex_lattice_says() -> None:
     """PteraSoftware 5.1.0, 192 panels: lift rms 0.3526 N, maximum 0.529 N, mean thrust 0.0636 N.
 
     A lifting line is allowed 8 % in lift and 12 % in thrust; ours has 0.7 % less rms, a maximum 3.2 % lower and 10 %
-    less thrust. Tip incidence is 39 deg: a real wing would stall. Twice the strips change nothing by half a percent.
+    less thrust. Tip incidence is 39 deg: a real wing would stall.
     """
     assert LATTICE_FLAP == (0.3526, 0.529, 0.0636)
-    ours, flight = flapping_loads(16, 1.0)
+    stroke = Stroke(4.0, frequency=5.0, flap=np.radians(30.0))  # its fifth cycle
+    flight = fly(LiftingLine(0.40, 0.10), stroke, [0.0, *np.linspace(0.8, 1.0, 101)])
+    thrust, _, lift = flight.force[-100:].T
+    ours = FlapLoads(np.sqrt(np.mean(lift**2)), np.abs(lift).max(), thrust.mean())
     assert ours.lift_rms == pytest.approx(LATTICE_FLAP.lift_rms, rel=0.02)
     assert ours.lift_max == pytest.approx(0.5119, abs=2e-4)
     assert ours.thrust_mean == pytest.approx(LATTICE_FLAP.thrust_mean, rel=0.12)
     assert ours.thrust_mean == pytest.approx(0.0572, abs=2e-4)
     assert np.degrees(np.abs(flight.incidence).max()) == pytest.approx(39.0, abs=0.1)
-    assert flapping_loads(32, 1.0)[0] == pytest.approx(ours, rel=5e-3)
 
 
-@pytest.mark.parametrize("added_mass", [0.0, 1.0])
+@pytest.mark.parametrize("added_mass", [1.0, *further(0.0)])
 def test_plunging_section_agrees_with_theodorsen_and_garrick(added_mass: float) -> None:
     """Theodorsen (1935) and Garrick (1936), small plunge, lift and thrust within 1 %, efficiency within 1.5 %."""
     line = LiftingLine(1e9, 0.1, strips=1)
@@ -94,18 +86,6 @@ def test_steady_section_has_no_drag_at_any_incidence(incidence_deg: float) -> No
     assert lift == pytest.approx(np.copysign(1.0, np.cos(incidence)), rel=1e-6)
 
 
-def test_steady_half_wings_carry_what_their_circulation_says() -> None:
-    """Kutta-Joukowski: per span rho u Gamma along the normal, rho Gamma^2/(a0 b) along the chord, at the 1/4 chord."""
-    line = LiftingLine(0.4, lambda y: 0.1 + 0.1 * y, quarter_chord=lambda y: 0.02 - 0.3 * np.abs(y), strips=8)
-    flight = fly(line, Stroke(4.0, 0.1), [0.0, 6.0])
-    circulation = flight.circulation[-1]
-    fz = line.width * 1.225 * 4.0 * np.cos(0.1) * circulation
-    fx = line.width * 1.225 * circulation**2 / (2.0 * np.pi * line.semichord)
-    for i, half in enumerate((line.y > 0.0, line.y < 0.0)):
-        parts = fx, 0.0 * fx, fz, line.y * fz, -line.quarter_chord * fz, -line.y * fx
-        np.testing.assert_allclose(flight.wrench[-1, i], [part[half].sum() for part in parts], rtol=1e-5)
-
-
 def test_added_mass_acts_at_mid_chord() -> None:
     """Of a plunging swept wing: minus its mass times the acceleration, its moment about the axes' origin with it.
 
@@ -120,41 +100,6 @@ def test_added_mass_acts_at_mid_chord() -> None:
     arm = line.quarter_chord - line.chord / 4.0
     np.testing.assert_allclose(with_it[:, 4] - without[:, 4], mass @ arm * acceleration, atol=1e-12)
     np.testing.assert_allclose(np.delete(with_it - without, [2, 4], axis=1), 0.0, atol=1e-12)
-
-
-def wobble(mirrored: bool) -> Callable[[float], Halves]:
-    """Return a motion without any symmetry, or its mirror image in the plane y = 0."""
-
-    def motion(time: float) -> Halves:
-        rotation, twist = np.empty((2, 3, 3)), np.empty((2, 6))
-        offset = np.array([3.0, 0.3, -0.2, 0.5, 0.2, 1.0])
-        for i in range(2):
-            size, omega = np.array([0.5, 0.2, 0.6, 8.0, 3.0, 2.0 + i]), 20.0 + 7.0 * i
-            twist[i] = offset + size * np.sin(omega * time + np.arange(6))
-            angle = 0.3 * np.sin(omega * time)
-            rotation[i] = [[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]]
-        if not mirrored:
-            return Halves(rotation, twist)
-        return Halves(MIRROR @ rotation[::-1] @ MIRROR, twist[::-1] * MIRROR_TWIST)
-
-    return motion
-
-
-def test_mirrored_motion_gives_mirrored_wrenches() -> None:
-    """A lopsided wing on a motion without symmetry, and the mirrored wing on the mirrored motion."""
-    time = np.linspace(0.0, 0.5, 26)
-
-    def wing(side: float) -> LiftingLine:
-        return LiftingLine(0.4, lambda y: 0.1 - 0.1 * side * y, quarter_chord=lambda y: 0.2 * side * y, strips=8)
-
-    ours, theirs = fly(wing(1.0), wobble(False), time), fly(wing(-1.0), wobble(True), time)
-    scale = np.abs(ours.wrench).max(axis=(0, 1))
-    scale[1] = 1.0  # no force along the span
-    np.testing.assert_allclose(ours.wrench / scale, theirs.wrench[:, ::-1] * MIRROR_TWIST / scale, atol=1e-6, rtol=0)
-    np.testing.assert_allclose(ours.force, theirs.force @ MIRROR, atol=1e-6 * np.abs(ours.force).max(), rtol=0)
-    np.testing.assert_allclose(ours.power, theirs.power, atol=1e-6 * np.abs(ours.power).max(), rtol=0)
-    np.testing.assert_allclose(ours.circulation, theirs.circulation[:, ::-1], atol=1e-6, rtol=0)
-    assert np.abs(ours.wrench[:, 0] - ours.wrench[:, 1] * MIRROR_TWIST).max() > 0.1  # not symmetric by itself
 
 
 def test_power_is_force_times_velocity_and_moment_times_rate() -> None:
@@ -232,16 +177,8 @@ def spinning(time: float) -> Halves:
 
 @pytest.mark.parametrize(
     "motion",
-    [
-        Stroke(0.0),
-        Stroke(0.0, frequency=5.0, flap=0.5),
-        Stroke(1e-9, 0.1),
-        Stroke(4.0, np.pi / 2.0),
-        Stroke(4.0, -np.pi / 2.0, frequency=5.0, plunge=0.01),
-        Stroke(4.0, np.pi - 0.1),
-        spinning,
-    ],
-    ids=["at rest", "hover", "slow", "90 deg", "-90 deg", "backward", "one strip still"],
+    [Stroke(0.0), Stroke(0.0, frequency=5.0, flap=0.5), Stroke(1e-9, 0.1), Stroke(4.0, np.pi - 0.1), spinning],
+    ids=["at rest", "hover", "slow", "backward", "one strip still"],
 )
 @pytest.mark.filterwarnings("error")
 def test_any_motion_gives_finite_loads(motion: Callable[[float], Halves]) -> None:
@@ -259,31 +196,17 @@ def test_any_motion_gives_finite_loads(motion: Callable[[float], Halves]) -> Non
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("motion", "time", "message"),
     [
-        ({"time": [0.0]}, r"time has shape \(1,\): \(2\+,\) was expected"),
-        ({"time": [0.0, 0.0]}, "rising"),
-        ({"time": 1.0}, "time"),
-        ({"added_mass": -1.0}, "added_mass = -1"),
-        ({"motion": lambda t: Halves(*(np.nan * part for part in Stroke(1.0)(t)))}, "motion at 0 s holds NaN"),
+        (Stroke(4.0, 0.1), [0.0, 0.0], "rising"),
+        (lambda t: Halves(*(np.nan * part for part in Stroke(1.0)(t))), [0.0, 0.1], "motion at 0 s holds NaN"),
         (
-            {"motion": lambda _: Halves(np.eye(3), np.zeros((2, 6)))},
-            r"motion at 0 s: rotation has shape \(3, 3\): \(2, 3, 3\)",
+            lambda _: Halves(np.eye(3), np.zeros((2, 6))),
+            [0.0, 0.1],
+            r"at 0 s: rotation has shape \(3, 3\): \(2, 3, 3\)",
         ),
-        ({"about": [0.0, 0.1]}, r"about has shape \(2,\): \(3,\)"),
     ],
 )
-def test_a_flight_that_cannot_be_is_refused(change: dict[str, Any], message: str) -> None:
-    given: dict[str, Any] = {"motion": Stroke(4.0, 0.1), "time": [0.0, 0.1], **change}
-    motion, time = given.pop("motion"), given.pop("time")
+def test_a_flight_that_cannot_be_is_refused(motion: Any, time: list[float], message: str) -> None:
     with pytest.raises(ShapeError, match=message):
-        fly(LiftingLine(0.4, 0.1, strips=4), motion, time, **given)
-
-
-def test_air_takes_power_from_a_flapping_wing_and_gives_less_as_thrust() -> None:
-    """What the wing spends is thrust times speed and what stays in the wake, which cannot be negative."""
-    line = LiftingLine(0.40, 0.10)
-    flight = fly(line, Stroke(4.0, frequency=5.0, flap=np.radians(30.0)), [0.0, *np.linspace(0.8, 1.0, 101)])
-    wake, useful = -flight.power[-100:].mean(), 4.0 * flight.force[-100:, 0].mean()
-    assert useful > 0.0
-    assert 0.3 < useful / (useful + wake) < 1.0 / (1.0 + 2.0 / 4.0)  # Prandtl's downwash takes its share of the power
+        fly(LiftingLine(0.4, 0.1, strips=4), motion, time)

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from support.flapping_robot import STEPS, flap_robot
 from support.further import further
-from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, evaluate, gliding
+from support.gliding import BARE, NO_DRAG, SHAPE, WING, evaluate, gliding
 
-from aerobat_pin.aerobat import LINKS, RobotAir, Wing
+from aerobat_pin.aerobat import RobotAir, Wing
 from aerobat_pin.aerodynamics import AirConstants
-from aerobat_pin.errors import AerobatError
 from aerobat_pin.numerics import fields_of
 
 
@@ -35,22 +34,15 @@ def test_flow_from_behind_is_flow_from_ahead_in_a_mirror() -> None:
     assert mirrored.lead == pytest.approx(-strips.lead, rel=1e-12)
 
 
-def test_the_airspeeds_of_many_instants_are_those_of_each() -> None:
-    """Against the loads of one instant after the other."""
-    twists = np.random.default_rng(14).normal(size=(7, 5, 6))
-    single = [evaluate(AIR, one, np.zeros(AIR.state_size))[2].airspeed for one in twists]
-    np.testing.assert_allclose(AIR.airspeed(twists), single, rtol=1e-12)
-
-
 @pytest.mark.parametrize("options", [{}, *further({"lift_limit": 1.5}, {"model": "quasi_steady"})])
 def test_no_load_jumps_as_the_flow_turns_all_the_way_round(options: dict[str, Any]) -> None:
-    """Loads at 20,000 incidences around the circle: a step of 0.3 mrad changes none by more than it changes elsewhere.
+    """Loads at 4,000 incidences around the circle: a step of 1.6 mrad changes none by more than it changes elsewhere.
 
     Suction that followed the sign of u jumped at broadside by twice its size.
     """
     air = RobotAir(WING, **options)
     state = 0.05 * np.random.default_rng(13).normal(size=air.state_size)
-    angles = np.linspace(-np.pi, np.pi, 20001)
+    angles = np.linspace(-np.pi, np.pi, 4001)
     found = np.array([evaluate(air, gliding(3.0, angle), state)[0].ravel() for angle in angles])
     step = np.max(np.abs(np.diff(found, axis=0)), axis=0)
     assert np.all(step <= 0.01 * np.ptp(found, axis=0) + 1e-12)
@@ -96,18 +88,6 @@ def test_the_quasi_steady_wing_has_dickinsons_coefficients(degrees: float, cl: f
     assert down[1:, 2] == pytest.approx(-wrenches[1:, 2], rel=1e-12, abs=1e-15)
 
 
-def test_nonsense_is_refused_by_name() -> None:
-    """An unknown model, limits and factors that are none."""
-    for options, message in (
-        ({"model": "vortex"}, "one of lifting_line, quasi_steady was expected"),
-        ({"lift_limit": 0.0}, "lift_limit = 0.0"),
-        ({"added_mass": -1.0}, "added_mass = -1.0"),
-        ({"air_density": -1.0}, "air_density = -1.0"),
-    ):
-        with pytest.raises(AerobatError, match=message):
-            RobotAir(WING, **options)
-
-
 @pytest.mark.parametrize("strips", [1, 2, 7, 16, 29, 64])
 def test_the_pieces_cover_every_strip_and_every_link_once(strips: int) -> None:
     """Shares of a strip sum to 1; lengths on a link to the link's; mirrored links have mirrored pieces.
@@ -130,34 +110,6 @@ def test_the_pieces_cover_every_strip_and_every_link_once(strips: int) -> None:
     assert sum(G[0, 0] for G in air.added_mass) == pytest.approx(carried, rel=1e-13)
 
 
-def test_each_strip_is_shared_by_the_links_under_it() -> None:
-    """Of 16 strips 2 lie across each shoulder and elbow: 20 pieces, 2 on the body, 2 and 7 on each wing's panels.
-
-    A piece's share is its part of the length between the strip's edges, midway between stations in theta.
-    """
-    pieces, shoulder, elbow = AIR.pieces, *WING.breaks[:2]
-    assert np.bincount(pieces.link).tolist() == [2, 2, 7, 2, 7]
-    edges = 0.5 * WING.span * np.cos(np.array([0.0, *np.arange(1.5, 16.0), 17.0]) * np.pi / 17.0)
-    reach = [(-shoulder, shoulder), (shoulder, elbow), (elbow, 1.0), (-elbow, -shoulder), (-1.0, -elbow)]
-    for strip, link, y, share in zip(pieces.strip, pieces.link, pieces.y, pieces.share, strict=True):
-        low, high = np.clip(edges[[strip + 1, strip]], *reach[link])
-        assert share == pytest.approx((high - low) / (edges[strip] - edges[strip + 1]), rel=1e-9)
-        assert link == 0 or y * (1.0 if LINKS[link].startswith("left") else -1.0) > 0.0
-
-
-def test_a_strip_on_one_link_lies_at_its_station_and_a_shared_one_in_its_parts() -> None:
-    """Arc coordinates of the pieces, back from the links' frames."""
-    pieces, (shoulder, elbow, _) = AIR.pieces, WING.breaks
-    stretch = (elbow - shoulder) / SHAPE.elbow[1]
-    at = {0: lambda y: y, 1: lambda y: shoulder + y * stretch, 2: lambda y: elbow + y}
-    arc = np.array([at[link](y) for link, y in zip(pieces.link[:10], pieces.y[:10], strict=True) if link < 3])
-    assert 1e3 * arc[:6] == pytest.approx(1e3 * AIR.line.y[:6], abs=1e-9)
-    edges = 1e3 * 0.5 * WING.span * np.cos(np.array([6.5, 7.5, 8.5]) * np.pi / 17.0)
-    joints = 1e3 * np.array([elbow, shoulder])
-    parts = [(edges[0], joints[0]), (joints[0], edges[1]), (edges[1], joints[1]), (joints[1], edges[2])]
-    assert 1e3 * arc[6:10] == pytest.approx([sum(part) / 2.0 for part in parts], abs=1e-9)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_the_links_power_is_the_strips_force_times_the_strips_velocity(seed: int) -> None:
     """A strip across a joint gives each link its share of force, and moves with the mean of their velocities.
@@ -172,12 +124,12 @@ def test_the_links_power_is_the_strips_force_times_the_strips_velocity(seed: int
     assert np.sum(wrenches * twists) == pytest.approx(-strips.force_z @ strips.w, rel=1e-12, abs=1e-15)
 
 
+@pytest.mark.evidence
 def test_the_flapping_robots_lift_converges_in_strips() -> None:
     """Mean lift over a flap of the prescribed motion, against 96 strips: -0.8, -0.3 and -0.2 % with 16, 24 and 32.
 
     With whole strips on the link under their station it was +4.8, +0.9 and -1.3 %, as the joints fell.
     """
     exact = flap_robot(96, STEPS // 3)[0][:, 2].mean()
-    found = {strips: flap_robot(strips, STEPS // 10)[0][:, 2].mean() / exact - 1.0 for strips in (16, 20, 24, 28, 32)}
-    assert [100.0 * found[strips] for strips in (16, 24, 32)] == pytest.approx([-0.77, -0.31, -0.16], abs=0.05)
-    assert max(np.abs(list(found.values()))) < 0.01
+    found = {strips: flap_robot(strips, STEPS // 10)[0][:, 2].mean() / exact - 1.0 for strips in (16, 24, 32)}
+    assert [100.0 * one for one in found.values()] == pytest.approx([-0.77, -0.31, -0.16], abs=0.05)

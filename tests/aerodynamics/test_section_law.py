@@ -7,6 +7,7 @@ that against the C(k) of Theodorsen the fit's own error of up to 2.3 % comes in.
 
 import numpy as np
 import pytest
+from support.further import further
 from support.gliding import BARE, evaluate, gliding, settled
 from support.references import LATTICE_FLAP, Pitch, jones_harmonic, pitch, theodorsen
 from support.section_law import ENDLESS, HALVES, STEPS, fly_on_links, loads_of, memory_of, plate, plate_drag
@@ -86,7 +87,6 @@ def test_the_flapping_rectangle_through_the_robots_strips() -> None:
 
 
 SPEED, SEMICHORD, ANGLE = 4.0, 0.05, 1e-3
-FREQUENCIES = [0.05, 0.1, 0.39, 1.0, 2.0]
 AXES = (-0.5, 0.0, 0.5)  # semichords behind mid-chord
 
 
@@ -114,7 +114,7 @@ def assert_section(found: Pitch, k: float, axis: float) -> None:
     assert found.thrust == pytest.approx(fit.thrust, abs=1e-3 * abs(fit.lift) * ANGLE)
 
 
-@pytest.mark.parametrize("k", FREQUENCIES)
+@pytest.mark.parametrize("k", [0.1, 0.39, 1.0, *further(0.05, 2.0)])
 def test_a_pitching_section_is_theodorsens_and_garricks(k: float) -> None:
     """Through `fly`: with Jones's C(k) to 0.1 %, with the exact one to 2.34 %. Two axes in one flight."""
     (stroke, cycles), axes = stroke_of(k), [AXES[:2], AXES[2:]]
@@ -131,8 +131,10 @@ def test_a_pitching_section_is_theodorsens_and_garricks(k: float) -> None:
             assert_section(found, k, axis)
 
 
-@pytest.mark.parametrize("k", [0.05, 0.39, 2.0])
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize(
+    ("k", "axis"),
+    [(0.39, -0.5), (0.39, 0.5), *further((0.39, 0.0), *((k, axis) for k in (0.05, 2.0) for axis in AXES))],
+)
 def test_a_pitching_section_of_the_robots_is_theodorsens_and_garricks(k: float, axis: float) -> None:
     """The same through the kernel: its law is the line's up to the square of the incidence."""
     stroke, cycles = stroke_of(k)

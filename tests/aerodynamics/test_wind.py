@@ -47,15 +47,15 @@ def test_rate_and_drift_are_derivative_and_integral_of_the_velocity(settings: tu
 def test_turbulence_has_drydens_variance_and_autocorrelation() -> None:
     """R(t) is s^2 exp(-t / T) along the flight and s^2 exp(-t / T) (1 - t / 2T) across, T = L / V (Dryden's model).
 
-    Over 200 seeds; above `HIGHEST_TONE` the spectrum has 0.8 % of the variance along, and 1.3 % across.
+    Over 120 seeds; above `HIGHEST_TONE` the spectrum has 0.8 % of the variance along, and 1.3 % across.
     """
     lags, T = np.array([0.0, 0.1, 0.3, 0.6, 1.0, 1.6]), LENGTH / SPEED
     begins = np.arange(40) * 0.9
     found = np.zeros((len(lags), 3))
-    for seed in range(200):
+    for seed in range(120):
         air = Wind(tones=(dryden(DEVIATION, LENGTH, SPEED, seed),))
         velocity = air.field(np.add.outer(begins, lags).ravel())[:, 0].reshape(len(begins), len(lags), 3)
-        found += np.mean(velocity[:, :1] * velocity, axis=0) / 200
+        found += np.mean(velocity[:, :1] * velocity, axis=0) / 120
     shape = np.exp(-lags / T)
     beyond = T * 2.0 * np.pi * HIGHEST_TONE
     lost = np.array([2.0, 3.0, 3.0]) / np.pi / beyond
