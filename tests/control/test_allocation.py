@@ -89,14 +89,15 @@ def test_roll_and_pitch_come_before_yaw_and_yaw_before_lift() -> None:
 def test_a_thrust_follows_its_command_late_and_slowly() -> None:
     """A step of the command: nothing for the delay, then 1 - exp(-t / lag); means are exact integrals."""
     section, dt = ThrustersSection(lag=0.045, delay=0.003, factor=0.8), 1e-3
-    thrust = LaggedThrust(guard(), section, dt, np.zeros(6))
+    found = guard()
+    thrust = LaggedThrust(found, section, dt, np.zeros(6))
     command = np.array([0.1, 0.2, 0.3, 9.0, -1.0, 0.05])
-    kept = np.clip(command, 0.0, guard().limit)
+    kept = np.clip(command, 0.0, found.limit)
     for k in range(200):
         wrench = thrust.advance(command)
         t = np.array([k, k + 1]) * dt - 0.003
         t = np.maximum(t, 0.0)
         integral = kept * ((t[1] + 0.045 * np.exp(-t[1] / 0.045)) - (t[0] + 0.045 * np.exp(-t[0] / 0.045)))
         np.testing.assert_allclose(thrust.mean, 0.8 * integral / dt, rtol=0.0, atol=1e-12)
-        np.testing.assert_allclose(wrench, guard().map @ thrust.mean, rtol=0.0, atol=1e-12)
+        np.testing.assert_allclose(wrench, found.map @ thrust.mean, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(thrust.thrust, kept, rtol=0.02)

@@ -104,7 +104,7 @@ FOLLOW = np.full(6, 1.0 - np.exp(-GAIN * DT))
 
 def test_white_noise_of_the_momentum_leaves_the_stated_variance() -> None:
     """K^2 s / (s + K)^2 of white noise of density s^2 dt has the variance s^2 K^3 dt / 4, by Parseval's theorem."""
-    momentum = np.random.default_rng(0).normal(scale=DEVIATION, size=(200_000, 6))
+    momentum = np.random.default_rng(0).normal(scale=DEVIATION, size=(100_000, 6))
     slow, seen, state, smooth = np.zeros(6), np.zeros(6), np.zeros(6), []
     for sample in momentum:
         slow += FOLLOW * (sample - slow)

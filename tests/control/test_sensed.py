@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from support.commands import aerobat
+from support.further import further
 
 from aerobat_pin.aerobat import flown_robot
 from aerobat_pin.control import FAILED, Controller
@@ -69,8 +70,13 @@ def undisturbed() -> Array:
     return flown([])[0]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("length", [1, 50], ids=["once", "50 ms"])
+@pytest.mark.parametrize(
+    ("kind", "length"),
+    [
+        *[("NaN", 1), ("NaN", 50), ("zero", 50), ("held", 50), ("swapped", 1), ("swapped", 50)],
+        *further(("infinite", 1), ("infinite", 50), ("zero", 1), ("held", 1)),
+    ],
+)
 def test_bad_samples_of_every_channel_hardly_change_a_flight_and_are_counted(
     kind: str, length: int, undisturbed: Array
 ) -> None:
