@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.readers import PACKAGE, ROBOTS, URDF, in_pinocchio, plain
+from support.readers import FIRST, PACKAGE, ROBOTS, URDF, in_pinocchio, plain
 
 import aerobat_description as description
 from aerobat_description.generate import files
@@ -107,20 +107,6 @@ def test_the_right_wing_is_the_exact_mirror_image_of_the_left(name: str) -> None
         assert right.rotation == pytest.approx(MIRROR @ left.rotation @ MIRROR, abs=1e-15)
 
 
-def test_the_light_robot_has_the_inertias_of_its_shapes() -> None:
-    """Textbook moments of a cylinder along x, a rod along y and a plate, of the sizes published for it."""
-    m, r, length = 0.010, 0.025, 0.100
-    body = (m * r**2 / 2, m * (r**2 / 4 + length**2 / 12), m * (r**2 / 4 + length**2 / 12))
-    m, r, length = 0.001, 0.002, 0.050
-    rod = (m * (r**2 / 4 + length**2 / 12), m * r**2 / 2, m * (r**2 / 4 + length**2 / 12))
-    m, x, y, z = 0.004, 0.100, 0.120, 0.25e-3
-    plate = (m * (y**2 + z**2) / 12, m * (x**2 + z**2) / 12, m * (x**2 + y**2) / 12)
-    light = Morphology.load("aerobat_light")
-    for part, moments in zip((light.body, light.proximal, light.distal), (body, rod, plate), strict=True):
-        assert part.inertia == pytest.approx((*moments, 0.0, 0.0, 0.0), rel=1e-12)
-    assert (light.proximal.com, light.distal.com) == ((0.0, 0.025, 0.0), (0.0, 0.060, 0.0))
-
-
 @pytest.mark.parametrize("file", sorted(path.name for path in (PACKAGE / "meshes").iterdir()))
 def test_meshes_are_closed_face_outward_and_measure_metres(file: str) -> None:
     """Every edge is walked once each way, the enclosed volume is positive, and nothing exceeds 0.6 m."""
@@ -141,30 +127,19 @@ def test_meshes_are_closed_face_outward_and_measure_metres(file: str) -> None:
     ("text", "message"),
     [
         ("[wing]\nofset_x = 0.0", r"unknown key 'wing\.ofset_x'; did you mean 'offset_x'\?"),
-        ("[body]\ncolour = 1", r"unknown key 'body\.colour'; known are mass, inertia"),
         ("[body]\nmass = -0.03", r"body\.mass = -0\.03: it must be positive"),
         ("[distal]\nmass = nan", r"distal\.mass = nan: finite numbers"),
-        ("[body]\nmass = 'heavy'", r"body\.mass = heavy: finite numbers"),
-        ("[distal]\ncom = 0.1", r"distal\.com = 0\.1: a list of 3 numbers"),
         ("[distal]\ncom = [0.1, 0.2]", r"distal\.com = \[0\.1, 0\.2\]: a list of 3 numbers"),
         ("[body]\ninertia = [1e-4, 1e-4, 1e-4]", r"body\.inertia = .*: a list of 6 numbers"),
         ("[body]\nmass = 1" + 400 * "0", r"line 4: a word of 401 characters: at most 255"),
         ("[linkage]\nL2a = 1e200", r"linkage\.L2a = 1e\+200: finite numbers were expected, below 1e\+30"),
-        ("[linkage]\nP5 = [0.02]", r"linkage\.P5 = .*: a list of 2 numbers"),
-        ("[linkage]\nL4 = -0.036", r"linkage\.L4 = -0\.036: it must be positive"),
         ("[joints]\nelbow_limits = [0.7, -1.6]", r"joints\.elbow_limits = .*: the lower limit comes first"),
-        ("[joints]\neffort = -1.0", r"joints\.effort = -1\.0: it must be positive"),
-        ("[tail]\nspan = 0.0", r"tail\.span = 0\.0: it must be positive"),
-        ("[tail]\nposition = [0.0, 1.0]", r"tail\.position = .*: a list of 3 numbers"),
-        ("[hull]\nheight = 0", r"hull\.height = 0\.0: it must be positive"),
-        ("[guard]\nradius = [0.1]\ntube = 0.1", r"guard\.radius = .*: a list of 2 numbers"),
         ("[aerodynamics]\nprofile_drag = -1", r"aerodynamics\.profile_drag = -1\.0: it is not negative"),
         ("name = 'a b/c'", r"name = 'a b/c': letters, digits"),
         ("[body]\ninertia = [1e-4, 1e-4, 2e-4, 0, 0, 0]", r"body\.inertia = .*: each principal moment .* smaller"),
         ("[wing]\ndistal_stations = [0.0, 0.1]", r"wing\.distal_stations = .*: .* same length"),
         ("[wing]\nproximal_stations = [0.0, 0.0]", r"wing\.proximal_stations = .*: stations start at 0 and increase"),
         ("[wing]\nproximal_leading_edge = [-0.2, 0.1]", r"wing\.proximal_leading_edge = .* ahead of the trailing edge"),
-        ("[wing]\nminimum_chord = 0.0", r"wing\.minimum_chord = 0\.0: it must be positive"),
         ("body = 3", "body = 3: a table was expected"),
         ("mass = [", "not valid TOML"),
     ],
@@ -234,31 +209,17 @@ def test_a_loaded_robot_shows_its_parts_and_takes_changes(name: str) -> None:
     assert moved.mass == robot.mass
 
 
-@ROBOTS
-def test_the_srdf_says_of_every_pair_why_it_need_not_be_looked_at(name: str) -> None:
-    """Adjacent: those that a turning joint joins. Never: all others."""
-    joints = ET.parse(URDF[name]).findall("joint[@type='revolute']")
-    joined = {frozenset((one.find("parent").get("link"), one.find("child").get("link"))) for one in joints}
-    pairs = [
-        (frozenset((one.get("link1"), one.get("link2"))), one.get("reason"))
-        for one in ET.parse(PACKAGE / "srdf" / f"{name}.srdf").findall("disable_collisions")
-    ]
-    assert len(pairs) == len(dict(pairs)) == 10
-    assert {pair for pair, reason in pairs if reason == "Adjacent"} == joined
-    assert {reason for _, reason in pairs} == {"Adjacent", "Never"}
-
-
-@ROBOTS
+@FIRST
 def test_collision_boxes_overlap_at_no_crank_angle(name: str) -> None:
-    """By Pinocchio, in 720 poses, also of links that a joint joins; half a millimetre apart, so nothing rests on it."""
+    """By Pinocchio, in 180 poses, also of links that a joint joins; half a millimetre apart, so nothing rests on it."""
     robot = load_aerobat(name)
     boxes = robot.collision_model.copy()
     boxes.addAllCollisionPairs()
     assert len(boxes.collisionPairs) == 10
     data, work = robot.model.createData(), boxes.createData()
-    cycle = robot.linkage.solve(np.radians(np.arange(0.0, 360.0, 0.5)))
+    cycle = robot.linkage.solve(np.radians(np.arange(0.0, 360.0, 2.0)))
     least = np.inf
-    for q in robot.configuration(np.tile(pin.neutral(robot.model)[:7], (720, 1)), cycle.theta_s, cycle.theta_e):
+    for q in robot.configuration(np.tile(pin.neutral(robot.model)[:7], (180, 1)), cycle.theta_s, cycle.theta_e):
         pin.updateGeometryPlacements(robot.model, data, boxes, work, q)
         pin.computeDistances(boxes, work)
         least = min(least, *(result.min_distance for result in work.distanceResults))

@@ -4,7 +4,6 @@ Its limits are checked before parsing, strings and comments do not count, messag
 """
 
 import math
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -38,17 +37,10 @@ def test_the_names_that_are_taken_are_those_of_the_tree() -> None:
     assert tree | set(model.names) | {frame.name for frame in model.frames} == BUILT_IN
 
 
-@pytest.mark.parametrize("name", sorted(BUILT_IN))
-def test_a_thruster_does_not_take_the_name_of_anything_else(name: str) -> None:
-    """Any link, joint or frame of the robot; two thrusters; and a thruster and another one's joint."""
-    rule = "another link, joint or frame has this name"
-    with pytest.raises(MorphologyError, match=rf"thrusters\[0\]\.name = '{name}': {rule}"):
-        Morphology.load("aerobat", {"thrusters": [thruster(name)]})
-
-
 @pytest.mark.parametrize(
     ("names", "message"),
     [
+        *(((name,), rf"thrusters\[0\]\.name = '{name}': another link, joint") for name in sorted(BUILT_IN)[::6]),
         (("a", "a"), r"thrusters\[1\]\.name = 'a': another link"),
         (("a", "b", "a_fixed"), r"thrusters\[2\]\.name = 'a_fixed': another link"),
         (("a_fixed", "a"), r"thrusters\[1\]\.name = 'a': another link"),
@@ -57,6 +49,7 @@ def test_a_thruster_does_not_take_the_name_of_anything_else(name: str) -> None:
     ],
 )
 def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message: str) -> None:
+    """None of a link, joint or frame of the robot, nor of another thruster or its joint."""
     with pytest.raises(MorphologyError, match=message):
         Morphology.load("aerobat", {"thrusters": [thruster(name) for name in names]})
     load_aerobat("aerobat", {"thrusters": [thruster("a"), thruster("b")]})
@@ -73,7 +66,6 @@ def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message
             {"wing": {"proximal_stations": [0, 0.046]}},
             r"wing\.proximal_stations = .*, 0\.04879 m .*, to 5 %",
         ),
-        ({"wing": {"proximal_leading_edge": [0.06, 0.0765, 0.08]}}, r"wing\.proximal_stations = .*: .* same length"),
         (
             {"wing": {"distal_leading_edge": [0.2, 0.0807, 0.118, 0.101]}},
             r"wing\.distal_leading_edge = \(0\.2, .*\): it starts where the proximal one ends, at 0\.0765 m",
@@ -83,13 +75,11 @@ def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message
             r"wing\.distal_trailing_edge = .*: it starts where the proximal one ends, at -0\.112 m",
         ),
         ({"wing": {"minimum_chord": 3.0}}, r"wing\.minimum_chord = 3\.0: the wing's largest chord is 0\.1957 m"),
-        ({"scale": {"chord": 0.1}}, r"wing\.minimum_chord = 0\.025: the wing's largest chord is 0\.01957 m"),
         (
             {"wing": {"force_point": [0.0, -0.01, 0.0]}},
             r"wing\.force_point = .* x is -0\.115 to",
         ),
         ({"wing": {"force_point": [0.0, 0.14, 0.0]}}, r"wing\.force_point = .*: .* y 0 to 0\.132 m"),
-        ({"wing": {"force_point": [0.12, 0.1, 0.0]}}, r"wing\.force_point = .*: .* to 0\.118 m"),
         ({"wing": {"force_point": [0.0, 0.1, 0.07]}}, r"wing\.force_point = .*: .* z is within half of that"),
         ({"wing": {"offset_x": 1.0}}, r"wing\.offset_x = 1\.0: it is not larger than the span, 0\.403 m"),
         (
@@ -98,7 +88,6 @@ def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message
         ),
         ({"scale": {"span": -1.0}}, r"scale\.span = -1\.0: it must be positive"),
         ({"scale": {"spam": 1.0}}, r"unknown key 'scale\.spam'; did you mean 'span'"),
-        ({"scale": {"span": 0.2}}, r"wing\.distal_stations = .*: stations start at 0 and increase"),
         ({"body": {"com": [0.0, 0.01, 0.0]}}, r"body\.com = .*: base_link has its origin at the centre of mass"),
         (
             {"body": {"inertia": [2e-4, 1e-4, 2e-4, 1e-6, 0, 0]}},
@@ -214,13 +203,6 @@ def test_all_three_doors_refuse_the_same_files(
             read(name)
 
 
-def test_a_fifo_is_no_file(tmp_path: Path) -> None:
-    """It would be waited for without an end."""
-    os.mkfifo(tmp_path / "pipe.toml")
-    with pytest.raises(TomlError, match="there is no such file"):
-        toml_file(tmp_path / "pipe.toml")
-
-
 def test_the_mark_at_the_start_of_a_file_from_windows_is_no_mistake(tmp_path: Path) -> None:
     """Editors there begin UTF-8 with U+FEFF."""
     (tmp_path / "a.toml").write_bytes("a = 1\r\n".encode("utf-8-sig"))
@@ -239,11 +221,3 @@ def test_settings_have_the_same_limits() -> None:
         ScenarioError, match=r"simulation\.dt = '9+\.\.\. \(5002 characters\): input should be a valid number"
     ):
         load_scenario("paper", ["simulation.dt=" + 5000 * "9"])
-
-
-def test_names_that_make_file_names_are_short() -> None:
-    """Of scenarios and robots; file systems take 255 bytes."""
-    with pytest.raises(ScenarioError, match=r"name = '.*at most 200 characters"):
-        load_scenario("paper", ["name=" + 300 * "n"])
-    with pytest.raises(MorphologyError, match=r"name = '.*100 at most"):
-        Morphology.load("aerobat", {"name": 51 * "²"})

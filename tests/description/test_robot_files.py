@@ -77,24 +77,16 @@ def test_a_shipped_robot_is_printed_as_it_was_committed(tmp_path: Path) -> None:
     assert in_mujoco(tmp_path / "light.urdf")[0] == pytest.approx(0.020, rel=1e-12)
 
 
-def test_the_reference_configurations_lie_beside_the_robot(mine: Path) -> None:
-    """The SRDF has the poses of this robot's linkage, and the names of its joints."""
-    aerobat("urdf", str(mine / "my_robot.toml"), "-o", str(mine / "x.urdf"), cwd=mine)
-    model = pin.buildModelFromUrdf(str(mine / "x.urdf"), pin.JointModelFreeFlyer())
-    pin.loadReferenceConfigurations(model, str(mine / "x.srdf"))
-    own = load_aerobat(mine / "my_robot.toml").model
-    assert {str(item.key()) for item in model.referenceConfigurations} == {
-        str(item.key()) for item in own.referenceConfigurations
-    }
-    assert ET.parse(mine / "x.srdf").getroot().get("name") == "mine"
-
-
-def test_the_linkage_comes_with_its_meshes_and_leaves_the_morphology_alone(mine: Path) -> None:
+def test_poses_and_linkage_lie_beside_the_robot_and_leave_the_morphology_alone(mine: Path) -> None:
     """A URDF named like the morphology beside it: the linkage goes to a folder, and finds its meshes from there."""
     own = (mine / "my_robot.toml").read_text()
     done = aerobat("urdf", str(mine / "my_robot.toml"), "-o", str(mine / "my_robot.urdf"), cwd=mine)
     assert done.returncode == 0, done.stderr
     assert (mine / "my_robot.toml").read_text() == own
+    model = pin.buildModelFromUrdf(str(mine / "my_robot.urdf"), pin.JointModelFreeFlyer())
+    pin.loadReferenceConfigurations(model, str(mine / "my_robot.srdf"))
+    poses = load_aerobat(mine / "my_robot.toml").model.referenceConfigurations
+    assert {str(item.key()) for item in model.referenceConfigurations} == {str(item.key()) for item in poses}
     bars = tomllib.loads((mine / "linkage" / "my_robot.toml").read_text())["bars"]
     assert [bar["name"] for bar in bars] == [f"L{i}" for i in range(1, 8)]
     assert all((mine / bar[f"{side}_mesh"]).is_file() for bar in bars for side in ("left", "right"))
