@@ -21,7 +21,6 @@ from support.stepping import step
 import aerobat_pin
 from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.aerobat.closed_model import closed_model, closed_settings, closed_state
-from aerobat_pin.errors import FrameNotFoundError, MorphologyFileError
 
 CRANKS = ("left_crank", "right_crank")
 
@@ -122,12 +121,3 @@ def test_the_front_door_gives_it_with_limits_and_a_pose() -> None:
     assert not np.any(model.armature)
     q = model.referenceConfigurations["closed"]
     assert q[model.joints[model.getJointId("left_crank")].idx_q] == -np.pi / 2
-
-
-def test_what_is_no_closed_robot_is_refused() -> None:
-    """A morphology that is not there, and a model without bars."""
-    with pytest.raises(MorphologyFileError, match="did you mean 'aerobat'"):
-        closed_model("aerobot")
-    robot = load_aerobat()
-    with pytest.raises(FrameNotFoundError, match="left_crank"):
-        closed_state(robot.model, robot.linkage, 0.0)

@@ -128,18 +128,6 @@ def test_function_and_polyline_are_the_same_wing(chord: Any) -> None:
     assert line.added_mass == pytest.approx(factor * 1.225 * np.pi * line.chord**2 / 4.0, rel=1e-15)
 
 
-def test_area_does_not_depend_on_the_number_of_strips() -> None:
-    """Rectangle and ellipse; a number for each station counts straight lines between them."""
-    for strips in (1, 4, 16):
-        assert LiftingLine(0.4, 0.1, strips=strips).area == pytest.approx(0.04, rel=1e-6)
-        ellipse = LiftingLine(0.4, lambda y: 0.1 * np.sqrt(1.0 - (y / 0.2) ** 2), strips=strips)
-        assert ellipse.area == pytest.approx(np.pi / 4.0 * 0.04, rel=1e-6)
-    chord = np.array([0.02, 0.05, 0.1, 0.07, 0.03])
-    line = LiftingLine(0.4, chord, strips=5)
-    ends = (0.2 - line.y[0]) * (chord[0] + chord[-1])
-    assert line.area == pytest.approx(ends - np.trapezoid(chord, line.y), rel=1e-6)
-
-
 @pytest.mark.parametrize(
     ("span", "chord", "options", "message"),
     [
@@ -187,12 +175,6 @@ def test_a_rectangular_plate_has_the_tabulated_added_mass(aspect: float, table: 
     assert factor @ WIDTH == pytest.approx(table, rel=5e-3)
     assert np.all(np.diff(factor[:200]) > -1e-12)  # from a tip to the root
     np.testing.assert_allclose(factor, factor[::-1], rtol=1e-9)
-
-
-def test_a_wing_without_ends_has_thin_aerofoil_theorys() -> None:
-    """1 at every station that is not a tip."""
-    factor = added_mass_factor(lambda y: np.full(y.shape, 0.1), 1e9, np.array([-0.45e9, -1e8, 0.0, 3e8]))
-    assert factor == pytest.approx(np.ones(4), rel=2e-3)
 
 
 @pytest.mark.parametrize(("aspect", "inertia_error"), [(4.0, 0.056), (6.0, 0.033)])

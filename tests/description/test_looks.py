@@ -125,15 +125,3 @@ def test_wings_and_bars_pass_the_body_and_those_of_the_other_side(name: str) -> 
     for kind in (MEMBRANES, LAYERS):
         pairs += [(f"left_{one}", f"right_{other}") for one in kind for other in kind]
     assert clearance(robot(name), pairs) > 0.5e-3
-
-
-def test_the_guard_keeps_clear_of_wings_and_bars() -> None:
-    """Ring, arms, motors and propellers, by 2 mm; the ring passes through the thrusters that it carries."""
-    one = robot("aerobat_guard")
-    moving = [f"{side}_{part}" for side in SIDES for part in (*MEMBRANES, *LAYERS)]
-    assert clearance(one, [(part, other) for part in ("guard", "motors", "propellers") for other in moving]) > 2e-3
-    ring = one.morphology.guard
-    for thruster in one.morphology.thrusters:
-        x, y, _ = thruster.position
-        level = np.hypot((x - ring.centre) / ring.radius[0], y / ring.radius[1])
-        assert level == pytest.approx(0.833 if thruster.name in ("thruster_3", "thruster_4") else 1.0, abs=3e-3)

@@ -144,22 +144,6 @@ def test_the_trees_joints_lie_on_the_linkages_pins() -> None:
     assert np.array_equal(robot.q0[list(robot.idx_q)], joints)
 
 
-def test_many_crank_angles_at_once_equal_one_at_a_time() -> None:
-    """Vectorised closure equals the scalar one exactly, in every field and for any shape."""
-    crank = np.random.default_rng(3).uniform(-7.0, 7.0, (2, 5))
-    many = LINKAGE.solve(crank, 30.0, -4.0)
-    assert many.theta_s.shape == (2, 5)
-    assert many.pins["J10"].shape == (2, 5, 2)
-    for index in np.ndindex(crank.shape):
-        one = LINKAGE.solve(crank[index], 30.0, -4.0)
-        for field in ("theta_s", "theta_e", "theta_s_dot", "theta_e_ddot", "d2theta_s", "d2theta_e"):
-            assert getattr(one, field) == pytest.approx(getattr(many, field)[index], rel=1e-14, abs=1e-14)
-        assert one.pins["J10"] == pytest.approx(many.pins["J10"][index], rel=1e-14)
-        assert np.shape(one.theta_s) == ()
-    assert LINKAGE.solve(0.3, np.ones(4)).theta_e_dot.shape == (4,)
-    assert LINKAGE.solve([]).theta_s.shape == (0,)
-
-
 @pytest.mark.parametrize(
     ("bar", "factor", "dyad"), [("L3b", 0.7, "J4"), ("L2a", 1.1, "J4"), ("L5a", 0.7, "J7"), ("L6", 0.5, "J10")]
 )

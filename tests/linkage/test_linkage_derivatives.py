@@ -98,14 +98,6 @@ def test_the_papers_form_gives_the_closed_forms_accelerations(t1: float, rate: f
     assert PAPER.gap(x) < 1e-15
 
 
-def test_many_states_at_once_equal_one_at_a_time() -> None:
-    """A stack of states gives a stack of rates, stabilised or not."""
-    for dynamics in (PAPER, SculptureDynamics(stabilisation=50.0)):
-        states = np.array([dynamics.state(t1, 20.0) for t1 in (0.0, 1.0, 2.0)]) + 1e-3
-        for of in (dynamics.f_k, dynamics.g_k, dynamics.gap):
-            assert of(states) == pytest.approx(np.array([of(x) for x in states]), rel=1e-12)
-
-
 @pytest.mark.parametrize(("dt", "expected"), further((1e-3, 0.17), (5e-4, 0.011)))
 def test_accelerations_alone_drift_from_the_closed_linkage(dt: float, expected: float) -> None:
     """Absolute forearm angle t6 [deg] after 10 s of the paper's flapping: the drift that the closed form does not have.
