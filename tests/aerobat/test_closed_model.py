@@ -13,6 +13,7 @@ from support.closed import (
     closed_data,
     exact_acceleration,
     fly_prescribed,
+    miss,
     symmetric,
 )
 from support.readers import ROBOTS
@@ -21,6 +22,8 @@ from support.stepping import step
 import aerobat_pin
 from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.aerobat.closed_model import closed_model, closed_settings, closed_state
+from aerobat_pin.errors import FrameNotFoundError, MorphologyFileError
+from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
 
 CRANKS = ("left_crank", "right_crank")
 
@@ -76,6 +79,26 @@ def test_a_free_flight_keeps_its_momenta(bars: str) -> None:
         assert np.max(np.abs(rows - fly_prescribed(robot, 200, 1e-3)[:, :3])) < 3e-5
 
 
+def test_ten_turns_stay_closed() -> None:
+    """Runge-Kutta at 1 ms: shoulder and elbow within 1e-6 rad of the closed form at the actual crank angle."""
+    model, constraints = closed_model("aerobat", gravity=0.0)
+    linkage, (data, datas) = KineticSculpture(), closed_data(model, constraints)
+    cranks = [model.joints[model.getJointId(joint)].idx_v for joint in CRANKS]
+    joints = [model.joints[model.getJointId(f"left_{hinge}")].idx_q for hinge in ("crank", "shoulder", "elbow")]
+    q, v, _ = closed_state(model, linkage, DOWN, RATE)
+    settings, tau, rows = closed_settings(), np.zeros(model.nv), []
+
+    def rates(t: float, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:
+        tau[cranks] = 5e-4 * (RATE - v[cranks])
+        return v, pin.constraintDynamics(model, data, q, v, tau, constraints, datas, settings), None
+
+    while q[joints[0]] < DOWN + 10.0 * 2.0 * np.pi:
+        q, v, _ = step(rates, partial(pin.integrate, model), 0.0, q, v, 1e-3)
+        rows.append(q[joints])
+    assert len(rows) < 3000
+    assert max(miss(linkage, *np.array(rows).T)) < 1e-6
+
+
 @ROBOTS
 def test_mujoco_and_pinocchio_read_one_robot_from_the_file(name: str) -> None:
     """Closing points to 1e-9 m, links to 1e-12 m, mass matrix to 1e-9 but for MuJoCo's armature, over a turn."""
@@ -121,3 +144,12 @@ def test_the_front_door_gives_it_with_limits_and_a_pose() -> None:
     assert not np.any(model.armature)
     q = model.referenceConfigurations["closed"]
     assert q[model.joints[model.getJointId("left_crank")].idx_q] == -np.pi / 2
+
+
+def test_what_is_no_closed_robot_is_refused() -> None:
+    """A morphology that is not there, and a model without bars."""
+    with pytest.raises(MorphologyFileError, match="did you mean 'aerobat'"):
+        closed_model("aerobot")
+    robot = load_aerobat()
+    with pytest.raises(FrameNotFoundError, match="left_crank"):
+        closed_state(robot.model, robot.linkage, 0.0)

@@ -22,7 +22,7 @@ from aerobat_pin.forces import KnownInputs
 from aerobat_pin.observers import external_forces, joint_wrench
 from aerobat_pin.scenario import load_scenario
 
-SEEDS = range(2)
+SEEDS = range(5)
 FRAMES = ("base_link", "left_proximal", "left_force_point", "right_force_point", "right_linkage_J8")
 LOCAL, ALIGNED, WORLD = (
     pin.ReferenceFrame.LOCAL,
@@ -114,7 +114,7 @@ def test_momentum_obeys_its_equation_along_a_forced_flight() -> None:
     assert np.max(np.abs(miss) / scale) < 1e-7
 
 
-@pytest.mark.parametrize("seed", range(1))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("reference", [LOCAL, ALIGNED, WORLD], ids=lambda reference: reference.name)
 @pytest.mark.parametrize("frame", FRAMES)
 def test_external_forces_enter_inverse_dynamics_as_minus_jacobian_transposed_times_wrench(
@@ -133,6 +133,23 @@ def test_external_forces_enter_inverse_dynamics_as_minus_jacobian_transposed_tim
     pin.computeJointJacobians(model, data, q)
     mapped = pin.getJointJacobian(model, data, moved[0], LOCAL).T @ moved[1].vector
     np.testing.assert_allclose(mapped, J.T @ wrench, atol=1e-12, rtol=0)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_external_forces_on_one_joint_add_up(robot: Aerobat, seed: int) -> None:
+    """Derivation: J^T f is linear, also where several wrenches share a joint."""
+    model, data = robot.model, robot.model.createData()
+    q, v, a = random_motion(seed)
+    rng = np.random.default_rng([3, seed])
+    pin.forwardKinematics(model, data, q)
+    wrenches, expected = [], np.zeros(model.nv)
+    for frame in ("left_distal", "left_force_point", "left_force_point", "base_link"):
+        wrench = rng.standard_normal(6)
+        wrenches.append(joint_wrench(model, data, frame, wrench, ALIGNED))
+        jacobian = pin.computeFrameJacobian(model, model.createData(), q, model.getFrameId(frame), ALIGNED)
+        expected += jacobian.T @ wrench
+    pushed = pin.rnea(model, data, q, v, a, external_forces(model, wrenches)).copy()
+    np.testing.assert_allclose(pin.rnea(model, data, q, v, a) - pushed, expected, atol=1e-12, rtol=0)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -242,3 +259,11 @@ def test_the_trapezoid_of_the_drift_is_good_to_a_thousandth_and_either_end_alone
     assert trapezoid < 1e-3
     for end in (drift[:-1], drift[1:]):
         assert misses(balance, end, u) > 50.0 * trapezoid
+
+
+def test_inputs_of_the_interval_before_lose_more_than_any_quadrature(balance: dict[str, np.ndarray]) -> None:
+    """One sample of misalignment of the known forces costs three times what the rectangle rule does."""
+    drift, u = balance["drift"], balance["u"]
+    late = np.vstack([u[:1], u[:-1]])
+    middle = 0.5 * (drift[1:] + drift[:-1])
+    assert misses(balance, middle, late) > 2.0 * misses(balance, drift[:-1], u)

@@ -13,7 +13,12 @@ from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.aerodynamics.flapping_wing import Halves, Stroke, fly
 from aerobat_pin.errors import ShapeError
 
+MIRROR = np.diag([1.0, -1.0, 1.0])
+
 STILL = float(LiftingLine(0.4, 0.1, strips=8).y[5])
+
+
+MIRROR_TWIST = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
 
 def amplitude(signal: np.ndarray, cycles: int) -> complex:
@@ -86,6 +91,18 @@ def test_steady_section_has_no_drag_at_any_incidence(incidence_deg: float) -> No
     assert lift == pytest.approx(np.copysign(1.0, np.cos(incidence)), rel=1e-6)
 
 
+def test_steady_half_wings_carry_what_their_circulation_says() -> None:
+    """Kutta-Joukowski: per span rho u Gamma along the normal, rho Gamma^2/(a0 b) along the chord, at the 1/4 chord."""
+    line = LiftingLine(0.4, lambda y: 0.1 + 0.1 * y, quarter_chord=lambda y: 0.02 - 0.3 * np.abs(y), strips=8)
+    flight = fly(line, Stroke(4.0, 0.1), [0.0, 6.0])
+    circulation = flight.circulation[-1]
+    fz = line.width * 1.225 * 4.0 * np.cos(0.1) * circulation
+    fx = line.width * 1.225 * circulation**2 / (2.0 * np.pi * line.semichord)
+    for i, half in enumerate((line.y > 0.0, line.y < 0.0)):
+        parts = fx, 0.0 * fx, fz, line.y * fz, -line.quarter_chord * fz, -line.y * fx
+        np.testing.assert_allclose(flight.wrench[-1, i], [part[half].sum() for part in parts], rtol=1e-5)
+
+
 def test_added_mass_acts_at_mid_chord() -> None:
     """Of a plunging swept wing: minus its mass times the acceleration, its moment about the axes' origin with it.
 
@@ -100,6 +117,41 @@ def test_added_mass_acts_at_mid_chord() -> None:
     arm = line.quarter_chord - line.chord / 4.0
     np.testing.assert_allclose(with_it[:, 4] - without[:, 4], mass @ arm * acceleration, atol=1e-12)
     np.testing.assert_allclose(np.delete(with_it - without, [2, 4], axis=1), 0.0, atol=1e-12)
+
+
+def wobble(mirrored: bool) -> Callable[[float], Halves]:
+    """Return a motion without any symmetry, or its mirror image in the plane y = 0."""
+
+    def motion(time: float) -> Halves:
+        rotation, twist = np.empty((2, 3, 3)), np.empty((2, 6))
+        offset = np.array([3.0, 0.3, -0.2, 0.5, 0.2, 1.0])
+        for i in range(2):
+            size, omega = np.array([0.5, 0.2, 0.6, 8.0, 3.0, 2.0 + i]), 20.0 + 7.0 * i
+            twist[i] = offset + size * np.sin(omega * time + np.arange(6))
+            angle = 0.3 * np.sin(omega * time)
+            rotation[i] = [[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]]
+        if not mirrored:
+            return Halves(rotation, twist)
+        return Halves(MIRROR @ rotation[::-1] @ MIRROR, twist[::-1] * MIRROR_TWIST)
+
+    return motion
+
+
+def test_mirrored_motion_gives_mirrored_wrenches() -> None:
+    """A lopsided wing on a motion without symmetry, and the mirrored wing on the mirrored motion."""
+    time = np.linspace(0.0, 0.5, 26)
+
+    def wing(side: float) -> LiftingLine:
+        return LiftingLine(0.4, lambda y: 0.1 - 0.1 * side * y, quarter_chord=lambda y: 0.2 * side * y, strips=8)
+
+    ours, theirs = fly(wing(1.0), wobble(False), time), fly(wing(-1.0), wobble(True), time)
+    scale = np.abs(ours.wrench).max(axis=(0, 1))
+    scale[1] = 1.0  # no force along the span
+    np.testing.assert_allclose(ours.wrench / scale, theirs.wrench[:, ::-1] * MIRROR_TWIST / scale, atol=1e-6, rtol=0)
+    np.testing.assert_allclose(ours.force, theirs.force @ MIRROR, atol=1e-6 * np.abs(ours.force).max(), rtol=0)
+    np.testing.assert_allclose(ours.power, theirs.power, atol=1e-6 * np.abs(ours.power).max(), rtol=0)
+    np.testing.assert_allclose(ours.circulation, theirs.circulation[:, ::-1], atol=1e-6, rtol=0)
+    assert np.abs(ours.wrench[:, 0] - ours.wrench[:, 1] * MIRROR_TWIST).max() > 0.1  # not symmetric by itself
 
 
 def test_power_is_force_times_velocity_and_moment_times_rate() -> None:
@@ -210,3 +262,12 @@ def test_any_motion_gives_finite_loads(motion: Callable[[float], Halves]) -> Non
 def test_a_flight_that_cannot_be_is_refused(motion: Any, time: list[float], message: str) -> None:
     with pytest.raises(ShapeError, match=message):
         fly(LiftingLine(0.4, 0.1, strips=4), motion, time)
+
+
+def test_air_takes_power_from_a_flapping_wing_and_gives_less_as_thrust() -> None:
+    """What the wing spends is thrust times speed and what stays in the wake, which cannot be negative."""
+    line = LiftingLine(0.40, 0.10)
+    flight = fly(line, Stroke(4.0, frequency=5.0, flap=np.radians(30.0)), [0.0, *np.linspace(0.8, 1.0, 101)])
+    wake, useful = -flight.power[-100:].mean(), 4.0 * flight.force[-100:, 0].mean()
+    assert useful > 0.0
+    assert 0.3 < useful / (useful + wake) < 1.0 / (1.0 + 2.0 / 4.0)  # Prandtl's downwash takes its share of the power

@@ -59,6 +59,16 @@ def test_the_mean_downwash_over_a_width_is_the_integral_of_prandtls(width: float
         assert line.mean_downwash(width) @ np.sin(n * line.theta) == pytest.approx(fine, rel=1e-4, abs=1e-9)
 
 
+def test_the_strips_integrate_every_circulation_they_resolve_over_the_span() -> None:
+    """The integral of sin(n theta) dy over the span is pi S/4 for n = 1 and 0 for all other n up to N."""
+    line = LiftingLine(0.8, 0.1, strips=9)
+    for n in range(1, 10):
+        assert line.width @ np.sin(n * line.theta) == pytest.approx(np.pi * 0.2 if n == 1 else 0.0, abs=1e-15)
+    for strips in (16, 64, 256):  # not a sine series: the span itself, with an error of (pi/(N + 1))^2/12
+        width = LiftingLine(0.8, 0.1, strips=strips).width
+        assert width.sum() == pytest.approx(0.8, rel=(np.pi / (strips + 1)) ** 2 / 11.0)
+
+
 def test_steady_circulation_is_where_the_states_come_to_rest() -> None:
     """The state space's rest state, -A^-1 B w_n, holds the steady circulation; lift is then rho U Gamma."""
     line, w_n = rectangle(6.0), np.linspace(0.1, 0.4, 16)
@@ -93,6 +103,28 @@ def test_step_response_is_that_of_the_matrices() -> None:
         state = vectors @ (np.expm1(values * t) / values * np.linalg.solve(vectors, system.B @ w_n))
         assert found == pytest.approx(system.C @ state.real + system.D @ w_n, rel=1e-8)
     assert lift[0] == pytest.approx(system.D @ w_n, rel=1e-14)
+
+
+def test_slow_and_late_responses_are_the_steady_lift() -> None:
+    """At frequency zero, and long after a step, the lift per span is rho U Gamma of the steady circulation."""
+    line, w_n = rectangle(6.0), np.linspace(0.1, 0.4, 16)
+    steady = 3.0 * line.steady_circulation(w_n)
+    assert line.frequency_response(0.0, 3.0, w_n) == pytest.approx(steady, rel=1e-12)
+    assert line.step_response([1e3], 3.0, w_n)[0] == pytest.approx(steady, rel=1e-9)
+
+
+def test_air_at_rest_freezes_circulation_and_makes_no_lift() -> None:
+    """At U = 0 nothing divides by the airspeed: no lift, circulation and lag decay stand still, no warning."""
+    line = rectangle(4.0, strips=8)
+    state, still = np.random.default_rng(5).normal(size=24), np.zeros(8)
+    with np.errstate(all="raise"):
+        w_eff, w = line.effective_velocity(state, still, np.full(8, 0.3))
+        rates = line.rates(state, still, w_eff, w)
+        system = line.state_space(0.0)
+    assert not line.lift(still, w_eff).any()
+    assert not line.split(rates)[2].any()
+    assert line.split(rates)[0] == pytest.approx(w)
+    assert np.all(np.isfinite(system.A))
 
 
 def test_responses_are_regular_where_strips_stand_still() -> None:
@@ -175,6 +207,20 @@ def test_a_rectangular_plate_has_the_tabulated_added_mass(aspect: float, table: 
     assert factor @ WIDTH == pytest.approx(table, rel=5e-3)
     assert np.all(np.diff(factor[:200]) > -1e-12)  # from a tip to the root
     np.testing.assert_allclose(factor, factor[::-1], rtol=1e-9)
+
+
+def test_a_wing_without_ends_has_thin_aerofoil_theorys() -> None:
+    """1 at every station that is not a tip."""
+    factor = added_mass_factor(lambda y: np.full(y.shape, 0.1), 1e9, np.array([-0.45e9, -1e8, 0.0, 3e8]))
+    assert factor == pytest.approx(np.ones(4), rel=2e-3)
+
+
+def test_a_lopsided_wing_has_its_own_factor_and_its_mirror_image_the_mirrored_one() -> None:
+    """The wide half carries along more of pi rho b^2 of its narrow end than the narrow half of its own."""
+    y = np.linspace(-0.49, 0.49, 21)
+    ours, theirs = (added_mass_factor(lambda y, s=side: 0.2 - 0.3 * s * y, 1.0, y) for side in (1.0, -1.0))
+    np.testing.assert_allclose(ours, theirs[::-1], rtol=1e-9)
+    assert np.max(np.abs(ours - ours[::-1])) > 0.01
 
 
 @pytest.mark.parametrize(("aspect", "inertia_error"), [(4.0, 0.056), (6.0, 0.033)])

@@ -124,3 +124,11 @@ def test_sixteen_strips_are_enough_for_steady_lift(strips: int, rectangle_error:
     assert error(0.4, 0.1) < rectangle_error
     assert error(0.4, lambda y: 0.1 * np.sqrt(1.0 - (y / 0.2) ** 2)) < 1e-12
     assert error(wing.span, wing.chord) < aerobat_error
+
+
+@pytest.mark.parametrize(("strips", "limit_ms"), [(16, 6.5), (40, 1.2)])
+def test_runge_kuttas_largest_stable_step_falls_with_the_square_of_the_strips(strips: int, limit_ms: float) -> None:
+    """Rectangle 0.40 m x 0.10 m at 4 m/s: the eigenvalues of A are near the real axis, whose limit is 2.785."""
+    values = np.linalg.eigvals(LiftingLine(0.4, 0.1, strips=strips).state_space(4.0).A)
+    assert 2785.0 / np.abs(values).max() == pytest.approx(limit_ms, abs=0.05)
+    assert np.all(values.real < 0.0)

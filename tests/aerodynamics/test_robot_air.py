@@ -11,12 +11,13 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.gliding import AIR, NO_DRAG, SHAPE, WING, evaluate, gliding
+from support.gliding import AIR, NO_DRAG, SHAPE, WING, evaluate, gliding, settled
 from support.kernel_cases import instant
 
 from aerobat_pin.aerobat import LINKS, Aerobat, RobotAir, RobotInAir, Wing, flown_robot, load_aerobat
+from aerobat_pin.errors import ScenarioError
 from aerobat_pin.flight import Plant, simulate
-from aerobat_pin.scenario import load_scenario
+from aerobat_pin.scenario import load_scenario, scenario_toml
 
 DRAGLESS = replace(SHAPE, aerodynamics=NO_DRAG)
 MIRRORED_LINKS = [0, 3, 4, 1, 2]
@@ -88,6 +89,43 @@ def test_mirrored_motion_gives_mirrored_wrenches(seed: int) -> None:
     assert mirrored == pytest.approx(wrenches[MIRRORED_LINKS] * flip, rel=1e-9, abs=1e-9 * np.abs(wrenches).max())
     assert mirrored_rates == pytest.approx(mirror_state(rates), rel=1e-9, abs=1e-9 * np.abs(rates).max())
     assert mirrored_strips.force_z == pytest.approx(strips.force_z[::-1], rel=1e-9, abs=1e-9)
+
+
+def test_symmetric_flapping_pushes_neither_sideways_nor_rolls_nor_yaws(robot: Aerobat) -> None:
+    """Equal joint angles and rates on both sides: total wrench on the base has no y force, x and z moment."""
+    closure = robot.linkage.solve(0.7, 30.0)
+    q = robot.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], closure.theta_s, closure.theta_e)
+    v = robot.velocity([3.0, 0.0, -0.2, 0.0, 0.4, 0.0], closure.theta_s_dot, closure.theta_e_dot)
+    wrenches, _, _ = evaluate(AIR, twists_of(robot, q, v), settled(AIR, twists_of(robot, q, v)))
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    places = [data.oMf[robot.model.getFrameId(link)] for link in LINKS]
+    total = sum(place.act(pin.Force(wrench)).vector for place, wrench in zip(places, wrenches, strict=True))
+    assert np.max(np.abs(total[[1, 3, 5]])) < 1e-12 * np.max(np.abs(total))
+
+
+@settings(max_examples=30, derandomize=True)
+@given(SEEDS)
+def test_drag_alone_never_gives_energy(seed: int) -> None:
+    """Power of body and profile drag is negative: wrench . twist <= 0 for a wing that carries no lift states.
+
+    With w_eff = 0, the state that cancels it, lift and suction vanish and only drag is left.
+    """
+    rng = np.random.default_rng(seed)
+    air = RobotAir(Wing(replace(SHAPE, tail=None)))
+    twist = np.concatenate([3.0 * rng.normal(size=3), np.zeros(3)])
+    twists = np.tile(twist, (5, 1))
+    line, (u, w) = air.line, (twist[0], -twist[2])
+    speed = np.hypot(u, w)
+    normal = np.full(line.strips, w * abs(u) / speed)
+    zeta = -0.5 * normal / (speed / line.semichord * 0.335 * 0.300)
+    wrenches, _, strips = evaluate(air, twists, np.concatenate([0.0 * zeta, zeta, 0.0 * zeta]))
+    assert np.max(np.abs(strips.effective_velocity)) < 1e-14
+    power = float(np.sum(wrenches[:, :3] * twists[:, :3]))
+    body = -0.5 * 1.225 * SHAPE.aerodynamics.body_drag_area * np.linalg.norm(twist[:3]) ** 3
+    profile = -0.5 * 1.225 * SHAPE.aerodynamics.profile_drag * float(line.width @ line.chord) * speed**3
+    assert power == pytest.approx(body + profile, rel=1e-9)
+    assert power < 0.0
 
 
 @pytest.mark.parametrize("span_chord", [(0.1, 0.06), (0.05, 0.03)])
@@ -211,3 +249,22 @@ def test_a_gust_at_one_instant_is_the_wind_of_its_velocity_but_for_the_added_mas
     np.testing.assert_allclose(ours[2].aerodynamic, theirs[2].aerodynamic, atol=1e-14)
     np.testing.assert_allclose(ours[1], theirs[1], atol=1e-12)
     assert np.max(np.abs(ours[2].added_mass - theirs[2].added_mass)) > 1e-3
+
+
+def test_wind_and_gust_survive_writing_and_reading(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    """A resolved scenario with a gust and a limit reads back; a gust that lasts no time is refused."""
+    scenario = load_scenario("paper", ["air.gust.amplitude=[1.0, 0.0, 0.0]", "air.lift_limit=1.4"])
+    file = tmp_path / "paper.toml"
+    file.write_text(scenario_toml(scenario), encoding="utf-8")
+    assert load_scenario(file) == scenario
+    with pytest.raises(ScenarioError, match=r"air\.gust\.duration = 0"):
+        load_scenario("paper", ["air.gust={amplitude = [1.0, 0.0, 0.0], duration = 0.0}"])
+
+
+def test_a_gust_lifts_the_robot_and_dies_down() -> None:
+    """Upward 1 m/s for half a second: higher than without while it blows; the log's airspeed knows of it."""
+    gust = "air.gust={amplitude = [0.0, 0.0, 1.0], start = 0.1, duration = 0.5}"
+    calm, blown = (simulate(load_scenario("paper", ["simulation.duration=0.6", *more])) for more in ([], [gust]))
+    rise = blown.measured["q"].values[:, 2] - calm.measured["q"].values[:, 2]
+    assert np.max(np.abs(rise[:100])) == 0.0
+    assert rise[450] > 0.01

@@ -14,6 +14,7 @@ from support.gliding import BARE, NO_DRAG, SHAPE, WING, evaluate, gliding
 
 from aerobat_pin.aerobat import RobotAir, Wing
 from aerobat_pin.aerodynamics import AirConstants
+from aerobat_pin.errors import AerobatError
 from aerobat_pin.numerics import fields_of
 
 
@@ -86,6 +87,18 @@ def test_the_quasi_steady_wing_has_dickinsons_coefficients(degrees: float, cl: f
     assert kutta == pytest.approx(cl * dynamic, abs=1e-4 * dynamic.max())
     down = evaluate(air, gliding(4.0, -angle), np.zeros(0))[0]
     assert down[1:, 2] == pytest.approx(-wrenches[1:, 2], rel=1e-12, abs=1e-15)
+
+
+def test_nonsense_is_refused_by_name() -> None:
+    """An unknown model, limits and factors that are none."""
+    for options, message in (
+        ({"model": "vortex"}, "one of lifting_line, quasi_steady was expected"),
+        ({"lift_limit": 0.0}, "lift_limit = 0.0"),
+        ({"added_mass": -1.0}, "added_mass = -1.0"),
+        ({"air_density": -1.0}, "air_density = -1.0"),
+    ):
+        with pytest.raises(AerobatError, match=message):
+            RobotAir(WING, **options)
 
 
 @pytest.mark.parametrize("strips", [1, 2, 7, 16, 29, 64])

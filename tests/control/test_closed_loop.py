@@ -48,6 +48,14 @@ def test_the_observer_does_as_well_as_the_truth_behind_the_same_filter() -> None
     assert rms("paper_left", *alone)["y"] == pytest.approx(truth, rel=0.08)
 
 
+def test_an_upward_gust_does_not_turn_the_robot() -> None:
+    """Hardly any lift is wanted then; yaw stays below a fifteenth of a degree, and z is better than without."""
+    up = ("air.gust.amplitude=[0.0, 0.0, 1.5]",)
+    best, pd = rms("gust", *up), rms("gust", *up, *PD)
+    assert best["z"] < 0.85 * pd["z"]
+    assert best["yaw"] < np.radians(1.0 / 15.0)
+
+
 @pytest.mark.evidence
 def test_a_gust_from_the_side_turns_and_pitches_nobody_more_for_the_observer() -> None:
     """It banks more, so that pitch of the flaps would show as yaw; the steering takes most of it away."""
@@ -82,6 +90,17 @@ def test_metrics_log_and_note_tell_of_the_loop() -> None:
     np.testing.assert_allclose(
         log.measured["known_thrusters"].values[:, :6], log.truth["thruster_wrench"].values, atol=1e-15
     )
+
+
+def test_a_flight_repeats_itself_to_the_bit() -> None:
+    """Same seed, same numbers; another seed, other noise."""
+    settings = ["simulation.duration=0.1", 'observers.names=["momentum"]']
+    first, second, other = (
+        run(load_scenario("hover_closed_loop", [*settings, f"simulation.seed={seed}"])).log for seed in (1, 1, 2)
+    )
+    for name in ("q", "v", "thruster_command"):
+        np.testing.assert_array_equal(first.measured[name].values, second.measured[name].values)
+        assert not np.array_equal(first.measured[name].values, other.measured[name].values)
 
 
 def test_a_log_keeps_little_more_than_its_channels() -> None:

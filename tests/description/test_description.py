@@ -107,6 +107,20 @@ def test_the_right_wing_is_the_exact_mirror_image_of_the_left(name: str) -> None
         assert right.rotation == pytest.approx(MIRROR @ left.rotation @ MIRROR, abs=1e-15)
 
 
+def test_the_light_robot_has_the_inertias_of_its_shapes() -> None:
+    """Textbook moments of a cylinder along x, a rod along y and a plate, of the sizes published for it."""
+    m, r, length = 0.010, 0.025, 0.100
+    body = (m * r**2 / 2, m * (r**2 / 4 + length**2 / 12), m * (r**2 / 4 + length**2 / 12))
+    m, r, length = 0.001, 0.002, 0.050
+    rod = (m * (r**2 / 4 + length**2 / 12), m * r**2 / 2, m * (r**2 / 4 + length**2 / 12))
+    m, x, y, z = 0.004, 0.100, 0.120, 0.25e-3
+    plate = (m * (y**2 + z**2) / 12, m * (x**2 + z**2) / 12, m * (x**2 + y**2) / 12)
+    light = Morphology.load("aerobat_light")
+    for part, moments in zip((light.body, light.proximal, light.distal), (body, rod, plate), strict=True):
+        assert part.inertia == pytest.approx((*moments, 0.0, 0.0, 0.0), rel=1e-12)
+    assert (light.proximal.com, light.distal.com) == ((0.0, 0.025, 0.0), (0.0, 0.060, 0.0))
+
+
 @pytest.mark.parametrize("file", sorted(path.name for path in (PACKAGE / "meshes").iterdir()))
 def test_meshes_are_closed_face_outward_and_measure_metres(file: str) -> None:
     """Every edge is walked once each way, the enclosed volume is positive, and nothing exceeds 0.6 m."""
@@ -207,6 +221,20 @@ def test_a_loaded_robot_shows_its_parts_and_takes_changes(name: str) -> None:
         assert place == pytest.approx([0.0075, sign * 20.6732e-3, 7.5244e-3], abs=5e-8)
         assert new_place == pytest.approx([-0.06, *place[1:]], abs=1e-18)
     assert moved.mass == robot.mass
+
+
+@ROBOTS
+def test_the_srdf_says_of_every_pair_why_it_need_not_be_looked_at(name: str) -> None:
+    """Adjacent: those that a turning joint joins. Never: all others."""
+    joints = ET.parse(URDF[name]).findall("joint[@type='revolute']")
+    joined = {frozenset((one.find("parent").get("link"), one.find("child").get("link"))) for one in joints}
+    pairs = [
+        (frozenset((one.get("link1"), one.get("link2"))), one.get("reason"))
+        for one in ET.parse(PACKAGE / "srdf" / f"{name}.srdf").findall("disable_collisions")
+    ]
+    assert len(pairs) == len(dict(pairs)) == 10
+    assert {pair for pair, reason in pairs if reason == "Adjacent"} == joined
+    assert {reason for _, reason in pairs} == {"Adjacent", "Never"}
 
 
 @FIRST

@@ -14,6 +14,8 @@ import pytest
 from support.readers import PACKAGE, ROBOTS, URDF
 from support.tools import need
 
+import aerobat_description as description
+
 PAGE = (PACKAGE / "README.md").read_text(encoding="utf-8")
 SECTIONS = dict(re.findall(r"^### (.*?)\n(.*?)(?=^###? |\Z)", PAGE, flags=re.M | re.S))
 SNIPPETS = {title: code for title, text in SECTIONS.items() for code in re.findall(r"```python\n(.*?)```", text, re.S)}
@@ -74,6 +76,33 @@ def test_a_snippet_runs_as_it_stands(title: str, here: Path, capfd: pytest.Captu
     assert list(here.iterdir()) == []
 
 
+def test_every_tool_that_is_promised_has_a_snippet() -> None:
+    """One python block each, except where the tool is no Python."""
+    tools = {
+        "Pinocchio",
+        "RobotWrapper",
+        "pink",
+        "Crocoddyl",
+        "PlaCo",
+        "MuJoCo",
+        "MuJoCo, closed linkage",
+        "MJX",
+        "yourdfpy",
+        "robot_descriptions",
+        "MeshCat",
+        "Drake",
+        "PyBullet",
+        "viser",
+        "rerun",
+        "urchin",
+        "adam-robotics",
+    }
+    assert set(SNIPPETS) == tools
+    assert len(re.findall("```python", PAGE)) == len(SNIPPETS)
+    assert "```js" in SECTIONS["three.js"]
+    assert "colcon" in SECTIONS["ROS 2 and RViz"]
+
+
 def test_the_table_of_tools_says_when_each_was_tried_and_what_was_found() -> None:
     """`make tools` wrote it: a date, and a row of every tool, none of which failed."""
     table = PAGE[PAGE.index("<!-- tools") : PAGE.index("<!-- /tools")]
@@ -122,3 +151,11 @@ def test_the_frames_are_those_of_the_urdf() -> None:
     assert sorted(seen) == sorted(link.get("name") for link in root.findall("link"))
     for name in URDF:
         assert {link.get("name") for link in ET.parse(URDF[name]).findall("link")} <= set(seen)
+
+
+def test_the_reference_configurations_are_named() -> None:
+    """Those of the SRDF, of all morphologies, in the page's words."""
+    text = PAGE[PAGE.index("The SRDF names") :].split("\n\n")[0]
+    for name in description.MORPHOLOGIES:
+        states = ET.parse(PACKAGE / "srdf" / f"{name}.srdf").findall("group_state")
+        assert quoted(text) == [state.get("name") for state in states]

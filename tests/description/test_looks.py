@@ -1,5 +1,6 @@
 """The robot as drawn: bars meet at their pins, wings hang on the shoulders, and nothing passes through the body."""
 
+import itertools
 import tomllib
 from functools import cache
 
@@ -10,6 +11,7 @@ import pytest
 from support.readers import FIRST, PACKAGE, ROBOTS
 
 from aerobat_description.bars import LAYERS, LINK_OF, linkage_bars
+from aerobat_description.meshes import panels
 from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
 from aerobat_pin.aerobat.closed_model import bar_placements, place_bars, visual_model_with_bars
 from aerobat_pin.errors import ShapeError
@@ -114,6 +116,61 @@ def clearance(one: Aerobat, pairs: list[tuple[str, str]]) -> float:
                 sides += [picture.geometryObjects[index].geometry, coal.Transform3s(at.rotation, at.translation)]
             found.append(coal.distance(*sides, coal.DistanceRequest(), coal.DistanceResult()))
     return float(min(found))
+
+
+@ROBOTS
+def test_membranes_pass_body_frame_tail_and_each_other(name: str) -> None:
+    """Half a millimetre at least over a full flap, left and right."""
+    wings = [f"{side}_{panel}" for side in SIDES for panel in MEMBRANES]
+    pairs = [(part, wing) for part in ("body", "frame", "tail") for wing in wings]
+    pairs += [(f"left_{one}", f"right_{other}") for one in MEMBRANES for other in MEMBRANES]
+    assert clearance(robot(name), pairs) > 0.5e-3
+
+
+@ROBOTS
+def test_bars_pass_body_and_the_other_wings_bars(name: str) -> None:
+    """They run in the bay between the pods, the left wing's ahead of the right wing's."""
+    pairs = [("body", f"{side}_{bar}") for side in SIDES for bar in LAYERS]
+    pairs += [(f"left_{one}", f"right_{other}") for one in LAYERS for other in LAYERS]
+    assert clearance(robot(name), pairs) > 0.5e-3
+
+
+@ROBOTS
+def test_bars_of_a_wing_touch_only_where_a_pin_joins_them(name: str) -> None:
+    """Every pair of bars without a common pin keeps clear over the turn."""
+    bars = linkage_bars(robot(name).morphology.linkage)
+    apart = [(a, b) for a, b in itertools.combinations(bars, 2) if not set(bars[a].pins) & set(bars[b].pins)]
+    assert len(apart) == 21 - 7
+    assert clearance(robot(name), [(f"left_{a}", f"left_{b}") for a, b in apart]) > 0.1e-3
+
+
+def test_the_guard_keeps_clear_of_wings_and_bars() -> None:
+    """Ring, arms, motors and propellers, by 2 mm; the ring passes through the thrusters that it carries."""
+    one = robot("aerobat_guard")
+    moving = [f"{side}_{part}" for side in SIDES for part in (*MEMBRANES, *LAYERS)]
+    assert clearance(one, [(part, other) for part in ("guard", "motors", "propellers") for other in moving]) > 2e-3
+    ring = one.morphology.guard
+    for thruster in one.morphology.thrusters:
+        x, y, _ = thruster.position
+        level = np.hypot((x - ring.centre) / ring.radius[0], y / ring.radius[1])
+        assert level == pytest.approx(0.833 if thruster.name in ("thruster_3", "thruster_4") else 1.0, abs=3e-3)
+
+
+@ROBOTS
+def test_wings_hang_on_the_shoulders_and_meet_at_the_elbows(name: str) -> None:
+    """The root edge is 5 mm outboard of the shoulder axis, and the panels share their edge on the elbow axis."""
+    one = robot(name)
+    drawn, elbow = panels(one.morphology), np.array(one.morphology.elbow)
+    for corner in drawn["proximal"][0]:
+        assert np.hypot(*corner[1:]) == pytest.approx(5e-3, abs=1e-9)
+    for inner, outer in zip(drawn["proximal"][-1], drawn["distal"][0], strict=True):
+        assert np.array(inner) == pytest.approx(elbow + outer, abs=1e-12)
+    picture = {item.name: item.geometry.vertices() for item in one.visual_model.geometryObjects}
+    for panel in MEMBRANES:  # and this is what the picture shows, on both sides
+        corners = np.array(drawn[panel.removesuffix("_membrane")]).reshape(-1, 3)
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            away = picture[f"{side}_{panel}"][:, None] - corners * [1.0, sign, 1.0]
+            assert np.linalg.norm(away, axis=2).min(axis=1).max() < 0.5e-3
 
 
 @FIRST

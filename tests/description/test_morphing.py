@@ -212,3 +212,17 @@ def test_a_linkage_that_cannot_turn_is_refused_with_what_would_do(key: str, valu
         turn(replace(bars, **{name: length}))
         with pytest.raises(ClosureError):
             turn(replace(bars, **{name: length + 1e-3 * (own - length)}))
+
+
+def test_a_thruster_pushes_along_the_z_axis_of_its_frame() -> None:
+    """Position, direction and name of the guard's six thrusters, through Pinocchio; those that lift lift upward."""
+    robot = load_aerobat("aerobat_guard")
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, pin.neutral(robot.model))
+    assert len(robot.morphology.thrusters) == 6
+    for thruster in robot.morphology.thrusters:
+        frame = data.oMf[robot.model.getFrameId(thruster.name)]
+        assert frame.translation == pytest.approx(thruster.position, abs=1e-15)
+        assert frame.rotation[:, 2] == pytest.approx(thruster.direction, abs=1e-15)
+    lift = sum(one.thrust * one.direction[2] for one in robot.morphology.thrusters)
+    assert lift == pytest.approx(4 * 0.35)

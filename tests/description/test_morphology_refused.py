@@ -4,6 +4,7 @@ Its limits are checked before parsing, strings and comments do not count, messag
 """
 
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,14 @@ def test_the_names_that_are_taken_are_those_of_the_tree() -> None:
     tree = {str(one.get("name")) for kind in ("link", "joint") for one in root.findall(kind)}
     model = load_aerobat().model
     assert tree | set(model.names) | {frame.name for frame in model.frames} == BUILT_IN
+
+
+@pytest.mark.parametrize("name", sorted(BUILT_IN))
+def test_a_thruster_does_not_take_the_name_of_anything_else(name: str) -> None:
+    """Any link, joint or frame of the robot; two thrusters; and a thruster and another one's joint."""
+    rule = "another link, joint or frame has this name"
+    with pytest.raises(MorphologyError, match=rf"thrusters\[0\]\.name = '{name}': {rule}"):
+        Morphology.load("aerobat", {"thrusters": [thruster(name)]})
 
 
 @pytest.mark.parametrize(
@@ -203,6 +212,13 @@ def test_all_three_doors_refuse_the_same_files(
             read(name)
 
 
+def test_a_fifo_is_no_file(tmp_path: Path) -> None:
+    """It would be waited for without an end."""
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(TomlError, match="there is no such file"):
+        toml_file(tmp_path / "pipe.toml")
+
+
 def test_the_mark_at_the_start_of_a_file_from_windows_is_no_mistake(tmp_path: Path) -> None:
     """Editors there begin UTF-8 with U+FEFF."""
     (tmp_path / "a.toml").write_bytes("a = 1\r\n".encode("utf-8-sig"))
@@ -221,3 +237,11 @@ def test_settings_have_the_same_limits() -> None:
         ScenarioError, match=r"simulation\.dt = '9+\.\.\. \(5002 characters\): input should be a valid number"
     ):
         load_scenario("paper", ["simulation.dt=" + 5000 * "9"])
+
+
+def test_names_that_make_file_names_are_short() -> None:
+    """Of scenarios and robots; file systems take 255 bytes."""
+    with pytest.raises(ScenarioError, match=r"name = '.*at most 200 characters"):
+        load_scenario("paper", ["name=" + 300 * "n"])
+    with pytest.raises(MorphologyError, match=r"name = '.*100 at most"):
+        Morphology.load("aerobat", {"name": 51 * "²"})

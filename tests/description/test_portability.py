@@ -7,8 +7,10 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.readers import PACKAGE, ROBOTS, in_mujoco, in_pinocchio, in_yourdfpy, plain
+from support.readers import PACKAGE, ROBOTS, URDF, in_mujoco, in_pinocchio, in_yourdfpy, plain
 
+import aerobat_description as description
+from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
 from aerobat_pin.aerobat.aerobat import JOINTS
 
@@ -100,6 +102,19 @@ def test_every_reader_finds_the_same_degrees_of_freedom_and_limits(name: str) ->
         assert tuple(twin.joint(joint).range) == (low, high)
         limit = tree.joint_map[joint].limit
         assert (limit.lower, limit.upper, limit.effort, limit.velocity) == (low, high, data["effort"], data["velocity"])
+
+
+@ROBOTS
+def test_every_reader_finds_the_meshes(name: str) -> None:
+    """All visible parts arrive, through package:// (Pinocchio, yourdfpy) and through the mujoco tag."""
+    expected = set(parts(Morphology.load(name)))
+    visual = pin.buildGeomFromUrdf(
+        in_pinocchio(name), URDF[name], pin.GeometryType.VISUAL, package_dirs=description.PACKAGE_DIRS
+    )
+    assert len(visual.geometryObjects) == len(expected)
+    assert all(item.geometry.num_vertices > 4 for item in visual.geometryObjects)
+    assert len(in_yourdfpy(name).scene.geometry) == len(expected)
+    assert {in_mujoco(name).mesh(i).name for i in range(in_mujoco(name).nmesh)} == {f"{name}_{p}" for p in expected}
 
 
 @ROBOTS

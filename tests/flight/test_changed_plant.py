@@ -138,6 +138,18 @@ def test_energy_goes_through_springs_and_no_other_way() -> None:
     np.testing.assert_allclose(energy[1:], balance, rtol=0.0, atol=2e-3 * np.ptp(energy))
 
 
+def test_stiff_joints_tend_to_rigid_ones() -> None:
+    """The deflection falls as 1 / k; the body's path with it."""
+    rigid, _ = flown()
+    sizes, paths = [], []
+    for k in (4.0, 16.0):
+        log, _ = flown(f"plant.elbow.stiffness={k}", f"plant.elbow.damping={0.05 * np.sqrt(k) * 1e-2}")
+        sizes.append(np.abs(log.truth["deflection"].values[20:]).max())
+        paths.append(np.abs(log.measured["q"].values[:, :3] - rigid.measured["q"].values[:, :3]).max())
+    assert 3.0 < sizes[0] / sizes[1] < 6.0
+    assert paths[1] < 0.5 * paths[0]
+
+
 def test_a_robot_without_sensors_at_its_joints_shows_what_its_encoder_makes_of_them() -> None:
     """Elastic or slipped: measured joints follow the linkage at the encoder's angle; those that moved are the truth."""
     for settings, zero in ((ELBOW, 0.0), (SLIPPED, np.radians(2.0))):
@@ -154,6 +166,14 @@ def test_a_robot_without_sensors_at_its_joints_shows_what_its_encoder_makes_of_t
     hidden, _ = flown(*ELBOW)
     for name in ("q", "v"):
         np.testing.assert_array_equal(seen.measured[name], hidden.truth[name])
+
+
+def test_a_slipped_encoder_changes_nothing_that_moves() -> None:
+    """The flight is bit for bit that of a good encoder."""
+    good, slipped = flown()[0], flown(*SLIPPED)[0]
+    for name in ("q", "v", "crank_angle"):
+        np.testing.assert_array_equal(slipped.truth[name], good.measured[name])
+    np.testing.assert_array_equal(slipped.measured["motor_torque"], good.measured["motor_torque"])
 
 
 def test_raw_samples_come_from_a_slipped_encoder_too() -> None:

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerobat_pin.aerobat import Aerobat, FlightLog, flown_robot, known_inputs
+from aerobat_pin.aerobat import Aerobat, FlightLog, flown_robot, joint_table, known_inputs
 from aerobat_pin.errors import AerobatError, CrankError, TrimError
+from aerobat_pin.experiments import run
 from aerobat_pin.flight import Plant, find_trim, simulate
 from aerobat_pin.flight.crank import (
     ConstantRate,
@@ -22,7 +23,7 @@ from aerobat_pin.flight.crank import (
     crank_drive,
 )
 from aerobat_pin.numerics import Array
-from aerobat_pin.scenario import Scenario, load_scenario
+from aerobat_pin.scenario import Scenario, load_scenario, scenario_toml
 
 START, RATE = -0.5 * np.pi, 2.0 * np.pi * 4.75
 TIME = np.linspace(-0.2, 1.0, 2401)
@@ -42,6 +43,14 @@ def test_the_rate_is_the_angles_derivative_and_the_acceleration_the_rates(drive:
     assert (after.rate - before.rate) / (2 * h) == pytest.approx(here.acceleration, rel=1e-4, abs=0.05)
     assert CrankMotion(*drive(np.zeros(1))).angle == pytest.approx(START)
     assert checked_motion(drive, TIME).angle.shape == TIME.shape
+
+
+def test_a_steady_crank_turns_at_all_times() -> None:
+    """Before t = 0 as well, where the air warms up."""
+    motion = ConstantRate(START, RATE)(TIME)
+    assert np.array_equal(motion.angle, START + RATE * TIME)
+    assert np.all(motion.rate == RATE)
+    assert np.all(motion.acceleration == 0.0)
 
 
 def test_a_spin_up_rests_then_speeds_up_smoothly_then_turns_steadily() -> None:
@@ -141,6 +150,13 @@ def test_joints_and_log_follow_the_drive(drive: str) -> None:
         assert np.max(np.abs(rates[-1])) > 5.0
 
 
+def test_a_function_that_says_what_the_scenario_says_flies_the_same_flight() -> None:
+    chosen = scenario("constant")
+    default = simulate(chosen)
+    own = simulate(chosen, drive=ConstantRate(np.radians(-90.0), 2.0 * np.pi * 4.75))
+    assert own.measured.identical(default.measured)
+
+
 def test_the_air_about_resting_wings_warms_up_without_a_history_of_flapping() -> None:
     """A crank that starts at rest stood before: the air has settled, but for the old wake's last traces."""
     kept = ["crank.frequency=1.0", "air.warm_up_cycles=2"]
@@ -163,6 +179,32 @@ def test_the_modelled_torque_knows_the_cranks_acceleration(drive: str) -> None:
     assert modelled == pytest.approx(measured, rel=0.0, abs=0.01 * np.max(np.abs(measured)))
 
 
+@pytest.mark.parametrize("time", [0.03, 0.1, 0.17])
+def test_crank_and_joints_exchange_the_same_power_while_the_crank_speeds_up(time: float) -> None:
+    """At one instant of a spin-up: motor power = sum tau_j theta_j' = crank torque times crank rate, to rounding."""
+    chosen = scenario("spin_up", "air.warm_up_cycles=0")
+    plant = Plant(flown_robot(chosen), chosen)
+    robot, closed = plant.robot, plant.closure(np.array([time]))
+    q = robot.configuration(plant.initial.placement, closed.theta_s[0], closed.theta_e[0])
+    v = robot.velocity(plant.initial.twist, closed.theta_s_dot[0], closed.theta_e_dot[0])
+    held = np.zeros((2, len(plant.forces)))
+    forces = plant.rates(q, v, joint_table(closed)[0], plant.initial.air, held)[2]
+    left, right = (forces.motor[0, list(robot.idx_v[i : i + 2])] for i in (0, 2))
+    crank = closed.crank_torque(*left) + closed.crank_torque(*right)
+    assert abs(crank[0]) > 1e-3
+    assert crank * closed.crank_velocity == pytest.approx(forces.motor_power, rel=1e-12)
+    spread = closed.joint_torques(0.5 * crank)
+    again = 2.0 * (spread[0] * closed.theta_s_dot + spread[1] * closed.theta_e_dot)
+    assert again == pytest.approx(forces.motor_power, rel=1e-12)
+
+
+def test_forces_are_found_while_a_motors_crank_ripples() -> None:
+    """The observers need no steady crank."""
+    scores = run(scenario("motor")).metrics["observers"]["force_level"]
+    for wing in ("left", "right"):
+        assert min(scores[wing][axis]["r2"] for axis in ("Fx", "Fy", "Fz")) > 0.99
+
+
 def test_a_drive_of_ones_own_that_is_no_motion_is_refused_before_flying() -> None:
     """Degrees where radians were expected; and a function that does not reach back to the warm-up."""
     with pytest.raises(CrankError, match="must be the angle's derivative"):
@@ -178,3 +220,17 @@ def test_only_a_steady_crank_can_be_trimmed() -> None:
     """A flap that speeds up does not repeat itself."""
     with pytest.raises(TrimError, match=r"crank\.drive = 'motor'"):
         find_trim(load_scenario("paper_open_loop", ["crank.drive=motor"]))
+
+
+@pytest.mark.parametrize("drive", ["constant", "spin_up", "motor"])
+def test_a_drive_survives_writing_and_reading(drive: str, tmp_path: Any) -> None:
+    """The resolved scenario holds the drive's own table with every default, and no other."""
+    chosen = load_scenario("paper", [f"crank.drive={drive}"])
+    text = scenario_toml(chosen)
+    for table in ("spin_up", "motor"):
+        assert (f"[crank.{table}]" in text) == (table == drive)
+    file = tmp_path / "paper.toml"  # a copy takes the name of its file
+    file.write_text(text, encoding="utf-8")
+    assert load_scenario(file) == chosen
+    if drive == "motor":
+        assert "torque_limit = 0.15" in text

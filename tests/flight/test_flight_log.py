@@ -4,10 +4,12 @@ import io
 from pathlib import Path
 
 import numpy as np
+import pytest
 import xarray as xr
 
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import known_inputs
+from aerobat_pin.errors import LogError
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.experiments.write_results import estimate_dataset
 from aerobat_pin.records import netcdf_bytes
@@ -46,3 +48,21 @@ def test_an_observer_is_fed_from_the_measured_side_alone(paper: Experiment) -> N
     assert set(blind.known) == {"aerodynamic", "added_mass", "thrusters"}
     assert blind.source["motor_torque"] == "measured"
     assert blind.source["aerodynamic"] == "reconstructed"
+
+
+def test_what_is_not_a_flight_is_refused(paper: Experiment, tmp_path: Path) -> None:
+    """Missing channels, missing or backward time, intervals that do not fit, and files of another kind."""
+    measured = paper.log.measured
+    with pytest.raises(LogError, match="no channel named q or pose"):
+        FlightLog(measured.drop_vars("q"))
+    with pytest.raises(LogError, match="no coordinate named time"):
+        FlightLog(measured.drop_vars("time"))
+    with pytest.raises(LogError, match="must not decrease"):
+        FlightLog(measured.assign_coords(time=measured["time"].values[::-1]))
+    with pytest.raises(LogError, match="intervals between"):
+        FlightLog(measured.isel(interval=slice(0, -2)))
+    (tmp_path / "flight.nc").write_text("not a flight")
+    with pytest.raises(LogError, match="cannot be read"):
+        FlightLog.load(tmp_path / "flight.nc")
+    with pytest.raises(LogError, match="cannot be read"):
+        FlightLog.load(tmp_path / "missing.nc")

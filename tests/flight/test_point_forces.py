@@ -53,6 +53,14 @@ def test_the_signal_does_not_depend_on_the_step_of_the_integrator(dt: float) -> 
         assert finest.reshape(len(mean), -1).mean(axis=1) == pytest.approx(mean, abs=1e-9)
 
 
+def test_a_signal_that_is_not_sampled_on_its_ticks_still_covers_the_run() -> None:
+    """A run that ends between two ticks draws the last tick as well; an interval across an edge mixes both values."""
+    signal = PaperForce(frame="left_force_point", noise=1.0, tick=0.1)
+    noise, _ = signal.interval_means(np.array([0.0, 0.05, 0.15, 0.25]), np.random.default_rng(2))
+    a, b, c = np.random.default_rng(2).standard_normal(3)
+    assert noise == pytest.approx([a, (a + b) / 2.0, (b + c) / 2.0], abs=1e-12)
+
+
 @settings(max_examples=100, derandomize=True)
 @given(st.lists(st.floats(1e-5, 0.02), min_size=1, max_size=60), st.integers(0, 2**32 - 1))
 def test_averaging_conserves_the_impulse(intervals: list[float], seed: int) -> None:

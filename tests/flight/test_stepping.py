@@ -5,6 +5,7 @@ many integration steps in an interval as its air needs.
 """
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from support.kernel_cases import plant_of
 
@@ -55,6 +56,20 @@ def test_a_wrench_on_the_body_is_a_known_force_and_replaces_the_hold() -> None:
     assert np.linalg.norm(before - wrench) > 0.1  # a new flight begins with the hold
 
 
+def test_an_impulse_by_a_command_changes_the_momentum_by_as_much() -> None:
+    """World momentum with and without a push of 50 N over one step of 0.1 ms, when nothing else can change much."""
+    plant = plant_of("paper_open_loop", "simulation.dt=1e-4")
+    change, wrench = [], np.array([0.0, 50.0, 0.0, 0.0, 0.0, 0.0])
+    for push in (np.zeros(6), wrench):
+        plant.start(np.zeros((2, len(plant.forces), 1)), 1e-4)
+        q, v = plant.step(push)
+        data = plant.model.createData()
+        change.append(pin.computeCentroidalMomentum(plant.model, data, q, v).linear)
+    impulse = pin.Quaternion(plant.initial.placement[3:]).matrix() @ wrench[:3] * 1e-4
+    # Air on the moving body and the added mass of the wings take a part of it.
+    np.testing.assert_allclose(change[1] - change[0], impulse, rtol=0.0, atol=0.05 * 50e-4)
+
+
 @pytest.mark.parametrize("elastic", [(), ("plant.elbow.stiffness=0.2", "plant.elbow.damping=2e-4")])
 def test_an_endless_flight_goes_on_in_the_same_memory(elastic: tuple[str, ...]) -> None:
     """Windows of 20 steps give the flight of 60, deflections pass on too; without `endless` the flight ends."""
@@ -91,6 +106,16 @@ def test_steps_that_cannot_be_flown_are_refused_in_a_line() -> None:
         plant.step(np.zeros(5))
     with pytest.raises(CrankError, match="no motor turns this crank"):
         plant.step(crank_rate=1.0)
+    plant.step()
+    tearing = np.array([1e4, 0.0, 0.0, 0.0, 0.0, 0.0])
+    with pytest.raises(SimulationError, match="the flight diverged at t = ") as raised:
+        all(plant.step(tearing) for _ in range(100))
+    assert raised.value.kept is not None
+
+
+def test_a_step_that_diverges_says_so_and_keeps_the_flight() -> None:
+    plant = plant_of("paper")
+    plant.start()
     plant.step()
     tearing = np.array([1e4, 0.0, 0.0, 0.0, 0.0, 0.0])
     with pytest.raises(SimulationError, match="the flight diverged at t = ") as raised:

@@ -113,6 +113,19 @@ def test_an_event_that_goes_on_has_no_end_and_a_bias_is_no_event() -> None:
         assert event.alarm - 2.0 < 0.02
 
 
+def test_the_norm_of_three_components_finds_a_force_of_any_direction() -> None:
+    """One detector for the force at a point, with a bias per component."""
+    time, free = noise(60.0, 1, columns=3)
+    offset = np.array([1.0, -2.0, 3.0])
+    detector = calibrate_level(time, free + offset, 0.01)
+    edges, series = noise(3.0, 401, columns=3)
+    for along in np.vstack([np.eye(3), -np.eye(3)]):
+        [event] = detector.detect(edges, series + offset + np.outer(step(edges, 1.0, 2.0, 4.0), along))
+        assert event.onset == pytest.approx(1.0, abs=0.01)
+    with pytest.raises(ShapeError, match="the detector was calibrated with 3 components"):
+        detector.detect(edges, series[:, 0])
+
+
 def test_the_papers_step_is_found_in_the_papers_flight(paper: Experiment) -> None:
     """On at ticks with 1 s < t <= 1.6 s, 0.15 N along the wings' normals on top of 0.2 sin(elbow) and noise.
 
@@ -156,6 +169,28 @@ def test_the_standard_error_of_a_bias_is_that_of_many_free_runs() -> None:
     np.testing.assert_allclose(found[0].remove(runs[0] + np.array([1.0, -2.0])).mean(axis=0), 0.0, atol=1e-12)
     single = bias_of(runs[0][:, 0])
     assert np.shape(single.standard_error) == ()
+
+
+def calibrated(time: np.ndarray, free: np.ndarray, drift: float) -> bool:
+    """Tell whether a drift can be calibrated."""
+    try:
+        calibrate_cusum(time, free, 0.001, drift)
+    except ObserverError:
+        return False
+    return True
+
+
+def test_the_advice_on_a_drift_leads_to_one_that_can_be_calibrated() -> None:
+    """A drift far above the noise is to shrink, one far below it to grow; steps of the former a level sees as well."""
+    time, free = noise(5.0, 1)
+    spread = float(np.std(free))
+    calibrate_cusum(time, free, 0.001, spread)
+    for factor, advice, towards in ((10.0, "a smaller drift, or calibrate_level", 0.7), (0.01, "a larger drift", 1.4)):
+        drifts = factor * spread * towards ** np.arange(20)
+        with pytest.raises(ObserverError, match=advice):
+            calibrate_cusum(time, free, 0.001, drifts[0])
+        assert any(calibrated(time, free, drift) for drift in drifts)
+    assert calibrate_level(time, free, 0.001).latency(20.0 * spread) < np.inf
 
 
 def test_free_runs_that_do_not_tell_are_refused() -> None:

@@ -14,8 +14,9 @@ from support.rails import Rails
 
 from aerobat_pin.aerobat.aerobat import FORCE_POINTS, load_aerobat
 from aerobat_pin.errors import ObserverError
+from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight import simulate
-from aerobat_pin.observers import Expected, KalmanObserver, SensorNoise, SmootherObserver, tie_joints
+from aerobat_pin.observers import Application, Expected, KalmanObserver, SensorNoise, SmootherObserver, tie_joints
 from aerobat_pin.scenario.scenario import load_scenario
 
 ROBOT = load_aerobat("aerobat_light")
@@ -171,6 +172,16 @@ def test_what_base_rows_cannot_tell_is_zero_with_an_infinite_deviation(settings:
         assert seeing.standard_deviation[-1].max() < 0.5
 
 
+def test_a_gain_means_the_same_wherever_the_wings_are() -> None:
+    """The walk follows the configuration: kept from the start, Fx of a flapping robot was 10 mN wrong without noise."""
+    settings = [f'observers.{name}.force_walk="gain"' for name in ("kalman", "smoother")]
+    names = 'observers.names=["force_level", "kalman", "smoother"]'
+    found = run(load_scenario("paper", ["simulation.duration=0.5", "observers.gain=2000", names, *settings])).estimates
+    for name in ("kalman", "smoother"):
+        wrong = np.sqrt(np.mean((found[name].force - found["force_level"].force) ** 2, axis=(0, 1)))
+        assert np.all(wrong < 0.003), name
+
+
 def test_a_covariance_stays_symmetric() -> None:
     """Where all torques but their power are unknown, entries differ by eight orders; rounding must not pile up."""
     model, robot_q = ROBOT.model, ROBOT.q0
@@ -207,6 +218,19 @@ def test_wrong_torques_do_not_matter_where_they_are_not_believed(kind: type[Kalm
         scale = np.abs(one).max()
         assert np.abs(one - other).max() < near * scale
         assert np.abs(naive - one).max() > 10.0 * near * scale
+
+
+def test_moments_and_directions_have_standard_deviations_of_their_own() -> None:
+    """A wrench at one frame and a force along a line at another: seven components, each with its unit's uncertainty."""
+    model, frames = MODELS["aerobat, turned frame"]
+    flight = record(model)
+    where = [Application(frames[0], kind="wrench", axes="frame"), Application(frames[1], direction=(0.0, 1.0, 1.0))]
+    estimate = KalmanObserver(model, where, force_walk=1.0, prior=2.0).run(*flight)
+    assert estimate.standard_deviation.shape == estimate.components.shape == (len(flight[3]), 7)
+    assert np.all(estimate.standard_deviation > 0.0)
+    first = estimate.standard_deviation[0]
+    assert np.all(first[3:6] < 0.05 * 2.0 * 1.01)  # 50 mm times the prior of a force
+    assert np.all(first[[0, 1, 2, 6]] < 2.0 * 1.01)
 
 
 def test_settings_that_make_no_sense_are_refused() -> None:

@@ -4,13 +4,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.signal import lfilter
+from support.arm import arm, push, rest, settled
 
 from aerobat_description.meshes import parts
 from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
 from aerobat_pin.aerobat.wing import LINKS
-from aerobat_pin.errors import ObserverError
+from aerobat_pin.errors import FrameNotFoundError, ObserverError
 from aerobat_pin.observers import Application, ForceLevelObserver, LineOfAction, locate, locate_series
 from aerobat_pin.observers.analysis.line_of_action import Panel
+from aerobat_pin.observers.analysis.noise_and_lag import correlation_length
 
 LINK = "left_distal"
 SPOTS = [(0.02, 0.03, 0.0), (0.06, 0.08, 0.0), (-0.08, 0.012, 0.0)]  # [m], on the distal membrane
@@ -63,6 +65,15 @@ def test_the_outline_of_a_panel_is_that_of_its_mesh(robot: Aerobat, link: str) -
     assert gaps.min(axis=0).max() < 0.012
     assert min(Panel(outline).margin(point)[0] for point in drawn) > -2e-3
     assert Panel(outline).margin(outline.mean(axis=0))[0] > 0.0
+
+
+def test_an_outline_of_what_is_not_a_link_is_refused(robot: Aerobat) -> None:
+    """The links that have one are listed; the body's is a rectangle as wide as the shoulders are apart."""
+    with pytest.raises(FrameNotFoundError, match=r"no frame named 'tail'.*left_distal"):
+        robot.wing.outline("tail")
+    body = robot.wing.outline("base_link")
+    assert body.shape == (4, 3)
+    assert np.ptp(body[:, 1]) == pytest.approx(2.0 * robot.wing.breaks[0])
 
 
 @pytest.mark.parametrize("spot", SPOTS)
@@ -126,6 +137,18 @@ def test_a_pure_force_passes_the_pitch_test_but_for_one_in_370() -> None:
     assert 4 <= refused <= 20
 
 
+def test_a_couple_is_not_a_pure_force_and_has_no_line(robot: Aerobat) -> None:
+    """A moment along the force, and a moment without any force; the crossing is refused with the reason."""
+    force = np.array([0.05, -0.1, 0.4])
+    wrench = at(SPOTS[0], force)
+    wrench[3:] += 10e-3 * force
+    for screw in (wrench, np.array([0.0, 0.0, 1e-6, 0.01, 0.0, 0.02])):
+        line = locate(screw, COVARIANCE)
+        assert line.verdict == "not a pure force"
+        with pytest.raises(ObserverError, match="no line of action: not a pure force"):
+            line.cross(robot.wing.outline(LINK))
+
+
 def test_what_is_no_pure_force_has_no_line(robot: Aerobat) -> None:
     """A moment along the force, a moment without any force, no force; the crossing is refused with the reason."""
     force = np.array([0.05, -0.1, 0.4])
@@ -175,6 +198,19 @@ def test_what_is_no_wrench_and_no_panel_is_refused(robot: Aerobat) -> None:
     bent[2, 2] = 0.05
     with pytest.raises(ObserverError, match="flat polygon"):
         locate(good, EXACT).cross(bent)
+
+
+def test_a_push_on_an_arms_last_link_is_found_through_an_observer() -> None:
+    """On a fixed base: six joints hold still against a force 0.1 m beside the tool; wrench, then its line."""
+    model, frame = arm()
+    beside = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.3]))
+    model.addFrame(pin.Frame("beside", model.njoints - 1, 0, beside, pin.FrameType.OP_FRAME))
+    q = np.random.default_rng(2).uniform(-1.0, 1.0, model.nq)
+    observer = ForceLevelObserver(model, [Application(frame, "wrench", "frame")], gain=1e4)
+    sample = settled(observer, q, rest(model, q) - push(model, "beside", q, np.array([1.5, -2.0, 0.7])))
+    square = np.array([[-0.2, -0.2, 0.0], [0.2, -0.2, 0.0], [0.2, 0.2, 0.0], [-0.2, 0.2, 0.0]])
+    crossing = locate(sample.components, 1e-6 * np.eye(6)).cross(square)
+    np.testing.assert_allclose(crossing.point, [0.1, 0.0, 0.0], atol=1e-6)
 
 
 def turning(count: int, rng: np.random.Generator) -> np.ndarray:
@@ -232,3 +268,14 @@ def test_a_log_says_when_it_tells_a_line_no_point_or_nothing() -> None:
     exact = locate_series(at(spot, turning(3, rng)), EXACT)
     assert exact.verdict == "a point"
     np.testing.assert_allclose(exact.point, spot, atol=1e-9)
+
+
+def test_the_correlation_length_is_that_of_the_filter() -> None:
+    """(1 + a)/(1 - a) of a first-order filter, one of white noise and of a constant."""
+    rng, a = np.random.default_rng(8), np.exp(-0.2)
+    white = rng.normal(size=400_000)
+    filtered = lfilter([1.0], [1.0, -a], white)
+    assert correlation_length(white) == pytest.approx(1.0, abs=0.05)
+    assert correlation_length(filtered) == pytest.approx((1.0 + a) / (1.0 - a), rel=0.1)
+    assert correlation_length(np.column_stack([white, filtered])) == correlation_length(filtered)
+    assert correlation_length(np.full(10, 0.25)) == 1.0

@@ -5,8 +5,10 @@ import pinocchio as pin
 import pytest
 from support.arm import arm, push, rest
 
-from aerobat_pin.aerobat.aerobat import load_aerobat
+from aerobat_pin.aerobat.aerobat import FORCE_POINTS, load_aerobat
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.errors import ObserverError, ShapeError
+from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.observers import (
     Application,
     ForceLevelObserver,
@@ -54,6 +56,18 @@ def test_predicted_noise_is_what_the_observer_shows(name: str, gain: float, kind
     np.testing.assert_allclose(np.std(estimate.components[settled:], axis=0), predicted.deviation, rtol=0.05)
     worst = np.corrcoef(estimate.components[settled:].T) - predicted.covariance / np.outer(*2 * [predicted.deviation])
     assert np.abs(worst).max() < 0.1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_prediction_holds_in_flapping_flight(paper: Experiment, kind: type[Observer]) -> None:
+    """The paper's flight with the benchmark's velocity noise, K = 200 1/s: within 15 %, averaged over the flight."""
+    inputs, model = known_inputs(paper.log, paper.robot), paper.robot.model
+    noisy = inputs.v + np.random.default_rng(4).normal(size=inputs.v.shape) * NOISE.deviations(model)
+    observer = kind(model, list(FORCE_POINTS), 200.0)
+    runs = [observer.run(inputs.time, inputs.q, v, inputs.tau, inputs.known).components for v in (inputs.v, noisy)]
+    predicted = [predict(observer, q, DT, NOISE).deviation for q in inputs.q[::50]]
+    expected = np.sqrt(np.mean(np.square(predicted), axis=0))
+    np.testing.assert_allclose(np.std(runs[1] - runs[0], axis=0), expected, rtol=0.15)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -5,9 +5,13 @@ import pytest
 from support import observer_twins as twins
 from support.kernel_cases import KINDS, MODELS, assert_equal, record, streamed
 
+from aerobat_pin.numerics import fields_of, new_state
 from aerobat_pin.observers import Observer
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
-from aerobat_pin.observers.rows import ROWS, Rows
+from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
+from aerobat_pin.observers.kernels.projection import project
+from aerobat_pin.observers.momentum_equations import Projection
+from aerobat_pin.observers.rows import ROWS, BelievedRows, Rows
 
 
 @pytest.mark.parametrize("gain", ["one", "each"])
@@ -34,3 +38,41 @@ def test_observers_equal_their_twins_in_stream_and_batch(
     stream = list(streamed(observer, time, q, v, tau, known))
     assert_equal([sample.residual for sample in stream], estimate.residual)
     assert_equal([sample.force for sample in stream], estimate.force)
+
+
+@pytest.mark.parametrize("moving", [True, False])
+@pytest.mark.parametrize(("points", "rows"), [(1, "all"), (2, "all"), (3, "all"), (1, "base"), (1, "base+power")])
+def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows, moving: bool) -> None:
+    """Normal equations by Cholesky against an orthogonal factorisation of the stacked problem.
+
+    At rest the row of the joints' power is empty, and the base's six rows remain.
+    """
+    model = MODELS["humanoid"][0]
+    rng, nv = np.random.default_rng(points), model.nv
+    before, after = rng.standard_normal((2, 3 + 3 * points, nv)) * np.where(np.arange(nv) < 6, 1.0, 0.1)
+    before[2], after[2] = moving * before[2], moving * after[2]
+    phi, mean = rng.standard_normal(nv), 0.5 * (before + after)
+    weight = np.diag(twins.believed(model, "all", mean[2]))
+    sizes = ObserverSizes(
+        nv,
+        0,
+        3 * points,
+        filtered=nv,
+        basis=0,
+        tied=0,
+        project_first=0,
+        rows=ROWS.index(rows),
+        filter=0,
+        believed=nv,
+        directions=0,
+        expected=0,
+    )
+    memory = new_state(ObserverState, **sizes._asdict())
+    observer, found = fields_of(memory, ObserverState), np.full(3 * points, np.nan)
+    observer.weight[:], observer.jacobian[:] = weight, mean[3:]
+    project(observer, before, after, phi, found)
+    W = twins.believed(model, rows, mean[2])
+    assert_equal(found, twins.project(mean[3:], W, phi))
+    believed, one = BelievedRows(model, rows), np.newaxis
+    projection = Projection.of(believed, mean[one, 3:], mean[2][one], after[one, 3:], after[2][one])
+    assert_equal(projection.components(believed.of(phi[one], mean[2][one]))[0], twins.project(mean[3:], W, phi))

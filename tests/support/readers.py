@@ -11,12 +11,10 @@ import pytest
 import yourdfpy
 
 import aerobat_description as description
-from support.further import further
 
 PACKAGE = Path(description.PACKAGE_PATH)
 URDF = {name: str(PACKAGE / "urdf" / f"{name}.urdf") for name in description.MORPHOLOGIES}
 ROBOTS = pytest.mark.parametrize("name", description.MORPHOLOGIES)
-FIRST = pytest.mark.parametrize("name", ["aerobat", *further("aerobat_guard", "aerobat_light")])
 
 
 @cache

@@ -18,6 +18,7 @@ from support.further import further
 from aerobat_description.morphology import Morphology
 from aerobat_description.position_closure import ClosureError, close_linkage
 from aerobat_pin.aerobat import load_aerobat
+from aerobat_pin.errors import ArgumentError
 from aerobat_pin.visualization import crank_page, open_robot
 
 BARS = {
@@ -186,3 +187,9 @@ def test_the_camera_frames_the_robot_and_the_crank_turns_it(name: str, browser: 
     view.close()
     with pytest.raises(URLError):
         urlopen(view.url)
+
+
+def test_what_is_no_robot_is_refused() -> None:
+    """Before a server starts."""
+    with pytest.raises(ArgumentError, match="robot"):
+        open_robot("aerobat")  # type: ignore[arg-type]

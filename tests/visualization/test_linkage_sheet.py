@@ -1,10 +1,14 @@
 """The linkage on one page: everything named and readable, the figures beside it right, the command tidy."""
 
+import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.image import imread
+from matplotlib.text import Annotation
 from support.commands import aerobat, call
 
 from aerobat_pin.linkage import KineticSculpture
@@ -12,6 +16,24 @@ from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures import linkage as linkage_sheet
 
 LINKAGE = KineticSculpture()
+
+
+def test_every_pin_bar_and_joint_angle_is_named_and_no_name_lies_on_another() -> None:
+    """L1..L7, J1..J10, theta_s and theta_e, as in the paper's Fig. 2; boxes of names do not overlap."""
+    figure = linkage_sheet.draw_linkage(LINKAGE)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    mechanism = figure.axes[0]
+    names = [text for axis in (mechanism, *mechanism.child_axes) for text in axis.texts if isinstance(text, Annotation)]
+    shown = [text.get_text() for text in names]
+    wanted = [f"L{i}" for i in range(1, 8)] + [f"J{i}" for i in range(1, 11)] + [r"$\theta_s$", r"$\theta_e$"]
+    assert sorted(shown) == sorted(wanted)
+    boxes = [text.get_window_extent(canvas.get_renderer()) for text in names]
+    for (one, a), (other, b) in itertools.combinations(zip(shown, boxes, strict=True), 2):
+        assert not a.overlaps(b), f"{one} lies on {other}"
+    for name, box in zip(shown, boxes, strict=True):
+        assert mechanism.bbox.contains(box.x0, box.y0), name
+        assert mechanism.bbox.contains(box.x1, box.y1), name
 
 
 def test_the_pose_is_the_linkages_own_over_faint_ones_of_a_whole_turn() -> None:
@@ -29,6 +51,37 @@ def test_the_pose_is_the_linkages_own_over_faint_ones_of_a_whole_turn() -> None:
     turn = LINKAGE.solve(np.radians(shoulder.get_xdata()))
     assert np.radians(shoulder.get_ydata()) == pytest.approx(turn.theta_s)
     assert np.radians(elbow.get_ydata()) == pytest.approx(turn.theta_e)
+
+
+def in_the_middle(point: tuple[float, float], line: np.ndarray) -> bool:
+    """Say whether a point [mm] is the middle of a stretch of a line (n, 2) [mm]."""
+    return bool(np.min(np.linalg.norm(0.5 * (line[1:] + line[:-1]) - point, axis=1), initial=np.inf) < 1e-6)
+
+
+def test_a_bars_name_stands_on_the_bar_of_its_lengths() -> None:
+    """On a linkage whose bars all differ: the line with a side whose middle has the name, and all its corners.
+
+    Sides are those of the morphology's lengths: L2 has its pins at (0, 0), (L2b, L2c) and (L2a, 0), and so on.
+    """
+    bars = replace(LINKAGE.lengths, L4=36.5e-3, L6=35.5e-3)
+    bend = complex(bars.L3a + bars.L3c * np.sin(bars.alpha3), bars.L3c * np.cos(bars.alpha3))
+    rocker = np.exp(-1j * bars.alpha3) * complex(-bars.L3b, bars.L3c)
+    corners = {
+        "L1": (0j, bars.L1),
+        "L2": (0j, complex(bars.L2b, bars.L2c), bars.L2a),
+        "L3": (rocker, 0j, bend),
+        "L4": (0j, bars.L4),
+        "L5": (complex(-bars.L5a, bars.L5b), 0j, complex(bars.L5c, bars.L5d)),
+        "L6": (0j, bars.L6),
+        "L7": (0j, complex(bars.L7b, bars.L7c)),
+    }
+    mechanism = linkage_sheet.draw_linkage(KineticSculpture(bars)).axes[0]
+    labels = {text.get_text(): text for axis in (mechanism, *mechanism.child_axes) for text in axis.texts}
+    for name, points in corners.items():
+        sides = sorted(1e3 * abs(a - b) for a, b in itertools.combinations(points, 2))
+        (drawn,) = (line for line in mechanism.lines if in_the_middle(labels[name].xy, line.get_xydata()))
+        ends = np.unique(np.round(drawn.get_xydata(), 9), axis=0)
+        assert sorted(np.linalg.norm(a - b) for a, b in itertools.combinations(ends, 2)) == pytest.approx(sides), name
 
 
 def test_the_command_draws_and_prints(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,6 +11,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import coal
+import numpy as np
+import pinocchio as pin
 import pytest
 import tomli_w
 from support.browser import PATIENCE, needs_browser, opened
@@ -20,6 +23,7 @@ from support.walking_log import table, table_map, urdf, walk
 from aerobat_pin.errors import ExtraError
 from aerobat_pin.experiments import LiveFlight, LiveRecording, LiveRobot, LiveSource
 from aerobat_pin.visualization import serve_live
+from aerobat_pin.visualization.live_server import live_parts
 
 SETTLED = 0.05  # share of a force by which its estimate may be off
 
@@ -164,6 +168,26 @@ def test_ctrl_c_that_a_library_loses_ends_it_all_the_same(here: Path) -> None:
     """An exception that a signal raises in a callback may be caught there; the page then lived on."""
     done = subprocess.run([sys.executable, "-c", LOSES], capture_output=True, text=True, timeout=60, check=False)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_shapes_are_drawn_as_closed_surfaces() -> None:
+    """Of known volumes, outward: boxes exactly, round ones a little less; a mesh of many triangles by its hull."""
+    visual = pin.GeometryModel()
+    shapes = {
+        "box": (coal.Box(1.0, 2.0, 3.0), 6.0),
+        "ball": (coal.Sphere(1.0), 4.0 / 3.0 * np.pi),
+        "rod": (coal.Cylinder(0.5, 2.0), 0.5 * np.pi),
+        "capsule": (coal.Capsule(0.5, 2.0), 0.5 * np.pi + np.pi / 6.0),
+        "egg": (coal.Ellipsoid(1.0, 2.0, 0.5), 4.0 / 3.0 * np.pi),
+        "cone": (coal.Cone(1.0, 3.0), np.pi),
+    }
+    for name, (shape, _) in shapes.items():
+        visual.addGeometryObject(pin.GeometryObject(name, 0, pin.SE3.Identity(), shape))
+    for part, (_, volume) in zip(live_parts(visual), shapes.values(), strict=True):
+        points, faces = np.reshape(part["points"], (-1, 3)), np.reshape(part["faces"], (-1, 3))
+        corners = points[faces]
+        found = np.sum(np.linalg.det(corners)) / 6.0
+        assert 0.8 * volume < found < 1.001 * volume  # a capsule ends in points
 
 
 def test_what_lives_is_what_the_words_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

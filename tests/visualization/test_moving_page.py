@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.browser import at, needs_browser, node, opened, pixels, ready, resized
+from support.browser import SEEK_AND_DRAW, at, needs_browser, node, opened, pixels, ready, resized
 from support.further import further
 
 from aerobat_pin.aerobat import load_aerobat
@@ -109,6 +109,17 @@ def test_every_stretch_is_marked_however_short_and_whether_it_ends(browser: Any,
             assert mark["width"] == pytest.approx(max((min(end, 1.0) - start) * bar["width"], 3.0), abs=1.0)
 
 
+def test_the_arrows_scale_is_a_round_number() -> None:
+    """1, 2 or 5 times a power of ten newtons a centimetre; the largest arrow is about half a robot long."""
+    model, parts, q = manipulator()
+    frame = model.frames[model.nframes - 1].name
+    for size in (1e-3, 0.7, 42.0, 9e4):
+        replay = record(model, parts, TIME, q, {frame: np.tile([0.0, 0.0, size], (len(TIME), 1))})
+        scale = replay.newtons_per_centimetre
+        assert round(scale / 10.0 ** np.floor(np.log10(scale) + 1e-9), 9) in (1.0, 2.0, 5.0)
+        assert 0.2 < 0.01 * size / scale / replay.size <= 0.6 + 1e-9
+
+
 def test_keyframes_are_no_denser_than_needed() -> None:
     """About 120 a second of a dense record, all rows of a sparse one, always the first and the last."""
     model, parts, _ = manipulator()
@@ -132,6 +143,18 @@ def test_a_page_that_would_be_too_large_ends_early_and_says_so(monkeypatch: pyte
         assert f"<title>{said}</title>" in replay.html()
 
 
+def test_nobody_elses_model_is_changed() -> None:
+    """Parts that `move` places are the replay's own."""
+    model, parts, q = manipulator()
+    before = [pin.SE3(item.placement) for item in parts.geometryObjects]
+
+    def lift(visible: pin.GeometryModel, row: int) -> None:
+        visible.geometryObjects[0].placement = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.01 * row]))
+
+    Replay(model, parts, TIME, q, move=lift)
+    assert all(item.placement == old for item, old in zip(parts.geometryObjects, before, strict=True))
+
+
 def test_what_is_no_motion_is_refused() -> None:
     """Shapes, times that fall or stand still, frames that there are not."""
     model, parts, q = manipulator()
@@ -147,6 +170,48 @@ def test_what_is_no_motion_is_refused() -> None:
         record(model, parts, TIME, q, {"tool": np.zeros((201, 3))})
     with pytest.raises(ShapeError, match="force at universe"):
         record(model, parts, TIME, q, {"universe": np.zeros((201, 2))})
+
+
+@needs_browser
+@pytest.mark.parametrize(("width", "height"), [(420, 800), *further((1280, 720))])
+def test_the_opening_shows_robot_and_ground(browser: Any, tmp_path: Path, width: int, height: int) -> None:
+    """The ground before the robot as behind it, nothing of the robot under the controls."""
+    model, parts, q = humanoid()
+    (tmp_path / "page.html").write_text(record(model, parts, TIME, q).html())
+    with opened(browser, (tmp_path / "page.html").as_uri(), size=(width, height)) as page:
+        ready(page)
+        at(page, 0.0)
+        controls = page.locator("#controls").bounding_box()
+        page.evaluate("viewer.scene_tree.find(['meshcat', 'world', 'robot']).object.visible = false")
+        page.evaluate(SEEK_AND_DRAW, 0.0)
+        ground = pixels(page)
+        page.evaluate("viewer.scene_tree.find(['meshcat', 'world', 'robot']).object.visible = true")
+        page.evaluate(SEEK_AND_DRAW, 0.0)
+        robot = np.argwhere(np.abs(pixels(page) - ground).max(axis=2) > 0.02)
+        assert robot[:, 0].min() > 0
+        assert robot[:, 0].max() < controls["y"]
+        lines = np.abs(ground - np.median(ground, axis=1, keepdims=True)).max(axis=2) > 0.02
+        assert lines[round(0.75 * height) :].mean() > 0.001  # in the lowest quarter, nearest to the camera
+
+
+@needs_browser
+def test_a_true_force_is_black_inside_its_halo(browser: Any, tmp_path: Path) -> None:
+    """Seen in the picture: of the slim arrow's shaft as many pixels are black as where there is no halo."""
+    model, parts, q = manipulator()
+    frame = model.frames[model.nframes - 1].name
+    force, black = {frame: np.tile([0.0, 0.0, 5.0], (len(TIME), 1))}, []
+    for halo in (False, True):
+        replay = Replay(model, parts, TIME, q)
+        if halo:
+            replay.add_forces("estimated", "#D55E00", force)
+        replay.add_forces("true", "#000000", force, inner=True)
+        (tmp_path / "page.html").write_text(replay.html())
+        with opened(browser, (tmp_path / "page.html").as_uri()) as page:
+            ready(page)
+            at(page, 0.5)
+            black.append(int(np.sum(pixels(page).max(axis=2) < 0.05)))
+    assert black[0] > 100
+    assert black[1] == pytest.approx(black[0], rel=0.05)
 
 
 READY = "window.panes && panes.every((pane) => !pane.viewer.animator.playing)"

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
@@ -15,6 +16,8 @@ from support.further import further
 from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.experiments import Experiment, run, write
 from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.visualization.figures.estimation import draw_estimation
+from aerobat_pin.visualization.figures.flight import draw_states
 from aerobat_pin.visualization.result_pages import draw_all, report_html
 from aerobat_pin.visualization.style import save_figure
 
@@ -83,6 +86,61 @@ def test_the_close_up_looks_where_something_happens(
     assert all(box.get_zorder() < looked_at.lines[0].get_zorder() for box in looked_at.patches)
 
 
+def test_the_panels_of_the_forces_can_be_compared(paper: Experiment) -> None:
+    """Left and right on one scale; errors, in mN, on others, as those of Fx are a tenth."""
+    axes = draw_estimation(paper.scores).axes
+    for row in range(6):
+        assert axes[2 * row].get_ylim() == axes[2 * row + 1].get_ylim()
+    for row in (1, 3, 5):
+        risen = [line.get_ydata()[25:] for column in (0, 1) for line in axes[2 * row + column].lines]
+        assert np.ptp(risen) > 0.9 * np.ptp(axes[2 * row].get_ylim())
+    np.testing.assert_allclose(np.ptp(axes[12].get_ylim()), np.ptp(axes[13].get_ylim()))
+    error = paper.estimates["momentum"].force[:, 0, 1] - true_force(paper.log, "left_force_point")[0][:, 1]
+    np.testing.assert_allclose(axes[6].lines[0].get_ydata(), 1e3 * error)
+
+
+def test_a_noisy_estimate_does_not_hide_the_truth_and_shows_its_deviation() -> None:
+    """It is drawn behind; a band of two standard deviations where the observer states them; long titles are broken."""
+    made = run(load_scenario("noisy_sensors", ["simulation.duration=0.4"]))
+    drawn = draw_all(made)
+    figure = drawn["estimation"]
+    truth, noisy = figure.axes[4].lines[:2]
+    assert noisy.get_zorder() < truth.get_zorder()
+    [band] = figure.axes[4].collections
+    assert "2 standard deviations" in str(band.get_label())
+    for picture in drawn.values():
+        picture.draw_without_rendering()
+        title = picture._suptitle.get_window_extent() if picture._suptitle else None
+        assert title is None or title.width <= picture.bbox.width
+
+
+@pytest.fixture(scope="module")
+def tumble() -> Experiment:
+    """Return a flight in which the robot turns over."""
+    return run(load_scenario("tumble"))
+
+
+def test_an_angle_that_wraps_leaves_a_gap(tumble: Experiment) -> None:
+    """No vertical line from -180 to 180 deg: no two neighbours are further apart than half a turn."""
+    angles = [line.get_ydata() for line in draw_states(tumble.log).axes[1].lines]
+    assert any(np.isnan(one).any() for one in angles)
+    assert all(np.nanmax(np.abs(np.diff(one))) <= 180.0 for one in angles)
+
+
+@pytest.mark.parametrize(("name", "drawn"), [("paper", 2.5), ("tumble", 1.0)])
+def test_the_stick_diagram_fills_its_picture(name: str, drawn: float, request: pytest.FixtureRequest) -> None:
+    """A straight flight wide and stretched, one that turns away in its true shape; either over most of the width."""
+    made = request.getfixturevalue(name)
+    figure = draw_all(made)["stick_diagram"]
+    figure.draw_without_rendering()
+    [axis] = figure.axes
+    assert axis.get_aspect() == drawn
+    assert ("times larger" in figure.get_suptitle()) == (drawn > 1.0)
+    assert axis.get_position().width > 0.85
+    low, high = axis.get_xlim()
+    assert np.ptp(made.log.measured["q"].values[:, 0]) > 0.8 * (high - low)
+
+
 def test_the_same_run_draws_the_same_figures(
     paper: Experiment, drawn: dict[str, Figure], paper_folder: Path, tmp_path: Path
 ) -> None:
@@ -95,6 +153,22 @@ def test_the_same_run_draws_the_same_figures(
     assert len(again) == 4 + 2
     for path in again:
         assert path.read_bytes() == (paper_folder / path.relative_to(tmp_path)).read_bytes(), path.name
+
+
+def test_the_figures_of_the_air_show_its_force_and_power(paper: Experiment) -> None:
+    """Lift and thrust against an own rotation to world axes, weight, power; the colours hold every strip."""
+    truth, drawn = paper.log.truth, draw_all(paper)
+    lift, thrust, strips = drawn["aerodynamics"].axes[:3]
+    force = (truth["aerodynamic"] + truth["added_mass"]).values
+    for k in (0, 700, 1999):
+        world = 1e3 * pin.XYZQUATToSE3(paper.log.measured["q"].values[k, :7]).rotation @ force[k, :3]
+        assert lift.lines[0].get_ydata()[k] == pytest.approx(world[2], rel=1e-9)
+        assert thrust.lines[0].get_ydata()[k] == pytest.approx(world[0], rel=1e-9)
+    assert lift.lines[2].get_ydata()[0] == pytest.approx(92.1 * 9.81, rel=1e-3)  # 92.1 g under standard gravity
+    assert strips.collections[0].get_array().shape == truth["circulation"].shape[::-1]
+    motor, air = (line.get_ydata() for line in drawn["power"].axes[0].lines)
+    np.testing.assert_array_equal(motor, truth["motor_power"])
+    np.testing.assert_array_equal(air, truth["air_power"])
 
 
 def test_the_report_is_self_contained_and_holds_the_tables(paper: Experiment, paper_folder: Path) -> None:

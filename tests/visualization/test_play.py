@@ -6,6 +6,7 @@ import shutil
 import signal
 import socket
 import struct
+import subprocess
 import sys
 import threading
 import time
@@ -24,7 +25,7 @@ from support.browser import at, needs_browser, node, opened, ready
 from support.commands import call, interrupted, last_words, of_session, served
 from support.further import further
 
-from aerobat_description import PACKAGE_PATH
+from aerobat_description import PACKAGE_PATH, URDF_PATH
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.tables import write_csv
 from aerobat_pin.errors import BrowserError, LogError
@@ -73,6 +74,23 @@ def test_a_run_is_served_until_it_is_stopped_and_nothing_stays(paper_folder: Pat
             again.bind(("127.0.0.1", int(port)))
 
 
+def test_a_hundred_clients_that_leave_early_do_not_end_the_server(tmp_path: Path) -> None:
+    """Some close their connection while the page is on its way, some reset it, some leave before they have asked."""
+    (tmp_path / "arm.urdf").write_text(ARM)
+    motion = table(tmp_path, "time,hinge", [[0, 0], [1, 0]])
+    with served("play", "--from-csv", str(motion), "--urdf", str(tmp_path / "arm.urdf")) as (server, address):
+        host, port = address.removeprefix("http://").rstrip("/").split(":")
+        asked = f"GET / HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode()
+        for k in range(102):
+            with socket.create_connection((host, int(port))) as client:
+                client.sendall(asked[: 20 if k % 3 == 0 else None])
+                if k % 2 == 0:
+                    client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # close resets
+        with urllib.request.urlopen(address) as answer:
+            assert answer.read().endswith(b"</html>")
+        assert server.poll() is None
+
+
 def test_a_page_is_served_at_its_own_address_only_and_beside_300_idle_connections() -> None:
     """A name of a foreign site can lead here, but its requests name that site; whoever says nothing is cut."""
     addresses: list[str] = []
@@ -100,6 +118,22 @@ def test_a_page_is_served_at_its_own_address_only_and_beside_300_idle_connection
     assert threading.active_count() < before + 100
     for one in idle:
         one.close()
+
+
+def test_importing_opens_no_port_and_writes_no_file(tmp_path: Path) -> None:
+    modules = "any_robot, moving_page, flight_replay, scene, serve, snapshots"
+    code = f"""
+import os
+import aerobat_pin.cli
+from aerobat_pin.visualization.replay import {modules}
+sockets = {{os.readlink(f'/proc/self/fd/{{fd}}')[8:-1] for fd in os.listdir('/proc/self/fd')
+           if os.path.islink(f'/proc/self/fd/{{fd}}') and os.readlink(f'/proc/self/fd/{{fd}}').startswith('socket:')}}
+rows = [row.split() for name in ('tcp', 'tcp6') for row in open(f'/proc/self/net/{{name}}').readlines()[1:]]
+print([row[1] for row in rows if row[9] in sockets])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert done.stdout.strip() == "[]"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_run_and_its_log_alone_become_pages(
@@ -220,6 +254,16 @@ def test_any_table_moves_any_robot(tmp_path: Path, browser: Any) -> None:
     free = replay_table(table(tmp_path, "time,x,y,z,qx,qy,qz,qw,hinge", np.column_stack([base, angle])), Path(urdf))
     assert free.model.nq == 8
     assert "path of the body" in free.html()
+
+
+def test_the_robots_own_urdf_finds_its_meshes(tmp_path: Path) -> None:
+    """Beside it or where `package://` points to."""
+    q = np.hstack([np.zeros((3, 6)), np.ones((3, 1)), np.zeros((3, 4))])
+    names = "time,x,y,z,qx,qy,qz,qw,left_elbow,left_shoulder,right_elbow,right_shoulder"
+    motion = table(tmp_path, names, np.column_stack([[0.0, 0.1, 0.2], q]))
+    found = replay_table(motion, Path(URDF_PATH))
+    assert found.size == pytest.approx(0.25, abs=0.08)  # half of some 0.4 m of span and 0.2 m of length
+    assert Path(URDF_PATH).is_relative_to(PACKAGE_PATH)
 
 
 def test_meshes_are_found_however_far_above_and_where_ros_says(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -8,17 +8,26 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.browser import at, frames, needs_browser, node, opened, ready
+from support.browser import at, frames, needs_browser, node, opened, pixels, ready
 from support.shed_wake import wake_at
 
+from aerobat_description.write_urdf import MATERIALS
 from aerobat_pin.aerobat.closed_model import bar_placements
 from aerobat_pin.aerobat.flight_log import FlightLog, true_force
 from aerobat_pin.aerobat.tables import read_log
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.experiments.write_results import estimate_dataset
 from aerobat_pin.flight.motion_and_wake import wake_of
+from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_flight
+
+# Linear RGB as seen without red and without green cones: Machado, Oliveira & Fernandes (2009), severity 1.
+BLIND = {
+    "protanopia": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deuteranopia": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+}
 
 # Linear RGB as seen without red and without green cones: Machado, Oliveira & Fernandes (2009), severity 1.
 
@@ -54,6 +63,26 @@ def test_it_plays_from_disk_as_long_as_the_flight_and_pauses(page: Any) -> None:
     page.locator("#time").fill("1.25")
     page.wait_for_function("document.getElementById('clock').textContent === '1.250 s'")
     assert page.evaluate("viewer.animator.actions[0].time") == pytest.approx(1.25)
+
+
+@needs_browser
+def test_its_speed_is_chosen_by_a_button(page: Any) -> None:
+    """From 1/50 to real time; the one that holds is marked."""
+    buttons = page.locator("#speeds button[data-rate]")
+    assert buttons.evaluate_all("(all) => all.map((one) => Number(one.dataset.rate))") == [
+        0.02,
+        0.05,
+        0.1,
+        0.25,
+        0.5,
+        1.0,
+    ]
+    page.evaluate("animator.pause()")
+    for speed in (0.02, 1.0):
+        page.locator(f"#speeds button[data-rate='{speed:g}']").click()
+        assert page.evaluate("viewer.animator.mixer.timeScale") == speed
+        marked = page.locator(f"#speeds button[data-rate='{speed:g}'][aria-pressed=true]")
+        marked.wait_for()
 
 
 @needs_browser
@@ -93,6 +122,73 @@ def test_arrows_bars_and_robot_are_where_the_log_says(paper: Experiment, shown: 
             origin = pin.XYZQUATToSE3(q[:7]).act(placement.translation)
             assert node(shown, "robot", "visuals", name)["position"] == pytest.approx(origin, abs=1e-5)
     assert max(lengths) > 3.0 * min(lengths)
+
+
+@needs_browser
+def test_the_robot_fills_the_picture_and_stays_in_it(paper: Experiment, shown: Any) -> None:
+    """At least a tenth of the width from begin to end of six metres; the picture changes as it flies."""
+    seen = []
+    for time in (0.0, 0.7, 1.9):
+        at(shown, time)
+        seen.append(pixels(shown))
+        dark = seen[-1].max(axis=2) < 0.45  # body, guard and arrows against a pale sky
+        columns = np.flatnonzero(dark.any(axis=0))
+        assert columns.max() - columns.min() > 0.1 * dark.shape[1]
+        assert abs(0.5 * (columns.max() + columns.min()) / dark.shape[1] - 0.5) < 0.2
+    assert all(np.mean(np.abs(one - seen[0]) > 0.1) > 0.005 for one in seen[1:])
+
+
+@needs_browser
+def test_nothing_translucent_hides_what_is_behind_it(shown: Any) -> None:
+    """Membranes, propellers, halos and wake do not write depth: a halo behind a membrane is seen."""
+    each = """(() => { const found = [];
+        const look = (one) => { if (one.isMesh && one.material.transparent) found.push(one.material.depthWrite); };
+        viewer.scene.traverse(look);
+        return found; })()"""
+    translucent = shown.evaluate(each)
+    assert len(translucent) >= 4 + 1 + 1 + 4 + 1  # membranes, tail, propellers, two halos of two parts, wake
+    assert not any(translucent)
+
+
+@needs_browser
+def test_arrows_in_front_of_a_membrane_stay_coloured(shown: Any) -> None:
+    """They are drawn after everything that is translucent, the true one last, so that no membrane tints them."""
+    orders = """(() => {
+        const found = {arrow: [], other: []}, arrows = new Set();
+        viewer.scene_tree.find(["meshcat", "world", "force"]).object.traverse((one) => arrows.add(one));
+        viewer.scene.traverse((one) => {
+            const kind = arrows.has(one) ? "arrow" : "other";
+            if (one.isMesh && one.material.transparent) found[kind].push(one.renderOrder);
+        });
+        return found; })()"""
+    found = shown.evaluate(orders)
+    assert min(found["arrow"]) > max(found["other"])
+    assert set(found["arrow"]) == {2, 3}
+
+
+@needs_browser
+def test_the_step_is_marked_on_the_time_bar_and_on_the_way(paper: Experiment, shown: Any) -> None:
+    """From 1 s to 1.6 s of 2 s; balls where the body is at onset and end."""
+    bar, zone = (shown.locator(name).bounding_box() for name in ("#zones", "#zones b"))
+    assert (zone["x"] - bar["x"]) / bar["width"] == pytest.approx(0.5, abs=0.01)
+    assert zone["width"] / bar["width"] == pytest.approx(0.3, abs=0.01)
+    for name, k in (("onset", 1000), ("end", 1600)):
+        at_event = paper.log.measured["q"].values[k, :3]
+        assert node(shown, "zone", "0", name)["position"] == pytest.approx(at_event, abs=1e-3)
+
+
+@needs_browser
+def test_the_wake_grows_behind_the_wing_and_fades(paper: Experiment, shown: Any) -> None:
+    """The rows drawn end at the trailing edge of the moment and begin half a second earlier."""
+    wake = wake_of(paper.log, paper.robot, paper.scenario.air)
+    at(shown, 0.0)
+    assert shown.evaluate(SHOWN) is None
+    for k, first in ((400, 0), (1500, 1000)):
+        at(shown, paper.log.time[k])
+        begin, end = shown.evaluate(SHOWN)
+        assert begin == pytest.approx(wake.position[first, 0], abs=2e-5)
+        assert end == pytest.approx(wake.position[k, -1], abs=2e-5)
+    assert node(shown, "air")["position"] == [0.0, 0.0, 0.0]
 
 
 def test_two_seconds_of_flight_are_less_than_five_megabytes(paper_folder: Path) -> None:
@@ -158,3 +254,28 @@ def test_a_log_may_begin_at_any_time(paper: Experiment) -> None:
     page = made(paper, FlightLog(late))
     assert '"start": 100.0' in page
     assert re.findall(r'"times": \[(\S+),', page) == ["0.0"]
+
+
+def lab(colour: Array) -> Array:
+    """Return CIE L*a*b* of linear RGB under D65."""
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    xyz = np.clip(np.array(to_xyz) @ colour, 0.0, None) / [0.9505, 1.0, 1.089]
+    f = np.where(xyz > 216.0 / 24389.0, np.cbrt(xyz), (24389.0 / 27.0 * xyz + 16.0) / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("eyes", ["normal", *BLIND])
+def test_arrows_are_told_from_each_other_and_from_every_bar(eyes: str) -> None:
+    """With and without red or green cones, by more than 15 in CIE L*a*b*, where 2 is just noticed."""
+    seen = np.eye(3) if eyes == "normal" else np.array(BLIND[eyes])
+
+    def look(colour: Any) -> Array:
+        rgb = np.array(colour)
+        linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+        return lab(np.clip(seen @ linear, 0.0, 1.0))
+
+    true, estimated = (look(style.rgb(colour)) for colour in (style.TRUTH, style.ESTIMATES[0]))
+    assert np.linalg.norm(true - estimated) > 15.0
+    for part in ("crank", "bar", "bone"):
+        for arrow in (true, estimated):
+            assert np.linalg.norm(look(MATERIALS[part][:3]) - arrow) > 15.0, part

@@ -9,7 +9,7 @@ import pytest
 from support.browser import at, needs_browser, opened, pixels, ready, resized
 from support.further import further
 
-from aerobat_pin.experiments.experiment import run
+from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.result_pages import report_html
 
@@ -59,6 +59,17 @@ def test_the_replays_controls_cover_nothing(paper_folder: Path, browser: Any, si
             for name, box in boxes(page, ("#controls button", "#legend summary")):
                 assert np.all(box[2:] - box[:2] >= FINGER - 0.01), name
         assert page.locator(".dg:visible").count() == 0, "meshcat's own strip of controls"
+
+
+@needs_browser
+def test_a_phone_that_is_turned_keeps_everything_in_its_place(page: Any) -> None:
+    """To portrait and to landscape without loading the page again: no panel covers another one, the robot is seen."""
+    page.evaluate("animator.pause()")  # the camera is placed for the moment of turning
+    for width, height in (SIZES[2], SIZES[1]):
+        resized(page, width, height)
+        page.wait_for_function("(width) => viewer.camera.view.fullWidth === width", arg=width)
+        assert overlaps(boxes(page, TOUCHED)) == []
+        assert page.evaluate("seen()")
 
 
 @needs_browser
@@ -126,3 +137,13 @@ def test_what_was_changed_is_said_in_the_report() -> None:
     assert "The shipped scenario, without these changes: The paper" in page
     assert "R2 below 0 is worse than no estimate" in page
     assert "R2 below 0 is worse than no estimate" in str(changed.scores)
+
+
+def test_what_is_shipped_is_described_as_it_is(paper: Experiment, paper_folder: Path) -> None:
+    """No line about changes, no hint where there is nothing to hint at; each observer is explained."""
+    page = (paper_folder / "report.html").read_text()
+    assert "changed from" not in page + str(paper.scores)
+    assert not any("below 0" in hint for hint in paper.scores.hints)
+    assert paper.metrics["changed"] == {}
+    for name in paper.estimates:
+        assert f"<li><b>{name}</b>: " in page
