@@ -33,7 +33,7 @@ LONGEST = (  # ten seconds of processor time and more
     "map_calibration files stream shipped_scenarios house moving_page flights replay raw_sensors live_page "
     "linkage_sheet recordings ros_node simulated_elsewhere jit cli crank_page humanoid gains free_records docs tables "
     "legs locate links bad_logs pages netcdf_library mistakes other_plant live kalman sensed sweep mismatch "
-    "named_robots misread_limbs map_joints events logs_as_left contradictions estimate changed_model "
+    "named_robots misread_limbs map_joints events logs_as_left contradictions estimate "
     "lattice_cases flapping_wing robot_air_flow wake kernel_state"
 ).split()
 
