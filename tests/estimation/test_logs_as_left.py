@@ -56,8 +56,7 @@ def counts(record: Record) -> list[int]:
     return [last - first + 1 for first, last in record.parts]
 
 
-@pytest.mark.parametrize("column", ["bend_i", "lift_q", "turn_v"])
-@pytest.mark.parametrize("empty", ["", "nan"])
+@pytest.mark.parametrize(("column", "empty"), [("bend_i", ""), ("lift_q", "nan"), ("turn_v", "")])
 def test_a_hole_in_one_joints_column_splits_the_record_there(
     column: str, empty: str, swing: pd.DataFrame, tmp_path: Path
 ) -> None:
@@ -99,7 +98,7 @@ def test_a_hole_that_is_interpolated_would_cost_a_force(swing: pd.DataFrame, tmp
     assert not np.any((found.time > 0.81) & (found.time < 1.19))
 
 
-@pytest.mark.parametrize("seconds", [1e7, -1e7, 0.5])
+@pytest.mark.parametrize("seconds", [-1e7, 0.5])
 def test_velocities_are_not_differentiated_across_a_hole(seconds: float, swing: pd.DataFrame, tmp_path: Path) -> None:
     """At its edges they are those of the motion beside it; before, they were wrong by a third."""
     velocity, table = {"from": "position", "window": 0.04}, swing.copy()
@@ -151,12 +150,16 @@ def test_a_last_row_cut_by_a_killed_logger_is_left_out(cut: int, swing: pd.DataF
 
 
 def test_a_short_row_is_cut_only_if_it_is_the_last(swing: pd.DataFrame, tmp_path: Path) -> None:
-    """A last one with too few cells is left out though its line ends; in the middle it is an error."""
-    lines = swing.to_csv(index=False).splitlines(keepends=True)
-    short = lines[7].rpartition(",")[0] + "\n"
-    assert counts(opened("".join([*lines[:500], short]), tmp_path)) == [499]
-    with pytest.raises(LogError, match=r"line 501: 12 cells: 13, as in the header, were expected"):
-        opened("".join([*lines[:500], short, *lines[500:]]), tmp_path)
+    """A last one with too few cells is left out though its line ends; in the middle it is an error, even of one cell.
+
+    Lines without anything may stand anywhere, also with a carriage return.
+    """
+    lines = swing.to_csv(index=False).splitlines()
+    for short, cells in ((lines[7].rpartition(",")[0], 12), ("5", 1)):
+        assert counts(opened("\n".join([*lines[:500], short, ""]), tmp_path)) == [499]
+        with pytest.raises(LogError, match=rf"line 501: {cells} cells: 13, as in the header, were expected"):
+            opened("\n".join([*lines[:500], short, *lines[500:], ""]), tmp_path)
+    assert counts(opened("\n".join([*lines[:50], "", "\r", *lines[50:], ""]), tmp_path)) == [1000]
 
 
 def test_lists_in_quotes_can_be_cut_too(tmp_path: Path) -> None:
@@ -289,9 +292,7 @@ def test_rows_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path) -> 
     assert "1 of them differ: the first value stays" in found[0].text
 
 
-@pytest.mark.parametrize(
-    ("digits", "rounded", "most"), [(1, "0.1 s", True), (2, "0.01 s", True), (3, "", False)], ids="{}".format
-)
+@pytest.mark.parametrize(("digits", "rounded", "most"), [(2, "0.01 s", True), (3, "", False)], ids="{}".format)
 def test_stamps_with_too_few_digits_are_told_so(
     digits: int, rounded: str, most: bool, swing: pd.DataFrame, tmp_path: Path
 ) -> None:
@@ -302,16 +303,11 @@ def test_stamps_with_too_few_digits_are_told_so(
     assert (f"seem to be rounded to {rounded}: write them with more digits" in result.verdict) == most
 
 
-def test_stamps_rounded_to_half_the_rate_lose_nothing_that_matters(swing: pd.DataFrame, tmp_path: Path) -> None:
-    """Half of the samples stay, and what the stamps are rounded to is said; a verdict does not doubt that."""
-    table = swing.assign(t=np.floor(np.arange(len(swing)) / 2) / 100.0)
-    found = [one for one in sample_findings(opened(table, tmp_path)) if one.warns]
-    assert [one.check for one in found] == ["repeated stamps"]
-    assert "rounded to 0.01 s" in found[0].text
-
-
-def test_samples_that_share_uneven_stamps_are_lost_but_not_rounded(swing: pd.DataFrame, tmp_path: Path) -> None:
-    """Whatever the reason; to repeat rows, a few at a time, is no rounding."""
+def test_samples_that_share_stamps_are_rounded_or_lost(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Half the rate loses nothing that a verdict doubts; to repeat rows, a few at a time, is no rounding."""
+    half = swing.assign(t=np.floor(np.arange(len(swing)) / 2) / 100.0)
+    [found] = [one for one in sample_findings(opened(half, tmp_path)) if one.warns]
+    assert (found.check, "rounded to 0.01 s" in found.text) == ("repeated stamps", True)
     rng = np.random.default_rng(0)
     stamps = np.sort(rng.uniform(0.0, 2.0, 150))[np.sort(rng.integers(0, 150, len(swing)))]
     [found] = [one for one in sample_findings(opened(swing.assign(t=stamps), tmp_path)) if one.check == "lost samples"]
@@ -319,7 +315,7 @@ def test_samples_that_share_uneven_stamps_are_lost_but_not_rounded(swing: pd.Dat
     assert "which should tell samples apart" in found.text
 
 
-@pytest.mark.parametrize("share", [0.02, 0.2, 0.4])
+@pytest.mark.parametrize("share", [0.02, 0.4])
 def test_rows_that_are_lost_under_even_stamps_are_said_to_be(share: float, swing: pd.DataFrame, tmp_path: Path) -> None:
     """A unit of the velocities was named, or nothing; where these count by half, nothing is lost."""
     kept = swing[np.random.default_rng(0).random(len(swing)) > share]
@@ -449,7 +445,7 @@ def test_channels_that_nobody_reads_are_left_out_by_name(tmp_path: Path) -> None
         recorded(tmp_path / "mixed.mcap", values)
 
 
-@pytest.mark.parametrize("rows", [11, 20, 27])
+@pytest.mark.parametrize("rows", [11, 27])
 def test_a_record_too_short_to_settle_is_estimated(rows: int, swing: pd.DataFrame, tmp_path: Path) -> None:
     """Friction beside the forces has no instant then; 5 time constants of a gain of 100 1/s are 25 rows."""
     found = estimate(opened(swing.head(rows), tmp_path)).estimates["force_level"]
@@ -501,8 +497,7 @@ def test_forces_that_no_robot_stands_are_doubted(swing: pd.DataFrame, tmp_path: 
         assert any(finding.check == "size of forces" for finding in result.findings) is doubted
 
 
-@pytest.mark.parametrize("value", [1e300, -2e9])
-@pytest.mark.parametrize("column", ["bend_q", "lift_v", "turn_i"])
+@pytest.mark.parametrize(("column", "value"), [("bend_q", 1e300), ("lift_v", -2e9), ("turn_i", 1e300)])
 def test_a_number_that_no_quantity_has_is_refused_by_its_place(
     column: str, value: float, swing: pd.DataFrame, tmp_path: Path
 ) -> None:
@@ -513,14 +508,6 @@ def test_a_number_that_no_quantity_has_is_refused_by_its_place(
         LogError, match=rf"{column} \(joints\..*\) = {re.escape(f'{value:g}')} at 0\.2 s: a number between"
     ):
         opened(damaged, tmp_path)
-
-
-def test_a_row_of_one_character_is_no_blank_line(swing: pd.DataFrame, tmp_path: Path) -> None:
-    """Lines without anything may stand anywhere, also with a carriage return."""
-    lines = swing.to_csv(index=False).splitlines()
-    assert len(opened("\n".join([*lines[:50], "", "\r", *lines[50:], ""]), tmp_path).parts) == 1
-    with pytest.raises(LogError, match="line 51: 1 cells"):
-        opened("\n".join([*lines[:50], "5", *lines[50:], ""]), tmp_path)
 
 
 def test_paths_may_be_texts_and_a_fixed_base_has_no_imu(swing: pd.DataFrame, tmp_path: Path) -> None:
@@ -550,8 +537,9 @@ WRAPPED = {  # what an angle [rad] is read as, and the map of that
 }
 
 
-@pytest.mark.parametrize("kind", WRAPPED)
-@pytest.mark.parametrize("more", [{}, FROM_POSITION], ids=["measured", "differentiated"])
+@pytest.mark.parametrize(
+    ("kind", "more"), [("rad", {}), ("deg", FROM_POSITION), ("counts", {}), ("rad", FROM_POSITION)]
+)
 def test_an_angle_that_starts_again_after_a_turn_goes_on(
     kind: str, more: dict[str, Any], turning: pd.DataFrame, tmp_path: Path
 ) -> None:
