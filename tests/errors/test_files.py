@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 
-import numpy as np
 import pytest
 import support.broken_runs as broken
 from support.bench import RUN, Bench
@@ -63,15 +62,6 @@ def test_a_new_result_takes_the_place_of_the_old_one_at_once(target: Path) -> No
     assert target.stat().st_ino != inode
     assert (target / "mine.txt").stat().st_ino == mine
     assert os.listdir(target.parent) == ["target"]
-
-
-def test_a_link_to_a_folder_is_not_followed(target: Path) -> None:
-    """Nobody knows who put it there; the line says what to name to write behind it."""
-    link = target.parent / "link"
-    link.symlink_to(target)
-    with pytest.raises(OutputError, match=f"{link} is a link; to write behind it, name the place itself: {target}"):
-        write(link)
-    assert written(target)["a.txt"] == "old"
 
 
 @pytest.mark.parametrize("number", [errno.EINVAL, errno.ENOSYS, errno.EXDEV, errno.EPERM])
@@ -154,18 +144,21 @@ def limited_memory() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (300_000 << 10, 300_000 << 10))
 
 
-@pytest.mark.parametrize("words", [["run", "paper"], ["--version"]])
 @pytest.mark.parametrize(
-    ("what", "said"),
+    ("words", "what", "said"),
     [
-        (lambda: os.close(1), "standard output is closed; a file or a terminal was expected, such as >/dev/null"),
-        (lambda: os.rmdir(os.getcwd()), "the current folder: No such file or directory; a folder that exists was"),
-        (limited_memory, "307 MB of memory (ulimit -v); 1000 MB at least were expected"),
+        (["--version"], lambda: os.close(1), "standard output is closed; a file or a terminal was expected, such as"),
+        (
+            ["run", "paper"],
+            lambda: os.rmdir(os.getcwd()),
+            "the current folder: No such file or directory; a folder that",
+        ),
+        (["run", "paper"], limited_memory, "307 MB of memory (ulimit -v); 1000 MB at least were expected"),
     ],
     ids=["standard output closed", "current folder removed", "ulimit -v 300000"],
 )
 def test_surroundings_in_which_nothing_works_are_told_in_one_line(
-    what: Callable[[], None], said: str, words: list[str], tmp_path: Path
+    words: list[str], what: Callable[[], None], said: str, tmp_path: Path
 ) -> None:
     """Before anything is loaded or written; exit code 2."""
     done = subprocess.run(
@@ -241,7 +234,7 @@ main()
 """
 
 
-@pytest.mark.parametrize("module", ["aerobat_pin.errors", "typer", "numpy", "pinocchio", "numba", "xarray"])
+@pytest.mark.parametrize("module", ["aerobat_pin.errors", "numpy", "xarray"])
 def test_ctrl_c_while_the_program_loads_is_one_line(module: str, tmp_path: Path) -> None:
     """From the first import of ours on, before the handlers are there and after."""
     command = [sys.executable, "-c", LOADING, module]
@@ -276,11 +269,9 @@ def test_a_program_in_the_background_ignores_ctrl_c(tmp_path: Path) -> None:
     assert re.fullmatch(rb"(starting[^\n]*\n)*", errors), errors  # which is said on a machine that loads slowly
 
 
-SIZES = (1_000, 30_000, 120_000, 400_000)  # [bytes]: a short run writes files of up to 0.2 MB
-RNG = np.random.default_rng([13, 4])
-CASES = [
-    broken.at_once(2),
-    broken.at_once(5),
+SIZES = (1_000, 120_000)  # [bytes]: a short run writes files of up to 0.2 MB
+CASES = [  # `make evidence` ends runs at 400 random moments
+    broken.at_once(3),
     broken.in_the_way("metrics.json", is_folder=True),
     broken.in_the_way("figures", is_folder=False),
     broken.left_by_a_killed_run("result", b"123"),
@@ -288,12 +279,11 @@ CASES = [
     broken.from_inside(below=False),
     broken.from_inside(below=True),
     *(broken.limited(size) for size in SIZES),
-    *(broken.killed(float(share), signal.SIGKILL) for share in RNG.uniform(0.5, 1.0, 3)),
-    *(broken.killed(float(share), signal.SIGTERM) for share in RNG.uniform(0.0, 1.0, 2)),
-    *(broken.killed(float(share), signal.SIGINT) for share in RNG.uniform(0.0, 1.0, 3)),
+    *(broken.killed(share, signal.SIGKILL) for share in (0.7, 0.95)),
+    broken.killed(0.6, signal.SIGTERM),
+    broken.killed(0.8, signal.SIGINT),
     broken.ignored(0.5),
     broken.diverging(0.0055, 1e4),
-    broken.diverging(0.002, 1e9),
 ]
 
 
