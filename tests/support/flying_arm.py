@@ -1,6 +1,7 @@
 """A quadrotor with an arm of two joints below it, flown by its four rotors: a table of what a laboratory measures."""
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -51,10 +52,11 @@ def pushed(t: float) -> np.ndarray:
     return np.array([0.0, -2.0, 0.0]) if 5.5 < t < 7.0 else np.zeros(3)
 
 
+@cache
 def fly(
     seed: int, push: Push = nothing, *, seconds: float = 9.0, swings: bool = True
 ) -> tuple[pd.DataFrame, np.ndarray]:
-    """Return a table and the true force (n, 3) at its times; the arm swings, or is held still.
+    """Return a table and the true force (n, 3) at its times, the same ones each time; the arm swings, or is held still.
 
     The rotors' thrusts differ by 2 % (standard deviation) about 1.07 times what the laboratory believes.
     """
