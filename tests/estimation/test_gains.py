@@ -28,9 +28,13 @@ KNOWN = SOUGHT | {"mass": LIGHT[0], "com": list(LIGHT[1])}
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with swings of an arm: alone, with two loads, and of one whose links are not as in its URDF."""
+    """Return a folder with swings of an arm: alone, with two loads, and of one whose links are not as in its URDF.
+
+    The efforts of `unloaded` need no factors.
+    """
     folder = tmp_path_factory.mktemp("six")
     swing(folder / "alone.csv", 1, FACTORS)
+    swing(folder / "unloaded.csv", 7)
     swing(folder / "light.csv", 2, FACTORS, LIGHT)
     swing(folder / "heavy.csv", 3, FACTORS, HEAVY)
     swing(folder / "light_wrong.csv", 4, FACTORS, LIGHT, WRONG)
@@ -105,7 +109,6 @@ def test_known_gains_tell_a_payload_beside_friction(folder: Path) -> None:
     before, after = found.error_bar["tool.Fz"]
     assert after < 2.5
     assert not before < 5.0 * after  # NaN: without friction the rows err by so much that Fz is never seen
-    swing(folder / "unloaded.csv", 7)
     free = estimate(opened(folder, "unloaded"), calibration=found)
     assert free.mass == pytest.approx(opened(folder, "unloaded").robot.mass)
     assert abs(free.estimates["force_level"].force[200:, 0, 2].mean()) < 1.0
@@ -130,7 +133,6 @@ def test_what_cannot_be_told_apart_is_refused(
     folder: Path, name: str, scale: bool, identify: tuple[str, ...], payload: dict[str, Any], reason: str
 ) -> None:
     """A payload beside factors or masses, where there is none, at no frame of the robot; each with its reason."""
-    swing(folder / "unloaded.csv", 7)
     with pytest.raises(AerobatError, match=reason):
         calibrate([opened(folder, name, scale, payload=payload)], parameters=identify)
 
