@@ -11,7 +11,6 @@ import xarray as xr
 from support.commands import call
 
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.cli import app as cli
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.write_results import write_metrics
 from aerobat_pin.scenario.scenario import load_scenario
@@ -138,24 +137,6 @@ def test_a_robot_of_ones_own_is_found_beside_its_scenario_and_travels_with_the_r
     first.rename(moved)
     assert call("run", "moved/scenario.toml", "--out", "again", "--no-report") == 0
     assert (moved / "metrics.json").read_bytes() == (here / "again" / "metrics.json").read_bytes()
-
-
-def test_a_failure_half_way_leaves_the_earlier_results_alone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """What was written before the failure goes away with it, and the folder is as it was."""
-    from aerobat_pin.experiments import write_results
-
-    out = tmp_path / "run"
-    assert call("run", "paper", "--out", str(out), "--no-report", *SHORT) == 0
-    before = {path.name: path.read_bytes() for path in out.iterdir()}
-
-    def fail(*_: object, **__: object) -> None:
-        raise RuntimeError("disk on fire")
-
-    monkeypatch.setattr(write_results, "estimate_dataset", fail)
-    monkeypatch.setattr(sys, "argv", ["aerobat", "run", "paper", "--out", str(out), "--no-report", "--force", *SHORT])
-    with pytest.raises(RuntimeError):
-        cli.main()
-    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
 def test_trim_writes_a_scenario_that_flies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -80,14 +80,13 @@ def test_a_known_payload_tells_all_factors_and_they_tell_another_payload(folder:
         off = np.abs(found.fitted.scale / FACTORS - 1.0)
         deviations = [fit.values["deviation of the factor"] for fit in found.fitted.fits[-6:]]
         assert np.all(off < 2.5 * np.array(deviations))
-        result = estimate(opened(folder, f"heavy{links}", payload=SOUGHT, use={"free": [0, 45]}), calibration=found)
-        values = next(fit.values for fit in result.forces.fits if fit.name == "payload at tool" and not fit.log)
-        assert abs(values["mass"] - HEAVY[0]) < min(2.5 * values["deviation of mass"], 0.03 * HEAVY[0])
-        for axis, true in zip("xyz", HEAVY[1], strict=True):
-            assert abs(values[axis] - true) < 2.5 * values[f"deviation of {axis}"]
-        assert result.mass == pytest.approx(
-            sum(result.forces.record.robot.own_model.inertias[k].mass for k in range(1, 7)) + values["mass"]
-        )
+    result = estimate(opened(folder, f"heavy{links}", payload=SOUGHT, use={"free": [0, 45]}), calibration=found)
+    values = next(fit.values for fit in result.forces.fits if fit.name == "payload at tool" and not fit.log)
+    assert abs(values["mass"] - HEAVY[0]) < min(2.5 * values["deviation of mass"], 0.03 * HEAVY[0])
+    for axis, true in zip("xyz", HEAVY[1], strict=True):
+        assert abs(values[axis] - true) < 2.5 * values[f"deviation of {axis}"]
+    own = result.forces.record.robot.own_model
+    assert result.mass == pytest.approx(sum(own.inertias[k].mass for k in range(1, 7)) + values["mass"])
 
 
 def test_rotors_that_no_law_asks_for_leave_the_factors_right(folder: Path) -> None:
