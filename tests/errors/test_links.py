@@ -241,13 +241,15 @@ def test_the_files_of_a_sweep_lead_nowhere(outside: Path, here: Path, capsys: py
                     (here / "out" / other).write_bytes(text)
 
 
-def test_a_comparison_passes_nothing_on_and_ends(
-    paper_folder: Path, outside: Path, here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_comparison_passes_nothing_on_and_ends(outside: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A figure that is a link to a private file, lies behind one, is a pipe, too large, or no picture: refused."""
     (outside / "states.png").write_bytes(b"\x89PNG private")
-    shutil.copytree(paper_folder, here / "a")
+    assert call(*RUN, "--out", "a") == 0
     figure = here / "a" / "figures" / "states.png"
+    figure.parent.mkdir()
+    figure.write_bytes(b"\x89PNG")
+    shutil.copytree(here / "a", here / "b")
+    capsys.readouterr()
 
     def fill() -> None:
         with figure.open("wb") as file:
@@ -263,8 +265,8 @@ def test_a_comparison_passes_nothing_on_and_ends(
     for said, make in cases.items():
         figure.unlink()
         make()
-        with watched(writes=[here], reads=[here, paper_folder]):
-            assert call("compare", "a", str(paper_folder), "--out", "c") == 2
+        with watched(writes=[here], reads=[here]):
+            assert call("compare", "a", "b", "--out", "c") == 2
         printed = capsys.readouterr()
         assert said in printed.err
         assert printed.err.endswith("; a PNG file of the run was expected\n")
