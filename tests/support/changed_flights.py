@@ -125,7 +125,7 @@ def somewhere(seed: int) -> tuple[str, ...]:
     )
 
 
-@lru_cache(maxsize=2)  # one is estimated twice, without and with its cause corrected
+@lru_cache(maxsize=8)  # one is estimated twice, without and with its cause corrected
 def flown(settings: tuple[str, ...]) -> tuple[FlightLog, Scenario]:
     """Fly `paper` with settings."""
     scenario = load_scenario("paper", [*BELIEF, *settings])
