@@ -98,27 +98,23 @@ def test_an_old_pin_and_the_package_called_pinocchio_are_unmasked(
     assert one.ok or advice in one.advice
 
 
-def test_pinocchio_from_ros_is_named_with_its_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """A sourced ROS shell puts its own Pinocchio before pip's."""
-    folder = tmp_path / "opt" / "ros" / "jazzy" / "lib" / "python3.12" / "site-packages"
-    monkeypatch.setenv("PYTHONPATH", str(foreign_pinocchio(folder, FAKE.format(version="3.4.0"))))
-    findings = found(doctor._pinocchio, doctor._search_paths)
-    assert_bad(findings["pinocchio"], "3.4.0")
-    assert_bad(findings["pinocchio's sources"], "of ROS")
-    assert_bad(findings["PYTHONPATH"], str(folder / "pinocchio"), advice="unset PYTHONPATH")
-
-
-def test_a_second_pinocchio_of_the_right_version_is_a_clash_too(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+@pytest.mark.parametrize(
+    ("place", "version", "origin"), [("opt/ros/jazzy/lib", "3.4.0", "of ROS"), ("conda/lib", "4.1.0", "of conda")]
+)
+def test_a_second_pinocchio_is_named_with_its_folder(
+    place: str, version: str, origin: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Conda's beside pip's: both have libraries of the same names."""
-    (tmp_path / "conda-meta").mkdir()
-    monkeypatch.setattr(sys, "prefix", str(tmp_path))
-    folder = foreign_pinocchio(tmp_path / "lib", FAKE.format(version="4.1.0"))
+    """A sourced ROS shell puts its own before pip's; also one of the right version has libraries of the same names."""
+    if origin == "of conda":
+        (tmp_path / "conda-meta").mkdir()
+        monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    folder = foreign_pinocchio(tmp_path / place, FAKE.format(version=version))
     monkeypatch.setenv("PYTHONPATH", str(folder))
-    findings = found(doctor._pinocchio)
-    assert findings["pinocchio"].ok
-    assert_bad(findings["pinocchio's sources"], "of conda")
+    findings = found(doctor._pinocchio, doctor._search_paths)
+    assert findings["pinocchio"].ok == (origin == "of conda")
+    assert version in findings["pinocchio"].detail
+    assert_bad(findings["pinocchio's sources"], origin)
+    assert_bad(findings["PYTHONPATH"], str(folder / "pinocchio"), advice="unset PYTHONPATH")
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 from support.commands import aerobat, call
-from support.further import further
 from typer.main import get_command
 
 import aerobat_pin
@@ -46,12 +45,13 @@ FILES = {
             "'left_force_point': another link, joint or frame has this name",
         ),
         ([*FLIGHT, "--correct"], "what changed since a calibration: --calibration FILE was expected"),
+        (["estimate"], "a recorded flight was expected, or --self-check"),
         (["estimate", "."], "a map says what its columns mean"),
         (["estimate", "motion.csv", "--out", "a.mcap"], "--out-mcap is for recordings by --map; `aerobat convert RUN`"),
         ([*FLIGHT, "--out", "kept"], "error: output"),
         ([*FLIGHT, "--out", "kept/below"], "error: output"),
         (["run", "nan.toml"], "flight.velocity.0 = nan: input should be a finite number"),
-        *((["run", "paper", "--seeds", words], "run: --seeds") for words in ("3-1", "one", "1-", "", "1-99999")),
+        *((["run", "paper", "--seeds", words], "run: --seeds") for words in ("3-1", "one", "1-99999")),
         (["run", "paper", "--seeds", "1-2", "--seed", "1"], "--seed and --seeds: one of them was expected"),
         ([*FLIGHT, "--seeds", "1-2", "--set", "flight.velocity=[300,0,0]"], "paper: the flight diverged at t = 0.0000"),
         (["linkage", "--out", "kept.png"], "output kept.png exists; --force overwrites it"),
@@ -69,10 +69,8 @@ FILES = {
         (["urdf", "--bars", "cad"], "--format mjcf was expected"),
         (["crank", "aerobot", "--out", "a.html"], "no morphology named 'aerobot': did you mean 'aerobat'?"),
         (["crank", "--out", "kept"], "--force"),
-        (["linkage", "--out", 300 * "n" + ".png"], "a name of 246 bytes at most was expected"),
         (["run", "paper", "--out", 300 * "n"], "File name too long"),
         (["run", 300 * "n"], "no scenario 'nnn"),
-        (["linkage", "albatross"], "no morphology named 'albatross'"),
         (["linkage", "stuck.toml"], "cannot close at J4"),
         (["live", "hover_closed_loop", "--points", "tip"], "--points is for a robot by name or URDF file"),
         (["live", "ur5", "--set", "crank.frequency=3"], "--set is for a scenario"),
@@ -83,10 +81,8 @@ FILES = {
         (["play", "--from-csv", "a.csv"], "with --urdf FILE"),
         (["play", "--from-csv", "a.csv", "--urdf", "b.urdf"], "log a.csv: there is no such file"),
         (["play", "--from-csv", "motion.csv", "--urdf", "b.urdf"], "robot b.urdf: there is no such file"),
-        (["play", "nowhere.nc", "--from-csv", "a.csv", "--urdf", "b.urdf"], "a run or a log was expected"),
         (["play", "nowhere.nc", "--rate", "0"], "--rate"),
         (["play", "nowhere.nc", "--rate", "inf"], "--rate inf: a finite number was expected"),
-        (["play", "nowhere.nc", "--morphology", "aerobot"], "there is no such file"),
         (
             ["play", ".", "--morphology", "aerobat_guard"],
             "--morphology says which robot is believed to have flown a log",
@@ -214,14 +210,13 @@ def test_a_shell_completes_what_can_be_named() -> None:
         ("crank --out", "crank --output"),
         ("urdf -o", "urdf --output"),
         ("linkage --out", None),
-        *further(("trim paper_open_loop --set robot.changes.body.mass=0.025 -o", None)),
     ],
 )
 def test_out_is_called_so_everywhere_and_makes_folders(
     now: str, before: str | None, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """`--out` and `-o` take a file in folders that are not there yet; what they were called is told and still works."""
-    suffix = {"crank": "html", "urdf": "urdf", "linkage": "png", "trim": "toml"}[now.split()[0]]
+    suffix = {"crank": "html", "urdf": "urdf", "linkage": "png"}[now.split()[0]]
     assert call(*now.split(), f"new/folder/file.{suffix}") == 0
     assert Path("new", "folder", f"file.{suffix}").stat().st_size > 1000
     assert "note:" not in capsys.readouterr().err
