@@ -25,6 +25,7 @@ from aerobat_pin.forces.inputs import change_of_axes
 from aerobat_pin.records import base_requests, parse_map
 
 PLACE, TURN = np.array([0.12, -0.05, 0.08]), np.array([10.0, -20.0, 90.0])  # [m], [deg]
+HEAVIER = {"mass", "effort unit", "effort unit or mass"}  # what a push down may be taken for
 
 
 @pytest.fixture(scope="module")
@@ -103,20 +104,18 @@ def test_a_push_at_the_trunk_is_said_and_factors_are_none(folder: Path) -> None:
         during = (walked.time > 1.5) & (walked.time < 1.8)
         found = walked_while_pushed(folder, error, during[:, None] * [0.0, push, 0.0])
         assert any(one.check == "push elsewhere" for one in found.findings) == (push > 0.0), found.warnings
+        assert not [one for one in found.findings if one.warns and one.check in HEAVIER]
     assert any(re.search("from 1.[56].*forces elsewhere, a moment, or a wrong model", one) for one in found.warnings)
 
 
-@pytest.mark.parametrize(("push", "causes"), [(-20.0, ["effort unit or mass"]), (0.0, [])])
-def test_a_lasting_push_at_the_trunk_is_no_certain_error_of_mass_or_units(
-    folder: Path, push: float, causes: list[str]
-) -> None:
+def test_a_lasting_push_at_the_trunk_is_no_certain_error_of_mass_or_units(folder: Path) -> None:
     """20 N downward as long as it walks: lighter efforts and a heavier trunk explain it alike, and that is said."""
     tau, rng = walk().tau, np.random.default_rng(17)
     error = tau * 0.03 * rng.standard_normal(12) + 0.1 * rng.standard_normal(tau.shape)
-    findings = walked_while_pushed(folder, error, np.array([0.0, 0.0, push])).findings
-    said = [one for one in findings if one.warns and one.check in ("mass", "effort unit", "effort unit or mass")]
-    assert [one.check for one in said] == causes
-    assert all("a load on the base link: the record does not tell which" in one.text for one in said)
+    findings = walked_while_pushed(folder, error, np.array([0.0, 0.0, -20.0])).findings
+    [said] = [one for one in findings if one.warns and one.check in HEAVIER]
+    assert said.check == "effort unit or mass"
+    assert "a load on the base link: the record does not tell which" in said.text
 
 
 def test_a_change_of_axes_is_no_force(folder: Path) -> None:
@@ -216,7 +215,8 @@ def test_the_results_show_the_gait(folder: Path, monkeypatch: pytest.MonkeyPatch
     Path("map.toml").write_text(tomli_w.dumps(mapped(folder, "joints")))
     assert call("estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0
     assert json.loads(Path("out/metrics.json").read_text())["contacts"]["force_level"]["RR_FOOT"]["share"] > 0.95
-    assert Path("out/figures/contacts.png").stat().st_size > 1000
+    for name in ("contacts.png", "estimation.png", "motion.pdf"):
+        assert Path("out/figures", name).stat().st_size > 1000
     assert "its six rows are not believed" in Path("out/report.html").read_text()
 
 
