@@ -15,12 +15,10 @@ from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.tables import write_csv
 from aerobat_pin.control import Controller
 from aerobat_pin.estimation import record_findings
-from aerobat_pin.experiments import write as write_results
 from aerobat_pin.experiments.experiment import NO_MAP, Experiment, run_recorded
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario import AirSection
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
-from aerobat_pin.visualization.result_pages import report_html
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +53,7 @@ def changed(log: FlightLog, name: str, columns: slice | list[int], values: objec
 @pytest.mark.parametrize("name", sorted(shipped_scenarios()))
 def test_no_shipped_flight_contradicts_itself_but_the_one_with_slow_and_late_sensors(name: str) -> None:
     """`noisy_sensors` has a pose of 200 Hz that is 5 ms late, which holding makes 7 ms, and an airspeed of 50 Hz."""
-    scenario = load_scenario(name)
+    scenario = load_scenario(name, [] if name == "noisy_sensors" else ["simulation.duration=1.0"])
     pilot = Controller(scenario) if scenario.control is not None else None
     found = warned(simulate(scenario, pilot=pilot), believed_robot(scenario))
     if name != "noisy_sensors":
@@ -69,9 +67,9 @@ def test_no_shipped_flight_contradicts_itself_but_the_one_with_slow_and_late_sen
 
 @pytest.mark.parametrize("name", sorted(CONTRADICTIONS))
 def test_each_contradiction_is_named(name: str, recorded: FlightLog) -> None:
-    """Three variants each, with the noise of real sensors; no other kind of warning comes with them."""
+    """Two variants each, with the noise of real sensors; no other kind of warning comes with them."""
     robot = flown_robot(load_scenario("real_log_demo"))
-    for seed in range(3):
+    for seed in range(2):
         wrong = recorded.measured.copy(deep=True)
         CONTRADICTIONS[name](np.random.default_rng(seed), wrong)
         found = warned(FlightLog(wrong), robot)
@@ -91,7 +89,7 @@ def test_each_contradiction_is_named(name: str, recorded: FlightLog) -> None:
         ("crank_angle", slice(None), "crank angle comes {} ms after joint positions"),
     ],
 )
-@pytest.mark.parametrize("late", [1, 3, 12])
+@pytest.mark.parametrize("late", [1, 12])
 def test_a_delay_is_measured_to_a_tenth_of_a_millisecond(
     channel: str, columns: slice, pair: str, late: int, paper: Experiment
 ) -> None:
@@ -148,11 +146,7 @@ def test_warnings_stand_in_terminal_report_and_metrics(
         line.startswith("momentum: belief off by about ") for line in more
     )  # a gyro in deg/s is no force's doing
     assert f"warning: {text}\n" in capsys.readouterr().out
-    scenario = load_scenario("real_log_demo", ['observers.names=["momentum"]'])
-    experiment = run_recorded(wrong, scenario)
-    assert "gyro against attitude" in report_html(experiment, {})
-    write_results(experiment, here)
-    assert json.loads((here / "metrics.json").read_text())["warnings"] == experiment.scores.warnings
+    assert "gyro against attitude" in (here / "found" / "report.html").read_text()
 
 
 def test_who_has_no_map_is_not_left_with_its_keys(recorded: FlightLog) -> None:

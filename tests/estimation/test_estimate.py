@@ -165,38 +165,6 @@ def test_what_no_estimate_would_heed_cannot_be_set(key: str) -> None:
     assert belief_about(None, "x", None, [], ["flight.gravity=1.62"]).flight.gravity == 1.62
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ((), "a recorded flight was expected, or --self-check"),
-        (("nowhere.csv",), "there is no such file"),
-        (("hall.csv", "--observer", "oracle"), "choose from momentum, force_level"),
-        (("hall.csv", "--morphology", "aerobot"), "no morphology named 'aerobot'"),
-        (("hall.csv", "--set", "observers.gian=1"), "did you mean 'gain'"),
-        (
-            ("hall.csv", "--set", "crank.frequency=50"),
-            "'crank.frequency' does not belong to the belief about a recorded flight",
-        ),
-        (("hall.csv", "--set", "observers.torque=measured"), "no channel named motor_torque or joint_torque"),
-        (("broken.csv",), "no column named x; if it is another robot's, a map says"),
-        (("notes.nc",), "cannot be read as NetCDF-4"),
-    ],
-)
-def test_what_cannot_be_estimated_is_said_once_and_nothing_is_written(
-    words: tuple[str, ...], message: str, recorded: Path
-) -> None:
-    """Exit code 2, one message, no traceback, no folder."""
-    folder = recorded.parent
-    (folder / "broken.csv").write_text(recorded.read_text().replace("x [m]", "height", 1))
-    (folder / "notes.nc").write_text("a note")
-    before = sorted(folder.rglob("*"))
-    done = aerobat("estimate", *words, cwd=folder)
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
-    assert sorted(folder.rglob("*")) == before
-
-
 def test_a_known_force_is_found_where_it_acts(tmp_path: Path) -> None:
     """`--self-check` without a log: a tenth of the weight, at both wings, along every world axis."""
     done = aerobat("estimate", "--self-check", "--morphology", "aerobat_light", "--observer", "momentum", cwd=tmp_path)
@@ -249,12 +217,3 @@ def test_it_pushes_with_a_tenth_of_the_weight_that_is_believed() -> None:
     assert all(check.ok for check in checks)
     with pytest.raises(ScenarioError, match=r"flight\.gravity = 0"):
         self_check(believed_robot(space), space)
-
-
-def test_a_pose_that_hides_a_force_is_not_called_a_row_that_is_not_believed() -> None:
-    """Of two joints whose rows are both believed a force along the arm leaves nothing; it was the map's fault."""
-    hidden = (Check("force_level", "tip", "x", 1.0, (0.0, 0.0, 0.0), 0.0, 0.0, whole) for whole in (True, False))
-    assert [str(check).rpartition("at no time: ")[2] for check in hidden] == [
-        "the pose hides it",
-        "the map believes no row that shows it",
-    ]
