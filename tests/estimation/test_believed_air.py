@@ -40,7 +40,6 @@ def stripped(log: FlightLog, every: int = 1) -> FlightLog:
         ["air.added_mass=0"],
         ["air.wind=[0.5, -1.0, 0.3]", "air.gust.amplitude=[0.0, 1.0, 1.0]", "air.gust.start=0.05"],
         ["air.lift_limit=1.2"],
-        ["air.strips=32"],
     ],
     ids=lambda settings: " ".join(settings) or "default",
 )
