@@ -12,7 +12,7 @@ from aerobat_pin.estimation.checks.result import _reason
 
 
 @pytest.mark.parametrize(
-    "name", ["ur10", "finger_edu", "kinova", "bolt", "borinot", "hector", "solo12", "b1_z1", "baxter"]
+    "name", ["kinova", "bolt", "hector", *further("ur10", "finger_edu", "borinot", "solo12", "b1_z1", "baxter")]
 )
 def test_a_push_is_found_as_exactly_as_is_said(name: str, tmp_path: Path) -> None:
     """Wrong factors, friction and noise, none of them told: nine tenths within two deviations, where it is shown."""
@@ -26,7 +26,7 @@ def test_a_push_is_found_as_exactly_as_is_said(name: str, tmp_path: Path) -> Non
     assert np.sqrt(np.mean(error[shown] ** 2)) < 0.05 * log.weight
 
 
-@pytest.mark.parametrize("name", ["panda", "xarm7"])
+@pytest.mark.parametrize("name", ["xarm7", *further("panda")])
 def test_what_a_fast_filter_lets_through_is_part_of_the_deviation(name: str, tmp_path: Path) -> None:
     """K dt = 2: noise of one rate errs in the rows of all that its joint loads, as forces do; 46 % were within two."""
     log = pushed_robot(name)

@@ -94,20 +94,19 @@ def of_record(file: Path, log: FlightLog) -> dict[str, Estimate]:
 
 
 @pytest.mark.parametrize(
-    "without",
+    ("without", "uneven"),
     [
-        [],
-        [*TWIST, *WIND],
-        [*TWIST, *RATES, "crank_rate", *WIND],
-        [*JOINTS, *RATES, *TORQUES, "airspeed"],
-        [*JOINTS, *WIND],
-        ["crank_angle", "crank_rate", *WIND, *THRUST],
-        ["crank_angle", "crank_rate", *RATES, "crank_torque", "airspeed", *WIND],
-        [*TORQUES, "crank_torque", *WIND],
+        ([], False),
+        ([*TWIST, *WIND], True),
+        ([*TWIST, *RATES, "crank_rate", *WIND], False),
+        ([*JOINTS, *RATES, *TORQUES, "airspeed"], True),
+        ([*JOINTS, *WIND], False),
+        (["crank_angle", "crank_rate", *WIND, *THRUST], True),
+        (["crank_angle", "crank_rate", *RATES, "crank_torque", "airspeed", *WIND], False),
+        ([*TORQUES, "crank_torque", *WIND], True),
     ],
-    ids=lambda without: " ".join(without) or "nothing",
+    ids=str,
 )
-@pytest.mark.parametrize("uneven", [False, True])
 def test_a_table_gives_the_forces_of_its_arrays(
     frame: pd.DataFrame, without: list[str], uneven: bool, tmp_path: Path
 ) -> None:
