@@ -53,18 +53,6 @@ def test_attitude_and_velocity_are_pinocchios_own() -> None:
     np.testing.assert_allclose(world_velocity(q, v), [one @ two[:3] for one, two in zip(R, v, strict=True)], atol=1e-13)
 
 
-def test_the_lag_compares_the_estimate_with_the_truth_rolled_sample_by_sample() -> None:
-    """The definition, written as a loop: of a noisy series delayed by five samples, to the last bit."""
-    random, dt, longest = np.random.default_rng(5), 1e-3, 50
-    truth = np.cumsum(random.standard_normal(400))
-    estimate = np.roll(truth, 5) + 0.1 * random.standard_normal(400)
-    window = slice(longest, -1)
-    errors = [np.mean((estimate[window] - np.roll(truth, shift)[window]) ** 2) for shift in range(-1, longest + 1)]
-    before, here, after = errors[5:8]
-    assert int(np.argmin(errors)) == 6
-    assert lag(estimate, truth, dt) == (5 + 0.5 * (before - after) / (before - 2.0 * here + after)) * dt
-
-
 def test_a_true_force_is_found_by_the_name_of_its_point() -> None:
     """Not by its place among the points; a point on which nothing acts has the force zero."""
     log = simulate(load_scenario("paper", ["simulation.duration=0.005", "air.strips=4", "air.warm_up_cycles=0"]))

@@ -5,7 +5,7 @@ joint torques follow from Pinocchio's inverse dynamics. Nothing of the package u
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +44,7 @@ class Walk:
     tau: np.ndarray
     force: np.ndarray
 
-    @property
+    @cached_property
     def specific_force(self) -> np.ndarray:
         """What an accelerometer at the trunk's origin shows (n, 3) [m/s2], body axes."""
         found = []
