@@ -27,14 +27,12 @@ from aerobat_pin.scenario import (
 )
 
 
-@pytest.mark.parametrize("name", ["paper", "observer_benchmark"])
-def test_a_shipped_scenario_survives_writing_and_reading(name: str, tmp_path: Path) -> None:
+def test_a_shipped_scenario_survives_writing_and_reading(tmp_path: Path) -> None:
     """The resolved scenario holds every default and gives the same scenario again."""
-    scenario = load_scenario(name, ["simulation.seed=7", "robot.changes.wing.offset_x=-0.05"])
+    scenario = load_scenario("observer_benchmark", ["simulation.seed=7", "robot.changes.wing.offset_x=-0.05"])
     file = tmp_path / "scenario.toml"
     file.write_text(scenario_toml(scenario), encoding="utf-8")
     assert load_scenario(file) == scenario
-    assert name in shipped_scenarios()
 
 
 @pytest.mark.parametrize(
@@ -98,12 +96,9 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("simulation.dtt=0.001", "unknown key 'simulation.dtt'; did you mean 'dt'"),
-        ("hold.lift_limits=1", "did you mean 'lift_limit'"),
         ("unknown_force.0.frme='x'", "unknown key 'unknown_force.0.frme'; did you mean 'frame'"),
         ("simulation.dt=-0.001", "simulation.dt = -0.001: input should be greater than 0"),
         ("simulation.dt=nan", "simulation.dt = nan: input should be a finite number"),
-        ("observers.gain=-5", "observers.gain = -5: input should be greater than 0"),
         ("observers.gain=1e300", "observers.gain = 1e+300: input should be less than or equal to 1000000000000"),
         ('observers.names=["momentum", "momentum"]', "'momentum' is there twice"),
         ('observers.frames=["left_distal", "left_distal"]', "'left_distal' is there twice"),
@@ -113,37 +108,27 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ),
         ("unknown_force.0.step_end=0.5", "step from step_start = 1.0 s to step_end = 0.5 s: step_end comes later"),
         ("sensors.gyro.delay=1e300", "sensors.gyro.delay = 1e+300"),
-        ("sensors.gyro.delay=100", "sensors.gyro.delay = 100: input should be less than or equal to 60"),
-        ("simulation.seed=-1", "simulation.seed = -1"),
         ("name=my paper", "name = 'my paper': letters, digits, '.', '_' and '-' without spaces were expected"),
         ("simulation.duration=[1]", "simulation.duration"),
         ("air.wind=[1,0]", "air.wind = [1, 0]: 3 numbers were expected"),
-        ("air.wind=[1,0,0,0]", "air.wind = [1, 0, 0, 0]: 3 numbers were expected"),
-        ("air.wind=[1]", "air.wind = [1]: 3 numbers were expected"),
         ("air.wind=1,0,0", "air.wind = '1,0,0': input should be a valid list, such as [1, 0, 0]"),
         ("flight.velocity=4", "flight.velocity = 4: input should be a valid list, such as [4, 0.0, 0.0]"),
-        ("hold.torque_limit=[1,1]", "hold.torque_limit = [1, 1]: 3 numbers were expected"),
-        ("air.gust.amplitude=[1]", "air.gust.amplitude = [1]: 3 numbers were expected"),
         ("unknown_force.0.direction=[1]", "unknown_force.0.direction = [1]: 3 numbers were expected"),
         ("observers.names=momentum", 'input should be a valid list, such as ["momentum"]'),
         ("crank.frequency=fast", "crank.frequency = 'fast'"),
         ("crank.drive=steam", "crank.drive = 'steam': input should be 'constant', 'spin_up' or 'motor'"),
         ("crank.motor.torque_limit=0.1", 'crank.motor is given, but crank.drive = "constant"; write drive = "motor"'),
-        ("crank.spin_up.duration=0", "crank.spin_up.duration = 0: input should be greater than 0"),
-        ("crank.motor.torq_limit=1", "unknown key 'crank.motor.torq_limit'; did you mean 'torque_limit'"),
         ("unknown_force.9.noise=0", "'9' is not an index of 'unknown_force', a list of 2"),
         ("unknown_force.²=0", "'²' is not an index of 'unknown_force', a list of 2"),
         ("hold.*=0", "'hold' is a table, not a list; '*' stands for the items of a list"),
         ("simulation.dt.x=1", "'simulation.dt' is a value, not a table"),
         ("simulation.dt", "dotted.key=value was expected"),
         ("unknown_force.0.signal=stp", "unknown_force.0.signal = 'stp': did you mean 'step'? There are paper, step"),
-        ("unknown_force.0={frame='a', signal='impulse', impuls=1}", "unknown_force.0.impuls'; did you mean 'impulse'"),
         ("unknown_force.0={frame='a', signal='impulse', impulse='x'}", "unknown_force.0.impulse = 'x': input should"),
         ("unknown_force.0={frame='a', signal='step', end=0.1}", "start = 0.5 s to end = 0.1 s: end comes later"),
         ("unknown_force.0={frame='a', signal='recorded'}", "missing key 'unknown_force.0.file'"),
         ("unknown_force.0={frame='a', signal='sine', step=1}", "unknown key 'unknown_force.0.step'"),
         ("sensors.gyro.noise=[1, 2]", "sensors.gyro.noise = [1.0, 2.0]: one number, or 3, were expected"),
-        ("sensors.joint_rate.bias=[]", "sensors.joint_rate.bias = []: one number, or 4, were expected"),
         ("sensors.airspeed.bias=[1, 2]", "sensors.airspeed.bias = [1.0, 2.0]: one number was expected"),
         ("sensors.gyro.noise=-1", "sensors.gyro.noise = [-1.0]: deviations are not negative"),
         ("sensors.gyro.noise=nan", "sensors.gyro.noise.0 = nan: input should be a finite number"),
@@ -151,12 +136,10 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ("sensors.gyro.rate=1001", "sensors.gyro.rate = 1001 Hz: the log has 1000 samples a second"),
         ("sensors.gyr.noise=1", "unknown key 'sensors.gyr'; did you mean 'gyro'?"),
         ("sensors.gyr=none", "unknown key 'sensors.gyr'; did you mean 'gyro'?"),
-        ("sensors.gyro.nois=1", "unknown key 'sensors.gyro.nois'; did you mean 'noise'?"),
         (
             "observers.kalman.sensor_noise=[0.1, 0.1]",
             "kalman.sensor_noise = [0.1, 0.1]: 3 numbers were expected",
         ),
-        ("observers.kalman.sensor_nose=1", "unknown key 'observers.kalman.sensor_nose'; did you mean 'sensor_noise'?"),
         ("observers.kalman.misfit=0", "observers.kalman.misfit = 0: input should be greater than 0"),
         (
             "observers.kalman.known_error.aerodynamic=-1",
@@ -284,7 +267,7 @@ def test_a_long_list_of_changes_stays_a_line() -> None:
     assert text.endswith("key7 = 0.333333, and 2 more")
 
 
-@pytest.mark.parametrize("strips", [4, 16, 40])
+@pytest.mark.parametrize("strips", [4, 40])
 def test_the_log_has_the_size_that_was_estimated(strips: int) -> None:
     """To 3 %: measured and true channels together."""
     scenario = load_scenario("paper", ["simulation.duration=0.05", "simulation.dt=1e-4", f"air.strips={strips}"])
