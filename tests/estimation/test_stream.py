@@ -60,13 +60,13 @@ def messages(walked: Walk) -> Stamped:
     return [(row["t"], row) for row in table(walked).to_dict("records")]
 
 
-def on_own_clocks(chosen: Map, begin: float = 0.0) -> Stamped:
-    """Return samples of every channel at times of its own, in the order of their stamps, of a walk of 1 s."""
+def on_own_clocks(chosen: Map, begin: float = 0.0, seconds: float = 1.0) -> Stamped:
+    """Return samples of every channel at times of its own, in the order of their stamps."""
     whole = table(walk())
     found: Stamped = []
     for key, names in columns_of(chosen).items():
         rate, first = CLOCKS.get(key, CLOCKS["base.rate"])
-        for time in np.arange(first, 1.0, 1.0 / rate):
+        for time in np.arange(first, seconds, 1.0 / rate):
             found.append((begin + time, {name: float(np.interp(time, whole["t"], whole[name])) for name in names}))
     return sorted(found, key=lambda one: one[0])
 
@@ -100,12 +100,12 @@ def test_seven_clocks_give_the_estimates_of_the_record(folder: Path, begin: floa
     if source == "imu":
         values |= {"acceleration": {"columns": ["acc_x", "acc_y", "acc_z"]}, "imu": {"place": [0.1, 0.0, 0.05]}}
     chosen = mapped(folder, base=values, observer={"names": ["force_level", "momentum", "kalman"], "gain": 300.0})
-    stamped = on_own_clocks(chosen, begin)
+    stamped = on_own_clocks(chosen, begin, 0.5)
     whole, stream = batch(folder, chosen, stamped)
     found = streamed(stream, stamped)
     for name, one in whole.items():
         count = len(values_of(found, name))
-        assert count >= 470
+        assert count >= 220
         np.testing.assert_allclose([s.end for s in found if s.observer == name], one.time[1 : count + 1], atol=1e-9)
         np.testing.assert_allclose(values_of(found, name), one.components[:count], rtol=0.0, atol=1e-9)
         deviation = [list(s.deviation.values()) for s in found if s.observer == name]
@@ -116,10 +116,10 @@ def test_seven_clocks_give_the_estimates_of_the_record(folder: Path, begin: floa
 def test_by_the_stamps_of_its_joints_a_stream_is_the_record(folder: Path) -> None:
     """Without log.rate; a batch of even stamps has the same times."""
     chosen = mapped(folder, None)
-    stamped = messages(walk())
+    stamped = messages(walk(1.2))
     whole, stream = batch(folder, chosen, stamped)
     found = streamed(stream, stamped)
-    assert len(found) == 1500
+    assert len(found) == 600
     np.testing.assert_allclose(values_of(found), whole["force_level"].components, rtol=0.0, atol=1e-9)
     assert set(found[-1].seen) == set(found[-1].components)
     assert max(found[-1].seen.values()) <= 1.0
@@ -169,15 +169,16 @@ def clean(folder: Path) -> tuple[OnlineEstimator, Stamped, np.ndarray]:
 def test_what_is_refused_costs_at_most_an_estimate(clean: tuple[OnlineEstimator, Stamped, np.ndarray]) -> None:
     """NaN, infinity, a zero quaternion, 1e300, text, None: counted, and the filters go on."""
     stream, stamped, usual = clean
-    for k, bad in enumerate((np.nan, np.inf, -np.inf, 1e300, "text", None)):
-        for column in ("FL_HAA_pos", "gyro_x", "qw", "RR_KFE_tau"):
-            before, stream_health = stream.health.count("refused"), stream.health
-            stream.reset()
-            spoilt = [(t, {**row, column: bad} if i == 300 + k else row) for i, (t, row) in enumerate(stamped)]
-            found = streamed(stream, spoilt)
-            assert stream.health.count("refused") == before + 1
-            assert len(found) >= len(usual) - 1
-            assert stream.health.starts == stream_health.starts + 1
+    wrong = [("FL_HAA_pos", bad) for bad in (np.nan, np.inf, -np.inf, 1e300, "text", None)]
+    wrong += [(column, np.nan) for column in ("gyro_x", "qw", "RR_KFE_tau")]
+    for k, (column, bad) in enumerate(wrong):
+        before = stream.health
+        stream.reset()
+        spoilt = [(t, {**row, column: bad} if i == 300 + k else row) for i, (t, row) in enumerate(stamped)]
+        found = streamed(stream, spoilt)
+        assert stream.health.count("refused") == before.count("refused") + 1
+        assert len(found) >= len(usual) - 1
+        assert stream.health.starts == before.starts + 1
     stream.reset()
     nothing = {"qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 0.0}
     found = streamed(stream, [(t, row | nothing if i == 300 else row) for i, (t, row) in enumerate(stamped)])
@@ -229,7 +230,7 @@ def test_clocks_that_step_and_channels_that_stall(clean: tuple[OnlineEstimator, 
     assert stream.health.count("outlier") == before.count("outlier") + 7
     assert stream.health.starts == before.starts + 1
     assert len(found) == len(usual) - 1
-    for step in (3600.0, -3600.0, 5.0, -2.0):
+    for step in (3600.0, -2.0):
         stream.reset()
         before = stream.health
         found = streamed(stream, [(t + step if i >= 300 else t, row) for i, (t, row) in enumerate(stamped)])
@@ -251,12 +252,12 @@ def test_clocks_that_step_and_channels_that_stall(clean: tuple[OnlineEstimator, 
 
 @pytest.mark.parametrize(
     ("step", "wait"),
-    [(0.0203, 0.05), (0.02, 0.0), (0.2, 0.05), *further((0.0203, 0.0), (0.02, 0.05), (0.2, 0.0))],
+    [(0.0203, 0.05), (0.2, 0.0), *further((0.0203, 0.0), (0.02, 0.0), (0.02, 0.05), (0.2, 0.05))],
 )
 def test_clocks_set_back_a_little_are_followed(folder: Path, step: float, wait: float) -> None:
     """Samples of before and after are not laid between each other: new starts, then the forces of clocks not set."""
     chosen = mapped(folder, None, observer={"names": ["force_level", "kalman"]})
-    stamped = on_own_clocks(chosen)
+    stamped = on_own_clocks(chosen, seconds=0.8)
     usual, stream = OnlineEstimator(chosen, folder, wait=wait), OnlineEstimator(chosen, folder, wait=wait)
     expected = streamed(usual, stamped)
     found = streamed(stream, [(t - step * (t > 0.4), row) for t, row in stamped])
@@ -323,15 +324,15 @@ def test_what_keeps_a_stream_from_estimates_is_said(folder: Path) -> None:
 
 
 def test_thousands_of_random_faults_neither_raise_nor_fill_memory(folder: Path) -> None:
-    """Every kind at random, at one place in twenty; afterwards the stream gives the forces of the clean samples."""
+    """Every kind at random, at one place in ten; afterwards the stream gives the forces of the clean samples."""
     stream = OnlineEstimator(mapped(folder, None, observer={"names": ["force_level", "kalman"]}), folder)
     stamped = messages(walk(1.2))
     rng, faults = np.random.default_rng(1), 0
     tracemalloc.start()
     sizes = []
-    for turn in range(8):
+    for turn in range(5):
         shifted = [(t + 1.2 * turn, row) for t, row in stamped[:-1]]
-        for time, row, kind in faulty(shifted, rng, share=0.05):
+        for time, row, kind in faulty(shifted, rng, share=0.1):
             faults += kind is not Fault.NONE
             for one in stream.push(time, row):
                 assert all(map(np.isfinite, one.components.values()))
