@@ -136,7 +136,7 @@ def test_ctrl_c_says_how_to_go_on(count: int, file: Path, uninterrupted: Path, t
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=False, start_new_session=True
     )
     while process.poll() is None and len(workers_of(psutil.Process(process.pid))) < 2:
-        time.sleep(0.002)
+        time.sleep(0.05)  # to look costs much of a processor
     wait_for(tmp_path, count, process)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the workers too
     _, said = process.communicate()
