@@ -221,7 +221,7 @@ def quadruped_bag(folder: Path) -> Record:
     """Return the record of a bag: topics at rates of their own."""
     pytest.importorskip("rosbags")
     (folder / "quadruped.urdf").write_text(urdf())
-    bag(walk(), folder / "walk")
+    bag(walk(2.0), folder / "walk")
     return recorded(folder / "walk", bag_map(folder / "quadruped.urdf"))
 
 

@@ -44,7 +44,7 @@ GIVEN = RawSection(
     walk=(0.005, 0.05, 0.01), bend=(3.0, 25.0, 25.0), white=(1e-3, 8e-3, 7e-3), alike=(5.0, 0.2, 5.0), crank_jerk=1.0
 )  # as likelihood finds them
 FREE = RawSection(walk=0.02, bend=0.1, white=1e-3, alike=1.0, crank_jerk=1.0)
-SHORT = ("simulation.duration=1.3",)  # the forces' step is at 1 s
+SHORT = ("simulation.duration=0.9", "unknown_force.*.step_start=0.6")
 
 
 @cache
@@ -112,14 +112,14 @@ def test_deviations_cover_the_errors() -> None:
 
 
 def test_the_likelihood_finds_the_noise_the_step_and_what_the_wings_have_in_common() -> None:
-    """Of each force: 10 mN of noise, 0.15 N at 1 s, both wings alike along z and mirrored along y."""
+    """Of each force: 10 mN of noise, 0.15 N at 0.6 s, both wings alike along z and mirrored along y."""
     (log, robot), settings = flight(), RawSection(offset_error=0.0)
     found = smoother_of(robot, settings).run(raw(log, robot, settings))
-    assert found.jumps == pytest.approx([1.001])
+    assert found.jumps == pytest.approx([0.601])
     assert np.linalg.norm(found.tuning.white) == pytest.approx(0.01, rel=0.15)
     assert found.tuning.alike[1] < 0.4
     assert found.tuning.alike[2] > 2.5
-    assert any("jump at 1.001 s" in note for note in notes_of(found))
+    assert any("jump at 0.601 s" in note for note in notes_of(found))
 
 
 def test_without_an_accelerometer_and_with_the_motor_alone() -> None:
@@ -210,11 +210,11 @@ def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:
 
 
 def test_the_causal_filter_lets_a_force_jump() -> None:
-    """The step of 0.15 N at 1 s is there after 3 ms, within 20 mN."""
+    """The step of 0.15 N at 0.6 s is there after 3 ms, within 20 mN."""
     log, _ = flight()
     smoother, record, found = smoothed("measured")
     samples = JointFilter(smoother, found.tuning, record.channels, "measured").run(record)
-    at = int(np.searchsorted(record.time, 1.0025))
+    at = int(np.searchsorted(record.time, 0.6025))
     last = samples[at + 1]
     np.testing.assert_allclose(last.force, truth(log)[at], atol=0.02)
     assert np.abs(truth(log)[at] - truth(log)[at - 5]).max() > 0.1

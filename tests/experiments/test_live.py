@@ -78,7 +78,7 @@ def test_every_observer_lives(hovering: LiveFlight, observer: str) -> None:
         force = np.zeros((len(live.points), 3))
         force[0, 2] = 0.3 * live.limit
         live.change({"force": force.tolist()})
-        off = errors(live.advance(1.0, LONG)[-200:]).mean(axis=0)
+        off = errors(live.advance(0.5, LONG)[-200:]).mean(axis=0)
         assert np.abs(off[0]).max() < 0.1 * force[0, 2]
 
 
