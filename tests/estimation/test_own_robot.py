@@ -61,14 +61,6 @@ def test_observers_by_name_and_of_ones_own_run_side_by_side(flights: tuple[Recor
         estimate(record, ["momentum", own])
 
 
-def test_parameters_of_the_robot_change_what_it_knows(example: ModuleType, flights: tuple[Record, Record]) -> None:
-    record = flights[1]
-    block = record.block(*record.parts[0])
-    one = record.robot.known(block)["rotor drag"]
-    assert list(record.robot.parameters) == ["drag"]
-    np.testing.assert_allclose(record.robot.changed({"drag": 1.0}).known(block)["rotor drag"], 2.0 * one)
-
-
 def test_a_calibration_identifies_what_the_robot_knows_of_itself(
     example: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -48,13 +48,6 @@ def test_a_push_is_no_fit_that_does_not_hold(push: float, worn: float, told: int
     assert len(found) == told
 
 
-def test_the_mean_force_of_wind(tmp_path: Path) -> None:
-    """Within 2 mN of 30 mN (a tenth of the weight)."""
-    flight(wind=0.03).to_csv(tmp_path / "wind.csv", index=False)
-    found = estimate(recorded(tmp_path / "wind.csv", MAP))
-    assert found.estimates["force_level"].force[100:, 0, 0].mean() == pytest.approx(0.03, abs=2e-3)
-
-
 def test_a_misread_attitude_makes_two_weights_of_force(tmp_path: Path) -> None:
     """Without gyro and accelerometer the quaternion cannot be checked; the mean force still says so, and is refused."""
     flight().to_csv(tmp_path / "flight.csv", index=False)
