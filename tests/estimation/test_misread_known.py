@@ -120,7 +120,7 @@ def told_of_ankles(folder: Path, *shown: list[float]) -> list[Finding]:
 
     It moves all joints, leans from one sole to the other, and something pulls a hand.
     """
-    robot, rng, time = load_robot("icub_reduced"), np.random.default_rng(3), np.arange(0.0, 8.0, 1.0 / RATE)
+    robot, rng, time = load_robot("icub_reduced"), np.random.default_rng(3), np.arange(0.0, 5.0, 1.0 / RATE)
     model, data, n = robot.model, robot.model.createData(), len(robot.joints)
     pace, phase, size = rng.uniform(0.6, 3.0, n), rng.uniform(0.0, 6.0, n), 0.15
     hand, *soles = (model.getFrameId(name) for name in ("r_hand", *SOLES))

@@ -22,7 +22,7 @@ COLUMNS = ("pos", "vel", "tau")
 @pytest.fixture(scope="module")
 def noisy() -> pd.DataFrame:
     """Return a walk with friction of 20 % of the efforts and noise of all channels."""
-    log, rng = table(walk()), np.random.default_rng(3)
+    log, rng = table(walk(2.0)), np.random.default_rng(3)
     for joint in JOINTS:
         q, v, tau = (log[f"{joint}_{column}"] for column in COLUMNS)
         size = np.sqrt(np.mean(tau**2))
