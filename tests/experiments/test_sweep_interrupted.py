@@ -27,6 +27,7 @@ from support.further import further
 
 from aerobat_pin.errors import OutputError, ScenarioError, SweepError
 from aerobat_pin.experiments import load_sweep, run_sweep
+from aerobat_pin.experiments.sweep import plan
 from aerobat_pin.experiments.sweep import run_sweep as executors
 
 RUNS = 24
@@ -230,12 +231,13 @@ def test_size_and_names_are_checked_before_anything_is_laid_out(text: str, messa
     assert time.process_time() - start < 5.0  # [s] of this process alone; milliseconds are usual
 
 
-def test_many_long_runs_are_refused_though_each_is_allowed(tmp_path: Path) -> None:
-    """Flights of 25 minutes take 150 s each, so 20,000 of them take 35 days."""
+def test_many_long_runs_are_refused_though_each_is_allowed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Flights of 25 minutes take 150 s each, so 200 of them take a third of a day, which is all here."""
+    monkeypatch.setattr(plan, "MOST_DAYS", 0.3)
     text = SHORT.replace("0.01", "1500.0") + '"air.strips" = 4\n'
     assert len(load_sweep(written(tmp_path, text.replace("seeds = 2", "seeds = 10"))).scenarios) == 10
-    with pytest.raises(SweepError, match=r"20000 seed are 20000 runs, about 34\.\d days on one processor"):
-        load_sweep(written(tmp_path, text.replace("seeds = 2", "seeds = 20_000")))
+    with pytest.raises(SweepError, match=r"200 seed are 200 runs, about 0\.3\d* days on one processor"):
+        load_sweep(written(tmp_path, text.replace("seeds = 2", "seeds = 200")))
 
 
 def test_labels_that_no_table_can_hold_are_refused_before_the_first_flight(tmp_path: Path) -> None:
