@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from support.commands import call
 from support.walking_log import FEET, bag, table, table_map, urdf, walk
 
-from aerobat_pin.records import parse_map
+from aerobat_pin import records
+from aerobat_pin.records import open_by_map, parse_map
 
 WALK = walk(1.0)
 pytestmark = pytest.mark.usefixtures("unrendered")  # tests/estimation/test_legs.py looks at such figures
@@ -69,6 +70,24 @@ def test_a_map_gives_every_file(folder: Path, capsys: pytest.CaptureFixture[str]
     assert call(*words, "--force") == 0
     assert (folder / "again.mcap").is_file()
     assert "force_level" in (folder / "runs" / "walk-estimate" / "report.html").read_text()
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_a_self_check_opens_the_record_once(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its results come first, then those of the estimate."""
+    opened: list[Path] = []
+
+    def counted(log: Path, *rest: Any) -> records.Record:
+        opened.append(log)
+        return open_by_map(log, *rest)
+
+    monkeypatch.setattr(records, "open_by_map", counted)
+    assert call("estimate", "walk.csv", "--map", "map.toml", "--self-check") == 0
+    said = capsys.readouterr().out
+    assert said.index("self-check: 12 of 12 known forces") < said.index("force_level FL_FOOT Fz")
+    assert opened == [Path("walk.csv")]
 
 
 def test_a_self_check_comes_before_its_estimate(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

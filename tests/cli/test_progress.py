@@ -16,9 +16,11 @@ import numpy as np
 import pytest
 
 from aerobat_pin.cli import console, spoken_progress
+from aerobat_pin.experiments.experiment import run
 from aerobat_pin.numerics import told_of_compilation
 from aerobat_pin.numerics.jit import kernels_within
 from aerobat_pin.observers.redundancy import low_passed
+from aerobat_pin.scenario.scenario import load_scenario
 
 
 @numba.njit
@@ -48,6 +50,22 @@ def outer(x: float) -> float:
 SHORT = ["simulation.duration=0.02", "air.warm_up_cycles=1"]
 
 
+def test_what_is_compiled_is_told_by_its_name() -> None:
+    """Once, when it is compiled; not when it is called again. Kernels of others are not ours to tell."""
+
+    def doubled(x: float) -> float:
+        return 2.0 * x
+
+    doubled.__module__ = "aerobat_pin.observers.somewhere"
+    told: list[tuple[str, float]] = []
+    compiled = numba.njit(doubled)
+    with told_of_compilation(lambda *words: told.append(words)):
+        assert compiled(2.0) == 4.0
+        assert compiled(3.0) == 6.0
+    words = "compiling doubled of observers, {} of 1 kernels left, once per installation"
+    assert told == [(words.format(1), 0.0), (words.format(0), 1.0)]
+
+
 def test_kernels_that_are_left_are_counted() -> None:
     """Those that a kernel calls by name, and those that they call, each once; not one that becomes part of another.
 
@@ -62,6 +80,15 @@ def test_kernels_that_are_left_are_counted() -> None:
         assert outer(8.0) == 7.0
     assert [share for _, share in told].count(1.0) == 1
     assert told[-1] == ("compiling outer of observers, 0 of 3 kernels left, once per installation", 1.0)
+
+
+def test_each_observer_is_a_stage_of_its_own() -> None:
+    seen: list[tuple[str, float]] = []
+    scenario = load_scenario("paper", [*SHORT, 'observers.names=["momentum", "kalman", "smoother"]'])
+    run(scenario, lambda label, share: seen.append((label, share)))
+    labels = list(dict.fromkeys(label for label, _ in seen))
+    assert labels == ["flying", "estimating with momentum", "estimating with kalman", "estimating with smoother"]
+    assert all(0.0 <= share <= 1.0 for _, share in seen)
 
 
 def test_without_a_terminal_slow_work_is_told_in_lines(

@@ -64,6 +64,15 @@ def test_a_new_result_takes_the_place_of_the_old_one_at_once(target: Path) -> No
     assert os.listdir(target.parent) == ["target"]
 
 
+def test_a_link_to_a_folder_is_not_followed(target: Path) -> None:
+    """Nobody knows who put it there; the line says what to name to write behind it."""
+    link = target.parent / "link"
+    link.symlink_to(target)
+    with pytest.raises(OutputError, match=f"{link} is a link; to write behind it, name the place itself: {target}"):
+        write(link)
+    assert written(target)["a.txt"] == "old"
+
+
 @pytest.mark.parametrize("number", [errno.EINVAL, errno.ENOSYS, errno.EXDEV, errno.EPERM])
 def test_where_the_file_system_cannot_exchange_folders_a_warning_says_so(
     number: int, target: Path, monkeypatch: pytest.MonkeyPatch

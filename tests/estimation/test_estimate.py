@@ -217,3 +217,12 @@ def test_it_pushes_with_a_tenth_of_the_weight_that_is_believed() -> None:
     assert all(check.ok for check in checks)
     with pytest.raises(ScenarioError, match=r"flight\.gravity = 0"):
         self_check(believed_robot(space), space)
+
+
+def test_a_pose_that_hides_a_force_is_not_called_a_row_that_is_not_believed() -> None:
+    """Of two joints whose rows are both believed a force along the arm leaves nothing; it was the map's fault."""
+    hidden = (Check("force_level", "tip", "x", 1.0, (0.0, 0.0, 0.0), 0.0, 0.0, whole) for whole in (True, False))
+    assert [str(check).rpartition("at no time: ")[2] for check in hidden] == [
+        "the pose hides it",
+        "the map believes no row that shows it",
+    ]

@@ -4,7 +4,8 @@ import itertools
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -25,9 +26,11 @@ from aerobat_pin.experiments import check_record
 from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import parse_map, robot_of_map, suggested_map
+from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
 from aerobat_pin.records.robot_files import FIXED, FREE
 from aerobat_pin.records.robot_tables import RobotTable
+from aerobat_pin.records.suggest_joints import suggest_joints
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recordings.md"
 FACTOR, OFFSET = np.array([-0.02, 0.01, 0.03]), np.array([0.0, 0.3, -1.2])
@@ -185,6 +188,14 @@ def test_a_suggestion_knows_what_slides_and_asks_for_efforts(
     table.drop(columns=last).to_csv(tmp_path / "log.csv", index=False)
     lines = suggested_map(tmp_path / "log.csv", tmp_path / "few.urdf").splitlines()
     assert any(line.startswith(f"# MISSING: what drives {last.removesuffix('_effort')}?") for line in lines)
+
+
+def test_a_topic_without_efforts_is_marked() -> None:
+    """It was asked whether its efforts are in N m."""
+    stands = SimpleNamespace(kinds={"/arm": "sensor_msgs/msg/JointState"}, names=("/arm.position.lift",))
+    assert "# MISSING: what drives the joints?" in "\n".join(suggest_joints(cast(Columns, stands), None))
+    stands.names += ("/arm.effort.lift",)
+    assert "MISSING" not in "\n".join(suggest_joints(cast(Columns, stands), None))
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
@@ -409,6 +420,12 @@ def test_a_name_that_is_none_is_told_the_nearest(monkeypatch: pytest.MonkeyPatch
         load_robot("ur5")
 
 
+SLIDES = joint("x", "prismatic", "base", "sled", axis="1 0 0") + joint("y", "prismatic", "sled", "sledge", axis="0 1 0")
+
+
+IN_STEPS = f"{link('sled')}{link('sledge')}{SLIDES}{joint('yaw', 'revolute', 'sledge', 'cart', axis='0 0 1')}"
+
+
 CART = f'<robot name="cart">{link("base", 1.0, moments=3 * (0.1,))}{link("cart", 1.0, moments=3 * (0.1,))}'
 BODY = '<mujoco><worldbody><body name="one"><joint name="a" axis="0 1 0"/>{0}<body name="two">{1}{0}</body></body>'
 WEIGHT = '<geom type="sphere" size="0.1" mass="1" pos="0 0 0.2"/>'
@@ -435,3 +452,10 @@ def test_joints_that_are_not_read_are_named_with_what_to_do(kind: str, said: str
         robot_of_map(RobotTable.model_validate({name: "robot", "root": "fixed", "points": ("cart",)}), tmp_path)
     assert "odd'" in str(refused.value)
     assert instead in str(refused.value)
+
+
+def test_a_planar_joint_in_steps_is_read(tmp_path: Path) -> None:
+    """As the message says: two slides and a hinge, with links without mass between them."""
+    (tmp_path / "robot").write_text(f"{CART}{IN_STEPS}</robot>")
+    robot = robot_of_map(RobotTable(urdf="robot", root="fixed", points=("cart",)), tmp_path)
+    assert robot.joints == ("x", "y", "yaw")

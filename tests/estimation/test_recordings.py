@@ -20,7 +20,7 @@ from aerobat_pin.estimation.checks import record_findings
 from aerobat_pin.estimation.checks.attitude import accelerometer_findings
 from aerobat_pin.estimation.checks.compare import agreement_findings
 from aerobat_pin.numerics import compare_series
-from aerobat_pin.records import Agreement, load_map
+from aerobat_pin.records import Agreement, load_map, suggested_map
 from aerobat_pin.records.resample import line_means, turn_rates
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
@@ -214,6 +214,21 @@ def test_a_command_that_is_told_can_be_pasted() -> None:
     """Paths with spaces are quoted."""
     told = str(needs_map(Path("my arm.csv"), robot="my arm.urdf"))
     assert "`aerobat estimate 'my arm.csv' --suggest --urdf 'my arm.urdf'`" in told
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        ("ur7", "robot 'ur7': did you mean 'ur5'"),
+        ("ur7.urdf", "robot {here}/ur7.urdf: there is no such file"),
+        ("arms/ur7", "robot {here}/arms/ur7: there is no such file"),
+    ],
+)
+def test_a_robot_that_an_option_misspells_is_a_name_or_a_file(here: Path, said: str, expected: str) -> None:
+    """A word without folder and ending was taken for a file where no robot had that name."""
+    (here / "log.csv").write_text("t,q1\n0,0\n1,1\n")
+    with pytest.raises(AerobatError, match=re.escape(expected.format(here=here))):
+        suggested_map(here / "log.csv", said)
 
 
 def test_a_map_without_a_line_is_said_to_be_empty(here: Path) -> None:

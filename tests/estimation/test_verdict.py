@@ -12,7 +12,7 @@ from support.swinging_arm import arm, arm_map, recording
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.estimation import Finding, Result, estimate
-from aerobat_pin.estimation.verdict import quantity
+from aerobat_pin.estimation.verdict import _along_itself, quantity
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.forces import CalibrationUse, Contact, StoredEstimate
 from aerobat_pin.forces.observer_scores import score_table
@@ -194,6 +194,11 @@ def test_every_observer_is_drawn(paper: Experiment) -> None:
     assert [line.get_label() for line in lines] == [f"estimated: {name}" for name in stored]
     assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 6
     assert {f"estimated: {name}" for name in stored} <= {text.get_text() for text in figure.legends[0].get_texts()}
+
+
+def test_what_is_not_shown_adds_nothing_to_a_deviation_along_a_force() -> None:
+    """It is 0, +- infinity: the product was no number, and a warning."""
+    assert _along_itself(np.array([3.0, 0.0]), np.array([0.5, np.inf])) == 0.5
 
 
 def test_sizes_are_read_at_a_glance() -> None:

@@ -12,6 +12,7 @@ from support.kernel_cases import record
 from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.experiments.write_results import estimate_dataset, estimate_table
+from aerobat_pin.flight import Plant
 from aerobat_pin.forces.scores import FORCE_AXES
 from aerobat_pin.observers import Application, ForceLevelObserver, KalmanObserver
 from aerobat_pin.scenario import load_scenario
@@ -161,3 +162,26 @@ def test_moments_are_not_called_newtons_in_the_files_of_an_estimate(tmp_path: Pa
         np.testing.assert_allclose(table[f"kalman.{label} deviation [{unit}]"], deviation, rtol=1e-8)
     assert np.all(np.isnan(found["standard_deviation"].sel(observer="force_level")))
     assert not any("force_level" in name and "deviation" in name for name in table)
+
+
+def test_objects_show_themselves_in_a_few_lines(paper: Experiment, paper_plant: Plant) -> None:
+    """Robot, linkage, air, plant and log: what it is, how large, which channels."""
+    closure = paper.robot.linkage.solve(np.linspace(0.0, 1.0, 5))
+    shown = {
+        "Aerobat": (paper.robot, "92.1 g"),
+        "Closure": (closure, "5 crank angles, t1 0.0 .. 57.3 deg"),
+        "LiftingLine": (paper_plant.air.line, "16 strips"),
+        "RobotAir": (paper_plant.air, "lifting_line"),
+        "Plant": (paper_plant, "left_force_point"),
+        "FlightLog": (paper.log, "2001 samples from 0 to 2 s"),
+    }
+    for name, (thing, part) in shown.items():
+        text = repr(thing)
+        assert text.startswith(f"{name}(")
+        assert part in text
+        assert text.count("\n") < 5
+        assert len(text) < 600
+    assert repr(paper.robot.linkage.solve(np.zeros(0))) == "Closure(no crank angle)"
+    html = paper.log._repr_html_()
+    assert "<td>crank_angle</td>" in html
+    assert "<td>absolute crank angle t1</td>" in html

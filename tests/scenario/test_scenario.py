@@ -260,6 +260,13 @@ def test_a_description_does_not_contradict_its_scenario() -> None:
     assert "2 s, noise" not in repr(short)
 
 
+def test_a_long_list_of_changes_stays_a_line() -> None:
+    """Eight of them, and how many more; six digits of a number."""
+    text = changes_text("paper", {f"key{i}": 1.0 / 3.0 for i in range(10)})
+    assert text.startswith("changed from paper: key0 = 0.333333, key1")
+    assert text.endswith("key7 = 0.333333, and 2 more")
+
+
 @pytest.mark.parametrize("strips", [4, 40])
 def test_the_log_has_the_size_that_was_estimated(strips: int) -> None:
     """To 3 %: measured and true channels together."""
