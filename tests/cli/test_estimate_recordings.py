@@ -72,7 +72,6 @@ def test_a_map_gives_every_file(folder: Path, capsys: pytest.CaptureFixture[str]
     assert "force_level" in (folder / "runs" / "walk-estimate" / "report.html").read_text()
 
 
-@pytest.mark.usefixtures("unrendered")
 def test_a_self_check_opens_the_record_once(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -88,12 +87,6 @@ def test_a_self_check_opens_the_record_once(
     said = capsys.readouterr().out
     assert said.index("self-check: 12 of 12 known forces") < said.index("force_level FL_FOOT Fz")
     assert opened == [Path("walk.csv")]
-
-
-def test_a_self_check_comes_before_its_estimate(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert call("estimate", "walk.csv", "--map", "map.toml", "--self-check") == 0
-    said = capsys.readouterr().out
-    assert said.index("self-check: 12 of 12 known forces") < said.index("force_level FL_FOOT Fz")
 
 
 def check_arrows(time: int, update: Any) -> None:
