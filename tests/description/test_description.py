@@ -12,7 +12,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.readers import FIRST, PACKAGE, ROBOTS, URDF, in_pinocchio, plain
+from support.readers import PACKAGE, ROBOTS, URDF, in_pinocchio, plain
 
 import aerobat_description as description
 from aerobat_description.generate import files
@@ -237,7 +237,7 @@ def test_the_srdf_says_of_every_pair_why_it_need_not_be_looked_at(name: str) -> 
     assert {reason for _, reason in pairs} == {"Adjacent", "Never"}
 
 
-@FIRST
+@ROBOTS
 def test_collision_boxes_overlap_at_no_crank_angle(name: str) -> None:
     """By Pinocchio, in 180 poses, also of links that a joint joins; half a millimetre apart, so nothing rests on it."""
     robot = load_aerobat(name)

@@ -8,7 +8,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.readers import FIRST, PACKAGE, ROBOTS
+from support.readers import PACKAGE, ROBOTS
 
 from aerobat_description.bars import LAYERS, LINK_OF, linkage_bars
 from aerobat_description.meshes import panels
@@ -173,7 +173,7 @@ def test_wings_hang_on_the_shoulders_and_meet_at_the_elbows(name: str) -> None:
             assert np.linalg.norm(away, axis=2).min(axis=1).max() < 0.5e-3
 
 
-@FIRST
+@ROBOTS
 def test_wings_and_bars_pass_the_body_and_those_of_the_other_side(name: str) -> None:
     """Half a millimetre at least over a full flap."""
     wings = [f"{side}_{panel}" for side in SIDES for panel in MEMBRANES]

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from support.closed import HINGES, MJCF, RATE, fly_in_mujoco, fly_prescribed, miss, placed
 from support.commands import aerobat
-from support.readers import FIRST, ROBOTS, URDF, in_mujoco, in_pinocchio
+from support.readers import ROBOTS, URDF, in_mujoco, in_pinocchio
 
 import aerobat_description as description
 from aerobat_description.bars import bar_bodies, bar_body, linkage_bars
@@ -26,7 +26,7 @@ def columns(twin: mujoco.MjModel, rows: np.ndarray, side: str) -> tuple[np.ndarr
     return tuple(rows[:, twin.joint(f"{side}_{name}").qposadr[0]] for name in ("crank", "shoulder", "elbow"))
 
 
-@FIRST
+@ROBOTS
 def test_mujoco_turns_the_linkage_from_rest(name: str) -> None:
     """Three turns at 4.75 Hz with the file's own settings: shoulder and elbow within 2.5e-3 rad of the closed form."""
     robot, twin = load_aerobat(name), mujoco.MjModel.from_xml_path(MJCF[name])
@@ -39,7 +39,7 @@ def test_mujoco_turns_the_linkage_from_rest(name: str) -> None:
     assert np.max(np.abs(columns(twin, rows, "left")[0] - columns(twin, rows, "right")[0])) < 2e-6
 
 
-@FIRST
+@ROBOTS
 def test_a_second_of_free_flight_is_the_packages(name: str) -> None:
     """No air, no gravity: pitch within 0.1 deg and height within 0.1 mm of the flight with prescribed joints."""
     robot, twin = load_aerobat(name, gravity=0.0), mujoco.MjModel.from_xml_path(MJCF[name])

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support.further import further
-from support.readers import FIRST, ROBOTS
+from support.readers import ROBOTS
 
 from aerobat_description.morphology import Morphology, stretched
 from aerobat_description.morphology_tables import Body
@@ -149,7 +149,7 @@ def test_the_free_base_has_finite_limits_and_draws_configurations(name: str) -> 
     assert np.linalg.norm(q[3:7]) == pytest.approx(1.0)
 
 
-@FIRST
+@ROBOTS
 def test_reference_configurations_are_what_their_names_say(name: str) -> None:
     """All but neutral are poses of the closed linkage: reach of the tips, sense of the stroke by `KineticSculpture`."""
     robot = load_aerobat(name)
