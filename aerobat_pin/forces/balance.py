@@ -110,10 +110,17 @@ class Balance:
         return max(float(residual @ residual - explained), 0.0) / self.size
 
     def explained_by(self, table: Array) -> Array:
-        """Return how much (k,) of each column (n, k) makes up best for what the efforts leave."""
+        """Return how much (k,) of each column (n, k) makes up best for what the efforts leave.
+
+        By normal equations, without directions that `RANK` counts as nothing, for the same reason.
+        """
         size = np.linalg.norm(table, axis=0)
         size = np.maximum(size, max(RANK * float(size.max()), 1e-300))  # what no row feels is rounding alone
-        return np.asarray(np.linalg.lstsq(table / size, -self.residual, rcond=RANK)[0] / size)
+        X = table / size
+        values, vectors = np.linalg.eigh(X.T @ X)
+        seen = values > RANK**2 * values[-1]
+        V = vectors[:, seen]
+        return np.asarray(-V @ (V.T @ (X.T @ self.residual) / values[seen]) / size)
 
     def imbalance(self, pair: Exchange = ((), ()), signs: Array | None = None) -> float:
         """Return the sum of squares that the efforts leave, those of a pair exchanged, over the needed one."""
