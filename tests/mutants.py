@@ -51,7 +51,7 @@ MUTANTS = (
            "changes += changes_of_known(record, instants, rows, without)", "pass",
            "tests/estimation/test_misread_known.py"),
     Mutant("what motors differ by is a wrong unit", "estimation/checks/changes.py", "OWN = 1.25", "OWN = 1.1",
-           "tests/estimation/test_named_robots.py"),
+           "tests/estimation/test_explained_efforts.py"),
     Mutant("another size of one component leaves the others' equations", "observers/expected.py",
            "n, M = n - along * n[:, j, None], M", "n, M = n, M", "tests/observers/test_expected.py"),
     Mutant("a leg the other way keeps its effort", "estimation/checks/misread_limbs.py",

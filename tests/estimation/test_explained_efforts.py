@@ -195,6 +195,11 @@ def test_a_factor_of_one_effort_is_told_of_that_effort(joint: int, rubs: float, 
     assert one.value == pytest.approx(1.0 / given, rel=0.1)
 
 
+def test_what_a_motor_may_differ_by_is_no_wrong_unit(tmp_path: Path) -> None:
+    """An effort 1.18 times as large, where it explains far more than the others."""
+    assert not [one for one in told(tmp_path, 1, 0.3, [1.0, 1.0, 1.0, 1.18, 1.0, 1.0, 1.0]) if one.check in NAMED]
+
+
 @pytest.mark.parametrize(("joint", "off", "arm"), [(1, -90.0, PANDA), (1, 180.0, KINOVA)])
 def test_quite_another_zero_is_told_and_is_no_wrong_unit(joint: int, off: float, arm: Arm, tmp_path: Path) -> None:
     """A quarter or half a turn, as conventions differ, was silent or called a wrong unit; also beyond the limits."""
