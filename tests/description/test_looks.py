@@ -119,23 +119,6 @@ def clearance(one: Aerobat, pairs: list[tuple[str, str]]) -> float:
 
 
 @ROBOTS
-def test_membranes_pass_body_frame_tail_and_each_other(name: str) -> None:
-    """Half a millimetre at least over a full flap, left and right."""
-    wings = [f"{side}_{panel}" for side in SIDES for panel in MEMBRANES]
-    pairs = [(part, wing) for part in ("body", "frame", "tail") for wing in wings]
-    pairs += [(f"left_{one}", f"right_{other}") for one in MEMBRANES for other in MEMBRANES]
-    assert clearance(robot(name), pairs) > 0.5e-3
-
-
-@ROBOTS
-def test_bars_pass_body_and_the_other_wings_bars(name: str) -> None:
-    """They run in the bay between the pods, the left wing's ahead of the right wing's."""
-    pairs = [("body", f"{side}_{bar}") for side in SIDES for bar in LAYERS]
-    pairs += [(f"left_{one}", f"right_{other}") for one in LAYERS for other in LAYERS]
-    assert clearance(robot(name), pairs) > 0.5e-3
-
-
-@ROBOTS
 def test_bars_of_a_wing_touch_only_where_a_pin_joins_them(name: str) -> None:
     """Every pair of bars without a common pin keeps clear over the turn."""
     bars = linkage_bars(robot(name).morphology.linkage)

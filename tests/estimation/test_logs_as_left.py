@@ -303,23 +303,6 @@ def test_stamps_with_too_few_digits_are_told_so(
     assert (f"seem to be rounded to {rounded}: write them with more digits" in result.verdict) == most
 
 
-def test_stamps_rounded_to_half_the_rate_lose_nothing_that_matters(swing: pd.DataFrame, tmp_path: Path) -> None:
-    """Half of the samples stay, and what the stamps are rounded to is said; a verdict does not doubt that."""
-    table = swing.assign(t=np.floor(np.arange(len(swing)) / 2) / 100.0)
-    found = [one for one in sample_findings(opened(table, tmp_path)) if one.warns]
-    assert [one.check for one in found] == ["repeated stamps"]
-    assert "rounded to 0.01 s" in found[0].text
-
-
-def test_samples_that_share_uneven_stamps_are_lost_but_not_rounded(swing: pd.DataFrame, tmp_path: Path) -> None:
-    """Whatever the reason; to repeat rows, a few at a time, is no rounding."""
-    rng = np.random.default_rng(0)
-    stamps = np.sort(rng.uniform(0.0, 2.0, 150))[np.sort(rng.integers(0, 150, len(swing)))]
-    [found] = [one for one in sample_findings(opened(swing.assign(t=stamps), tmp_path)) if one.check == "lost samples"]
-    assert "rounded" not in found.text
-    assert "which should tell samples apart" in found.text
-
-
 def test_samples_that_share_stamps_are_rounded_or_lost(swing: pd.DataFrame, tmp_path: Path) -> None:
     """Half the rate loses nothing that a verdict doubts; to repeat rows, a few at a time, is no rounding."""
     half = swing.assign(t=np.floor(np.arange(len(swing)) / 2) / 100.0)

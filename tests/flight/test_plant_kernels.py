@@ -55,31 +55,6 @@ def test_what_is_not_positive_definite_gives_nan_and_not_a_plausible_number() ->
     assert np.isnan(x[1])
 
 
-@pytest.mark.parametrize("angle", [0.0, 1e-300, 1e-15, 1e-9, 1e-6, 1e-3, 0.5, 1.5, 2.0, 2.5, 3.0, 3.1])
-def test_the_rotation_vector_is_log3(angle: float) -> None:
-    """All four branches of the quaternion, around random axes and the three axes of the frame."""
-    axes = np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(1).standard_normal((20, 3))])
-    for axis in axes / np.linalg.norm(axes, axis=1, keepdims=True):
-        R, found = pin.exp3(angle * axis), np.empty(3)
-        rotation_vector(R, found)
-        np.testing.assert_allclose(found, pin.log3(R), rtol=0.0, atol=1e-12)
-        np.testing.assert_allclose(found, angle * axis, rtol=0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize("below", [1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 0.0])
-def test_the_rotation_vector_is_exact_near_half_a_turn(below: float) -> None:
-    """Where sin(angle) vanishes; at half a turn itself both signs are right. R by Rodrigues' formula."""
-    angle = np.pi - below
-    for axis in np.random.default_rng(2).standard_normal((20, 3)):
-        axis /= np.linalg.norm(axis)
-        half = np.sin(below / 2.0)  # cos(angle / 2), without cancellation
-        R, found = pin.Quaternion(half, *(np.cos(below / 2.0) * axis)).matrix(), np.empty(3)
-        rotation_vector(R, found)
-        if below < 1e-9:
-            found *= np.sign(found @ axis)
-        np.testing.assert_allclose(found, angle * axis, rtol=0.0, atol=1e-12)
-
-
 # ------------------------------------------------------------------------------------------------ rotation and the hold
 
 

@@ -137,18 +137,6 @@ def test_a_pure_force_passes_the_pitch_test_but_for_one_in_370() -> None:
     assert 4 <= refused <= 20
 
 
-def test_a_couple_is_not_a_pure_force_and_has_no_line(robot: Aerobat) -> None:
-    """A moment along the force, and a moment without any force; the crossing is refused with the reason."""
-    force = np.array([0.05, -0.1, 0.4])
-    wrench = at(SPOTS[0], force)
-    wrench[3:] += 10e-3 * force
-    for screw in (wrench, np.array([0.0, 0.0, 1e-6, 0.01, 0.0, 0.02])):
-        line = locate(screw, COVARIANCE)
-        assert line.verdict == "not a pure force"
-        with pytest.raises(ObserverError, match="no line of action: not a pure force"):
-            line.cross(robot.wing.outline(LINK))
-
-
 def test_what_is_no_pure_force_has_no_line(robot: Aerobat) -> None:
     """A moment along the force, a moment without any force, no force; the crossing is refused with the reason."""
     force = np.array([0.05, -0.1, 0.4])
