@@ -3,15 +3,15 @@
 from itertools import product
 
 import numpy as np
+
+from aerobat_pin.estimation import Calibration, calibrate
+from aerobat_pin.observers import moving_weight
 from support.calibrated import PUSHED, FreeFlight, free_flight, ideal_latencies, learnt, seen_with
 from support.elsewhere import FREQUENCY, as_believed, elsewhere, seen_elsewhere
 from support.mismatch import NOISY, estimated, made_up, r_squared, scores, seen
 from support.observer_conditions import Condition
 from support.observer_conditions import estimated as on_the_benchmark
 from support.observer_conditions import flown as benchmark_flight
-
-from aerobat_pin.estimation import Calibration, calibrate
-from aerobat_pin.observers import moving_weight
 
 QUASI_STEADY = "quasi-steady air"
 SENSORS = {"exact": (), "noisy": NOISY}
