@@ -112,7 +112,7 @@ class Balance:
     def explained_by(self, table: Array) -> Array:
         """Return how much (k,) of each column (n, k) makes up best for what the efforts leave.
 
-        By normal equations, without directions that `RANK` counts as nothing, for the same reason.
+        By normal equations, as `beside_friction`, and without directions that `RANK` counts as nothing.
         """
         size = np.linalg.norm(table, axis=0)
         size = np.maximum(size, max(RANK * float(size.max()), 1e-300))  # what no row feels is rounding alone

@@ -80,22 +80,29 @@ def test_a_missing_package_that_checks_need_is_a_finding(monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize(
-    ("package", "version", "finding", "advice"),
+    ("package", "version", "finding", "said", "advice"),
     [
-        ("pin", "3.9.0", "pin", ">=4.0"),
-        ("pinocchio", "0.5.1", "pinocchio's namesake", "uninstall pinocchio"),  # a plugin of a test runner
-        ("pinocchio", "4.1.0", "pinocchio's namesake", ""),  # builds from source may call themselves so
+        ("pin", "3.9.0", "pin", "3.9.0", ">=4.0"),
+        ("pinocchio", "0.5.1", "pinocchio's namesake", "another project", "uninstall pinocchio"),  # of a test runner
+        (
+            "pinocchio",
+            "4.1.0",
+            "pinocchio's namesake",
+            "not installed",
+            "",
+        ),  # builds from source may call themselves so
     ],
 )
 def test_an_old_pin_and_the_package_called_pinocchio_are_unmasked(
-    package: str, version: str, finding: str, advice: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    package: str, version: str, finding: str, said: str, advice: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """The distribution found first counts."""
     distribution(tmp_path, package, version)
     monkeypatch.syspath_prepend(str(tmp_path))
     one = found(doctor._requirements if package == "pin" else doctor._pinocchio)[finding]
     assert one.ok == (not advice)
-    assert one.ok or advice in one.advice
+    assert said in one.detail
+    assert advice in one.advice
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.further import further
 
 from aerobat_pin.control.controller import Controller
 from aerobat_pin.experiments.experiment import Experiment, run
@@ -42,10 +41,11 @@ def test_the_observer_takes_more_than_half_of_a_steady_push() -> None:
 
 
 def test_the_observer_does_as_well_as_the_truth_behind_the_same_filter() -> None:
-    """What is left is lag and authority, not estimation: within 8 %."""
+    """What is left is lag and authority, not estimation: within 8 %; unfiltered is hardly better."""
     alone = ("control.integral=false",)
-    truth = rms("paper_left", *alone, "control.source=filtered_truth")["y"]
-    assert rms("paper_left", *alone)["y"] == pytest.approx(truth, rel=0.08)
+    seen = rms("paper_left", *alone)["y"]
+    assert seen == pytest.approx(rms("paper_left", *alone, "control.source=filtered_truth")["y"], rel=0.08)
+    assert rms("paper_left", *alone, "control.source=truth")["y"] < 1.08 * seen
 
 
 def test_an_upward_gust_does_not_turn_the_robot() -> None:
@@ -56,7 +56,6 @@ def test_an_upward_gust_does_not_turn_the_robot() -> None:
     assert best["yaw"] < np.radians(1.0 / 15.0)
 
 
-@pytest.mark.evidence
 def test_a_gust_from_the_side_turns_and_pitches_nobody_more_for_the_observer() -> None:
     """It banks more, so that pitch of the flaps would show as yaw; the steering takes most of it away."""
     best, pd = rms("gust"), rms("gust", *PD)
@@ -65,7 +64,6 @@ def test_a_gust_from_the_side_turns_and_pitches_nobody_more_for_the_observer() -
     assert best["pitch"] < 1.02 * pd["pitch"]
 
 
-@pytest.mark.evidence
 def test_a_calm_flight_pays_little_for_the_observer() -> None:
     """Attitude and height within 5 %, sideways below 1.5 mm; flaps alone would pitch it by 1.3 degrees."""
     calm, pd = rms("paper_left", "unknown_force=[]"), rms("paper_left", "unknown_force=[]", *PD)
@@ -108,7 +106,7 @@ def test_a_log_keeps_little_more_than_its_channels() -> None:
     gc.disable()
     try:
         kept = {}
-        for count in (50, 250):
+        for count in (50, 450):
             scenario = load_scenario("hover_closed_loop", [f"simulation.duration={count * 1e-3}"])
             pilot = Controller(scenario)
             tracemalloc.start()
@@ -119,7 +117,7 @@ def test_a_log_keeps_little_more_than_its_channels() -> None:
         gc.enable()
         tracemalloc.stop()
     size = sum(part.nbytes for part in {**log.measured.variables, **log.truth.variables}.values())
-    assert (kept[250] - kept[50]) / 200 < 1.3 * size / 250
+    assert (kept[450] - kept[50]) / 400 < 1.3 * size / 450
 
 
 def test_a_wrong_belief_about_the_thrusters_is_what_the_observer_is_told() -> None:
@@ -132,17 +130,16 @@ def test_a_wrong_belief_about_the_thrusters_is_what_the_observer_is_told() -> No
 @pytest.mark.parametrize(
     "settings",
     [
-        ["thrusters.factor=0.7", "believed.thrusters.factor=1.0"],
-        ["thrusters.lag=0.1", "believed.thrusters.lag=0.045"],
-        ["control.rate=100.0"],
-        *further(
-            ["thrusters.factor=3.0", "believed.thrusters.factor=1.0"],
-            ["thrusters.delay=0.02", "believed.thrusters.delay=0.001"],
-            ["thrusters.lag=0.03", "believed.thrusters.lag=0.045"],
-        ),
+        ("thrusters.factor=0.7", "believed.thrusters.factor=1.0"),
+        ("thrusters.factor=3.0", "believed.thrusters.factor=1.0"),
+        ("thrusters.delay=0.02", "believed.thrusters.delay=0.001"),
+        ("thrusters.lag=0.03", "believed.thrusters.lag=0.045"),
+        ("thrusters.lag=0.1", "believed.thrusters.lag=0.045"),
+        ("control.rate=100.0",),
     ],
+    ids=["x0.7", "x3", "20 ms late", "30 ms of lag", "100 ms of lag", "100 Hz"],
 )
-def test_what_the_margins_allow_flies(settings: list[str]) -> None:
+def test_what_the_margins_allow_flies(settings: tuple[str, ...]) -> None:
     """Weaker and stronger, later and slower thrusters than believed, and a slow law."""
     found: Any = rms("paper_left", *settings)
     assert max(found["x"], found["y"], found["z"]) < 0.2

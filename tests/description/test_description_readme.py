@@ -2,6 +2,7 @@
 
 import ast
 import re
+import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
 from support.readers import PACKAGE, ROBOTS, URDF
 from support.tools import need
 
@@ -58,8 +60,8 @@ def own_numbers(name: str) -> dict[tuple[str, str], list[float]]:
 
 
 @pytest.mark.parametrize("title", SNIPPETS)
-def test_a_snippet_runs_as_it_stands(title: str, here: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """From an empty folder; it prints something and leaves nothing."""
+def test_a_snippet_runs_as_it_stands(title: str, tmp_path: Path) -> None:
+    """In a process of its own, from an empty folder; it prints something, complains of nothing and leaves nothing."""
     code = SNIPPETS[title]
     imports = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Import | ast.ImportFrom)]
     names = {name.name for node in imports if isinstance(node, ast.Import) for name in node.names}
@@ -68,12 +70,13 @@ def test_a_snippet_runs_as_it_stands(title: str, here: Path, capfd: pytest.Captu
         need(tool)
     if "quadprog" in code:
         need("quadprog")
-    exec(compile(code, f"aerobat_description/README.md, {title}", "exec"), {"__name__": "__main__"})
-    said = capfd.readouterr().out
-    assert said.strip()
+    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {description.REPOSITORY_PATH!r})\n{code}"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip()
     if "kg" in code:
-        assert float(said.split()[0]) == pytest.approx(0.04213224, rel=1e-9)
-    assert list(here.iterdir()) == []
+        assert float(done.stdout.split()[0]) == pytest.approx(0.04213224, rel=1e-9)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_every_tool_that_is_promised_has_a_snippet() -> None:
@@ -159,3 +162,11 @@ def test_the_reference_configurations_are_named() -> None:
     for name in description.MORPHOLOGIES:
         states = ET.parse(PACKAGE / "srdf" / f"{name}.srdf").findall("group_state")
         assert quoted(text) == [state.get("name") for state in states]
+
+
+def test_the_picture_of_the_frames_is_there_and_small() -> None:
+    """That it names every kind of frame, its script checks: tests/project/test_docs.py."""
+    assert (PACKAGE / "frames.png").stat().st_size < 100_000
+    pixels = imread(PACKAGE / "frames.png")
+    assert pixels.shape[1] > 1000
+    assert pixels[..., :3].std() > 0.05

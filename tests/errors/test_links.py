@@ -6,9 +6,10 @@ command elsewhere, unless each is refused. (Linux manual, open(2): O_NOFOLLOW; C
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -34,10 +35,23 @@ def content(folder: Path) -> Content:
     }
 
 
+ON_BOTH = pytest.mark.parametrize("place", ["", "/dev/shm"], ids=["temporary folder", "tmpfs"], indirect=True)
+
+
 @pytest.fixture
-def outside(tmp_path: Path) -> Path:
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path]:
+    """Return an empty folder; on each of two file systems where the exchange of folders depends on them."""
+    disk = getattr(request, "param", "") or tmp_path
+    if not os.access(disk, os.W_OK):
+        pytest.skip("no /dev/shm")
+    with TemporaryDirectory(dir=disk) as folder:
+        yield Path(folder)
+
+
+@pytest.fixture
+def outside(place: Path) -> Path:
     """Return a folder with what a work folder or a result has, but nobody asked to write there."""
-    folder = tmp_path / "outside"
+    folder = place / "outside"
     for name in ("private", "lock", "new/private", "estimate.nc", "report.html", "figures/states.png", "sweep.json"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text("mine")
@@ -46,9 +60,9 @@ def outside(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def here(place: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return the current folder: somebody else's, such as git brings it."""
-    folder = tmp_path / "here"
+    folder = place / "here"
     folder.mkdir()
     monkeypatch.chdir(folder)
     return folder
@@ -57,20 +71,24 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 OURS = "nothing, or a {} of your own, was expected there"
 PLACES = [  # command, place of a link, where it leads in the folder outside, what is said
     (RUN, "runs/.aerobat-paper/lock", "private", "lock is a link; " + OURS.format("file")),
+    (RUN, "runs/.aerobat-paper/lock", "missing", "lock is a link; " + OURS.format("file")),
     (RUN, "runs/.aerobat-paper/new", "new", "new is a link; " + OURS.format("folder")),
     (RUN, "runs/.aerobat-paper", "", ".aerobat-paper is a link; " + OURS.format("folder")),
     (RUN, "runs", "", "runs is a link; to write behind it, name the place itself: "),
     (RUN, "runs/paper", "empty", "paper is a link; to write behind it"),
+    (RUN, "runs/paper", "missing", "paper is a link; to write behind it"),
     ([*RUN, "--force"], "runs/paper", "", "paper is a link; to write behind it"),
     ([*RUN, "--seeds", "1"], "runs/paper-seeds", "empty", "paper-seeds is a link; to write behind it"),
     (["crank"], ".aerobat-crank.html", "private", "crank.html is a link; " + OURS.format("file")),
     (["crank"], ".aerobat-crank.html", "missing", "crank.html is a link; " + OURS.format("file")),
+    (["crank"], ".aerobat-crank.html", "empty", "crank.html is a link; " + OURS.format("file")),
     (["crank"], "crank.html", "missing", "crank.html is a link; to write behind it"),
     (["crank", "--force"], "crank.html", "private", "crank.html is a link; to write behind it"),
     (["crank", "-o", "pages/a.html"], "pages", "empty", "pages is a link; to write behind it"),
     (["linkage"], "runs/linkage", "empty", "linkage is a link; to write behind it"),
     (["urdf", "-o", "a.urdf"], "meshes", "empty", "meshes is a link; to write behind it"),
     (["urdf", "-o", "../here/a.urdf"], "meshes", "empty", "meshes is a link; to write behind it"),
+    (["urdf", "-o", "a.urdf"], "linkage", "", "linkage is a link; to write behind it"),
     (["urdf", "-o", "a.urdf", "--force"], "a.srdf", "private", "a.srdf is a link; to write behind it"),
     (["trim", "paper", "--out", "new/a.toml"], "new", "empty", "new is a link; to write behind it"),
     (["sweep", "gain_noise"], "runs/gain_noise", "empty", "gain_noise is a link; to write behind it"),
@@ -117,6 +135,7 @@ def result(target: Path, *, force: bool = False) -> None:
         (work / "figures" / "states.png").write_text("new")
 
 
+@ON_BOTH
 @pytest.mark.parametrize("inside", [False, True], ids=["beside", "as the current folder"])
 def test_a_folder_of_figures_that_leads_elsewhere_is_refused(
     inside: bool, outside: Path, here: Path, monkeypatch: pytest.MonkeyPatch
@@ -143,6 +162,7 @@ def test_a_folder_that_holds_no_earlier_result_is_not_replaced(here: Path) -> No
     assert content(here) == before
 
 
+@ON_BOTH
 def test_links_beside_a_result_stay_and_what_they_lead_to(outside: Path, here: Path) -> None:
     """What a killed process left is removed, but not through a link; links in the old result are kept."""
     result(Path("runs/one"))
@@ -184,6 +204,7 @@ def exchanged(path: Path, outside: Path, opened: Callable[..., int]) -> Callable
     return swap
 
 
+@ON_BOTH
 @pytest.mark.parametrize("name", ["pages", "pages/.aerobat-a.html"])
 def test_a_link_that_is_put_there_meanwhile_is_not_followed(
     name: str, outside: Path, here: Path, monkeypatch: pytest.MonkeyPatch
@@ -215,6 +236,7 @@ def test_the_watch_sees_what_is_written_deleted_and_read_elsewhere(outside: Path
         "changed: .*/private": lambda: (here / "link").write_text("new"),
         "changed: .*/new/private": lambda: shutil.rmtree(outside / "new"),
         "changed: .*/lock.*changed: .*/moved": descriptor,
+        "changed: .*/more": lambda: (outside / "more").mkdir(),
         "changed: .*/second": lambda: os.link(here / "mine", outside / "second"),
     }
     for said, make in cases.items():
@@ -251,15 +273,13 @@ def test_the_files_of_a_sweep_lead_nowhere(outside: Path, here: Path, capsys: py
                     (here / "out" / other).write_bytes(text)
 
 
-def test_a_comparison_passes_nothing_on_and_ends(outside: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_comparison_passes_nothing_on_and_ends(
+    paper_folder: Path, outside: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """A figure that is a link to a private file, lies behind one, is a pipe, too large, or no picture: refused."""
     (outside / "states.png").write_bytes(b"\x89PNG private")
-    assert call(*RUN, "--out", "a") == 0
+    shutil.copytree(paper_folder, here / "a")
     figure = here / "a" / "figures" / "states.png"
-    figure.parent.mkdir()
-    figure.write_bytes(b"\x89PNG")
-    shutil.copytree(here / "a", here / "b")
-    capsys.readouterr()
 
     def fill() -> None:
         with figure.open("wb") as file:
@@ -275,8 +295,8 @@ def test_a_comparison_passes_nothing_on_and_ends(outside: Path, here: Path, caps
     for said, make in cases.items():
         figure.unlink()
         make()
-        with watched(writes=[here], reads=[here]):
-            assert call("compare", "a", "b", "--out", "c") == 2
+        with watched(writes=[here], reads=[here, paper_folder]):
+            assert call("compare", "a", str(paper_folder), "--out", "c") == 2
         printed = capsys.readouterr()
         assert said in printed.err
         assert printed.err.endswith("; a PNG file of the run was expected\n")

@@ -135,6 +135,11 @@ def test_it_can_be_used_on_a_telephone(page_file: Path, browser: Any) -> None:
     page.on("request", lambda request: requests.append(request.url))
     page.goto(page_file.as_uri())
     assert page.evaluate("document.documentElement.scrollWidth") == 390
+    view, canvas = (page.locator(name).bounding_box() for name in ("#view", "#meshcat-pane canvas"))
+    assert canvas["height"] == pytest.approx(view["height"], abs=2.0)
+    assert view["height"] < 400.0
+    for name in ("crank", "L3b", "L5a", "L5b"):
+        assert page.locator(f"#{name}").bounding_box()["height"] >= 32.0
     before, box = page.evaluate(WING, "left_distal"), page.locator("#crank").bounding_box()
     page.touchscreen.tap(box["x"] + 0.6 * box["width"], box["y"] + 0.5 * box["height"])
     page.wait_for_function(f"(before) => ({WING})('left_distal').some((x, k) => x !== before[k])", arg=before)

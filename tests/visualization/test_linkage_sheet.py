@@ -84,19 +84,41 @@ def test_a_bars_name_stands_on_the_bar_of_its_lengths() -> None:
         assert sorted(np.linalg.norm(a - b) for a, b in itertools.combinations(ends, 2)) == pytest.approx(sides), name
 
 
+def test_the_same_linkage_gives_the_same_files() -> None:
+    for kind, begin in (("png", b"\x89PNG"), ("pdf", b"%PDF"), ("svg", b"<?xml")):
+        first, second = (style.render_figure(linkage_sheet.draw_linkage(LINKAGE), kind) for _ in range(2))
+        assert first == second
+        assert first.startswith(begin)
+
+
+def test_the_table_holds_the_known_ranges() -> None:
+    """The golden figures of the nominal linkage, measured on the laboratory's published bar lengths."""
+    rows = {line[:20].strip(): line[20:].split() for line in linkage_sheet.range_table(LINKAGE).splitlines()}
+    assert rows["shoulder theta_s"] == ["-83.52", "37.3", "29.40", "218.0"]
+    assert rows["elbow theta_e"] == ["-108.85", "188.9", "45.67", "5.4"]
+    for pin, lowest, highest in (("J4", 31.5, 145.6), ("J7", 23.8, 87.2), ("J10", 21.5, 97.6)):
+        low, _, high, _ = (float(cell) for cell in rows[f"transmission at {pin}"])
+        assert (low, high) == pytest.approx((lowest, highest), abs=0.05)
+
+
 def test_the_command_draws_and_prints(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Into runs/linkage, the same bytes every time, or into one file of the kind its name ends with."""
+    """Into runs/linkage, into a folder, or into one file of the kind its name ends with."""
     assert call("linkage") == 0
     printed = capsys.readouterr().out
     assert "shoulder theta_s" in printed
     assert "transmission at J10" in printed
     assert "drawn to runs/linkage/aerobat.png, runs/linkage/aerobat.pdf" in printed
     assert imread(here / "runs" / "linkage" / "aerobat.png").shape[1] >= 1000
-    assert call("linkage", "aerobat_light", "--out", "two.PDF") == 0
-    assert (here / "two.PDF").read_bytes().startswith(b"%PDF")
-    before = (here / "runs" / "linkage" / "aerobat.png").read_bytes()
-    assert call("linkage", "--force") == 0
-    assert (here / "runs" / "linkage" / "aerobat.png").read_bytes() == before
+    (here / "mine").mkdir()
+    assert call("linkage", "aerobat_light", "--out", "mine") == 0
+    assert call("linkage", "--out", "mine/one.svg") == 0
+    assert call("linkage", "--out", "mine/two.PDF") == 0
+    names = ["aerobat_light.pdf", "aerobat_light.png", "one.svg", "two.PDF"]
+    assert sorted(path.name for path in (here / "mine").iterdir()) == names
+    assert (here / "mine" / "two.PDF").read_bytes().startswith(b"%PDF")
+    before = (here / "mine" / "one.svg").read_bytes()
+    assert call("linkage", "--out", "mine/one.svg", "--force") == 0
+    assert (here / "mine" / "one.svg").read_bytes() == before
 
 
 def test_the_command_line_warns_in_a_line_of_a_nearly_singular_linkage(tmp_path: Path) -> None:

@@ -56,6 +56,14 @@ def test_the_figures_show_the_channels_they_name(paper: Experiment, drawn: dict[
     assert "Unknown force at each wing" in drawn["estimation"].get_suptitle()
 
 
+def test_a_force_that_acts_on_no_wing_is_not_said_to() -> None:
+    """The title of the figure follows the frames at which the observers look."""
+    guard = run(load_scenario("guard", ["simulation.duration=0.1"]))
+    figure = draw_estimation(guard.scores)
+    assert "Unknown force at each point" in figure.get_suptitle()
+    assert figure.axes[0].get_title() == "thruster_1"
+
+
 @pytest.mark.parametrize(
     ("name", "row", "span", "legend"),
     [

@@ -113,7 +113,8 @@ def test_the_replay_is_dark_by_night(page: Any) -> None:
 def test_the_report_fits_every_screen(paper_folder: Path, browser: Any) -> None:
     """The page does not scroll sideways, wide tables do; blocks do not overlap; the replay is linked."""
     with opened(browser, (paper_folder / "report.html").as_uri()) as page:
-        for size in SIZES:
+        for scheme, size in itertools.product(("light", "dark"), SIZES):
+            page.emulate_media(color_scheme=scheme)
             resized(page, *size)
             assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
             found = boxes(page, BLOCKS)
