@@ -15,10 +15,11 @@ from typing import Any
 LARGEST_TOML = 1_000_000  # the largest shipped file has 20,000
 MOST_LEVELS = 32  # of brackets, and of the parts of a dotted key
 LONGEST_WORD = 255  # characters of a key, and digits of a number
-# A string, a comment, a word, blanks, or one sign; a string that does not end goes to the end of its line.
+# A string, a comment, too long a word, or a sign that counts; a string that does not end goes to the end of its line.
 TOKEN = re.compile(
     r'"""(?:\\.|[^\\])*?(?:"{3,5}|\Z)|\'\'\'.*?(?:\'{3,5}|\Z)|'
-    r'"(?:\\.|[^"\\\n])*"?|\'[^\'\n]*\'?|#[^\n]*|[\w+-]+|[ \t]+|.',
+    r'"(?:\\.|[^"\\\n])*"?|\'[^\'\n]*\'?|#[^\n]*|'
+    rf"(?<![\w+-])[\w+-]{{{LONGEST_WORD + 1},}}|[][{{}}.=,\n]",
     re.DOTALL,
 )
 NUL = re.compile(r"(?<!\\)(?:\\\\)*\\(?:u0{4}|U0{8})")  # no file, frame or column can have it in its name
@@ -71,7 +72,7 @@ def _check_limits(text: str) -> None:
             parts = 0
         elif first == '"' and NUL.search(token):
             raise TomlError(f"line {line}: a text with the character U+0000")
-        elif first not in "\"' \t" and len(token) > LONGEST_WORD:
+        elif first not in "\"'" and len(token) > LONGEST_WORD:
             raise TomlError(f"line {line}: a word of {len(token)} characters: at most {LONGEST_WORD} were expected")
         if max(brackets, parts) > MOST_LEVELS:
             raise TomlError(f"line {line}: more than {MOST_LEVELS} levels of brackets or of a dotted key")
