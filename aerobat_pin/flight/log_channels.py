@@ -91,17 +91,15 @@ def flight_log_of(plant: Plant, time: Array, trajectory: Trajectory, record: Loo
         "point": list(plant.points),
         "strip": channel(plant.air.line.y, ("strip",), "m", "arc coordinate, left wing positive"),
     }
+    if trajectory.air.size:
+        true["air_state"] = trajectory.air
+    events = [(force.frame, *force.signal.event) for force in plant.forces if force.signal.event is not None]
+    if events:
+        points, names, true["event_start"], true["event_end"] = zip(*events, strict=True)
+        axes |= {"event": list(names), "event_point": ("event", list(points))}
     truth = xr.Dataset(
         {name: filled(name, values, TRUE_CHANNELS) for name, values in true.items()}, coords={**coords, **axes}
     )
-    if trajectory.air.size:
-        truth["air_state"] = filled("air_state", trajectory.air, TRUE_CHANNELS)
-    events = [(force.frame, *force.signal.event) for force in plant.forces if force.signal.event is not None]
-    if events:
-        points, names, starts, ends = zip(*events, strict=True)
-        truth = truth.assign_coords(event=list(names), event_point=("event", list(points)))
-        truth["event_start"] = filled("event_start", starts, TRUE_CHANNELS)
-        truth["event_end"] = filled("event_end", ends, TRUE_CHANNELS)
     table = MEASURED | {THRUSTERS: KNOWN_FORCE}
     seen = {name: filled(name, values, table) for name, values in measured.items()}
     labels = {name: list(LABELS[name]) for name in ("q_axis", "v_axis")}

@@ -152,7 +152,7 @@ def _array(value: Any, name: str, sizes: dict[Any, Any], shape: Any = None, keep
     array = real_numbers(value, name)
     if shape is not None and shape != "any":
         checked_shape(array, shape, name, sizes)
-    if shape != "any" and not np.all(np.abs(array) <= LARGEST_REAL):
+    if shape != "any" and array.size and not (array.min() >= -LARGEST_REAL and array.max() <= LARGEST_REAL):
         if array.shape == ():
             raise ShapeError(f"{name} = {array}: a finite number was expected")
         raise ShapeError(

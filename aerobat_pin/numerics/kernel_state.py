@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cache
+from math import prod
 from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -94,14 +95,23 @@ def new_state(table: type[Any], **given: Any) -> Array:
         if field.kind is int:
             directory.append(int(given[field.name]))
         elif field.elsewhere:
-            directory += [int(addresses(given[field.name])[0]), *(eval(part, {}, given) for part in field.shape)]
+            directory += [int(addresses(given[field.name])[0]), *(_size(part, given) for part in field.shape)]
         else:
-            shape = [int(eval(part, {}, given)) for part in field.shape]
+            shape = [_size(part, given) for part in field.shape]
             directory += [DOUBLE * (end - len(directory)), *shape]
-            end += int(np.prod(shape))
+            end += prod(shape)
     values = np.zeros(end)
     values[: len(directory)].view(np.intp)[:] = directory
     return _view(values.ctypes.data, values.shape, float, (values, given))
+
+
+def _size(part: str, sizes: dict[str, Any]) -> int:
+    return int(eval(_expression(part), {}, sizes))
+
+
+@cache
+def _expression(part: str) -> Any:
+    return compile(part, part, "eval")
 
 
 def fields_of(memory: Array, table: type[Fields]) -> Fields:
@@ -131,13 +141,13 @@ def _fields_at(address: int, table: Any, owner: Any) -> Any:
     directory = _view(address, (directory_size(table),), np.intp, owner)
     values: list[Any] = []
     for field in fields_in(table):
-        first, shape = int(directory[field.word]), tuple(directory[field.word + 1 : field.word + field.words].tolist())
-        place = address + DOUBLE * field.word
+        first, place = int(directory[field.word]), address + DOUBLE * field.word
         if field.is_table:
             values.append(_fields_at(first if field.elsewhere else place, field.kind, owner))
         elif field.kind is int:
             values.append(first)
         else:
+            shape = tuple(directory[field.word + 1 : field.word + 1 + len(field.shape)].tolist())
             kind = np.intp if field.kind is Integers else float
             values.append(_view(first if field.elsewhere else place + first, shape, kind, owner))
     return table(*values)

@@ -103,12 +103,12 @@ class RobotInAir:
 
         Each twist is at the origin and in the axes of the link's frame.
         """
-        joints, velocities, model, data = self.fields.tree.joint, motions(self.data.v), self.robot.model, self.data
-        twists, forward = np.empty((len(q), len(joints), 6)), pin.forwardKinematics
-        for row, placement, velocity in zip(twists, list(q), list(v), strict=True):
+        velocities, model, data, forward = motions(self.data.v), self.robot.model, self.data, pin.forwardKinematics
+        twists = np.empty((len(q), model.njoints, 6))
+        for row, placement, velocity in zip(twists, q, v, strict=True):
             forward(model, data, placement, velocity)
-            row[:] = velocities[joints]
-        return twists
+            row[:] = velocities
+        return twists[:, self.fields.tree.joint]
 
     @guarded(placement=(7,), twist=(6,), motion=("n", 3, 2))
     def flapping_twists(self, placement: Array, twist: Array, motion: Array) -> Array:
