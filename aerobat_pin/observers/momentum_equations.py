@@ -81,7 +81,7 @@ def sample_robot(
 
     `compute` lets Pinocchio compute M, C, g, the world Jacobians and the placements at one sample.
     """
-    M, Ct, g, J, oMi = data.M, data.C.T, data.g, data.J, placements(data.oMi)
+    M, Ct, g, oMi, J = data.M, data.C.T, data.g, placements(data.oMi), data.J.reshape(6, -1)  # (6,) of one joint
     p, b, wanted = np.empty_like(v), np.empty_like(v), len(applications.components) > 0
     world, places = np.empty((len(v), 6, model.nv)), np.empty((len(v), *oMi.shape))
     for q_i, v_i, p_i, b_i, J_i, place in zip(q, v, p, b, world, places, strict=True):
@@ -90,7 +90,7 @@ def sample_robot(
         Ct.dot(v_i, b_i)  # b = C^T v - g
         b_i -= g
         if wanted:
-            J_i[:], place[:] = J.reshape(J_i.shape), oMi  # Pinocchio gives J of one joint as (6,)
+            J_i[:], place[:] = J, oMi
     return Samples(p, b, v, applications.jacobians(world, places))
 
 
