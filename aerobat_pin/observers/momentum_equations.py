@@ -33,6 +33,7 @@ from aerobat_pin.observers.kernels.filters import FIRST_ORDER, RISE, SECOND_ORDE
 from aerobat_pin.observers.kernels.posterior import LEAST_SPARE, MEMORY_OF_K
 from aerobat_pin.observers.kernels.projection import DAMPING, SUSPECT, UNSEEN_EIGENVALUE
 from aerobat_pin.observers.kernels.residual import TOO_LARGE
+from aerobat_pin.observers.redundancy import low_passed
 from aerobat_pin.observers.rows import BelievedRows
 
 
@@ -289,11 +290,8 @@ def _filtered(equations: Equations, dt: Array, values: Array) -> Array:
 
 
 def _first_order(K: Array, dt: Array, phi: Array) -> Array:
-    """Solve r' = K (phi - r), exactly: r <- phi + exp(-K dt) (r - phi)."""
-    out, r, decay = np.empty_like(phi), np.zeros(phi.shape[1]), np.exp(-K * dt[:, None])
-    for i, (mean, kept) in enumerate(zip(phi, decay, strict=True)):
-        out[i] = r = mean + kept * (r - mean)
-    return out
+    """Solve r' = K (phi - r), exactly: r <- r + (1 - exp(-K dt)) (phi - r)."""
+    return low_passed(phi, -np.expm1(-K * dt[:, None]))
 
 
 def _second_order(w: Array, dt: Array, f: Array) -> Array:

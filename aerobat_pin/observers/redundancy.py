@@ -132,12 +132,13 @@ def low_passed(values: Array, share: float | Array) -> Array:
     """Filter the columns of `values` (m, k) by y_n = (1 - share_n) y_(n-1) + share_n x_n, from rest.
 
     The sum over the past is built by doubling its length until what is older than that no longer counts. `share` is a
-    number, or (m,) where steps differ. `scipy.signal` knows only numbers, and takes as long to import as all the rest.
+    number, (m,) where steps differ, or (m, k) where columns do, too. `scipy.signal` knows only numbers, and takes as
+    long to import as all the rest.
     """
     uneven = isinstance(share, np.ndarray)
-    each: Any = np.asarray(share)[:, None] if uneven else share
+    each: Any = np.reshape(share, (len(values), -1)) if uneven else share
     result, decay, reach = each * values, 1.0 - (each[1:] if uneven else each), 1
-    while reach < len(values) and (decay.max() if uneven else decay) > NOTHING:
+    while reach < len(values) and (decay.max(initial=0.0) if uneven else decay) > NOTHING:
         result[reach:] += decay * result[:-reach]
         decay, reach = decay[reach:] * decay[:-reach] if uneven else decay * decay, 2 * reach
     return np.asarray(result)
