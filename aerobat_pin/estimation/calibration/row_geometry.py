@@ -41,7 +41,7 @@ class RowGeometry:
         """Return the geometry of an observer's rows and forces along a motion."""
         at = np.arange(0, len(inputs.tau), max(1, round(GEOMETRY_SPACING / typical_step(inputs.time))))
         middle = 0.5 * (inputs.v[at] + inputs.v[at + 1])
-        rows = np.stack([observer.believed.map(v) for v in middle])
+        rows = observer.believed.map(middle)
         seen = observer.applications.jacobian(inputs.q[at]) @ rows
         scale = observer.applications.scale[:, None]
         A = np.swapaxes(scale * seen, 1, 2)
