@@ -106,6 +106,8 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
     notes, strangers = [], list[str]()
     if robot.unread:
         notes.append(f"not read from the robot's file: {', '.join(robot.unread)}")
+    if nobody := robot.impossible:
+        notes.append(f"no body has the moments of inertia stated of what moves with {', '.join(nobody)}")
     names = listed or tuple(name for name in robot.joints if name not in table.held)
     if table.topic is not None:
         start = f"{table.topic}.position."

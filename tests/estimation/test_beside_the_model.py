@@ -83,3 +83,17 @@ def test_what_an_mjcf_file_says_beyond_the_model_is_noted(tmp_path: Path) -> Non
     (tmp_path / "leg.xml").write_text(LEG)
     notes = opened(tmp_path, {"mjcf": "leg.xml"}, "shank", "knee").notes
     assert "not read from the robot's file: body gravcomp, joint stiffness, option gravity" in notes
+
+
+@pytest.mark.parametrize(
+    ("moments", "told"),
+    [((1e-4, 1e-4, 2e-4), False), ((1e-4, 1e-4, 3e-4), True), ((0.0,) * 3, True)],
+)
+def test_moments_of_inertia_that_no_body_has_are_noted(moments: tuple[float, ...], told: bool, tmp_path: Path) -> None:
+    """A plate's are at the limit. iCub's file has none for legs of kilograms: nothing was said."""
+    links = link("base", 1.0, "0 0 0", 3 * (1e-2,)) + link("arm", 0.5, "0 0 -0.1", moments)
+    (tmp_path / "arm.urdf").write_text(
+        f'<robot name="arm">{links}{joint("swing", "revolute", "base", "arm", "0 0 0", limit=3)}</robot>'
+    )
+    noted = opened(tmp_path, {"urdf": "arm.urdf"}, "arm", "swing").notes
+    assert ("no body has the moments of inertia stated of what moves with swing" in noted) == told
