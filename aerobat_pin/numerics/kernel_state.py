@@ -91,22 +91,22 @@ def new_state(table: type[Any], **given: Any) -> Array:
     """
     directory: list[int] = []
     end = directory_size(table)
+
+    def sizes(field: Field) -> list[int]:
+        return [int(eval(_expression(part), {}, given)) for part in field.shape]
+
     for field in _all_fields(table):
         if field.kind is int:
             directory.append(int(given[field.name]))
         elif field.elsewhere:
-            directory += [int(addresses(given[field.name])[0]), *(_size(part, given) for part in field.shape)]
+            directory += [int(addresses(given[field.name])[0]), *sizes(field)]
         else:
-            shape = [_size(part, given) for part in field.shape]
+            shape = sizes(field)
             directory += [DOUBLE * (end - len(directory)), *shape]
             end += prod(shape)
     values = np.zeros(end)
     values[: len(directory)].view(np.intp)[:] = directory
     return _view(values.ctypes.data, values.shape, float, (values, given))
-
-
-def _size(part: str, sizes: dict[str, Any]) -> int:
-    return int(eval(_expression(part), {}, sizes))
 
 
 @cache

@@ -132,8 +132,7 @@ def low_passed(values: Array, share: float | Array) -> Array:
     """Filter the columns of `values` (m, k) by y_n = (1 - share_n) y_(n-1) + share_n x_n, from rest.
 
     The sum over the past is built by doubling its length until what is older than that no longer counts. `share` is a
-    number, (m,) where steps differ, or (m, k) where columns do, too. `scipy.signal` knows only numbers, and takes as
-    long to import as all the rest.
+    number, (m,) or (m, k); `scipy.signal` knows only numbers.
     """
     uneven = isinstance(share, np.ndarray)
     each: Any = np.reshape(share, (len(values), -1)) if uneven else share

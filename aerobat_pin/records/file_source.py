@@ -107,7 +107,7 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
     if robot.unread:
         notes.append(f"not read from the robot's file: {', '.join(robot.unread)}")
     if nobody := robot.impossible:
-        notes.append(f"no body has the moments of inertia stated of what moves with {', '.join(nobody)}")
+        notes.append(f"no body has the moments of inertia of {', '.join(nobody)}")
     names = listed or tuple(name for name in robot.joints if name not in table.held)
     if table.topic is not None:
         start = f"{table.topic}.position."

@@ -24,8 +24,8 @@ from aerobat_pin.records.robot_tables import PayloadSection
 
 FREE_NQ, FREE_NV = 7, 6
 WEIGHTLESS = 1.0  # [m/s2] of gravity, below which motion hides the weight and which way is up; on the Moon it is 1.6
-SMALLEST_BODY = 1e-4  # [m] root of moment over mass: a point mass, or 0 in place of what nobody knew
-ROUNDED = 0.02  # of a link's largest moment, that digits of a file may lack
+SMALLEST_BODY = 1e-4  # [m] root of moment over mass
+FLATTEST = 1.02  # times the other two, the largest moment, as files round
 
 
 @dataclass(frozen=True)
@@ -175,11 +175,11 @@ class PlainRobot(ShownInNotebooks):
 
     @property
     def impossible(self) -> list[str]:
-        """Joints of links whose principal moments of inertia no body has: none, or one beyond the sum of the others."""
+        """Joints of links whose moments of inertia no body has."""
         names = []
         for joint, inertia in list(zip(self.own_model.names, self.own_model.inertias, strict=True))[1:]:
             small, middle, large = np.linalg.eigvalsh(inertia.inertia)
-            if small + middle < (1.0 - ROUNDED) * large or large < inertia.mass * SMALLEST_BODY**2:
+            if large > FLATTEST * (small + middle) or large < inertia.mass * SMALLEST_BODY**2:
                 names.append(joint)
         return names
 

@@ -96,4 +96,4 @@ def test_moments_of_inertia_that_no_body_has_are_noted(moments: tuple[float, ...
         f'<robot name="arm">{links}{joint("swing", "revolute", "base", "arm", "0 0 0", limit=3)}</robot>'
     )
     noted = opened(tmp_path, {"urdf": "arm.urdf"}, "arm", "swing").notes
-    assert ("no body has the moments of inertia stated of what moves with swing" in noted) == told
+    assert ("no body has the moments of inertia of swing" in noted) == told

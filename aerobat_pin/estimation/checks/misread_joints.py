@@ -92,7 +92,7 @@ def changes_of_reading(
     gain = dict(zip(shifts, screened(rows, without, [], list(shifts.values())).tolist(), strict=True))
     likeliest = [max(kind, key=gain.__getitem__) for kind in kinds if kind]
     losses = {read: most_likely_with(replace(rows, y=rows.y - shifts[read]), None, without).loss for read in likeliest}
-    # What no force could make likely enough to be named is not formed anew, nor are turns near such a one.
+    # What no force could make likely enough to be named is not formed anew.
     first = sorted((read for read in likeliest if losses[read] < without.loss + FACTOR + PRICE), key=losses.__getitem__)
     chosen = first[:LIKELIEST]
     best = min(chosen, key=loss, default=None)
