@@ -26,6 +26,17 @@ def test_a_push_is_found_as_exactly_as_is_said(name: str, tmp_path: Path) -> Non
     assert np.sqrt(np.mean(error[shown] ** 2)) < 0.05 * log.weight
 
 
+@pytest.mark.parametrize("seed", [11, *further(12, 13, 14, 15)])
+def test_nothing_carries_a_robot_that_falls(seed: int, tmp_path: Path) -> None:
+    """Its weight was expected, which doubted the record; still, if its height does not say that it falls."""
+    log = pushed_robot("bolt", seed)
+    (told,) = (one for one in estimate(log.record(tmp_path)).findings if one.check == "mean force")
+    assert told.verdict == "note"
+    assert ": it falls, by 2" in told.text  # 9.81 m/s2 for 2.4 s are 28 m, but it was thrown, too
+    log.table["z"] = 1.0
+    assert any("the weight was expected" in one.text for one in estimate(log.record(tmp_path), trust=True).findings)
+
+
 @pytest.mark.parametrize("name", ["xarm7", *further("panda")])
 def test_what_a_fast_filter_lets_through_is_part_of_the_deviation(name: str, tmp_path: Path) -> None:
     """K dt = 2: noise of one rate errs in the rows of all that its joint loads, as forces do; 46 % were within two."""

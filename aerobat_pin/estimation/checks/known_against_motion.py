@@ -25,6 +25,7 @@ from aerobat_pin.observers import rotation_matrices
 from aerobat_pin.records import Record
 
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
+FALLS = 0.25  # of the weight that motion needs at most, and of a free fall's height that is lost at least, in a fall
 CARRIES = 0.5  # of the weight: mean of known forces, from which they may be what carries the robot
 LEFT_BY_TURN = 1.0 / 3.0  # of E as mapped, up to which a turn is named: rotors in another order left .37 by one
 TRIED_AT = 12  # instants by which the turns are tried
@@ -53,9 +54,10 @@ def known_findings(record: Record, motion: FreeMotion | None, estimated: Array |
     if motion is None or robot.weightless or chosen.base.held or "base" in chosen.robot.rows.ignore:
         return
     turns, needed = _needed(record, motion)
-    yield _mean_force(
-        record, estimated, *((turns @ each[:, :3, None]).mean(axis=(0, 2)) for each in (needed, motion.known))
-    )
+    means = ((turns @ each[:, :3, None]).mean(axis=(0, 2)) for each in (needed, motion.known))
+    fallen = float(motion.halfway[0, 2] - motion.halfway[-1, 2]) if "base.position" in record.channels else 0.0
+    falls = fallen > 0.5 * FALLS * float(np.linalg.norm(robot.model.gravity.linear)) * motion.span**2
+    yield _mean_force(record, estimated, *means, fallen if falls else 0.0)
     if motion.known[:, :6].any():
         yield from _turned(record, motion)
 
@@ -67,8 +69,8 @@ def _needed(record: Record, motion: FreeMotion) -> tuple[Array, Array]:
     return rotation_matrices(motion.halfway[:, 3:7]), np.array([pin.rnea(model, data, *one) for one in each])
 
 
-def _mean_force(record: Record, estimated: Array | None, needed: Array, known: Array) -> Finding:
-    """Return the mean of all forces that are not known together over the weight; of means (3,) in world axes."""
+def _mean_force(record: Record, estimated: Array | None, needed: Array, known: Array, fallen: float) -> Finding:
+    """Return the mean of all unknown forces over the weight, of means (3,) in world axes; `fallen` [m] if it falls."""
     weight = record.robot.weight
     rotors = not record.robot.joints and any(section.powers for section in record.map.known.values())
     carried = record.robot.knows_forces or rotors  # which have nothing to stand on
@@ -82,6 +84,8 @@ def _mean_force(record: Record, estimated: Array | None, needed: Array, known: A
     if carried and float(np.linalg.norm(mean - [0.0, 0.0, 2.0])) < 2.0 - UPSIDE_DOWN:
         misread = "the attitude is misread and thrust points down, or what is known counts the other way (its sign)"
         verdict, text = "refused", f"{text}: about 2 if {misread}"
+    elif off > 0.5 and expected and fallen and abs(needed[2]) < FALLS * weight:
+        verdict, text = "note", f"{text}: it falls, by {fallen:.3g} m"
     elif off > 0.5:
         other = 'the weight was expected, or, where wheels or a deck bear it, robot.rows = {ignore = ["base"]}'
         verdict, text = "warning", f"{text}; {other if expected else 'little was expected'}"
