@@ -34,9 +34,11 @@ TIME = re.compile(
 UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
 GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
 STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
+TOOL_WORDS = {"tool", "tcp", "ee", "eef", "hand", "gripper", "flange", "target", "goal"}  # of poses that are no base's
+UNIT_BEHIND = re.compile(r"\s*(\[.*\]|\(.*\))$")  # as in nav.x [m]
 GROUP_WORDS = {  # what a group of columns may be -> words in its name
     "acceleration": ("acc", "specific", "linear_acceleration"),
-    "rate": ("gyro", "omega", "angular", "ang_vel", "angvel", "rate", "w"),
+    "rate": ("gyro", "gyr", "omega", "angular", "ang_vel", "angvel", "rate", "w"),
     "quaternion": ("q", "quat", "orientation", "attitude"),
     "velocity": ("v", "vel", "velocity", "linear"),
     "position": ("p", "pos", "position", "translation", "mocap", "vicon", "optitrack", "base", "xyz", ""),
@@ -116,11 +118,11 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
         return
     axes_of: dict[tuple[str, str], dict[str, str]] = {}
     for name in columns.names:
-        match = STEM.match(name)
+        match = STEM.match(UNIT_BEHIND.sub("", name))
         if match is not None:
             key = match["stem"].lower(), (match["tail"] or "").lower()
             axes_of.setdefault(key, {})[match["axis"].lower()] = name
-    taken: set[str] = set()
+    taken, turns = set[str](), ""
     further = itertools.count(2)  # numbers of force sensors
     for (stem, tail), axes in sorted(
         axes_of.items(), key=lambda item: not any(word in item[0][0] for word in ("imu", "gyro"))
@@ -138,7 +140,14 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
                 break
             if set(needed) <= set(axes) and exact and (first_of_kind or kind == "force"):
                 taken |= {kind} if first_of_kind else set()
+                turns = stem if kind == "quaternion" else turns
                 yield kind if first_of_kind else f"force {next(further)}", tuple(axes[axis] for axis in needed)
+                break
+    if "position" not in taken:  # odom_x beside odom_qx, unless it is a tool's
+        for (stem, _), axes in axes_of.items():
+            beside = stem and turns.startswith(stem) and not TOOL_WORDS & set(re.split(r"[_ .]", stem))
+            if beside and set("xyz") <= set(axes):
+                yield "position", tuple(axes[axis] for axis in "xyz")
                 break
     if "quaternion" not in taken:
         yield from (("quaternion", names) for names in _numbered_by_four(columns) if _is_attitude(columns, names))
@@ -243,7 +252,8 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
             yield "# quaternion = {columns = [...]}  # which columns are the attitude?"
         if "velocity" in groups:
             names = listed(groups["velocity"])
-            yield f'velocity = {{columns = {names}, unit = "m/s", axes = "world"}}  # or axes = "body"?'
+            axes = ["world", "body"][:: -1 if "body" in names.lower() else 1]
+            yield f'velocity = {{columns = {names}, unit = "m/s", axes = "{axes[0]}"}}  # or axes = "{axes[1]}"?'
         else:
             yield 'velocity = {from = "pose", window = 0.05}'
         if "rate" in groups:

@@ -39,7 +39,8 @@ BEHIND_NUMBERS = {  # words that a numbered joint's column may end in
     *(word for words in PART_WORDS.values() for word in words),
     *(word for kind in JOINT_KINDS.values() for word in UNITS_IN_NAMES[kind]),
 }
-LARGEST_RADIANS = 7.0  # of an angle; beyond, degrees are suggested
+LARGEST_RADIANS = 7.0  # of an angle that has an end; beyond, degrees are suggested
+ENDLESS = 100.0  # [rad]: a joint that goes so far turns on
 
 
 def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | None = None) -> Iterator[str]:
@@ -85,9 +86,12 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
     if not as_named:
         yield "# the columns are not called like the joints: are they in this order?"
     yield f"names = {listed(placed)}"
-    units = dict(_units(columns, parts_of, [name for name in placed if name not in slides], slides, step))
+    turning, limit = [name for name in placed if name not in slides], robot.model.upperPositionLimit
+    endless = [name for name in turning if not limit[robot.q_index(name)] < ENDLESS]
+    units = dict(_units(columns, parts_of, turning, slides, endless, step))
     size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
-    yield f"position = {{columns = {listed(whole['position'])}{units['position']}  # the largest is {size:.3g}"
+    asked = f"; {', '.join(endless)}: radians, or degrees?" if endless and size > LARGEST_RADIANS else ""
+    yield f"position = {{columns = {listed(whole['position'])}{units['position']}  # the largest is {size:.3g}{asked}"
     if len(whole["velocity"]) == len(placed):
         yield f"velocity = {{columns = {listed(whole['velocity'])}{units['velocity']}"
     else:
@@ -156,15 +160,24 @@ def _without_robot(columns: Columns) -> Iterator[str]:
 
 
 def _units(
-    columns: Columns, parts_of: dict[str, dict[str, str]], turning: list[str], slides: list[str], step: float | None
+    columns: Columns,
+    parts_of: dict[str, dict[str, str]],
+    turning: list[str],
+    slides: list[str],
+    endless: list[str],
+    step: float | None,
 ) -> Iterator[tuple[str, str]]:
-    """Yield each part of joints, and the end of its table: of joints of both kinds, the unit that is not SI."""
+    """Yield each part of joints, and the end of its table: of joints of both kinds, the unit that is not SI.
+
+    Joints that turn on without an end may have any angle in radians.
+    """
 
     def named(joints: list[str], part: str) -> list[str]:
         return [parts_of[name][part] for name in joints if part in parts_of[name]]
 
     places = named(turning, "position")
-    size = max((float(np.nanmax(np.abs(columns.sample(name)))) for name in places), default=0.0)
+    limited = named([name for name in turning if name not in endless], "position")
+    size = max((float(np.nanmax(np.abs(columns.sample(name)))) for name in limited), default=0.0)
     angle = said_unit("position", places) or ("deg" if size > LARGEST_RADIANS else "rad")
     rate = _rate_unit(columns, places, named(turning, "velocity"), angle, step)
     for part, guess in (("position", angle), ("velocity", rate), ("effort", "N m")):
@@ -229,17 +242,22 @@ def _part_in(text: str) -> str | None:
 
 
 def _named_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
-    """Return joint -> position, velocity, effort -> column, as far as the columns' names say."""
+    """Return joint -> position, velocity, effort -> column, as far as the columns' names say.
+
+    A column is that of the longest name in it: wrist_roll_pos is none of wrist.
+    """
+    shorts = {joint: joint.lower().removesuffix("_joint") for joint in sorted(names, key=len, reverse=True)}
+    patterns = {
+        joint: re.compile(rf"(?<![a-z0-9]){re.escape(short)}(_joint)?(?![a-z0-9])") for joint, short in shorts.items()
+    }
     parts_of: dict[str, dict[str, str]] = {}
-    for joint in names:
-        short = joint.lower().removesuffix("_joint")
-        pattern = re.compile(rf"(?<![a-z0-9]){re.escape(short)}(_joint)?(?![a-z0-9])")
-        for name in _described(columns):
-            if pattern.search(name.lower()):
-                others = pattern.sub(" ", name.lower())
-                part = _part_in(others) or ("position" if {*_words_of_name(others)} <= {""} else None)
-                if part is not None:
-                    parts_of.setdefault(joint, {}).setdefault(part, name)
+    for name in _described(columns):
+        joint = next((joint for joint, pattern in patterns.items() if pattern.search(name.lower())), None)
+        if joint is not None:
+            others = patterns[joint].sub(" ", name.lower())
+            part = _part_in(others) or ("position" if {*_words_of_name(others)} <= {""} else None)
+            if part is not None:
+                parts_of.setdefault(joint, {}).setdefault(part, name)
     return parts_of
 
 

@@ -132,6 +132,64 @@ def test_an_attitude_whose_columns_say_their_axes_has_their_order(tmp_path: Path
     assert "# or" not in line
 
 
+@pytest.mark.parametrize("names", [("wrist", "wrist_roll"), ("wrist_roll", "wrist"), ("roll", "wrist_roll")])
+def test_a_column_is_that_of_the_joint_with_the_longest_name_in_it(names: tuple[str, str], tmp_path: Path) -> None:
+    """Whatever stands first in the log: wrist_roll's columns were suggested for both joints, without a question."""
+    parts = [link("base"), *(link(f"{name}_link", 1.0, "0 0 0.1", 3 * [0.01]) for name in names)]
+    parts += [joint(names[0], "revolute", "base", f"{names[0]}_link")]
+    parts += [joint(names[1], "revolute", f"{names[0]}_link", f"{names[1]}_link")]
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{"".join(parts)}</robot>')
+    columns = [f"{name}_{part}" for name in reversed(names) for part in ("pos", "vel", "torque")]
+    swings = {column: np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, column in enumerate(columns)}
+    pd.DataFrame({"t": 0.01 * np.arange(50.0), **swings}).to_csv(tmp_path / "log.csv", index=False)
+    joints = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))["joints"]
+    assert joints["names"] == list(names)
+    for part, word in (("position", "pos"), ("velocity", "vel"), ("effort", "torque")):
+        assert joints[part]["columns"] == [f"{name}_{word}" for name in names]
+
+
+@pytest.mark.parametrize(("largest", "unit"), [((13.5, 1.2), "rad"), ((13.5, 70.0), "deg"), ((1.0, 1.2), "rad")])
+def test_a_joint_that_turns_on_may_have_any_angle(largest: tuple[float, float], unit: str, tmp_path: Path) -> None:
+    """A slew that turned by 13.5 rad made degrees of all angles, and the forces wrong by 24 N without a word."""
+    parts = [link("base"), link("tower", 5.0, "0 0 1", 3 * [1.0]), link("boom", 2.0, "1 0 0", 3 * [0.5])]
+    parts += [joint("slew", "continuous", "base", "tower", axis="0 0 1"), joint("luff", "revolute", "tower", "boom")]
+    (tmp_path / "crane.urdf").write_text(f'<robot name="crane">{"".join(parts)}</robot>')
+    swing = np.sin(0.01 * np.arange(400.0))
+    columns = {f"{name}_pos": size * swing for name, size in zip(("slew", "luff"), largest, strict=True)}
+    columns |= {f"{name}_torque": swing for name in ("slew", "luff")}
+    pd.DataFrame({"t": 0.01 * np.arange(400.0), **columns}).to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "crane.urdf")
+    assert tomllib.loads(text)["joints"]["position"]["unit"] == unit
+    assert ("slew: radians, or degrees?" in text) == (max(largest) > 7.0)
+
+
+@pytest.mark.parametrize(
+    ("place", "attitude", "free"),
+    [
+        ("nav.{} [m]", "nav.q{}", True),
+        ("odom_{}", "odom_q{}", True),
+        ("rov_p{}", "rov_quat_{}", True),
+        ("vicon_p{} [mm]", "vicon_q{}", True),
+        ("tcp_{}", "tcp_q{}", False),
+    ],
+)
+def test_a_pose_is_found_by_what_its_columns_share(place: str, attitude: str, free: bool, tmp_path: Path) -> None:
+    """Whatever the robot is called; a tool's is none. A base that moves was suggested to be fixed."""
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    time = 0.01 * np.arange(50.0)
+    columns = {place.format(axis): np.sin(time) for axis in "xyz"}
+    columns |= {attitude.format(axis): np.full(50, 0.5) for axis in "xyzw"} | {f"v_{axis}_body": time for axis in "xyz"}
+    pd.DataFrame({"t": time, **columns}).to_csv(tmp_path / "log.csv", index=False)
+    suggested = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "quadruped.urdf"))
+    assert suggested["robot"]["root"] == ("free_flyer" if free else "fixed")
+    if free:
+        base = suggested["base"]
+        assert base["position"]["columns"] == [place.format(axis) for axis in "xyz"]
+        assert base["position"]["unit"] == ("mm" if "[mm]" in place else "m")
+        assert base["quaternion"]["columns"] == [attitude.format(axis) for axis in "xyzw"]
+        assert base["velocity"]["axes"] == "body"
+
+
 def arm_of(count: int) -> str:
     """Return an arm of some joints, joint1 and so on."""
     links = [link(f"l{k}", 1.0, moments=(1.0, 1.0, 1.0)) for k in range(1, count + 1)]

@@ -54,10 +54,10 @@ def known_findings(record: Record, motion: FreeMotion | None, estimated: Array |
     if motion is None or robot.weightless or chosen.base.held or "base" in chosen.robot.rows.ignore:
         return
     turns, needed = _needed(record, motion)
-    means = ((turns @ each[:, :3, None]).mean(axis=(0, 2)) for each in (needed, motion.known))
+    mean, known = ((turns @ each[:, :3, None]).mean(axis=(0, 2)) for each in (needed, motion.known))
     fallen = float(motion.halfway[0, 2] - motion.halfway[-1, 2]) if "base.position" in record.channels else 0.0
     falls = fallen > 0.5 * FALLS * float(np.linalg.norm(robot.model.gravity.linear)) * motion.span**2
-    yield _mean_force(record, estimated, *means, fallen if falls else 0.0)
+    yield _mean_force(record, estimated, mean, known, fallen if falls else 0.0)
     if motion.known[:, :6].any():
         yield from _turned(record, motion)
 
