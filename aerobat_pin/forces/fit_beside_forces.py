@@ -47,6 +47,7 @@ HARDLY_MOVES = (
     "to its Coulomb friction it counts as unknown"
 )
 CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
+HARDLY_RUBS = (1.0 - FRICTION_SHOWN**2) ** 0.5  # of rows' known errors: less friction cannot make them so much smaller
 BLOW, BLOW_ROUNDS = 3.0, 5  # of what is expected of a force: one that is larger is what the rows show of it
 ROTORS_SOUGHT = 0.5  # of what is expected of the rows' errors, geometric mean, from which they may show rotors
 ROTORS_SHOWN = 0.75  # of the errors of rows, geometric mean: where rotors leave more, errors cover them all the same
@@ -106,7 +107,16 @@ def _found(forces: KnownForces, instants: Instants, expected: Expected) -> Fitte
     if values.row_noise and not values.row_noise.keys() & {names[instants.kept[k]] for k in instants.at}:
         return replace(fitted, row_noise={**fitted.row_noise, **values.row_noise})  # it did not see any joint slide
     no_smaller = _errors_over(fitted, values.row_noise) >= FRICTION_SHOWN  # if any are known
-    return None if no_smaller else fitted
+    errors = np.array([values.row_noise.get(names[instants.kept[k]], 0.0) for k in instants.at])
+    return None if no_smaller or np.all(_rubbing(fitted, instants) < HARDLY_RUBS * errors) else fitted
+
+
+def _rubbing(fitted: FittedValues, instants: Instants) -> Array:
+    """Return how large (n,) friction and rotors of the joints are, rms."""
+    law = fitted.friction
+    assert law is not None
+    b = np.stack([law.coulomb, law.viscous, law.inertia])
+    return column_rms(np.einsum("kn,kmn->mn", b, instants.columns[:3][:, :, instants.at]))
 
 
 def with_blows(force: Array, y: Array, J: Array) -> Array:

@@ -283,6 +283,21 @@ def test_a_calibration_that_knows_no_friction_makes_nothing_worse(folder: Path, 
     assert any("none was fitted" in line for line in told.warnings)
 
 
+def test_an_arm_that_does_not_rub_is_not_said_to(tmp_path: Path) -> None:
+    """After a noisier free log: errors became smaller without friction, which passed for some, and hid the contacts."""
+    write_log(tmp_path / "free.csv", 51, nothing, rubs=0.0)
+    write_log(tmp_path / "push.csv", 52, pushed, rubs=0.0)
+    table, rng = pd.read_csv(tmp_path / "free.csv"), np.random.default_rng(1)
+    for k in range(6):
+        table[f"tau{k}"] += 2.0 * rng.standard_normal(len(table))
+    table.to_csv(tmp_path / "free.csv", index=False)
+    found = estimate(
+        opened(tmp_path / "push.csv", ["tool0"]), calibration=calibrate([opened(tmp_path / "free.csv", ["tool0"])])
+    )
+    assert not any("friction" in line for line in found.warnings)
+    assert found.observers["force_level"].events
+
+
 @pytest.mark.parametrize(
     ("seed", "change", "verdict"),
     [

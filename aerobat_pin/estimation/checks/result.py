@@ -32,6 +32,7 @@ from aerobat_pin.observers import AllBut, Applications, Expected, moving_weight
 from aerobat_pin.records import Record
 
 LATE_COMMAND = 5.0e-3  # [s]
+FIT_HARMS = 1.02  # times what is left without a fit, from which it does harm elsewhere; of one of next to nothing 1
 FIT_WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
 HARDLY, LARGE = 0.8, 0.2  # of what is left without a fit of friction, and of the effort, from which it explains nothing
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
@@ -97,7 +98,7 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
         if np.isnan(fit.outside) and not fit.name.endswith(BESIDE):  # which k tests
             text = f"{fit.name}: no further part is known to be free of contact (use.free), so nothing tests it"
             yield Finding("fit", "note", text)
-        elif fit.outside > fit.before or fit.outside > FIT_WORSE * fit.inside:
+        elif fit.outside > FIT_HARMS * fit.before or fit.outside > FIT_WORSE * fit.inside:
             sizes = (
                 f"leaves {fit.outside:.3g} {fit.unit} on the rest, {fit.inside:.3g} where fitted, "
                 f"{fit.before:.3g} without"
