@@ -113,12 +113,12 @@ def _read_otherwise(
     _, least = _least_squares(balance, balance.rubbing)
     noisy = share < ABOVE_NOISE * _white_share(balance)
     if min(share, scaled) > (GOOD if noisy else WORTH):
-        mapped = JointReading.as_mapped(record)
+        mapped, needed = JointReading.as_mapped(record), balance.size / len(motion.q)
         if turned > GOOD or np.all(signs > 0.0):
-            reading = reading_of(record, motion)
+            reading = reading_of(record, motion, needed)
         else:  # of joints that turn the other way efforts are reversed, too
             reading = mapped.otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)
-        (left,) = left_by_readings(record, motion, [reading])
+        (left,) = left_by_readings(record, motion, [reading], needed)
         factors = float(least @ least) / balance.size  # what they leave, with a number for each joint and friction
         k, enough = int(np.argmax(np.abs(reading.turn))), LEFT_BY_JOINTS * share
         if not record.robot.knows_forces:  # else these may be wrong, and are those of the joints as mapped

@@ -27,12 +27,13 @@ DOWNHILL_OF_LEGS = np.radians([15.0, 7.5, 4.0, 2.0]).tolist()  # from the best o
 LIMBS_IN_ANY_ORDER = 4  # so many at most
 
 
-def reading_of(record: Record, motion: FreeMotion) -> JointReading:
+def reading_of(record: Record, motion: FreeMotion, needed: float) -> JointReading:
     """Return the reading that leaves least beside friction.
 
     Args:
         record: of a free robot.
         motion: its motion at some instants.
+        needed: what is needed as mapped, the mean of its squares over the instants.
     """
     few, reading = motion.every(max(1, len(motion.q) // FEW_INSTANTS)), JointReading.as_mapped(record)
     limbs = [limb for limb in record.robot.limbs(record.driven) if len(limb) > 1]
@@ -49,15 +50,18 @@ def reading_of(record: Record, motion: FreeMotion) -> JointReading:
             yield group, reading.otherwise(group, 0.0, -1.0, -1.0)
         yield from (((), reading.moved(*order)) for order in orders)
 
-    (left,) = left_by_readings(record, few, [reading])
+    def left_by(readings: Sequence[JointReading], motion: FreeMotion = few) -> list[float]:
+        return left_by_readings(record, motion, readings, needed)
+
+    (left,) = left_by([reading])
     for _ in range(MOST_MISREADINGS):
         tried = list(changes(reading))
-        first = left_by_readings(record, few.every(FIRST_LOOK), [each for _, each in tried])
+        first = left_by([each for _, each in tried], few.every(FIRST_LOOK))
         tried = [tried[k] for k in np.argsort(first)[:SEEN_AGAIN]]
-        group, best = tried[np.argmin(left_by_readings(record, few, [each for _, each in tried]))]
+        group, best = tried[np.argmin(left_by([each for _, each in tried]))]
         if any(best.turn[k] for k in group):
-            best = downhill(best, group, DOWNHILL_OF_LEGS, lambda each: left_by_readings(record, few, [each])[0])
-        (least,) = left_by_readings(record, few, [best])
+            best = downhill(best, group, DOWNHILL_OF_LEGS, lambda each: left_by([each])[0])
+        (least,) = left_by([best])
         if least > FAR_LESS * left:
             break
         reading, left = best, least
@@ -66,8 +70,13 @@ def reading_of(record: Record, motion: FreeMotion) -> JointReading:
     return reading
 
 
-def left_by_readings(record: Record, motion: FreeMotion, readings: Sequence[JointReading]) -> list[float]:
-    """Return what each reading leaves beside friction, over what is needed, in squares."""
+def left_by_readings(
+    record: Record, motion: FreeMotion, readings: Sequence[JointReading], needed: float
+) -> list[float]:
+    """Return what each reading leaves beside friction, over what is needed, in squares.
+
+    But not over more than is `needed` as mapped, in the mean: a reading may need much and leave as much.
+    """
     read, count = list[FreeMotion](), len(motion.q)
     for reading in readings:
         q, v, a, tau = reading.of_motion(record, motion.q, motion.v, motion.a, effort=motion.tau)
@@ -77,7 +86,7 @@ def left_by_readings(record: Record, motion: FreeMotion, readings: Sequence[Join
     if balance is None:
         return len(readings) * [np.inf]
     parts = (balance.between(k * count, (k + 1) * count) for k in range(len(readings)))
-    return [part.beside_friction(part.residual) for part in parts]
+    return [part.beside_friction(part.residual) * max(1.0, part.size / (count * needed)) for part in parts]
 
 
 def _sharing_a_sense(limbs: list[tuple[int, ...]]) -> list[list[int]]:
