@@ -6,7 +6,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
+from support import robot_parts as made
 from support.further import further
 from support.recorded import recorded
 from support.walking_log import LEGS, table, table_map, urdf, walk
@@ -167,3 +170,61 @@ def test_a_go2_that_mujoco_moves_is_read_right(
         text = said[CHECKS[kind]].text.partition(", which leaves")[0] if CHECKS[kind] in said else ""
         right += {joint for joint in JOINTS if names[joint] in text} == wrong
     assert right >= least
+
+
+@pytest.mark.parametrize("seed", [1, *further(2, 3)])
+def test_noise_of_a_flapping_robot_is_no_joint_of_another_zero(seed: int, tmp_path: Path) -> None:
+    """Its rows need no more than their noise: a wing 40 deg off needs twenty times as much, and left twice as much."""
+    parts = [
+        made.link("torso", 0.42, "0.01 0 -0.01", (9e-4, 2.2e-3, 2.4e-3)),
+        made.link("stand"),
+        made.joint("s", "fixed", "torso", "stand"),
+    ]
+    for name, side in (("left", 1), ("right", -1)):
+        parts += [made.link(name, 0.035, f"-0.02 {0.16 * side} 0", (4.2e-4, 6e-5, 4.7e-4)), made.link(f"{name}_tip")]
+        parts += [made.joint(f"{name}_root", "revolute", "torso", name, f"0.03 {0.03 * side} 0.02", "1 0 0")]
+        parts += [made.joint(f"{name}_end", "fixed", name, f"{name}_tip", f"-0.02 {0.25 * side} 0")]
+    parts += [
+        made.link("tail", 0.02, "-0.06 0 0", (2e-5, 4e-5, 5e-5)),
+        made.joint("tail_root", "revolute", "torso", "tail", "-0.15 0 0"),
+    ]
+    (tmp_path / "bird.urdf").write_text(f'<robot name="bird">{"".join(parts)}</robot>')
+    model, rng, time = (
+        pin.buildModelFromXML((tmp_path / "bird.urdf").read_text(), pin.JointModelFreeFlyer()),
+        np.random.default_rng(seed),
+        np.arange(4000) / 1000.0,
+    )
+    data, pitch, flap = model.createData(), 0.1 * np.sin(0.7 * time), 0.6 * np.sin(8.0 * np.pi * time)
+    place = np.stack([0.3 * np.sin(time), 0.2 * np.sin(0.8 * time), 1.5 + 0.2 * np.sin(1.2 * time)], axis=1)
+    turns = Rotation.from_rotvec(pitch[:, None] * [0.0, 1.0, 0.0])
+    angles = np.stack([flap, -flap, 0.3 * np.sin(2.0 * time)], axis=1)
+    q = np.column_stack([place, turns.as_quat(), angles])
+    v = np.column_stack(
+        [
+            turns.inv().apply(np.gradient(place, time, axis=0)),
+            np.gradient(pitch[:, None] * [0.0, 1.0, 0.0], time, axis=0),
+            np.gradient(angles, time, axis=0),
+        ]
+    )
+    tau = np.array([pin.rnea(model, data, *each) for each in zip(q, v, np.gradient(v, time, axis=0), strict=True)])
+    v += rng.standard_normal(v.shape) * [*3 * [2e-3], *3 * [5e-3], *3 * [0.02]]
+    tau += 0.01 * rng.standard_normal(tau.shape)
+    joints = ["left_root", "right_root", "tail_root"]
+    columns = dict(zip("x y z qx qy qz qw".split(), q[:, :7].T, strict=True)) | {"t": time}
+    columns |= dict(zip("vx vy vz wx wy wz".split(), v[:, :6].T, strict=True)) | dict(
+        zip("fx fy fz mx my mz".split(), tau[:, :6].T, strict=True)
+    )
+    for k, name in enumerate(joints):
+        columns |= {f"{name}_q": angles[:, k], f"{name}_v": v[:, 6 + k], f"{name}_e": tau[:, 6 + k]}
+    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    chosen = {
+        "robot": {"urdf": "bird.urdf", "root": "free_flyer", "points": ["left_tip", "right_tip"]},
+        "log": {"time": {"column": "t"}},
+        "base": made.channels("xyz", position="{}", velocity="v{}", rate="w{}")
+        | made.channels("xyzw", quaternion="q{}"),
+        "joints": {"names": joints, **made.channels(joints, position="{}_q", velocity="{}_v", effort="{}_e")},
+        "known": {"stand": {"columns": ["fx", "fy", "fz", "mx", "my", "mz"], "frame": "stand", "axes": "frame"}},
+        "observer": {"gain": 200},
+    }
+    chosen["base"]["velocity"]["axes"] = "body"
+    assert warned(pd.DataFrame(columns), chosen, tmp_path) == []
