@@ -16,8 +16,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from aerobat_pin.forces.inputs import KnownInputs
-from aerobat_pin.forces.inverse_dynamics import accelerations, halfway
+from aerobat_pin.forces.inverse_dynamics import accelerations, halfway, slope_noise
 from aerobat_pin.forces.run_observers import ignored_rows, points_of
+from aerobat_pin.forces.trust import sample_noise
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MOMENT_ARM, SMOOTH_RATE, AllBut, Applications
 from aerobat_pin.records import Block, Record
@@ -47,6 +48,7 @@ class Balance:
         a: (instants, joints) accelerations.
         span: time that the instants cover [s].
         later: time [s] -> (instants, joints) what the efforts are so much later [N m, N].
+        shaken: () -> sum of squares of what noise of the motion makes of what is needed.
     """
 
     needed: Array
@@ -59,6 +61,7 @@ class Balance:
     a: Array
     span: float
     later: Callable[[float], Array]
+    shaken: Callable[[], float]
 
     def between(self, first: int, last: int) -> Balance:
         """Return the equations of the instants from one to before another."""
@@ -151,6 +154,7 @@ class FreeMotion:
         known: (m, nv) generalised forces that are known [N, N m].
         span: time that the instants cover [s].
         later: time [s] -> (m, joints) what the efforts are so much later [N m, N].
+        noise: (nv,) standard deviation of a that changes from sample to sample.
     """
 
     q: Array
@@ -161,6 +165,7 @@ class FreeMotion:
     known: Array
     span: float
     later: Callable[[float], Array]
+    noise: Array
 
     def every(self, step: int) -> FreeMotion:
         """Return one of so many instants."""
@@ -174,7 +179,7 @@ class FreeMotion:
 
 def motion_of(record: Record, inputs: InputsBetween) -> FreeMotion | None:
     """Return a free robot's motion at instants spread over its record; None if it is too short."""
-    parts, seen = list[tuple[Array, ...]](), list[tuple[Array, Array, slice]]()
+    parts, seen, noise = list[tuple[Array, ...]](), list[tuple[Array, Array, slice]](), list[Array]()
     most = max(FEWEST_COMPARED, round(COMPARED_FOR * record.rate))
     step, at = max(1, most // INSTANTS), [record.robot.v_index(joint) for joint in record.driven]
     for stretch in record.spread(most, *(record.map.use.free or ())):
@@ -186,7 +191,9 @@ def motion_of(record: Record, inputs: InputsBetween) -> FreeMotion | None:
         chosen = slice(count // 10, count - count // 10, step)
         v = 0.5 * (block.v[:-1] + block.v[1:])
         known = sum(given.known.values(), np.zeros_like(given.tau))
-        rates = (each[chosen] for each in (v, accelerations(block, record), given.tau, known))
+        a = accelerations(block, record)
+        noise.append(slope_noise(sample_noise(block.v), record))
+        rates = (each[chosen] for each in (v, a, given.tau, known))
         parts.append((block.q[:-1][chosen], halfway(record, block, chosen), *rates))
         seen.append((given.time, given.tau[:, at], chosen))
     if not parts:
@@ -196,7 +203,8 @@ def motion_of(record: Record, inputs: InputsBetween) -> FreeMotion | None:
     def later(by: float) -> Array:
         return np.concatenate([later_efforts(record, time, efforts, by)[chosen] for time, efforts, chosen in seen])
 
-    return FreeMotion(q, middle, v, a, tau, known, len(q) * step * record.dt, later)
+    shaken = np.sqrt(np.mean(np.square(noise), axis=0))
+    return FreeMotion(q, middle, v, a, tau, known, len(q) * step * record.dt, later, shaken)
 
 
 def later_efforts(record: Record, time: Array, efforts: Array, by: float) -> Array:
@@ -226,7 +234,14 @@ def balance_of(record: Record, motion: FreeMotion) -> Balance | None:
     base = _weight_and_motion(_heavier_base(model), motion.q, motion)
     b, heavier = (np.einsum("nv,nv->n", project, part[instant]) for part in (needed, base))
     effort, rates, bends = (part[:, at] for part in (motion.tau, motion.v, motion.a))
-    return Balance(b, project[:, at], heavier, project, instant, effort, rates, bends, motion.span, motion.later)
+
+    def shaken() -> float:
+        M = np.array([pin.crba(model, model.createData(), q) for q in motion.halfway])
+        return float(np.sum((np.einsum("nv,nvw->nw", project, M[instant]) * motion.noise) ** 2))
+
+    return Balance(
+        b, project[:, at], heavier, project, instant, effort, rates, bends, motion.span, motion.later, shaken
+    )
 
 
 def _weight_and_motion(model: pin.Model, q: Array, motion: FreeMotion) -> Array:

@@ -55,6 +55,8 @@ def expected_of(record: Record, instants: Instants, values: FittedValues) -> Exp
     expected = expected_from(robot, rows, values, points, instants.effort, instants.needed)
     if not points or not len(instants.rows):
         return expected
+    unknown = [name not in values.row_noise for name in row_names(robot.model)]
+    expected = replace(expected, row_error=np.hypot(expected.row_error, np.where(unknown, instants.noise, 0.0)))
     if values.friction is None and not values.row_noise and instants.jacobians.shape[1] >= len(instants.kept):
         expected = replace(expected, row_error=np.hypot(expected.row_error, _rubbed(robot, instants)))
     some = instants.weighed

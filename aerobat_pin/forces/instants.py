@@ -17,6 +17,7 @@ from aerobat_pin.forces.inverse_dynamics import accelerations, mean_in, required
 from aerobat_pin.forces.known_forces import FittedValues, mean_motion
 from aerobat_pin.forces.run_observers import points_of
 from aerobat_pin.forces.stored_estimate import TIME_CONSTANTS_TO_SETTLE
+from aerobat_pin.forces.trust import sample_noise
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, MomentumObserver, low_passed, typical_step
 from aerobat_pin.records import Block, Record
@@ -50,6 +51,7 @@ class Instants:
         every: intervals of the record from one instant to the next.
         effort: (nv,) rms of the joint torques [N or N m].
         needed: (nv,) rms of what motion and weight need.
+        noise: (nv,) standard deviation of what changes in the rows from sample to sample.
     """
 
     time: Array
@@ -69,6 +71,7 @@ class Instants:
     every: int
     effort: Array
     needed: Array
+    noise: Array
 
     @property
     def weighed(self) -> slice:
@@ -111,12 +114,13 @@ def looked_at(
     joints = [joint for joint in driven if law is None or joint not in known]
     every = max(sum(len(stretch.tau) for stretch in stretches) // weighed, 1)
     observer, parts = MomentumObserver(model, points_of(record.map), gain, rows), []
-    moments, needed, aside = list[tuple[Array, ...]](), list[Array](), list[Array]()
+    moments, needed, aside, noise = list[tuple[Array, ...]](), list[Array](), list[Array](), list[Array]()
     known_forces: dict[str, list[Array]] = {name: [] for name in record.map.known}
     for stretch in stretches:
         (v, a), step = mean_motion(record, stretch.time, stretch.v), typical_step(stretch.time)
         share = -np.expm1(-gain * step)
         y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
+        noise.append(sample_noise(y))
         sliding, coulomb = np.tanh(v / stiction_rate), np.tanh(v / (stiction_rate if law is None else law.rate))
         chosen = settled_instants(stretch.time, gain)[::every]
         table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, -a, stretch.tau))])
@@ -157,6 +161,7 @@ def looked_at(
         every=every,
         effort=effort,
         needed=need,
+        noise=column_rms(np.array(noise)),
     )
 
 

@@ -21,6 +21,13 @@ def accelerations(block: Block, record: Record) -> Array:
     return np.asarray(0.5 * (a[1:] + a[:-1]))
 
 
+def slope_noise(noise: Array, record: Record) -> Array:
+    """Return the standard deviation (nv,) of `accelerations` of velocities that have white noise (nv,)."""
+    reach = 8 + round(SMOOTHING / record.dt)
+    a = slopes(np.eye(1, 2 * reach, reach).T, record.dt, SMOOTHING)  # of an impulse
+    return np.asarray(0.5 * np.linalg.norm(a[1:] + a[:-1]) * noise)
+
+
 def required_torque(record: Record, block: Block, acceleration: Array, at: slice = ALL) -> Array:
     """Return the generalised force (m, nv) that the motion needs: inertia, Coriolis and gravity (Pinocchio's rnea).
 

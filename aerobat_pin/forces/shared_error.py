@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from aerobat_pin.forces.coefficient_errors import coefficient_covariance
 from aerobat_pin.forces.explanations import QUARTERS, without_quarters
@@ -25,6 +26,7 @@ from aerobat_pin.observers import Expected
 NO_CHANCE = 3.0  # standard deviations from which errors count: a gain of half their square in the log likelihood
 ERROR_OF_MASS = 0.1  # of a link's, that nobody would notice
 ERRORS_TRIED = np.geomspace(1e-3, 1.0, 31)  # s that are tried
+AT_POINTS = 1e-3  # of what a link weighs, in squares, that forces at the points leave: what it errs by is one of these
 HARDLY_FELT = 1e-9  # share of a coefficient's information that is added to it
 
 
@@ -88,8 +90,22 @@ def shared_error(model: pin.Model, instants: Instants, expected: Expected) -> Sh
     friction = np.concatenate([x[:, None] * one for x in instants.columns[:2, some][..., instants.at]], axis=2)
     white = J / R[:, None]
     moved = np.linalg.solve(white @ np.swapaxes(J, 1, 2) + np.diag(expected.force**-2.0), white @ weights)
-    columns = np.concatenate([weights, friction], axis=2)
-    return shown_without_any_quarter(columns, instants.rows[some][:, kept], expected.force[:, None] * J, R, moved)
+    columns, y = np.concatenate([weights, friction], axis=2), instants.rows[some][:, kept]
+    found = shown_without_any_quarter(columns, y, expected.force[:, None] * J, R, moved)
+    if not np.any(many := np.abs(found.shown) > 1.0):
+        return found
+    columns[..., : len(many)][..., many & _loads(weights, J)] = 0.0
+    return shown_without_any_quarter(columns, y, expected.force[:, None] * J, R, moved)
+
+
+def _loads(weights: Array, J: Array) -> NDArray[np.bool_]:
+    """Return which links' weights (m, k, n) forces at the points would make, too.
+
+    What a wheel or a foot bears all the time looks like many times its mass, and is no error of it.
+    """
+    beside = weights - np.swapaxes(J, 1, 2) @ (np.linalg.pinv(np.swapaxes(J, 1, 2)) @ weights)
+    squares = (np.sum(each**2, axis=(0, 1)) for each in (beside, AT_POINTS**0.5 * weights))
+    return np.asarray(np.less(*squares))
 
 
 def shown_without_any_quarter(columns: Array, y: Array, force: Array, variance: Array, moved: Array) -> SharedError:

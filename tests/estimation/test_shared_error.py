@@ -14,7 +14,7 @@ import pinocchio as pin
 import pytest
 from support.further import further
 from support.recorded import edited, recorded
-from support.robot_parts import channels, efforts
+from support.robot_parts import channels, efforts, joint, link
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.estimation import Result, estimate
@@ -156,3 +156,52 @@ def test_how_far_masses_are_off_follows_from_those_that_forces_do_not_hide() -> 
     np.testing.assert_allclose(found.untested, [0.0, 0.0, 0.1], atol=0.01)
     for push in (0.0, 5.0):
         assert not found_beside_forces(np.zeros(3), rng, push).deviation.any()
+
+
+def test_what_wheels_bear_is_no_error_of_their_masses(tmp_path: Path) -> None:
+    """A pendulum between two wheels: its weight passed for wheels of five times their mass, and noise for a misfit.
+
+    Its moment needs nothing: such a row has the error of its noise, or k of that row makes all others as uncertain.
+    """
+    parts, mass, low, inertia = [link("base", 8.0, "0 0 -0.3", 3 * [0.1])], 8.0, 0.3, 0.1
+    for name, y in (("left", 0.2), ("right", -0.2)):
+        parts += [link(name, 1.0, "0 0 0", 3 * [2e-3]), joint(f"{name}_axle", "revolute", "base", name, f"0 {y} 0")]
+    (tmp_path / "hung.urdf").write_text(f'<robot name="hung">{"".join(parts)}</robot>')
+    rng, dt, theta, rate, swing = np.random.default_rng(4), 2e-3, 0.6, 0.0, list[list[float]]()
+    for _ in range(4000):  # by the leapfrog rule
+        half = rate - 0.5 * dt * mass * 9.81 * low * np.sin(theta) / (inertia + mass * low**2)
+        swing.append([theta, rate])
+        theta += dt * half
+        rate = half - 0.5 * dt * mass * 9.81 * low * np.sin(theta) / (inertia + mass * low**2)
+    angle, speed = np.array(swing).T
+    spin = -mass * 9.81 * low * np.sin(angle) / (inertia + mass * low**2)
+    zero, ahead = 0.0 * angle, low * (np.sin(angle) * speed**2 - np.cos(angle) * spin)
+    upward = low * (np.cos(angle) * speed**2 + np.sin(angle) * spin)
+    table = {"t": dt * np.arange(4000), "qx": zero, "qy": np.sin(0.5 * angle), "qz": zero, "qw": np.cos(0.5 * angle)}
+    values = {"x": zero, "y": zero, "z": zero, "vx": zero, "vy": zero, "vz": zero, "wx": zero, "wy": speed, "wz": zero}
+    table |= {name: one + (2e-4 if name in "xyz" else 3e-3) * rng.standard_normal(4000) for name, one in values.items()}
+    for name in ("left", "right"):
+        noise = 1e-3 * rng.standard_normal((3, 4000))
+        table |= {f"{name}_q": -angle + noise[0], f"{name}_v": -speed + noise[1], f"{name}_e": noise[2]}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    names = ["left_axle", "right_axle"]
+    chosen = {
+        "robot": {"urdf": "hung.urdf", "root": "free_flyer", "points": ["left", "right"]},
+        "log": {"time": {"column": "t"}},
+        "base": channels("xyz", position="{}", velocity="v{}", rate="w{}") | channels("xyzw", quaternion="q{}"),
+        "joints": {"names": names, **channels(["left", "right"], position="{}_q", velocity="{}_v", effort="{}_e")},
+        "observer": {"gain": 100.0},
+    }
+    result = estimate(recorded(tmp_path / "log.csv", chosen))
+    assert not [one for one in result.findings if one.warns]
+    assert result.observers["force_level"].k < 1.5
+    half = 0.5 * np.column_stack([mass * ahead, mass * upward + 10.0 * 9.81])  # of each wheel, along x and z
+    middle = 0.5 * (half[1:] + half[:-1])
+    found = result.estimates["force_level"]
+    late = found.time[:-1] > 0.1
+    for one in ("left", "right"):
+        for axis, truth in zip("xz", middle.T, strict=True):
+            error = found.component(f"{one}.F{axis}") - truth
+            k = found.identifiability.components.index(f"{one}.F{axis}")
+            assert found.standard_deviation[late, k].mean() < 7.0
+            assert np.mean(np.abs(error) < 2.0 * found.standard_deviation[:, k], where=late) > 0.95

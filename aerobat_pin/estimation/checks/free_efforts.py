@@ -309,9 +309,9 @@ def _measured_per_needed(balance: Balance, factors: Array, residual: Array) -> t
 
 
 def _white_share(balance: Balance) -> float:
-    """Return the square sum of what is white in the efforts, over the needed one."""
+    """Return the square sum of what is white in the efforts and the motion, over the needed one."""
     x = balance.effort  # means over intervals, of which only every other one has noise of its own
     if len(x) < 5:
         return 0.0
     white = np.median(np.abs(x[4:] - 2.0 * x[2:-2] + x[:-4]), axis=0) / WHITE_SECOND_DIFFERENCE
-    return float(np.sum((balance.reach * white) ** 2)) / balance.size
+    return (float(np.sum((balance.reach * white) ** 2)) + balance.shaken()) / balance.size
