@@ -22,6 +22,7 @@ from .joint_channels import encoder_words as encoder_words
 from .joint_channels import joint_requests as joint_requests
 from .joint_channels import requests_of as requests_of
 from .joint_channels import torque_per_unit as torque_per_unit
+from .joint_columns import said_unit as said_unit
 from .joint_names import listed_joints as listed_joints
 from .learnable import Condition as Condition
 from .learnable import Extras as Extras
@@ -70,4 +71,3 @@ from .spool import series_of as series_of
 from .spool import spread_stretches as spread_stretches
 from .spool import typical_spacing as typical_spacing
 from .suggest import suggested_map as suggested_map
-from .suggest_joints import said_unit as said_unit

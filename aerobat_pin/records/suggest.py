@@ -18,12 +18,13 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import SECONDS, header_of
+from aerobat_pin.records.joint_columns import joint_columns, named_unit
 from aerobat_pin.records.map_tables import LogTable, TimeSection
 from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.spool import typical_spacing
-from aerobat_pin.records.suggest_joints import followers, joint_columns, listed, named_unit, suggest_joints, topic_of
+from aerobat_pin.records.suggest_joints import followers, listed, suggest_joints, topic_of
 from aerobat_pin.records.suggest_rotors import ROTOR_WORDS, suggest_rotors
 
 TIME = re.compile(

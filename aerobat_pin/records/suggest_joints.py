@@ -4,41 +4,25 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from aerobat_pin.records.columns import Columns
-from aerobat_pin.records.joint_channels import JOINT_KINDS
+from aerobat_pin.records.joint_columns import (
+    PART_WORDS,
+    columns_by_name,
+    joint_columns,
+    named_unit,
+    numbered_columns,
+    rivals,
+    said_unit,
+)
 from aerobat_pin.records.joint_names import as_names, nearest_joints
 from aerobat_pin.records.robots import Mimic, PlainRobot
 
-NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)(?P<tail>(?:\D.*)?)$", re.IGNORECASE)
-PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
-    "velocity": {"v", "vel", "velocity", "velocities", "qd", "dq", "qdot", "rate", "speed"},
-    "effort": {"tau", "torque", "trq", "effort", "efforts", "eff", "current", "cur", "i", "moment"},
-    "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
-}
-CURRENT_WORDS = {"current", "cur", "i"}
-WANTED_WORDS = {"target", "desired", "des", "cmd", "command", "commanded", "setpoint", "goal", "ref", "reference"}
-OTHER_WORDS = {"voltage", "volt", "temp", "temperature", "acc", "accel", "acceleration", "ext", "external", "error"}
-UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
-    "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
-    "length": {"mm": "mm", "cm": "cm", "m": "m"},
-    "speed": {"mms": "mm/s", "ms": "m/s", "mps": "m/s"},
-    "force": {"n": "N"},
-    "angle": {"deg": "deg", "degrees": "deg", "rad": "rad"},
-    "rate": {"dps": "deg/s", "degs": "deg/s", "deg": "deg/s", "rads": "rad/s", "rad": "rad/s", "rpm": "rpm"},
-    "torque": {"a": "A", "ma": "mA", "nm": "N m", "mnm": "mN m"},
-    "acceleration": {"g": "g", "mg": "mg", "ms2": "m/s2"},
-}
 KIND_OF_SLIDE = {"position": "length", "velocity": "speed", "effort": "force"}
 SI_UNITS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "effort": ("N m", "N")}  # where it turns, slides
-BEHIND_NUMBERS = {  # words that a numbered joint's column may end in
-    *("", "j", "joint", "motor", "actual", "act", "measured", "meas", "per", "s", "sec", "n", "m", *WANTED_WORDS),
-    *(word for words in PART_WORDS.values() for word in words),
-    *(word for kind in JOINT_KINDS.values() for word in UNITS_IN_NAMES[kind]),
-}
 LARGEST_RADIANS = 7.0  # of an angle that has an end; beyond, degrees are suggested
 ENDLESS = 100.0  # [rad]: a joint that goes so far turns on
 
@@ -69,7 +53,7 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         yield from _without_robot(columns)
         return
     names, parts_of = list(robot.joints), _columns_of(columns, robot)
-    as_named = topic is not None or parts_of == _named_columns(columns, names)
+    as_named = topic is not None or parts_of == columns_by_name(columns, names)
     for name, mimic in following.items():
         parts_of[name] = {part: column for part, column in parts_of[mimic.leader].items() if part != "effort"}
     placed = [name for name in names if "position" in parts_of.get(name, {})]
@@ -83,6 +67,8 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         return
     whole = {part: [parts_of[name][part] for name in placed if part in parts_of[name]] for part in PART_WORDS}
     slides = [name for name in placed if robot.slides(name)]
+    if not topic and (beside := rivals(columns, parts_of)):
+        yield f"# or {', '.join(beside)}? Of a spring or a gear take all columns on the side of the link"
     if not as_named:
         yield "# the columns are not called like the joints: are they in this order?"
     yield f"names = {listed(placed)}"
@@ -110,6 +96,7 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         lacking = ", ".join(name for name in driven if "effort" not in parts_of[name])
         found = ", ".join(f'"{parts_of[name]["effort"]}"' if "effort" in parts_of[name] else "..." for name in driven)
         yield f"# MISSING: what drives {lacking}? No column is called so, and without it no row of a joint is believed:"
+        yield f"# passive = {listed(name for name in driven if 'effort' not in parts_of[name])}  # or nothing at all?"
         yield f"# effort = {{columns = [{found}]{units['effort']}"
     for key, plain in (("factor", 1.0), ("offset", 0.0)):
         others = {name: value for name, mimic in following.items() if (value := getattr(mimic, key)) != plain}
@@ -151,7 +138,7 @@ def _columns_of(columns: Columns, robot: PlainRobot) -> dict[str, dict[str, str]
 
 def _without_robot(columns: Columns) -> Iterator[str]:
     """Yield a comment about columns that look like those of joints, which a map without a robot cannot use."""
-    parts_of = _numbered_columns(columns, [str(k) for k in range(len(columns.values))])
+    parts_of = numbered_columns(columns, [str(k) for k in range(len(columns.values))])
     if parts_of:
         whole = {part: [parts[part] for parts in parts_of.values() if part in parts] for part in PART_WORDS}
         some = "; ".join(f"{part} {', '.join(names)}" for part, names in whole.items() if names)
@@ -208,115 +195,6 @@ def _rate_unit(columns: Columns, places: list[str], rates: list[str], angle: str
         return f"{angle}/s"
     moved = np.radians(moved) if angle == "deg" else moved
     return min(("rad/s", 1.0), ("deg/s", np.pi / 180.0), key=lambda unit: abs(np.log(moved / (said * unit[1]))))[0]
-
-
-def _is_current(name: str) -> bool:
-    """Return whether a column's name says that it is a current."""
-    words = set(re.split(r"[^a-z]+", name.lower()))
-    return bool(words & CURRENT_WORDS) and not words & (PART_WORDS["effort"] - CURRENT_WORDS)
-
-
-def joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
-    """Return joint -> position, velocity, effort -> column, by names or, where that finds less, in their order."""
-    named, numbered, ordered = (find(columns, names) for find in (_named_columns, _numbered_columns, _ordered_columns))
-    other = max(numbered, ordered, key=len)
-    return other if not named or len(other) == len(names) > len(named) else named
-
-
-def _described(columns: Columns) -> list[str]:
-    """Return the columns that may be a joint's, what was measured of it before what was wanted."""
-    words = {name: set(_words_of_name(name)) for name in columns.values}
-    likely = [name for name in words if not words[name] & OTHER_WORDS]
-    return sorted(likely, key=lambda name: bool(words[name] & WANTED_WORDS))
-
-
-def _words_of_name(name: str) -> list[str]:
-    return re.split(r"[^a-z0-9]+", name.lower())
-
-
-def _part_in(text: str) -> str | None:
-    """Return whether a column's name, without its joint's, says position, velocity or effort, by a word or its unit."""
-    words = set(_words_of_name(text))
-    part = next((part for part, known in PART_WORDS.items() if words & (known - {""})), None)
-    return part or next((part for part, kind in JOINT_KINDS.items() if named_unit(kind, [text])), None)
-
-
-def _named_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
-    """Return joint -> position, velocity, effort -> column, as far as the columns' names say.
-
-    A column is that of the longest name in it: wrist_roll_pos is none of wrist.
-    """
-    shorts = {joint: joint.lower().removesuffix("_joint") for joint in sorted(names, key=len, reverse=True)}
-    patterns = {
-        joint: re.compile(rf"(?<![a-z0-9]){re.escape(short)}(_joint)?(?![a-z0-9])") for joint, short in shorts.items()
-    }
-    parts_of: dict[str, dict[str, str]] = {}
-    for name in _described(columns):
-        joint = next((joint for joint, pattern in patterns.items() if pattern.search(name.lower())), None)
-        if joint is not None:
-            others = patterns[joint].sub(" ", name.lower())
-            part = _part_in(others) or ("position" if {*_words_of_name(others)} <= {""} else None)
-            if part is not None:
-                parts_of.setdefault(joint, {}).setdefault(part, name)
-    return parts_of
-
-
-def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
-    """Return joint -> part -> column of names such as base_pos_deg, base_speed, if they are as many as the joints."""
-    units = {word for words in UNITS_IN_NAMES.values() for word in words} | {"", "joint", "per"}
-    parts_of: dict[str, dict[str, str]] = {}
-    for name in _described(columns):
-        part = _part_in(name)
-        if part is not None:
-            stem = "_".join(
-                word for word in _words_of_name(name) if word not in PART_WORDS[part] | units | WANTED_WORDS
-            )
-            parts_of.setdefault(stem, {}).setdefault(part, name)
-    whole = [parts for stem, parts in parts_of.items() if stem and "position" in parts and len(parts) > 1]
-    return dict(zip(names, whole, strict=True)) if len(whole) == len(names) else {}
-
-
-def _numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
-    """Return joint -> part -> column of names as q1, q2 and A1_vel_deg_s, A2_vel_deg_s: first joints in their order."""
-    series: dict[tuple[str, str], dict[int, str]] = {}
-    for name in _described(columns):
-        match = NUMBERED.match(name)
-        if match is not None and BEHIND_NUMBERS.issuperset(_words_of_name(match["tail"])):
-            series.setdefault((match["stem"].lower(), match["tail"].lower()), {})[int(match["number"])] = name
-    parts_of: dict[str, dict[str, str]] = {}
-    for (stem, tail), listed in series.items():
-        part = _part_in(f"{stem} {tail}")
-        first, count = min(listed), len(listed)
-        if count == 4 and _are_turns(columns, list(listed.values())):
-            continue
-        if part is not None and first in (0, 1) and count == max(listed) - first + 1 and 1 < count <= len(names):
-            for joint, number in zip(names, sorted(listed), strict=False):
-                parts_of.setdefault(joint, {}).setdefault(part, listed[number])
-    return parts_of if any("position" in parts for parts in parts_of.values()) else {}
-
-
-def _are_turns(columns: Columns, names: list[str]) -> bool:
-    """Return whether columns are quaternions: their squares add up to one."""
-    squares = sum(columns.sample(name) ** 2 for name in names)
-    return bool(np.nanmax(np.abs(squares - 1.0)) < 0.01)
-
-
-def named_unit(kind: str, names: Sequence[str]) -> str | None:
-    """Return the unit that the last words of columns' names say, if they all say the same: A1_vel_deg_s is in deg/s."""
-    units, known = set(), UNITS_IN_NAMES[kind]
-    for name in names:
-        words = [word for word in _words_of_name(name.rstrip(")] ")) if word != "per"]
-        units.add(known.get("".join(words[-2:])) or known.get(words[-1] if words else ""))
-    return units.pop() if len(units) == 1 else None
-
-
-def said_unit(part: str, names: Sequence[str]) -> str | None:
-    """Return the unit that columns' names say, as current or A1_deg, of position, velocity or effort of joints.
-
-    None unless they all say the same.
-    """
-    currents = part == "effort" and bool(names) and all(map(_is_current, names))
-    return named_unit(JOINT_KINDS[part], names) or ("A" if currents else None)
 
 
 def topic_of(columns: Columns, *kinds: str) -> str | None:

@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.records.columns import Columns
-from aerobat_pin.records.suggest_joints import WANTED_WORDS, listed
+from aerobat_pin.records.joint_columns import WANTED_WORDS
+from aerobat_pin.records.suggest_joints import listed
 
 LAST_NUMBER = re.compile(r"^(?P<stem>.*\D)(?P<number>\d+)(?P<tail>\D*)$")
 ROTOR_WORDS = {"rotor", "rotors", "rot", "prop", "propeller", "thrust", "throttle", "esc", "pwm"}

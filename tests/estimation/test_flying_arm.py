@@ -3,12 +3,15 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.spatial.transform import Rotation
 from support.flying_arm import RATE, THRUST, fly, flying_map, pushed
 from support.further import further
 from support.recorded import edited, recorded
+from support.robot_parts import channels
 
-from aerobat_pin.errors import MapError
+from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.forces.contacts import found_contacts
 from aerobat_pin.forces.fit_known_forces import fitted_forces
@@ -146,3 +149,36 @@ def test_a_faint_push_that_lasts_is_one_contact(seed: int, tmp_path: Path) -> No
     result = estimate(recorded(tmp_path / "pushed.csv", chosen), calibration=calibration)
     contacts = found_contacts(result.stored["force_level"], result.calibration)
     np.testing.assert_allclose([(each.onset, each.end) for each in contacts or ()], pushes, atol=0.05)
+
+
+def test_a_gyro_that_counts_the_other_way_about_an_axis_is_named_beside_the_quaternion(tmp_path: Path) -> None:
+    """A hover turns about y alone: to it w, x, y, z is the same mistake, which was named alone, as certain."""
+    table = fly(13)[0].copy()
+    table["wy"] *= -1.0
+    table.to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(LogError, match=r"the columns seem to be w, x, y, z.*; or gyro counts the other way about y"):
+        estimate(recorded(tmp_path / "log.csv", flying_map(tmp_path, ["tip"])))
+
+
+def test_one_axis_of_a_gyro_is_no_reading_of_a_quaternion(tmp_path: Path) -> None:
+    """Where the others follow: of a body that turns about all three."""
+    rng, time = np.random.default_rng(5), np.arange(2000) / 200.0
+    vector = np.stack([0.05 * np.sin(2.0 * time), 0.3 * np.sin(1.3 * time + 1.0), 0.05 * np.sin(1.7 * time)], axis=1)
+    turns = Rotation.from_rotvec(vector)
+    rate = (turns[:-1].inv() * turns[1:]).as_rotvec() * 200.0
+    table = (
+        {"t": time[1:]} | dict(zip("xyzw", turns[1:].as_quat().T, strict=True)) | dict.fromkeys(("px", "py", "pz"), 0.0)
+    )
+    table |= {f"w{axis}": rate[:, k] + 2e-3 * rng.standard_normal(len(rate)) for k, axis in enumerate("xyz")}
+    table["wy"] = -table["wy"]
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    chosen = {
+        "robot": {"body": {"mass": 1.0, "inertia": [0.01, 0.01, 0.01]}, "points": ["body"]},
+        "log": {"time": {"column": "t"}},
+        "base": channels("xyz", position="p{}", rate="w{}")
+        | channels("xyzw", quaternion="{}")
+        | {"velocity": {"from": "pose", "window": 0.05}},
+    }
+    told = {one.check for one in estimate(recorded(tmp_path / "log.csv", chosen), trust=True).findings if one.warns}
+    assert "gyro against attitude" in told
+    assert "quaternion order" not in told

@@ -148,6 +148,17 @@ def test_a_column_is_that_of_the_joint_with_the_longest_name_in_it(names: tuple[
         assert joints[part]["columns"] == [f"{name}_{word}" for name in names]
 
 
+def test_a_column_that_may_be_another_is_asked_for(tmp_path: Path) -> None:
+    """Of a spring in the joint the motor's side was taken, with the rate of the link's, without a question."""
+    parts = [link("base"), link("arm", 1.0, "0 0 0.1", 3 * [0.01]), joint("elbow", "revolute", "base", "arm")]
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{"".join(parts)}</robot>')
+    names = ("motor_pos", "link_pos", "link_vel", "cmd_pos", "motor_torque", "spring_torque")
+    swings = {f"elbow_{name}": np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, name in enumerate(names)}
+    pd.DataFrame({"t": 0.01 * np.arange(50.0), **swings}).to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    assert "# or elbow_link_pos, elbow_spring_torque? Of a spring or a gear" in text
+
+
 @pytest.mark.parametrize(("largest", "unit"), [((13.5, 1.2), "rad"), ((13.5, 70.0), "deg"), ((1.0, 1.2), "rad")])
 def test_a_joint_that_turns_on_may_have_any_angle(largest: tuple[float, float], unit: str, tmp_path: Path) -> None:
     """A slew that turned by 13.5 rad made degrees of all angles, and the forces wrong by 24 N without a word."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.compare import comparison_of
+from aerobat_pin.estimation.checks.compare import FOLLOWS, LEAST_MOTION, comparison_of
 from aerobat_pin.estimation.findings import Finding, FindingVerdict
 from aerobat_pin.numerics import COMPARED_OVER, Array
 from aerobat_pin.observers import rotation_matrices
@@ -52,12 +52,16 @@ def reading_findings(
     low = -np.inf if weightless else low
     shares, misfit, upward = dict[Reading, Array](), dict[Reading, float](), dict[Reading, float]()
     for reading, turns in attitudes.items():
-        shares[reading] = share = _shares(pairs(turns))
+        made = pairs(turns)
+        shares[reading] = share = _shares(made)
         misfit[reading] = float(np.linalg.norm(share)) / max(len(share), 1) ** 0.5
         upward[reading] = _upward(turns, specific_force)
-        if reading == mapped and len(share) > 0 and misfit[mapped] < CERTAINLY_FITS and upward[mapped] > low:
-            others = []
-            break
+        fits = len(share) > 0 and misfit[mapped] < CERTAINLY_FITS and upward[mapped] > low
+        if reading == mapped:
+            seem = [_other_way(pair) for pair in made]
+            if fits or any(alone for _, alone in seem):
+                others = []
+                break
     moving, worst = len(shares[mapped]) > 0, np.maximum(WORSE * shares[mapped], WORSE_FROM)
     text = (
         f"read as {_words(mapped)}, it leaves {misfit[mapped]:.2g} of the motion and points up by {upward[mapped]:.2f}"
@@ -70,7 +74,7 @@ def reading_findings(
     if motion_says or (upward[mapped] < low and upward[best] > upward[mapped] + gain):
         what = (
             f"{text}, as {_words(best)} {misfit[best]:.2g} and {upward[best]:.2f}: the columns seem to be "
-            f'{_words(best)} (order = "{best[0]}", sense = "{best[1]}")'
+            f'{_words(best)} (order = "{best[0]}", sense = "{best[1]}")' + "".join(words for words, _ in seem)
         )
         yield Finding("quaternion order", "refused" if certain else "warning", what, misfit[mapped], "1")
     elif not moving and specific_force is None:
@@ -88,6 +92,22 @@ def _shares(pairs: list[Agreement]) -> Array:
     comparisons = filter(None, map(comparison_of, pairs))
     norms = [(np.linalg.norm(each.residual), float(np.linalg.norm(each.sizes[1]))) for each in comparisons]
     return np.array([residual / max(size, 1e-12) for residual, size in norms])
+
+
+def _other_way(pair: Agreement) -> tuple[str, bool]:
+    """Return in words which columns of the second series count the other way, and whether certainly just one does.
+
+    No reading of a quaternion turns one axis alone, if the others follow.
+    """
+    comparison = comparison_of(pair)
+    if comparison is None:
+        return "", False
+    moving = comparison.swings.max(axis=0) > LEAST_MOTION
+    wrong, clear = moving & (comparison.correlation < -FOLLOWS), np.abs(comparison.correlation[moving]) > FOLLOWS
+    labels = ", ".join(label for label, one in zip(pair.labels, wrong, strict=True) if one)
+    return labels and f"; or {pair.names[1]} counts the other way {labels}", len(
+        clear
+    ) > 2 and clear.all() and wrong.sum() == 1
 
 
 def _upward(attitude: Array, specific_force: Array | None) -> float:

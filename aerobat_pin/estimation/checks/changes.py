@@ -5,7 +5,6 @@ Factors of efforts, exchanged columns; gravity of another direction, a joint's z
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -15,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_effort, wrong_effort
-from aerobat_pin.estimation.checks.readings import limb_pairs, swapped
+from aerobat_pin.estimation.checks.readings import joint_pairs, limb_pairs, swapped
 from aerobat_pin.estimation.checks.sensor_zeros import LEAST_MOMENT
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
@@ -126,8 +125,7 @@ def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, wit
         yield common
         yield Change(partial(_own_factors, names, moving), needed, doubt=FACTOR, cases=(common, *single))
         yield from single
-    pairs: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(names)), 2)]
-    for pair in [*pairs, *(limb_pairs(record) if len(names) == len(record.driven) else [])]:
+    for pair in [*joint_pairs(record.robot, names), *(limb_pairs(record) if len(names) == len(record.driven) else [])]:
         shift = np.zeros_like(rows.y)
         for j, k in zip(*pair, strict=True):
             apart = rows.effort[:, at[k]] - rows.effort[:, at[j]]

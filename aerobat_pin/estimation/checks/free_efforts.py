@@ -13,7 +13,6 @@ is said.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -22,10 +21,10 @@ from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.late_efforts import late_efforts
 from aerobat_pin.estimation.checks.misread_limbs import left_by_readings, reading_of
-from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, JointReading, limb_pairs, swapped
+from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, JointReading, joint_pairs, limb_pairs, swapped
 from aerobat_pin.estimation.checks.sensor_zeros import zeros_of_free
 from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import Balance, Exchange, FreeMotion, balance_of
+from aerobat_pin.forces import Balance, FreeMotion, balance_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import SMOOTH_RATE
 from aerobat_pin.records import Record
@@ -78,7 +77,7 @@ def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings
         yield from _read_otherwise(record, motion, balance, np.ones(len(record.driven)))
         return
     limbs, signs = limb_pairs(record), _best_signs(balance)
-    joints: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(range(len(record.driven)), 2)]
+    joints = joint_pairs(record.robot, record.driven)
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
     turned = balance.imbalance(signs=signs)
     zeros, without_zeros = zeros_of_free(record, motion, balance, _left_by_one_number)

@@ -87,7 +87,10 @@ def _mean_force(record: Record, estimated: Array | None, needed: Array, known: A
     elif off > 0.5 and expected and fallen and abs(needed[2]) < FALLS * weight:
         verdict, text = "note", f"{text}: it falls, by {fallen:.3g} m"
     elif off > 0.5:
-        other = 'the weight was expected, or, where wheels or a deck bear it, robot.rows = {ignore = ["base"]}'
+        other = (
+            'the weight was expected, or, where wheels or a deck bear it, robot.rows = {ignore = ["base"]}; buoyancy '
+            "is a known force, and an orbit has robot.gravity = 0"
+        )
         verdict, text = "warning", f"{text}; {other if expected else 'little was expected'}"
     return Finding("mean force", verdict, text, off, "1")
 

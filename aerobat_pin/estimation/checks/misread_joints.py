@@ -16,11 +16,17 @@ import pinocchio as pin
 
 from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, Formed, driven_rows, slopes_of_weight
 from aerobat_pin.estimation.checks.free_efforts import reversed_effort
-from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, QUARTER, JointReading, downhill, limb_pairs
+from aerobat_pin.estimation.checks.readings import (
+    LEFT_BY_JOINTS,
+    QUARTER,
+    JointReading,
+    downhill,
+    joint_pairs,
+    limb_pairs,
+)
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     EffortRows,
-    Exchange,
     Explanation,
     InputsBetween,
     Instants,
@@ -85,8 +91,8 @@ def changes_of_reading(
         kinds.append([mapped.otherwise([k], turn) for turn in (TURNS_TRIED.tolist() if turns else ())])
         kinds.append([mapped.otherwise([k], n * QUARTER, -1.0, -1.0) for n in range(4 if turns else 1)])
         kinds.append([mapped.otherwise([k], effort=-1.0)])
-    pairs: list[Exchange] = [((j,), (k,)) for j, k in itertools.combinations(places, 2)]
-    pairs += [pair for pair in limb_pairs(record) if {*pair[0], *pair[1]} <= set(places)]
+    pairs = [*joint_pairs(record.robot, record.driven), *limb_pairs(record)]
+    pairs = [pair for pair in pairs if {*pair[0], *pair[1]} <= set(places)]
     kinds += [[mapped.exchanged(pair)] for pair in pairs]
     shifts = {read: shift(read) for read in itertools.chain(*kinds)}
     gain = dict(zip(shifts, screened(rows, without, [], list(shifts.values())).tolist(), strict=True))

@@ -11,7 +11,7 @@ import numpy as np
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import Exchange
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import Record
+from aerobat_pin.records import PlainRobot, Record
 
 QUARTER = 0.5 * np.pi
 LEFT_BY_JOINTS = 0.1  # of what is left, in squares, that a right reading leaves at most: it makes the rows exact
@@ -109,6 +109,12 @@ def swapped(names: Sequence[str], columns: str, pair: Exchange, left: str) -> Fi
     """Return that columns of joints or limbs are exchanged."""
     both = " and ".join(", ".join(names[k] for k in limb) for limb in pair)
     return Finding("swapped joints", "warning", f"{columns} of {both} in exchanged places leave {left}")
+
+
+def joint_pairs(robot: PlainRobot, names: Sequence[str]) -> list[Exchange]:
+    """Return pairs of joints, by their places among some, that may be mixed up: both turn, or both slide."""
+    slides = [robot.slides(name) for name in names]
+    return [((j,), (k,)) for j, k in itertools.combinations(range(len(names)), 2) if slides[j] == slides[k]]
 
 
 def limb_pairs(record: Record) -> list[Exchange]:

@@ -51,7 +51,7 @@ def shown_of_nothing(
         return []
     what = (
         f"known.{name} seems to show {' and '.join(words)} too much all the time, which leaves {left}: its zero "
-        f"(known.{name}.tare), or what the robot carries"
+        f"(known.{name}.tare), what the robot carries, or what carries it (buoyancy, a tether; in an orbit gravity = 0)"
     )
     return [Finding(MISREAD_FORCE, "warning", what, float(np.linalg.norm(shown[:3])), "N")]
 
