@@ -22,6 +22,7 @@ from support.without_coriolis import LEG
 from aerobat_pin import load_robot
 from aerobat_pin.errors import AerobatError, CalibrationError, LogError
 from aerobat_pin.estimation import OnlineEstimator, calibrate, estimate, record_findings
+from aerobat_pin.estimation.checks.readings import joint_pairs
 from aerobat_pin.experiments import check_record
 from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.observers import JointFriction
@@ -188,6 +189,10 @@ def test_a_suggestion_knows_what_slides_and_asks_for_efforts(
     table.drop(columns=last).to_csv(tmp_path / "log.csv", index=False)
     lines = suggested_map(tmp_path / "log.csv", tmp_path / "few.urdf").splitlines()
     assert any(line.startswith(f"# MISSING: what drives {last.removesuffix('_effort')}?") for line in lines)
+    assert f'# passive = ["{last.removesuffix("_effort")}"]  # or nothing at all?' in lines
+    robot = robot_of_map(parse_map(values, "of the test").robot, tmp_path)
+    assert len(joint_pairs(robot, robot.joints)) == 0  # a hinge and a slide are not mixed up
+    assert len(joint_pairs(robot, 3 * robot.joints)) == 3 * len(robot.joints)
 
 
 def test_a_topic_without_efforts_is_marked() -> None:
