@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -191,9 +191,8 @@ def motion_of(record: Record, inputs: InputsBetween) -> FreeMotion | None:
         chosen = slice(count // 10, count - count // 10, step)
         v = 0.5 * (block.v[:-1] + block.v[1:])
         known = sum(given.known.values(), np.zeros_like(given.tau))
-        a = accelerations(block, record)
         noise.append(slope_noise(sample_noise(block.v), record))
-        rates = (each[chosen] for each in (v, a, given.tau, known))
+        rates = (each[chosen] for each in (v, accelerations(block, record), given.tau, known))
         parts.append((block.q[:-1][chosen], halfway(record, block, chosen), *rates))
         seen.append((given.time, given.tau[:, at], chosen))
     if not parts:
@@ -203,8 +202,8 @@ def motion_of(record: Record, inputs: InputsBetween) -> FreeMotion | None:
     def later(by: float) -> Array:
         return np.concatenate([later_efforts(record, time, efforts, by)[chosen] for time, efforts, chosen in seen])
 
-    shaken = np.sqrt(np.mean(np.square(noise), axis=0))
-    return FreeMotion(q, middle, v, a, tau, known, len(q) * step * record.dt, later, shaken)
+    rms = np.sqrt(np.mean(np.square(noise), axis=0))
+    return FreeMotion(q, middle, v, a, tau, known, len(q) * step * record.dt, later, rms)
 
 
 def later_efforts(record: Record, time: Array, efforts: Array, by: float) -> Array:
@@ -235,8 +234,10 @@ def balance_of(record: Record, motion: FreeMotion) -> Balance | None:
     b, heavier = (np.einsum("nv,nv->n", project, part[instant]) for part in (needed, base))
     effort, rates, bends = (part[:, at] for part in (motion.tau, motion.v, motion.a))
 
+    @cache
     def shaken() -> float:
-        M = np.array([pin.crba(model, model.createData(), q) for q in motion.halfway])
+        data = model.createData()
+        M = np.array([pin.crba(model, data, q).copy() for q in motion.halfway])
         return float(np.sum((np.einsum("nv,nvw->nw", project, M[instant]) * motion.noise) ** 2))
 
     return Balance(

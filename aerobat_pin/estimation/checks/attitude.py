@@ -105,9 +105,8 @@ def _other_way(pair: Agreement) -> tuple[str, bool]:
     moving = comparison.swings.max(axis=0) > LEAST_MOTION
     wrong, clear = moving & (comparison.correlation < -FOLLOWS), np.abs(comparison.correlation[moving]) > FOLLOWS
     labels = ", ".join(label for label, one in zip(pair.labels, wrong, strict=True) if one)
-    return labels and f"; or {pair.names[1]} counts the other way {labels}", len(
-        clear
-    ) > 2 and clear.all() and wrong.sum() == 1
+    words = f"; or {pair.names[1]} counts the other way {labels}" if labels else ""
+    return words, bool(clear.all()) and len(clear) > 2 and int(wrong.sum()) == 1
 
 
 def _upward(attitude: Array, specific_force: Array | None) -> float:
