@@ -236,9 +236,9 @@ def balance_of(record: Record, motion: FreeMotion) -> Balance | None:
 
     @cache
     def shaken() -> float:
-        data = model.createData()
-        M = np.array([pin.crba(model, data, q).copy() for q in motion.halfway])
-        return float(np.sum((np.einsum("nv,nvw->nw", project, M[instant]) * motion.noise) ** 2))
+        data, parts = model.createData(), np.split(project, np.cumsum([Q.shape[1] for Q in beyond])[:-1])
+        each = zip(parts, motion.halfway, strict=True)
+        return float(sum(np.sum((part @ pin.crba(model, data, q) * motion.noise) ** 2) for part, q in each))
 
     return Balance(
         b, project[:, at], heavier, project, instant, effort, rates, bends, motion.span, motion.later, shaken
