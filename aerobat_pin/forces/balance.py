@@ -16,6 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from aerobat_pin.forces.inputs import KnownInputs
+from aerobat_pin.forces.instants import column_rms
 from aerobat_pin.forces.inverse_dynamics import accelerations, halfway, slope_noise
 from aerobat_pin.forces.run_observers import ignored_rows, points_of
 from aerobat_pin.forces.trust import sample_noise
@@ -154,7 +155,7 @@ class FreeMotion:
         known: (m, nv) generalised forces that are known [N, N m].
         span: time that the instants cover [s].
         later: time [s] -> (m, joints) what the efforts are so much later [N m, N].
-        noise: (nv,) standard deviation of a that changes from sample to sample.
+        noise: (nv,) standard deviation of what changes in a from sample to sample [m/s2, rad/s2].
     """
 
     q: Array
@@ -202,8 +203,7 @@ def motion_of(record: Record, inputs: InputsBetween) -> FreeMotion | None:
     def later(by: float) -> Array:
         return np.concatenate([later_efforts(record, time, efforts, by)[chosen] for time, efforts, chosen in seen])
 
-    rms = np.sqrt(np.mean(np.square(noise), axis=0))
-    return FreeMotion(q, middle, v, a, tau, known, len(q) * step * record.dt, later, rms)
+    return FreeMotion(q, middle, v, a, tau, known, len(q) * step * record.dt, later, column_rms(np.array(noise)))
 
 
 def later_efforts(record: Record, time: Array, efforts: Array, by: float) -> Array:

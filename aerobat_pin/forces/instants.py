@@ -51,7 +51,7 @@ class Instants:
         every: intervals of the record from one instant to the next.
         effort: (nv,) rms of the joint torques [N or N m].
         needed: (nv,) rms of what motion and weight need.
-        noise: (nv,) standard deviation of what changes in the rows from sample to sample.
+        noise: (nv,) standard deviation of what changes in the rows from sample to sample [N or N m].
     """
 
     time: Array

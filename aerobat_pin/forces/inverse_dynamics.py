@@ -22,7 +22,7 @@ def accelerations(block: Block, record: Record) -> Array:
 
 
 def slope_noise(noise: Array, record: Record) -> Array:
-    """Return the standard deviation (nv,) of `accelerations` of velocities that have white noise (nv,)."""
+    """Return the standard deviation (nv,) of `accelerations` [m/s2, rad/s2] of velocities with white noise (nv,)."""
     reach = 8 + round(SMOOTHING / record.dt)
     a = slopes(np.eye(1, 2 * reach, reach).T, record.dt, SMOOTHING)  # of an impulse
     return np.asarray(0.5 * np.linalg.norm(a[1:] + a[:-1]) * noise)

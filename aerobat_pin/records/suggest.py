@@ -147,7 +147,7 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
     if "position" not in taken:  # odom_x beside odom_qx, unless it is a tool's
         for (stem, _), axes in axes_of.items():
             beside = stem and turns.startswith(stem) and not TOOL_WORDS & set(re.split(r"[_ .]", stem))
-            if beside and set("xyz") <= set(axes):
+            if beside and set(axes) == set("xyz"):
                 yield "position", tuple(axes[axis] for axis in "xyz")
                 break
     if "quaternion" not in taken:
@@ -253,8 +253,8 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
             yield "# quaternion = {columns = [...]}  # which columns are the attitude?"
         if "velocity" in groups:
             names = listed(groups["velocity"])
-            axes = ["world", "body"][:: -1 if "body" in names.lower() else 1]
-            yield f'velocity = {{columns = {names}, unit = "m/s", axes = "{axes[0]}"}}  # or axes = "{axes[1]}"?'
+            axes, other = ("body", "world") if "body" in names.lower() else ("world", "body")
+            yield f'velocity = {{columns = {names}, unit = "m/s", axes = "{axes}"}}  # or axes = "{other}"?'
         else:
             yield 'velocity = {from = "pose", window = 0.05}'
         if "rate" in groups:

@@ -2,6 +2,8 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pandas as pd
@@ -15,6 +17,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.estimation.checks.result import fit_findings
 from aerobat_pin.forces.fit_known_forces import fitted_forces
+from aerobat_pin.forces.known_forces import Fit, KnownForces
 
 
 def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
@@ -46,6 +49,16 @@ def test_a_push_is_no_fit_that_does_not_hold(push: float, worn: float, told: int
     table.to_csv(tmp_path / "flight.csv", index=False)
     found = [*fit_findings(fitted_forces(recorded(tmp_path / "flight.csv", MAP)))]
     assert len(found) == told
+
+
+@pytest.mark.parametrize(("outside", "told"), [(0.99, False), (1.01, False), (1.03, True)])
+def test_a_fit_of_next_to_nothing_does_no_harm(outside: float, told: bool, tmp_path: Path) -> None:
+    """Friction of 0 that left .0495 N m where none left .0495 was said not to hold; 3 % more than without is told."""
+    flight().to_csv(tmp_path / "flight.csv", index=False)
+    record = recorded(tmp_path / "flight.csv", MAP)
+    fit = Fit("friction of elbow", {}, "N m", before=1.0, inside=1.0, outside=outside)
+    forces = cast(KnownForces, SimpleNamespace(record=record, fits=(fit,)))
+    assert any("does not hold" in one.text for one in fit_findings(forces)) == told
 
 
 def test_a_misread_attitude_makes_two_weights_of_force(tmp_path: Path) -> None:
