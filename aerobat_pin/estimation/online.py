@@ -238,7 +238,6 @@ class OnlineEstimator:
     def _build(self) -> None:
         """Make the map's observers, and let all read one `pin.Data`, in groups by what they need computed."""
         self._observers = built_observers(self._map, self.robot, self._rows, (), self._sizes)
-        self._wait = TIME_CONSTANTS_TO_SETTLE / float(self._map.observer.gain)
         for observer in self._observers:
             if isinstance(observer, SmootherObserver):
                 raise MapError(
@@ -250,6 +249,7 @@ class OnlineEstimator:
         filters = self._sizes is not None and all(isinstance(each, KalmanObserver) for each in self._observers)
         judge = built_observers(self._map, self.robot, self._rows, ("force_level",), self._sizes) if filters else []
         self._together = ObserversTogether([*self._observers, *judge])  # a filter does not say its k
+        self._wait = TIME_CONSTANTS_TO_SETTLE / float(self._map.observer.gain)
         self._behind: list[tuple[Array, Array]] = []  # of each observer: filters behind its components, recent noise
 
     def _advance(self) -> list[OnlineSample]:

@@ -80,7 +80,7 @@ class McapStretch:
         time: (m + 1,) samples [s].
         q: (m + 1, nq) configurations.
         v: (m + 1, nv) velocities.
-        tau: (m, nv) joint torques; None if they are not known.
+        tau: (m, nv) joint torques, interval means; None if they are not known.
         forces: topic -> frame and (m, 3 or 6) force and moment, world axes [N, N m].
         largest: the largest force of the record [N], which scales the arrows.
     """
@@ -193,7 +193,7 @@ def _put_motion(topics: _Topics, part: McapStretch, joints: Mapping[str, tuple[i
         columns, rows = (list(indices) for indices in zip(*joints.values(), strict=True))
         state = {"header": _header(time, ""), "name": list(joints), "position": q[columns], "velocity": v[rows]}
         if part.tau is not None:
-            state["effort"] = part.tau[min(k, len(part.tau) - 1)][rows]
+            state["effort"] = 0.5 * (part.tau[max(k - 1, 0)] + part.tau[k])[rows]  # of the intervals around the sample
         topics.put("/joint_states", time, "sensor_msgs/msg/JointState", state)
 
 

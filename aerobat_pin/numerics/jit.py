@@ -68,14 +68,21 @@ def _compiled(function: Function, **more: Any) -> Function:
 def sources_stamp() -> tuple[tuple[str, int, int], ...]:
     """Return name, time and size of every file that kernels are made of; a change in any invalidates all kernels.
 
-    They are those with a kernel or the table of a state, and those from which these import constants.
+    They are those with a kernel or the table of a state, and those from which these import constants: by name, or by a
+    room's door.
     """
     package, files = Path(__file__).parents[1], {Path(__file__)}
+    doors = dict[bytes, Path]()
+    for door in package.rglob("__init__.pyi"):
+        for module, name in re.findall(rb"^from \.(\S+) import ([A-Z][A-Z_]+) as", door.read_bytes(), re.MULTILINE):
+            doors[name] = door.parent / f"{module.decode().replace('.', '/')}.py"
     for file in package.rglob("*.py"):
         text = file.read_bytes()
         if any(mark in text for mark in KERNEL_MARKS):
             imported = re.findall(rb"^from aerobat_pin\.(\S+) import", text, re.MULTILINE)
+            constants = doors.keys() & set(re.findall(rb"\b[A-Z][A-Z_]+\b", text))
             files |= {file, *(package / f"{name.decode().replace('.', '/')}.py" for name in imported)}
+            files |= {doors[name] for name in constants}
     stats = ((file.relative_to(package), file.stat()) for file in sorted(files) if file.exists())
     return tuple((str(name), stat.st_mtime_ns, stat.st_size) for name, stat in stats)
 

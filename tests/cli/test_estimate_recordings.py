@@ -55,12 +55,16 @@ def test_a_map_gives_every_file(folder: Path, capsys: pytest.CaptureFixture[str]
             reader.deserialize(raw, connection.msgtype).wrench.force.z for _, _, raw in reader.messages([connection])
         ]
         scene = next(one for one in reader.connections if one.topic == "/scene")
+        states = next(one for one in reader.connections if one.topic == "/joint_states")
+        efforts = [reader.deserialize(raw, states.msgtype).effort for _, _, raw in reader.messages([states])]
         assert scene.msgtype == "foxglove_msgs/msg/SceneUpdate"  # the name by which Foxglove knows it
         updates = [(time, reader.deserialize(raw, scene.msgtype)) for _, time, raw in reader.messages([scene])]
     assert counts["/joint_states"] == counts["/pose"] == counts["/truth/FL_FOOT"] == 500
     assert counts["/arrows"] == counts["/scene"] == len(updates) > 15
     check_arrows(*updates[10])
     np.testing.assert_allclose(forces[20:], WALK.force[20:-1, 0, 2], atol=0.2)
+    late = [np.std(np.array(efforts)[20:-20] - WALK.tau[20 + k : -21 + k]) for k in (-1, 0, 1)]
+    assert late[1] < 0.2 * min(late[0], late[2])  # each effort is that of its stamp
     assert call(*words) == 2  # the folder is not empty
     words = ["estimate", "walk.csv", "--map", "map.toml", "--out", "again.mcap"]
     (folder / "runs" / "walk-estimate").mkdir(parents=True)

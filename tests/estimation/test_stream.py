@@ -351,3 +351,7 @@ def test_what_a_stream_cannot_do_is_refused_with_its_reason(folder: Path) -> Non
         OnlineEstimator(mapped(folder, observer={"names": ["smoother"]}), folder)
     with pytest.raises(MapError, match=r"wait = 2\.0: at least 0 s and less than 1 s"):
         OnlineEstimator(mapped(folder), folder, wait=2.0)
+    stream = OnlineEstimator(mapped(folder), folder)
+    with pytest.raises(MapError, match="smoother"):
+        stream.tune("smoother", 1.0)
+    assert {one.settled for one in streamed(stream, messages(walk(0.3)))} == {False, True}  # by the gain that it has

@@ -117,7 +117,7 @@ def fit_forces(observer: ObserverState, before: Array, after: Array, generalized
 
 @inner
 def project_deficient(observer: ObserverState, after: Array, generalized: Array, force: Array) -> None:
-    """Do what `project` does if some pattern of forces leaves no trace, see `equations.Projection.of`."""
+    """Do what `project` does if some pattern of forces leaves no trace, see `momentum_equations.Projection.of`."""
     A, size = observer.equations, force.shape[0]
     seen, V, unused = np.zeros((size, size)), np.empty((size, size)), np.empty(size)
     limit = UNSEEN_EIGENVALUE * normal_equations(observer, after[3:], after[2], generalized, seen, unused)
