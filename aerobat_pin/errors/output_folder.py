@@ -140,7 +140,7 @@ def replace_results(work: Path, target: Path, replaces: Sequence[str]) -> None:
     message = f"output folder {target}: {obstacle}; so its files are replaced one by one, not all in one step"
     warnings.warn(OutputWarning(message), stacklevel=2)
     with undisturbed():
-        write_files({target / path: (work / path).read_bytes() for path in new}, target)
+        write_files({target / path: work / path for path in new}, target)
         for path in old - {target / path for path in new}:
             path.unlink()
 
