@@ -157,6 +157,11 @@ KNOWN_AIR: Mistakes = {
 }
 EFFORTS_APART: Mistakes = {
     "efforts late": (late(20e-3, EFFORTS), r"late efforts: joints\.effort comes (19|20|21) ms after the motion"),
+    "an effort of noise alone": (
+        together(rubbing(0.1), noisy(0.02), times(EFFORTS, 1e-3, 1)),
+        r"effort unit: the effort of shoulder2_joint shows nothing of what motion and weight need",
+    ),
+    "efforts all zero": (times(EFFORTS, 0.0), r"effort unit: all efforts show nothing"),
     "angles and rates late": (late(20e-3, ANGLES, RATES), r"late efforts: the motion comes (19|20|21) ms after"),
 }
 

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.free_efforts import NAMED, of_all, reversed_effort, wrong_effort
+from aerobat_pin.estimation.checks.free_efforts import NAMED, no_effort, of_all, reversed_effort, wrong_effort
 from aerobat_pin.estimation.checks.readings import joint_pairs, limb_pairs, swapped
 from aerobat_pin.estimation.checks.sensor_zeros import LEAST_MOMENT
 from aerobat_pin.estimation.findings import Finding
@@ -36,6 +36,7 @@ FACTOR = 4.0  # what factors of efforts cost more, as rows of joints that hardly
 GROSS = 5.0  # a factor that is named of joints at rest: no stiction looks like it
 OWN = 1.25  # a factor of one effort that is named, or its inverse: motors differ by less from what is known of them
 MOST_WRONG = 2  # efforts, each by a factor of its own
+NOTHING = 0.05  # share of what is needed: efforts that surely show less, if anything, are not known by what factor
 CLEARLY = 4.0  # standard deviations by which a factor is told from 1, and its inverse from 0
 LEFT_BY_ROBOT = 0.9  # of what is left, in squares, with a robot that stands, turns or weighs otherwise: 5 % less
 LEFT_BY_CHANGE = 0.5  # of what is left, in squares, if columns change places, or efforts come at another time
@@ -164,6 +165,8 @@ def slopes_of_weight(model: pin.Model, q: Array) -> Array:
 
 def _common(record: Record, names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:
     """Return that all efforts would have to be larger or smaller by one factor, or reversed."""
+    if _show_nothing(found).all():
+        return [no_effort("all efforts show")]
     factors = _factor_of(found.size)
     named = np.abs(factors - 1.0) > NAMED if moving else _beyond(factors, GROSS)
     return [of_all(record, names, float(factors[0]))] if named[0] else []
@@ -174,13 +177,25 @@ def _own_factors(names: Sequence[str], moving: bool, found: Explanation, _: str)
 
     Not if they are many: then it is the model that is wrong, or what pushes.
     """
-    clearly = CLEARLY * found.deviation * found.independent**-0.5
+    nothing, clearly = np.flatnonzero(_show_nothing(found)).tolist(), _clearly(found)
     sure = (np.abs(found.size) > clearly) & (np.abs(1.0 - found.size) > clearly)  # neither 1 nor of any size
     factors = _factor_of(found.size)
     wrong = np.flatnonzero(sure & _beyond(factors, OWN if moving else GROSS)).tolist()
-    if len(wrong) > MOST_WRONG:
+    if len(wrong) + len(nothing) > MOST_WRONG:
         return []
-    return [(reversed_effort if factors[k] < 0.0 else wrong_effort)(names[k], float(factors[k])) for k in wrong]
+    silent = [no_effort(f"the effort of {names[k]} shows") for k in nothing]
+    return silent + [(reversed_effort if factors[k] < 0.0 else wrong_effort)(names[k], float(factors[k])) for k in wrong]
+
+
+def _clearly(found: Explanation) -> Array:
+    """Return by how much each coefficient (p,) must differ to be told from something."""
+    return np.asarray(CLEARLY * found.deviation * found.independent**-0.5)
+
+
+def _show_nothing(found: Explanation) -> NDArray[np.bool_]:
+    """Return of which efforts (p,) it is clear that they show less than `NOTHING`, and not that they show anything."""
+    clearly = _clearly(found)
+    return np.asarray((np.abs(1.0 - found.size) <= clearly) & (clearly < NOTHING))
 
 
 def _beyond(factors: Array, size: float) -> NDArray[np.bool_]:

@@ -264,6 +264,12 @@ def wrong_effort(name: str, factor: float) -> Finding:
     return Finding("effort unit", "warning", f"{what}{friction}", factor, "1")
 
 
+def no_effort(what: str) -> Finding:
+    """Return that one effort, or all, show nothing: `what` says which."""
+    why = "another unit (A, N m): torque_per_unit; or nobody measures it: robot.rows.ignore"
+    return Finding("effort unit", "warning", f"{what} nothing of what motion and weight need: {why}", 0.0, "1")
+
+
 def left_unexplained(what: str, percent: float) -> Finding:
     """Return that no change explains what is left."""
     text = (
