@@ -240,6 +240,7 @@ def of_all(record: Record, names: Sequence[str], factor: float) -> Finding:
     """Return that all efforts are wrong by a factor."""
     if factor < 0.0:
         what = f"all efforts are reversed ({', '.join(names)}): torque_per_unit"
+        what += ", or known forces are: known.NAME.sign" * bool(record.map.known)
         return Finding("effort sign", "warning", what, factor, "1")
     what, effort = f"all efforts would have to be {factor:.3g} times as large: ", record.map.joints.effort
     milli = abs(np.log(1e3 * factor)) < AS_MILLI

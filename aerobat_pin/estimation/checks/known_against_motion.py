@@ -3,17 +3,19 @@
 With m the base forces and moments that the motion needs, and k the known ones, about their means and forces in world
 axes, a reading of the motion leaves
 
-    E = sum over forces and moments of  |m - k|^2 / (|m|^2 + |k|^2),
+    E = mean over forces and moments, if any are known, of  |m - k|^2 / (|m|^2 + |k|^2),
 
-each 0 if known forces are all that moves the robot, 1 if the two have nothing to do with each other, 2 if they are
-opposite. What pushes at points adds to each reading. Where known forces explain less than half as mapped, the motion is
-read in axes turned by quarters: the body's alone, or the world's alike, as of a log whose z axes point down.
+0 if known forces are all that moves the robot, 1 if the two have nothing to do with each other, 2 if they are
+opposite. What pushes at points adds to each reading. Where known forces explain less than half as mapped, they are read
+with the other sign, and the motion in axes turned by quarters: the body's alone, or the world's alike, as of a log
+whose z axes point down.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -30,7 +32,7 @@ CARRIES = 0.5  # of the weight: mean of known forces, from which they may be wha
 LEFT_BY_TURN = 1.0 / 3.0  # of E as mapped, up to which a turn is named: rotors in another order left .37 by one
 TRIED_AT = 12  # instants by which the turns are tried
 OTHER_AXES = "known forces against motion"
-SAYS_NOTHING = 1.0  # E of forces and moments of which half are explained
+SAYS_NOTHING = 0.5  # E of forces and moments of which half are explained
 QUARTER_TURNS = [
     turn
     for order in itertools.permutations(np.eye(3))
@@ -51,13 +53,14 @@ def known_findings(record: Record, motion: FreeMotion | None, estimated: Array |
             others, what is not known counts, whether or not points show it.
     """
     robot, chosen = record.robot, record.map
-    if motion is None or robot.weightless or chosen.base.held or "base" in chosen.robot.rows.ignore:
+    if motion is None or chosen.base.held or "base" in chosen.robot.rows.ignore:
         return
-    turns, needed = _needed(record, motion)
-    mean, known = ((turns @ each[:, :3, None]).mean(axis=(0, 2)) for each in (needed, motion.known))
-    fallen = float(motion.halfway[0, 2] - motion.halfway[-1, 2]) if "base.position" in record.channels else 0.0
-    falls = fallen > 0.5 * FALLS * float(np.linalg.norm(robot.model.gravity.linear)) * motion.span**2
-    yield _mean_force(record, estimated, mean, known, fallen if falls else 0.0)
+    if not robot.weightless:
+        turns, needed = _needed(record, motion)
+        mean, known = ((turns @ each[:, :3, None]).mean(axis=(0, 2)) for each in (needed, motion.known))
+        fallen = float(motion.halfway[0, 2] - motion.halfway[-1, 2]) if "base.position" in record.channels else 0.0
+        falls = fallen > 0.5 * FALLS * float(np.linalg.norm(robot.model.gravity.linear)) * motion.span**2
+        yield _mean_force(record, estimated, mean, known, fallen if falls else 0.0)
     if motion.known[:, :6].any():
         yield from _turned(record, motion)
 
@@ -96,26 +99,32 @@ def _mean_force(record: Record, estimated: Array | None, needed: Array, known: A
 
 
 def _turned(record: Record, motion: FreeMotion) -> Iterator[Finding]:
-    """Yield other axes of a motion, if known forces then explain far more of it."""
+    """Yield other axes of a motion, or another sign of known forces, if these then explain far more of it."""
     [mapped] = _opposed(record, motion)
     if mapped < SAYS_NOTHING:
         return
+    [against] = _opposed(record, replace(motion, known=-motion.known))
     few = motion.every(-(-len(motion.v) // TRIED_AT))
     turns, worlds = np.repeat(QUARTER_TURNS, 2, axis=0), np.arange(2 * len(QUARTER_TURNS)) % 2 == 1
     best = int(np.argmin(_opposed(record, _turned_back(few, turns, worlds), len(turns))))
     turn, world = turns[best], bool(worlds[best])
     [least] = _opposed(record, _turned_back(motion, turn[None], worlds[best : best + 1]))
-    if least < LEFT_BY_TURN * mapped:
+    if min(against, least) > LEFT_BY_TURN * mapped:
+        return
+    share = float(np.sqrt(min(against, least) / mapped))
+    leave = f"leave {100.0 * share:.0f} % of what known forces leave of the motion as mapped"
+    if against <= least:
+        text = f"known forces of the other sign {leave}: known.NAME.sign"
+    else:
         vector = pin.log3(turn)
         angle = float(np.linalg.norm(vector))
         axis = ", ".join(f"{x:.2g}" for x in (vector / angle).round(2) + 0.0)
-        share = float(np.sqrt(least / mapped))
         text = (
-            f"axes of the body{' and the world' * world} turned by {np.degrees(angle):.0f} deg about ({axis}) leave "
-            f"{100.0 * share:.0f} % of what known forces leave of the motion as mapped: base.axes and log.world (is z "
-            "down, or y up?), the axes of known forces, or something moves the robot against them"
+            f"axes of the body{' and the world' * world} turned by {np.degrees(angle):.0f} deg about ({axis}) {leave}: "
+            "base.axes and log.world (is z down, or y up?), the axes of known forces, or something moves the robot "
+            "against them"
         )
-        yield Finding(OTHER_AXES, "warning", text, share, "1")
+    yield Finding(OTHER_AXES, "warning", text, share, "1")
 
 
 def _turned_back(motion: FreeMotion, turns: Array, worlds: Array) -> FreeMotion:
@@ -131,10 +140,12 @@ def _turned_back(motion: FreeMotion, turns: Array, worlds: Array) -> FreeMotion:
 
 def _opposed(record: Record, motion: FreeMotion, readings: int = 1) -> Array:
     """Return E (n,) of a motion, whose instants are those of n readings, one after the other."""
-    (attitude, needed), total = _needed(record, motion), np.zeros(readings)
+    (attitude, needed), total = _needed(record, motion), []
     for part, axes in ((slice(3), attitude), (slice(3, 6), np.eye(3)[None])):
+        if not motion.known[:, part].any():
+            continue
         both = (np.einsum("mij,mj->mi", axes, side[:, part]) for side in (needed, motion.known))
         sides = (side.reshape(readings, -1, 3) for side in both)
         m, k = (side - side.mean(axis=1, keepdims=True) for side in sides)
-        total += np.sum((m - k) ** 2, axis=(1, 2)) / np.maximum(np.sum(m**2 + k**2, axis=(1, 2)), 1e-300)
-    return total
+        total.append(np.sum((m - k) ** 2, axis=(1, 2)) / np.maximum(np.sum(m**2 + k**2, axis=(1, 2)), 1e-300))
+    return np.asarray(np.mean(total, axis=0))
