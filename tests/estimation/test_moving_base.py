@@ -1,6 +1,8 @@
 """An arm on a base that something else moves, as a ship does: by an IMU at the base its forces are right; an orbit."""
 
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -90,33 +92,51 @@ def test_nothing_is_compared_with_gravity_in_an_orbit(gravity: float, tmp_path: 
     np.testing.assert_allclose(result.estimates["force_level"].force[600:, 0].mean(axis=0), push, atol=0.05)
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_jets_of_the_other_sign_are_named_in_an_orbit(sign: int, tmp_path: Path) -> None:
-    """A ball that tumbles, moved by its jets alone, their forces logged in axes of the body."""
-    time, mass, rates = np.arange(800) / 100.0, 10.0, np.array([1.3, 0.9, 1.7])
-    turns = Rotation.from_rotvec(0.1 * time[:, None] * [1.0, -2.0, 0.5])
-    jets = np.array([0.6, 0.5, 0.8]) * np.sin(rates * time[:, None])
+def ball_in_orbit() -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Return table and map of a ball that tumbles, moved by its jets alone, their forces logged in axes of the body."""
+    time, mass, rates, spin = np.arange(800) / 100.0, 10.0, np.array([1.3, 0.9, 1.7]), np.array([0.3, -0.6, 0.2])
+    first, then = (Rotation.from_rotvec(time[:, None] * axis) for axis in (spin, spin[::-1]))
+    turns, size = first * then, np.array([6.0, 5.0, 8.0])
+    jets = size * np.sin(rates * time[:, None])
     columns = {"t": time} | {f"q{axis}": turns.as_quat()[:, k] for k, axis in enumerate("xyzw")}
-    speed = -np.array([0.6, 0.5, 0.8]) * np.cos(rates * time[:, None]) / (mass * rates)
     for name, values in (
         ("p", -jets / (mass * rates**2)),
-        ("v", speed),
-        ("w", 0.0 * jets + [0.1, -0.2, 0.05]),
-        ("f", turns.inv().apply(sign * jets)),
+        ("v", -size * np.cos(rates * time[:, None]) / (mass * rates)),
+        ("w", then.inv().apply(spin) + spin[::-1]),
+        ("f", turns.inv().apply(jets)),
     ):
         columns |= {f"{name}{axis}": values[:, k] for k, axis in enumerate(AXES)}
-    pd.DataFrame(columns).to_csv(tmp_path / "orbit.csv", index=False)
-    values = {
+    return pd.DataFrame(columns), {
         "robot": {"body": {"mass": mass, "inertia": [0.4, 0.4, 0.4]}, "points": ["body"], "gravity": 0.0},
         "log": {"time": {"column": "t"}},
         "base": channels(AXES, position="p{}", velocity="v{}", rate="w{}") | channels([*AXES, "w"], quaternion="q{}"),
         "known": {"jets": {"columns": ["fx", "fy", "fz"], "law": "wrench", "frame": "body", "axes": "frame"}},
         "observer": {"names": ["force_level"], "gain": 10.0},
     }
-    told = [str(finding) for finding in estimate(recorded(tmp_path / "orbit.csv", values)).findings if finding.warns]
-    assert [one.partition(" leave ")[0] for one in told] == [
-        "known forces against motion: known forces of the other sign"
-    ] * (sign < 0)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("known.jets.sign", 1, []),
+        (
+            "known.jets.sign",
+            -1,
+            [r"known forces against motion: known forces of the other sign leave .*known.NAME.sign"],
+        ),
+        ("base.velocity.axes", "body", [r"position against velocity: velocity seems .*base\.velocity\.axes"]),
+        ("base.rate.axes", "world", [r"gyro against attitude: gyro seems .*base\.rate\.axes"]),
+    ],
+)
+def test_forces_of_the_other_sign_and_rates_in_the_other_axes_are_named(
+    key: str, value: Any, told: list[str], tmp_path: Path
+) -> None:
+    table, values = ball_in_orbit()
+    table.to_csv(tmp_path / "orbit.csv", index=False)
+    found = estimate(recorded(tmp_path / "orbit.csv", edited(values, {key: value})), trust=True).findings
+    warned = [str(finding) for finding in found if finding.warns]
+    assert len(warned) == len(told)
+    assert all(re.match(*pair) for pair in zip(told, warned, strict=True)), warned
 
 
 def test_a_weight_whose_parts_are_not_seen_is_not_missed(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ FACTOR = 4.0  # what factors of efforts cost more, as rows of joints that hardly
 GROSS = 5.0  # a factor that is named of joints at rest: no stiction looks like it
 OWN = 1.25  # a factor of one effort that is named, or its inverse: motors differ by less from what is known of them
 MOST_WRONG = 2  # efforts, each by a factor of its own
-NOTHING = 0.05  # share of what is needed: efforts that surely show less, if anything, are not known by what factor
+SHOW_NOTHING = 0.05  # share of what is needed: efforts that surely show less, if anything, are not known by what factor
 CLEARLY = 4.0  # standard deviations by which a factor is told from 1, and its inverse from 0
 LEFT_BY_ROBOT = 0.9  # of what is left, in squares, with a robot that stands, turns or weighs otherwise: 5 % less
 LEFT_BY_CHANGE = 0.5  # of what is left, in squares, if columns change places, or efforts come at another time
@@ -184,7 +184,9 @@ def _own_factors(names: Sequence[str], moving: bool, found: Explanation, _: str)
     if len(wrong) + len(nothing) > MOST_WRONG:
         return []
     silent = [no_effort(f"the effort of {names[k]} shows") for k in nothing]
-    return silent + [(reversed_effort if factors[k] < 0.0 else wrong_effort)(names[k], float(factors[k])) for k in wrong]
+    return silent + [
+        (reversed_effort if factors[k] < 0.0 else wrong_effort)(names[k], float(factors[k])) for k in wrong
+    ]
 
 
 def _clearly(found: Explanation) -> Array:
@@ -193,9 +195,9 @@ def _clearly(found: Explanation) -> Array:
 
 
 def _show_nothing(found: Explanation) -> NDArray[np.bool_]:
-    """Return of which efforts (p,) it is clear that they show less than `NOTHING`, and not that they show anything."""
+    """Return of which efforts (p,) it is clear that they show less than `SHOW_NOTHING`, and not that they show anything."""
     clearly = _clearly(found)
-    return np.asarray((np.abs(1.0 - found.size) <= clearly) & (clearly < NOTHING))
+    return np.asarray((np.abs(1.0 - found.size) <= clearly) & (clearly < SHOW_NOTHING))
 
 
 def _beyond(factors: Array, size: float) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from aerobat_pin.estimation.checks.attitude import Reading, accelerometer_findings, reading_findings, turned_so_far
-from aerobat_pin.estimation.checks.compare import agreement_findings
+from aerobat_pin.estimation.checks.compare import agreement_findings, comparison_of
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import COMPARED_OVER, FEWEST_POINTS, Array
@@ -37,6 +37,8 @@ RARE = 0.05  # share of the samples on either side that may be a sensor's faults
 FAST, FAST_FOR = 3.0, 0.02  # times the speed that its file allows, and for how long [s]: no joint ever turns so fast
 SLIGHT = 0.25  # of the range: so far beyond its file's limits a real joint may be
 SENSIBLE = 0.01  # of a joint's range, which what another unit makes of its positions must reach
+AXES_FIT = 0.25  # of what a velocity leaves of the pose as mapped, that it leaves at most in the axes that are right
+AXES_OFF = 0.1  # of the motion, that it leaves at least in wrong ones
 A_TURN, TEN_RANGES = 2.0 * np.pi, 10.0  # [rad], ranges beyond them: no joint that has limits ever is there
 UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, is none
 TAKEN_FOR = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # part of joints -> unit if a map states none
@@ -123,14 +125,19 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
     evidence, steps, turns = [], None, None
     if gyro is not None:
         in_world = has_world_axes(chosen, "base.rate", record.channels["base.rate"].names)
-        gyro = gyro @ (world if in_world else sensor @ _sensor_turn(record, "base.rate")).T
-        turns = partial(_turns, time, gyro, in_world, latest)
+        axes = (sensor @ _sensor_turn(record, "base.rate"), world)
+        turns, turns_else = (
+            partial(_turns, time, gyro @ axes[of_world].T, of_world, latest) for of_world in (in_world, not in_world)
+        )
         evidence.append(turns)
     if position is not None:
         position = position @ world.T
     if velocity is not None and position is not None:
         in_world = has_world_axes(chosen, "base.velocity", record.channels["base.velocity"].names)
-        steps = partial(_steps, time, position, velocity @ (world if in_world else body).T, in_world, latest)
+        steps, steps_else = (
+            partial(_steps, time, position, velocity @ (body, world)[of_world].T, of_world, latest)
+            for of_world in (in_world, not in_world)
+        )
         evidence += [] if in_world else [steps]
     if imu is not None:
         felt = imu @ sensor.T
@@ -146,7 +153,7 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
         return
     attitude = next(iter(attitudes.values()))
     if turns is not None:
-        findings = list(agreement_findings(turns(attitude)))
+        findings = list(axes_findings("base.rate", turns(attitude), turns_else(attitude)))
         yield from findings
         early = sum(finding.value or 0.0 for finding in findings if finding.check == "late channel")
         if early < 0.0:  # the attitude is late; a channel is never early
@@ -156,9 +163,35 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
             still = np.zeros((len(time), 3))  # an IMU's record has no place, and over it hardly another mean speed
             yield from accelerometer_findings(felt, attitude, still, time, chosen.robot.gravity, record.robot.weight)
         return
-    yield from _accelerations(position, time) if steps is None else agreement_findings(steps(attitude))
+    if steps is None:
+        yield from _accelerations(position, time)
+    else:
+        yield from axes_findings("base.velocity", steps(attitude), steps_else(attitude))
     if felt is not None and not weightless:
         yield from accelerometer_findings(felt, attitude, position, time, chosen.robot.gravity, record.robot.weight)
+
+
+def axes_findings(key: str, mapped: Agreement, otherwise: Agreement) -> Iterator[Finding]:
+    """Yield that a velocity fits the pose in the other axes alone, world or body, or else how it fits as mapped."""
+    size, left = _left_of(mapped)
+    least = _left_of(otherwise)[1] if left > AXES_OFF * size else np.inf
+    if least > AXES_FIT * left:
+        yield from agreement_findings(mapped)
+        return
+    text = (
+        f"{mapped.names[1]} seems to be in the other axes, the world's or the body's: in these it leaves "
+        f"{100.0 * least / size:.2g} % of what follows from {mapped.names[0]}, as mapped {100.0 * left / size:.2g} %: "
+        f"{key}.axes"
+    )
+    yield Finding(mapped.check, "warning", text, left / size, "1")
+
+
+def _left_of(pair: Agreement) -> tuple[float, float]:
+    """Return the size of the first of two series and of their difference, rms over all columns; 0 if too short."""
+    comparison = comparison_of(pair)
+    if comparison is None:
+        return 0.0, 0.0
+    return float(np.linalg.norm(comparison.sizes[0])), float(np.linalg.norm(comparison.residual))
 
 
 def _attitudes(record: Record, time: Array, measured: Measured) -> dict[Reading, Array]:
