@@ -120,8 +120,8 @@ def expected_from(
     return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), *values.stiction(robot))
 
 
-def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Array]:
-    """Return which foot is in the air (m, n), and which rows (n, nv) are those of its leg alone.
+def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Array, Array]:
+    """Return which foot is in the air (m, n), which rows (n, nv) its leg alone moves, what it seems to carry (n,).
 
     A foot is in the air where its own joints say that it carries nothing: it is then free of unknown forces. A point
     that never holds up the robot is no foot: a hand may be pushed by less than what counts as nothing at a foot. And a
@@ -134,7 +134,7 @@ def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Ar
     """
     moved = np.any(jacobians != 0.0, axis=0).reshape(-1, 3, rows.shape[1]).any(axis=1)  # which foot, by which row
     legs = moved & (moved.sum(axis=0) == 1)
-    lifted = np.zeros((len(rows), len(legs)), bool)
+    lifted, usual = np.zeros((len(rows), len(legs)), bool), np.zeros(len(legs))
     for foot, leg in enumerate(legs):
         J = jacobians[:, 3 * foot : 3 * foot + 3][:, :, leg]
         if not leg.any():
@@ -142,8 +142,9 @@ def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Ar
         force = (np.linalg.pinv(np.swapaxes(J, 1, 2)) @ rows[:, leg, None])[..., 0]
         size, shown = np.linalg.norm(force, axis=1) / weight, np.linalg.svd(J, compute_uv=False)
         bent = shown[:, -1] > STRAIGHT_LEG * shown[:, 0]
-        lifted[:, foot] = bent & (size < END_SHARE) & (size.max(initial=0.0) > FOOT_SHARE)
-    return lifted, legs
+        lifted[:, foot] = up = bent & (size < END_SHARE) & (size.max(initial=0.0) > FOOT_SHARE)
+        usual[foot] = weight * np.median(size[up]) if up.any() else 0.0
+    return lifted, legs, usual
 
 
 def lifted_errors(rows: Array, jacobians: Array, weight: float) -> Array:
@@ -151,7 +152,7 @@ def lifted_errors(rows: Array, jacobians: Array, weight: float) -> Array:
 
     They show friction and noise, however small the efforts are.
     """
-    errors, (lifted, legs) = np.zeros(rows.shape[1]), lifted_feet(rows, jacobians, weight)
+    errors, (lifted, legs, _) = np.zeros(rows.shape[1]), lifted_feet(rows, jacobians, weight)
     for up, leg in zip(lifted.T, legs, strict=True):
         if up.sum() >= LEAST_LIFTED:
             errors[leg] = column_rms(rows[up][:, leg])

@@ -9,9 +9,10 @@ maximisation (Dempster, Laird and Rubin 1977). Rows to spare tell errors from fo
 an error, and nothing is sought.
 
 A foot in the air carries nothing, S = 0: its leg shows friction and errors whatever the other feet do. Only then are
-factors of efforts sought, too: else what pushes elsewhere than at the points would pass for them. An accelerometer with
-an offset, which looks like a tilt, moves b; that counts as an error of the rows. Without rows of the base, factors
-follow from the weight (`factors_by_balance`).
+factors of efforts sought, too: else what pushes elsewhere than at the points would pass for them. They are found first,
+beside feet that carry anything: smaller efforts need smaller forces, which a finite S takes for likelier. An
+accelerometer with an offset, which looks like a tilt, moves b; that counts as an error of the rows. Without rows of the
+base, factors follow from the weight (`factors_by_balance`).
 
 Where no foot lifts, what pushes elsewhere than at the points passes for errors. So the mean of r is handed on as the
 least k, which the output judges, and the sizes of the rows over it.
@@ -48,6 +49,7 @@ HARDLY_MOVES = (
 )
 CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
 HARDLY_RUBS = (1.0 - FRICTION_SHOWN**2) ** 0.5  # of rows' known errors: less friction cannot make them so much smaller
+ANY_FORCE = 30.0  # times what is expected of a force, beside factors: smaller efforts need smaller ones, likelier
 BLOW, BLOW_ROUNDS = 3.0, 5  # of what is expected of a force: one that is larger is what the rows show of it
 ROTORS_SOUGHT = 0.5  # of what is expected of the rows' errors, geometric mean, from which they may show rotors
 ROTORS_SHOWN = 0.75  # of the errors of rows, geometric mean: where rotors leave more, errors cover them all the same
@@ -89,19 +91,22 @@ def _found(forces: KnownForces, instants: Instants, expected: Expected) -> Fitte
     if law is not None and np.abs(instants.sliding[:, instants.at]).max() < SLIDES_AT:
         return None  # what a calibration did not see move does not move here, either
     y, J, robot = instants.rows[:, instants.kept], instants.jacobians[:, :, instants.kept], record.robot
-    force, lifts = np.broadcast_to(expected.force, J.shape[:2]), False
+    force = np.broadcast_to(expected.force, J.shape[:2])
+    wide, lifts = force, False  # of a foot in the air, what it seems to carry there: it may be about to land
     if walks_on(robot, record.map):
-        lifted, _ = lifted_feet(y, J, robot.weight)
-        force, lifts = force * np.where(np.repeat(lifted, 3, axis=1), 0.0, 1.0), bool(lifted.any())
+        lifted, _, usual = lifted_feet(y, J, robot.weight)
+        in_air, lifts = np.repeat(lifted, 3, axis=1), bool(lifted.any())
+        force, wide = np.where(in_air, 0.0, force), np.where(in_air, np.repeat(usual, 3), ANY_FORCE * force)
     if y.size <= np.count_nonzero(force):
         return None
     force = with_blows(force, y, J)
-    fitted, names = _fitted(forces, instants, expected, force, lifts, rotors=False), list(row_names(robot.model))
+    of_any_size = with_blows(wide, y, J) if lifts else None
+    fitted, names = _fitted(forces, instants, expected, force, of_any_size, rotors=False), list(row_names(robot.model))
     if _errors_over(fitted, {names[row]: expected.row_error[row] for row in instants.kept}) > ROTORS_SOUGHT:
-        turning = _fitted(forces, instants, expected, force, lifts, rotors=True)
+        turning = _fitted(forces, instants, expected, force, of_any_size, rotors=True)
         fitted = turning if _errors_over(turning, _errors(fitted)) < ROTORS_SHOWN else fitted
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
-        fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), False, rotors=False)
+        fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), None, rotors=False)
     if law is not None:
         return _with_known(fitted, values, law)
     if values.row_noise and not values.row_noise.keys() & {names[instants.kept[k]] for k in instants.at}:
@@ -166,25 +171,37 @@ def _errors_over(fitted: FittedValues, known: Mapping[str, float]) -> float:
 
 
 def _fitted(
-    forces: KnownForces, instants: Instants, expected: Expected, force: Array, lifts: bool, *, rotors: bool
+    forces: KnownForces, instants: Instants, expected: Expected, force: Array, wide: Array | None, *, rotors: bool
 ) -> FittedValues:
     """Return friction, errors of rows and, where feet lift, factors of efforts, for forces (m, c) of a size.
 
-    Rotors have inertia, or not.
+    Factors are those beside forces of a size so wide that it says nothing of them. Rotors have inertia, or not.
     """
     record, robot, kept, at, n = forces.record, forces.record.robot, instants.kept, instants.at, len(instants.at)
     y, J, error = instants.rows[:, kept], instants.jacobians[:, :, kept], expected.row_error[kept]
-    sought = lifts and kept[0] == 0  # factors, by rows of the base
-    kinds = [0, 1, *([2] if rotors else []), *([3] if sought else [])]
-    x, known = instants.columns[kinds][:, :, at], np.array([np.inf, np.inf, np.inf, EFFORT_ERROR])[kinds]
+    sought = wide is not None and kept[0] == 0  # factors, by rows of the base
+    factors: Array = np.zeros(n)
+    unsure: Array = np.zeros(len(kept))
     g = float(np.linalg.norm(robot.model.gravity.linear))
     offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
     offset_force = robot.mass * offset if sought else 0.0
     limits = effort_limits(robot.model, [kept[k] for k in at])
-    tables = y, x, known, J, at, instants.sliding, force, error
-    b, size, unsure, error_rms = most_likely(*tables, offset=offset_force, limits=limits)
-    coulomb, viscous, inertia, factors = b[0], b[1], b[2] if rotors else np.zeros(n), b[-1] if sought else np.zeros(n)
-    if lifts and not sought:
+
+    def likely(rows: Array, size: Array, *more: int) -> tuple[Array, Array, Array, Array]:
+        kinds = [0, 1, *([2] if rotors else []), *more]
+        x, known = instants.columns[kinds][:, :, at], np.array([np.inf, np.inf, np.inf, EFFORT_ERROR])[kinds]
+        tables = rows[:, kept], x, known, J, at, instants.sliding, size, error
+        return most_likely(*tables, offset=offset_force, limits=limits)
+
+    rows = instants.rows
+    if wide is not None and sought:
+        b, _, unsure, _ = likely(rows, wide, 3)
+        factors = b[-1]
+        rows = instants.without(np.stack([*np.zeros((3, n)), factors])).rows
+    b, size, alone, error_rms = likely(rows, force)
+    unsure = np.maximum(unsure, alone)
+    coulomb, viscous, inertia = b[0], b[1], b[2] if rotors else np.zeros(n)
+    if wide is not None and not sought:
         rows = instants.without(np.stack([coulomb, viscous, inertia, factors])).rows
         acceleration = UNKNOWN_SPEED / (len(y) * instants.every * record.dt) + offset
         least = robot.mass * row_scale(robot.model)[:6] * acceleration
@@ -194,14 +211,14 @@ def _fitted(
         d, sigma = factors_by_balance(rows, instants.jacobians, G, kept, efforts, attitude, least, EFFORT_ERROR)
         unsure += np.mean((efforts * sigma) ** 2, axis=0)
         factors = d[at]
-    level = 1.0 if lifts else max(1.0, float(np.mean(size)))
+    level = 1.0 if wide is not None else max(1.0, float(np.mean(size)))
     noise = np.sqrt((size * error**2 + unsure) / level)
     before, zero, slid = column_rms(y), np.zeros(n), np.abs(instants.sliding[:, at]).max(axis=0)
     fits = [
         Fit(
             f"friction of {joint}{BESIDE}",
             {"coulomb": float(coulomb[i]), "viscous": float(viscous[i]), "inertia": float(inertia[i])}
-            | ({"effort times": float(1.0 + factors[i])} if lifts else {}),
+            | ({"effort times": float(1.0 + factors[i])} if wide is not None else {}),
             "N" if robot.slides(joint) else "N m",
             float(before[at[i]]),
             float(error_rms[at[i]]),

@@ -122,7 +122,7 @@ def ball_in_orbit() -> tuple[pd.DataFrame, dict[str, Any]]:
         (
             "known.jets.sign",
             -1,
-            [r"known forces against motion: known forces of the other sign leave .*known.NAME.sign"],
+            [r"known forces against motion: known forces of the other sign .*known.NAME.sign"],
         ),
         ("base.velocity.axes", "body", [r"position against velocity: velocity seems .*base\.velocity\.axes"]),
         ("base.rate.axes", "world", [r"gyro against attitude: gyro seems .*base\.rate\.axes"]),

@@ -195,7 +195,7 @@ def _clearly(found: Explanation) -> Array:
 
 
 def _show_nothing(found: Explanation) -> NDArray[np.bool_]:
-    """Return of which efforts (p,) it is clear that they show less than `SHOW_NOTHING`, and not that they show anything."""
+    """Return which efforts (p,) surely show less than `SHOW_NOTHING`, and not surely anything."""
     clearly = _clearly(found)
     return np.asarray((np.abs(1.0 - found.size) <= clearly) & (clearly < SHOW_NOTHING))
 
