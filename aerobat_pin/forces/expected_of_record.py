@@ -31,6 +31,7 @@ from aerobat_pin.records import PlainRobot, Record
 EFFORT_ERROR = 0.1  # of the rms of a row's effort, or of what its motion needs: its error if nothing better is known
 LEAST_ROW_ERROR = 1e-3  # of the weight that rows move (moments: times the robot's length): none is known better
 LEAST_LIFTED = 10  # of these, with a foot in the air
+CARRIES = 0.5  # of the weight: known forces from which they may be what carries the robot
 FOOT_SHARE = 0.15  # of the weight: a point that never holds so much is no foot
 SLIDES_AT = 0.76  # of Coulomb friction that has set in: a joint that never shows as much hardly moves
 REWEIGHTED = 20  # rounds by which least squares become least absolute errors
@@ -61,11 +62,18 @@ def expected_of(record: Record, instants: Instants, values: FittedValues) -> Exp
         expected = replace(expected, row_error=np.hypot(expected.row_error, _rubbed(robot, instants)))
     some = instants.weighed
     v, residual, jacobians = instants.v[some], instants.rows[some], instants.jacobians[some]
-    if walks_on(robot, record.map) and not values.row_noise:
+    if stands(record, instants) and not values.row_noise:
         lifted = lifted_errors(residual, jacobians, robot.weight)
         expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
     weighed = with_record(expected, rows, robot.model, v, residual, jacobians)
     return replace(weighed, doubt=max(weighed.doubt, values.doubt))
+
+
+def stands(record: Record, instants: Instants) -> bool:
+    """Return whether a robot walks: known forces do not carry it, of whose points none is a foot then."""
+    known = sum(instants.known.values(), np.zeros_like(instants.rows))
+    carried = float(np.linalg.norm(column_rms(known[:, :3]))) > CARRIES * record.robot.weight
+    return walks_on(record.robot, record.map) and not carried
 
 
 def _rubbed(robot: PlainRobot, instants: Instants) -> Array:

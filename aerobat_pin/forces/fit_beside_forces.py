@@ -26,9 +26,8 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.forces.coefficient_errors import FEWEST_INDEPENDENT, coefficient_covariance, independent, row_variance
-from aerobat_pin.forces.contacts import walks_on
 from aerobat_pin.forces.deviations import tilt_of
-from aerobat_pin.forces.expected_of_record import EFFORT_ERROR, SLIDES_AT, expected_of, lifted_feet, row_scale
+from aerobat_pin.forces.expected_of_record import EFFORT_ERROR, SLIDES_AT, expected_of, lifted_feet, row_scale, stands
 from aerobat_pin.forces.factors_by_balance import factors_by_balance
 from aerobat_pin.forces.instants import Instants, column_rms, looked_at
 from aerobat_pin.forces.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
@@ -49,7 +48,7 @@ HARDLY_MOVES = (
 )
 CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
 HARDLY_RUBS = (1.0 - FRICTION_SHOWN**2) ** 0.5  # of rows' known errors: less friction cannot make them so much smaller
-ANY_FORCE = 30.0  # times what is expected of a force, beside factors: smaller efforts need smaller ones, likelier
+UNKNOWN_SIZE = 30.0  # times what is expected of a force, beside factors: smaller efforts need smaller ones, likelier
 BLOW, BLOW_ROUNDS = 3.0, 5  # of what is expected of a force: one that is larger is what the rows show of it
 ROTORS_SOUGHT = 0.5  # of what is expected of the rows' errors, geometric mean, from which they may show rotors
 ROTORS_SHOWN = 0.75  # of the errors of rows, geometric mean: where rotors leave more, errors cover them all the same
@@ -66,21 +65,25 @@ def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None
     are no smaller: what was learnt without friction, where nothing touches, has it among the errors.
     """
     record, values = forces.record, forces.values
-    sought = bool(points_of(record.map)) and "joints.effort" in record.channels and not knows_friction(forces)
+    measured = bool(points_of(record.map)) and "joints.effort" in record.channels
+    sought = measured and not knows_friction(forces)
     instants = looked_at(record, inputs_between(record, forces), values, closely=sought)
     if instants is None:
         return forces, None, None
     expected = expected_of(record, instants, values)
     found = _found(forces, instants, expected) if sought else None
     if found is None:
+        if measured and not sought:  # friction is known
+            expected = replace(expected, shared=shared_error(record.robot.model, instants, expected).deviation)
         return forces, expected, instants
     law, n = found.friction, len(instants.joints)
     assert law is not None
     b = np.stack([law.coulomb, law.viscous, law.inertia, found.scale - 1.0])[:, -n:]
     smooth = instants.without(b)
     expected = expected_of(record, smooth, found)
-    shared = shared_error(record.robot.model, instants, expected).deviation
-    return replace(forces, values=found), replace(expected, shared=shared), instants
+    shared = shared_error(record.robot.model, instants, expected)
+    expected = replace(expected, shared=shared.by_weight if np.any(found.scale != 1.0) else shared.deviation)
+    return replace(forces, values=found), expected, instants
 
 
 def _found(forces: KnownForces, instants: Instants, expected: Expected) -> FittedValues | None:
@@ -93,17 +96,16 @@ def _found(forces: KnownForces, instants: Instants, expected: Expected) -> Fitte
     y, J, robot = instants.rows[:, instants.kept], instants.jacobians[:, :, instants.kept], record.robot
     force = np.broadcast_to(expected.force, J.shape[:2])
     wide, lifts = force, False  # of a foot in the air, what it seems to carry there: it may be about to land
-    if walks_on(robot, record.map):
+    if stands(record, instants):
         lifted, _, usual = lifted_feet(y, J, robot.weight)
         in_air, lifts = np.repeat(lifted, 3, axis=1), bool(lifted.any())
-        force, wide = np.where(in_air, 0.0, force), np.where(in_air, np.repeat(usual, 3), ANY_FORCE * force)
+        force, wide = np.where(in_air, 0.0, force), np.where(in_air, np.repeat(usual, 3), UNKNOWN_SIZE * force)
     if y.size <= np.count_nonzero(force):
         return None
-    force = with_blows(force, y, J)
-    of_any_size = with_blows(wide, y, J) if lifts else None
-    fitted, names = _fitted(forces, instants, expected, force, of_any_size, rotors=False), list(row_names(robot.model))
+    force, loose = with_blows(force, y, J), with_blows(wide, y, J) if lifts else None
+    fitted, names = _fitted(forces, instants, expected, force, loose, rotors=False), list(row_names(robot.model))
     if _errors_over(fitted, {names[row]: expected.row_error[row] for row in instants.kept}) > ROTORS_SOUGHT:
-        turning = _fitted(forces, instants, expected, force, of_any_size, rotors=True)
+        turning = _fitted(forces, instants, expected, force, loose, rotors=True)
         fitted = turning if _errors_over(turning, _errors(fitted)) < ROTORS_SHOWN else fitted
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
         fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), None, rotors=False)
@@ -182,21 +184,18 @@ def _fitted(
     sought = wide is not None and kept[0] == 0  # factors, by rows of the base
     factors: Array = np.zeros(n)
     unsure: Array = np.zeros(len(kept))
-    g = float(np.linalg.norm(robot.model.gravity.linear))
-    offset = g * tilt_of(record.map)  # [m/s2] of an accelerometer that shows gravity so much tilted
-    offset_force = robot.mass * offset if sought else 0.0
+    offset = float(np.linalg.norm(robot.model.gravity.linear)) * tilt_of(record.map)  # [m/s2] of an accelerometer
     limits = effort_limits(robot.model, [kept[k] for k in at])
 
     def likely(rows: Array, size: Array, *more: int) -> tuple[Array, Array, Array, Array]:
         kinds = [0, 1, *([2] if rotors else []), *more]
         x, known = instants.columns[kinds][:, :, at], np.array([np.inf, np.inf, np.inf, EFFORT_ERROR])[kinds]
-        tables = rows[:, kept], x, known, J, at, instants.sliding, size, error
-        return most_likely(*tables, offset=offset_force, limits=limits)
+        series = rows[:, kept], x, known, J, at, instants.sliding
+        return most_likely(*series, size, error, offset=robot.mass * offset * sought, limits=limits)
 
     rows = instants.rows
     if wide is not None and sought:
-        b, _, unsure, _ = likely(rows, wide, 3)
-        factors = b[-1]
+        (*_, factors), _, unsure, _ = likely(rows, wide, 3)
         rows = instants.without(np.stack([*np.zeros((3, n)), factors])).rows
     b, size, alone, error_rms = likely(rows, force)
     unsure = np.maximum(unsure, alone)

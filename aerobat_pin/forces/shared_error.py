@@ -11,7 +11,7 @@ forces.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.forces.coefficient_errors import coefficient_covariance
 from aerobat_pin.forces.explanations import QUARTERS, without_quarters
-from aerobat_pin.forces.instants import Instants
+from aerobat_pin.forces.instants import Instants, column_rms
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected
 
@@ -38,11 +38,15 @@ class SharedError:
         shown: (n,) c, a share of each mass [1], in directions that are not shown 0.
         covariance: (n, n) its covariance [1], in directions that are not shown that of errors as large as the masses.
         moved: (m, k, n) what c does to each component at some instants [N or N m].
+        carried: (k,) rms of the components there [N or N m].
+        masses: (n,) of the links [kg].
     """
 
     shown: Array
     covariance: Array
     moved: Array
+    carried: Array | float = 0.0
+    masses: Array | float = 1.0
 
     @property
     def size(self) -> float:
@@ -61,6 +65,12 @@ class SharedError:
         size = self.size
         left, taken = self._left(size)
         return self._deviation(left + np.outer(taken, taken))
+
+    @property
+    def by_weight(self) -> Array:
+        """The same (k,) where the robot's weight, which errs as its links do, told the factors of efforts."""
+        share = self.size * np.linalg.norm(self.masses) / np.sum(self.masses)
+        return np.hypot(self.deviation, share * self.carried)
 
     @property
     def untested(self) -> Array:
@@ -88,14 +98,16 @@ def shared_error(model: pin.Model, instants: Instants, expected: Expected) -> Sh
     R = expected.doubt * expected.row_deviation(instants.v[some])[:, kept] ** 2
     one = np.eye(len(kept))[instants.at].T
     friction = np.concatenate([x[:, None] * one for x in instants.columns[:2, some][..., instants.at]], axis=2)
-    white = J / R[:, None]
-    moved = np.linalg.solve(white @ np.swapaxes(J, 1, 2) + np.diag(expected.force**-2.0), white @ weights)
-    columns, y = np.concatenate([weights, friction], axis=2), instants.rows[some][:, kept]
-    found = shown_without_any_quarter(columns, y, expected.force[:, None] * J, R, moved)
-    if not np.any(many := np.abs(found.shown) > 1.0):
-        return found
-    columns[..., : len(many)][..., many & _loads(weights, J)] = 0.0
-    return shown_without_any_quarter(columns, y, expected.force[:, None] * J, R, moved)
+    white, y = J / R[:, None], instants.rows[some][:, kept]
+    both = white @ np.concatenate([weights, y[:, :, None]], axis=2)
+    both = np.linalg.solve(white @ np.swapaxes(J, 1, 2) + np.diag(expected.force**-2.0), both)
+    moved, force = both[:, :, :-1], expected.force[:, None] * J
+    columns = np.concatenate([weights, friction], axis=2)
+    found = shown_without_any_quarter(columns, y, force, R, moved)
+    if np.any(many := np.abs(found.shown) > 1.0):
+        columns[..., : len(many)][..., many & _loads(weights, J)] = 0.0
+        found = shown_without_any_quarter(columns, y, force, R, moved)
+    return replace(found, carried=column_rms(both[:, :, -1]), masses=links.reshape(-1, 10)[:, 0])
 
 
 def _loads(weights: Array, J: Array) -> NDArray[np.bool_]:

@@ -12,7 +12,7 @@ from support.further import further
 from support.recorded import recorded
 from support.robot_parts import channels, efforts
 
-from aerobat_pin.estimation import estimate
+from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.records import Record
 
 Vector = NDArray[np.float64]
@@ -101,7 +101,14 @@ def test_a_row_to_spare_that_feels_none_of_a_force_tests_nothing_of_it(
     """
     robot = SCARA.format(4, beside).replace('<link name="tool"/>', f'{HAND}<link name="tool"/>')
     record, _, _ = swung(tmp_path, robot, 41, 0.0, 1.5)
-    verdict = estimate(record).verdict
+    (tmp_path / "free").mkdir()
+    free, _, _ = swung(tmp_path / "free", robot, 40, 0.0, 0.0)
+    for calibration in (None, calibrate([free])):  # which tested it another day
+        check_untested(estimate(record, calibration=calibration).verdict, untested)
+
+
+def check_untested(verdict: str, untested: list[str]) -> None:
+    """Check that a verdict says which forces no row to spare tests."""
     assert "finds a push at tool" in verdict
     [words] = re.findall("nothing tests (.*?): a wrong sign", verdict)
     assert re.findall(r"tool\.(F.) \(by ([\w, ]+) alone\)", words) == [

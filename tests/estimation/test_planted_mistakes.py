@@ -162,6 +162,14 @@ EFFORTS_APART: Mistakes = {
         r"effort unit: the effort of shoulder2_joint shows nothing of what motion and weight need",
     ),
     "efforts all zero": (times(EFFORTS, 0.0), r"effort unit: all efforts show nothing"),
+    "zero of a shoulder off": (
+        off(ANGLES, 0.05, 1),
+        r"joint zero: shoulder2_joint seems to stand -2\.[89] deg farther",
+    ),
+    "zero of a joint that carries little off": (
+        off(ANGLES, 0.05, 5),
+        r"joint zero: wrist2_joint seems .* -2\.[89] deg",
+    ),
     "angles and rates late": (late(20e-3, ANGLES, RATES), r"late efforts: the motion comes (19|20|21) ms after"),
 }
 

@@ -42,7 +42,7 @@ LEFT_BY_ROBOT = 0.9  # of what is left, in squares, with a robot that stands, tu
 LEFT_BY_CHANGE = 0.5  # of what is left, in squares, if columns change places, or efforts come at another time
 LEAST_TURN = np.radians(3.0)  # by which a robot must be mounted otherwise than believed before that is said
 SIZE_OF_GRAVITY = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
-TURNED, SLID = (0.05, 0.5), (0.02, 0.3)  # least and largest zero of a joint that is named [rad], [m]
+TURNED, SLID = (0.03, 0.5), (0.02, 0.3)  # least and largest zero of a joint that is named [rad], [m]
 Formed = Callable[[InputsBetween], tuple[EffortRows, Instants]]  # the rows of other inputs
 
 
@@ -143,7 +143,7 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         pulling.gravity.linear = axis
         pulls.append([pin.computeGeneralizedGravity(pulling, data, each)[kept] for each in q])
     yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1), leaves=LEFT_BY_ROBOT)
-    slopes = slopes_of_weight(model, q)[:, kept]
+    slopes = slopes_of_need(model, instants)[:, kept]
     bends = instants.around[1, instants.weighed]
     yield Change(_rotors, bends[:, :, None] * np.eye(len(kept)))
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
@@ -156,11 +156,17 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         yield Change(partial(_load, record.robot, name), weighs, leaves=LEFT_BY_ROBOT)
 
 
-def slopes_of_weight(model: pin.Model, q: Array) -> Array:
-    """Return (m, nv, nv) how the weight changes with each coordinate at configurations q (m, nq)."""
-    data = model.createData()
-    slopes = np.array([pin.computeGeneralizedGravityDerivatives(model, data, each).copy() for each in q])
-    return slopes.reshape(len(q), model.nv, model.nv)
+def slopes_of_need(model: pin.Model, instants: Instants) -> Array:
+    """Return (m, nv, nv) how what weight and motion need changes with each coordinate, at weighed instants.
+
+    Of a joint at rest its weight alone says where its zero is; of one in motion its inertia says more.
+    """
+    some, data = instants.weighed, model.createData()
+    q, v = (each[some] for each in instants.past)
+    a = np.zeros_like(v)
+    a[:, instants.kept] = -instants.around[1, some]  # whose noise is not that of the rows
+    slopes = [pin.computeRNEADerivatives(model, data, *each)[0].copy() for each in zip(q, v, a, strict=True)]
+    return np.reshape(slopes, (len(q), model.nv, model.nv))
 
 
 def _common(record: Record, names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:

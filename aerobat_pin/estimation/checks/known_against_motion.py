@@ -21,14 +21,13 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.estimation.findings import Finding, FindingVerdict
-from aerobat_pin.forces import FreeMotion
+from aerobat_pin.forces import CARRIES, FreeMotion
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import rotation_matrices
 from aerobat_pin.records import Record
 
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 FALLS = 0.25  # of the weight that motion needs at most, and of a free fall's height that is lost at least, in a fall
-CARRIES = 0.5  # of the weight: mean of known forces, from which they may be what carries the robot
 LEFT_BY_TURN = 1.0 / 3.0  # of E as mapped, up to which a turn is named: rotors in another order left .37 by one
 TRIED_AT = 12  # instants by which the turns are tried
 OTHER_AXES = "known forces against motion"

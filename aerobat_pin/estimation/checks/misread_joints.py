@@ -14,7 +14,7 @@ from functools import cache, partial
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, Formed, driven_rows, slopes_of_weight
+from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, Formed, driven_rows, slopes_of_need
 from aerobat_pin.estimation.checks.free_efforts import reversed_effort
 from aerobat_pin.estimation.checks.readings import (
     LEFT_BY_JOINTS,
@@ -41,7 +41,7 @@ TURNS_TRIED = np.pi / 6.0 * np.arange(1, 12)  # that are tried [rad]
 DOWNHILL = (np.pi / np.array([6.0, 6.0, 6.0, 12.0, 12.0])).tolist()  # from the likeliest of them [rad]
 LIKELIEST = 6  # of which the rows are formed anew
 REST_AT_MOST = np.radians(20.0)  # from a turn that was tried to the one that is found: within it the weight is linear
-UPRIGHT = 1e-6  # of the largest change of the weight: an axis along gravity
+UPRIGHT = 1e-6  # of the largest change of what is needed: an upright first axis, whose zero nothing shows
 SMALLEST_TURN = 0.5 * TURNS_TRIED[0]  # that is said; a column says what smaller ones do
 
 
@@ -82,7 +82,7 @@ def changes_of_reading(
     def loss(read: JointReading) -> float:
         return -change_to(read).likely(rows, without)[0]
 
-    slopes, kinds = np.abs(slopes_of_weight(model, q)).max(axis=(0, 1)), list[list[JointReading]]()
+    slopes, kinds = np.abs(slopes_of_need(model, instants)).max(axis=(0, 1)), list[list[JointReading]]()
     joints = {joint for joint, _ in driven_rows(record, instants)}
     places = [k for k, joint in enumerate(record.driven) if joint in joints]  # else other rows would be compared
     for k in places:
@@ -147,5 +147,5 @@ def _anew(
     rows, instants = formed(between)
     if (changed := _joint_changed(read)) is None:
         return as_mapped(), rows, None
-    slopes = slopes_of_weight(record.robot.model, instants.past[0][instants.weighed])
+    slopes = slopes_of_need(record.robot.model, instants)
     return as_mapped(), rows, slopes[:, instants.kept][:, :, [record.robot.v_index(record.driven[changed[0]])]]
