@@ -43,6 +43,7 @@ LEFT_BY_CHANGE = 0.5  # of what is left, in squares, if columns change places, o
 LEAST_TURN = np.radians(3.0)  # by which a robot must be mounted otherwise than believed before that is said
 SIZE_OF_GRAVITY = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
 TURNED, SLID = (0.03, 0.5), (0.02, 0.3)  # least and largest zero of a joint that is named [rad], [m]
+LARGE_ZERO = 0.15  # [rad, m]: no encoder slips by so much unseen
 Formed = Callable[[InputsBetween], tuple[EffortRows, Instants]]  # the rows of other inputs
 
 
@@ -59,6 +60,7 @@ class Change:
             what it does.
         doubt: what it costs beside its coefficients.
         leaves: share of what is left, in squares, that it must leave at most.
+        large: h from which it must leave as little as columns that change places: what is large leaves traces.
         cases: changes that it contains, one factor of all efforts first: it counts only if it is likelier than each.
     """
 
@@ -68,6 +70,7 @@ class Change:
     anew: Callable[[], tuple[EffortRows, EffortRows, Array | None]] | None = None
     doubt: float = 0.0
     leaves: float = np.inf
+    large: float = np.inf
     cases: Sequence[Change] = ()
 
     @property
@@ -84,6 +87,10 @@ class Change:
         """
         width = 2 if self.doubt else 1
         return [range(first, first + width) for first in range(QUARTERS + 1 - width)]
+
+    def enough(self, found: Explanation) -> float:
+        """Return the share of what is left, in squares, that it must leave at most."""
+        return LEFT_BY_CHANGE if np.any(np.abs(found.size) > self.large) else self.leaves
 
     def likely(self, rows: EffortRows, without: Explanation, but: range | None = None) -> tuple[float, Explanation]:
         """Return by how much it makes the rows likelier, for its price, and what is most likely with it.
@@ -148,7 +155,7 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
     yield Change(_rotors, bends[:, :, None] * np.eye(len(kept)))
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
         slope = slopes[:, :, [record.robot.v_index(joint)]]
-        yield Change(partial(_zero, record.robot, joint), slope, leaves=LEFT_BY_ROBOT)
+        yield Change(partial(_zero, record.robot, joint), slope, leaves=LEFT_BY_ROBOT, large=LARGE_ZERO)
     for name in (*record.map.robot.points, *record.map.robot.wrenches):
         first = 10 * model.frames[frame_id(model, name)].parentJoint - 10
         weighs = np.array([pin.computeJointTorqueRegressor(model, data, each, rest, rest).copy() for each in q])

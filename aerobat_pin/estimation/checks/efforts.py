@@ -135,7 +135,7 @@ def effort_findings(
     for gain, found, change, lasts in _likely(rows, without, changes):
         after = left(found)
         findings = change.told(found, _leaves(after, share)) if lasts else []
-        if findings is not None and after < change.leaves * share:
+        if findings is not None and after < change.enough(found) * share:
             explaining.append((gain, findings, change))
     by_name = {change: gain for gain, findings, change in explaining if findings}
     told = [  # too many factors to name are one of all, where that explains most of what they do
@@ -156,10 +156,16 @@ def effort_findings(
 
 
 def _as_likely(named: Sequence[Finding], likeliest: Sequence[Sequence[Finding]]) -> Sequence[Finding]:
-    """Return what is named, with how else the joints may have to be read: two such mistakes can be the same."""
+    """Return what is named, with how else the joints may have to be read: two such mistakes can be the same.
+
+    Of zeros the smallest: an encoder's slips by little.
+    """
+    zeros = [findings for findings in likeliest if findings and findings[0].check == "joint zero"]
+    if named in zeros:
+        named = min(zeros, key=lambda findings: abs(findings[0].value or 0.0))
     read = [finding for findings in likeliest for finding in findings[:1] if finding.check in READINGS]
-    _, *others = dict.fromkeys(finding.text.partition(", which")[0] for finding in read) or [""]
-    if others and named[0] == read[0]:
+    others = dict.fromkeys(finding.text.partition(", which")[0] for finding in read if finding not in named)
+    if others and named[0] in read:
         return [replace(named[0], text=f"{named[0].text}; or {', or '.join(others)}")]
     return named
 
