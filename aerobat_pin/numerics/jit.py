@@ -100,7 +100,7 @@ def is_compiled(entry: Any) -> bool:
 def announce_compilation(entry: Any) -> None:
     """Print on stderr that a kernel is about to be compiled, unless the cache already holds it."""
     if not is_compiled(entry) and not entry.signatures:
-        print("compiling the kernels: once per installation, about 10 s", file=sys.stderr, flush=True)
+        print("compiling the kernels: once per installation, 10 to 30 s", file=sys.stderr, flush=True)
 
 
 def lock(entry: Any, *arguments: Any) -> None:

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.numerics import LARGEST_REAL, Array, checked, fields_of, guarded, new_state, shown
+from aerobat_pin.numerics import LARGEST_REAL, Array, announce_compilation, checked, fields_of, guarded, new_state, shown
 from aerobat_pin.observers.analysis.noise_and_lag import SensorNoise
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
@@ -262,6 +262,7 @@ class KalmanObserver(Observer):
     def _run(
         self, time: Array, q: Array, v: Array, u: Array, known: Mapping[str, ArrayLike], sampled: list[Sampled]
     ) -> tuple[Observed, Samples]:
+        announce_compilation(kernels.filter_all)
         memory = self._memory.copy()  # so that a running stream is not disturbed
         kalman, nv, c, model, data = fields_of(memory, KalmanState), self._nv, self._count, self.model, self.data
         samples = np.empty((len(time), *kalman.filter.samples.shape[1:]))
