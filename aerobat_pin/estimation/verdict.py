@@ -14,13 +14,16 @@ import numpy as np
 from aerobat_pin.estimation.findings import LOST_SAMPLES, UNTESTED, WOULD_LOOK, Finding
 from aerobat_pin.forces import (
     SURE_OF_CONTACT,
+    TINY,
     ComponentSize,
     Contact,
     ModelCheck,
     ObserverScores,
     StoredEstimate,
+    along_itself,
     burst_noise,
     during_contact,
+    largest_of,
     point_label,
     quantity,
     short_label,
@@ -36,7 +39,6 @@ CROSSTALK = 0.02  # share of the largest force that its estimate leaves elsewher
 SAID_AT_MOST = 2  # pushes, or components, that a sentence names
 MOSTLY = 0.8  # share of a force that is along an axis before the axis is named
 SOMETIMES = 0.95  # share of the time below which a component is not always seen
-TINY = 1e-12  # [N, N m]
 ROW_TORQUE, ROW_TORQUES = "a torque that the motion does not explain", "torques that the motion does not explain"
 WAYS = {"Fx": ("along x", "against x"), "Fy": ("along y", "against y"), "Fz": ("upward", "downward")}
 HARMLESS_CHECKS = (  # a warning of theirs makes no force wrong: it says what is left out, not known, or kept twice
@@ -186,7 +188,7 @@ class _Largest:
     def take(self, time: Array, force: Array, errors: Array, deviations: Array) -> Array:
         """Take forces (m, n) with their errors and stated deviations; return their sizes over the errors (m,)."""
         size = np.linalg.norm(force, axis=1)
-        error = np.maximum(_along_itself(force, errors) * force.shape[1] ** 0.5, TINY)
+        error = np.maximum(along_itself(force, errors) * force.shape[1] ** 0.5, TINY)
         beyond = size > SURE_OF_CONTACT * error
         weight = np.where(beyond, size, 0.0) if beyond.any() else size / error
         at = int(np.argmax(weight))
@@ -228,7 +230,7 @@ class _Group:
             peak=float(np.linalg.norm(found.force)),
             at=found.time - start,
             way=_way(found.force, self.axes),
-            deviation=None if stated == [None] * len(stated) else float(_along_itself(found.force, found.deviation)),
+            deviation=None if stated == [None] * len(stated) else float(along_itself(found.force, found.deviation)),
             sure=found.sure / SURE_OF_CONTACT,
             rms=(self.squares / count) ** 0.5,
             lasting=(self.shares / count) ** 0.5,
@@ -257,13 +259,6 @@ def _pushes(estimate: StoredEstimate, start: float) -> list[_Push]:
     return [group.push(start, max(count, 1), sizes, noise) for group in groups]
 
 
-def _along_itself(force: Array, deviation: Array) -> Array:
-    """Return the deviation (...) of forces (..., n) along themselves, with deviations (..., n) of their components."""
-    known = np.where(force == 0.0, 0.0, deviation)  # what is not shown is 0 +- inf
-    squares = np.sum((force * known) ** 2, axis=-1) / np.maximum(np.sum(force**2, axis=-1), TINY**2)
-    return np.asarray(np.sqrt(squares))
-
-
 def _way(force: Array, axes: Sequence[str]) -> str:
     """Return the direction of a force (n,) along axes such as `Fx`, in words; nothing of a moment, or of one axis."""
     size, at = float(np.linalg.norm(force)), int(np.argmax(np.abs(force)))
@@ -289,9 +284,10 @@ def _contact(estimate: StoredEstimate, event: Contact, start: float) -> _Push:
     force = np.where(during.shown, during.components, 0.0)[:, columns]
     if not len(force):
         return _Push(place, event.unit, event.size, ends[0], "", None, np.inf, ends=ends)
-    at, sure = int(np.argmax(np.linalg.norm(force, axis=1))), during.standard_deviation
+    sure = during.standard_deviation
+    at = largest_of(force, None if sure is None else sure[:, columns])
     way = _way(force[at], [components[k].rpartition(".")[2] for k in columns])
-    along = None if sure is None else float(_along_itself(force[at], sure[at, columns]))
+    along = None if sure is None else float(along_itself(force[at], sure[at, columns]))
     along = along if along is not None and np.isfinite(along) else None
     return _Push(place, event.unit, event.size, float(during.time[at]) - start, way, along, np.inf, ends=ends)
 

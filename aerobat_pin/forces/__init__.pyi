@@ -15,10 +15,13 @@ from .calibration_use import Contact as Contact
 from .calibration_use import ModelCheck as ModelCheck
 from .contacts import END_SHARE as END_SHARE
 from .contacts import ONSET_SHARE as ONSET_SHARE
+from .contacts import TINY as TINY
 from .contacts import ContactWatch as ContactWatch
 from .contacts import Stance as Stance
+from .contacts import along_itself as along_itself
 from .contacts import contact_probability as contact_probability
 from .contacts import during_contact as during_contact
+from .contacts import largest_of as largest_of
 from .contacts import stances_on_ground as stances_on_ground
 from .contacts import walks_on as walks_on
 from .deviations import LAGS as LAGS

@@ -21,6 +21,8 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, LevelDetector
 from aerobat_pin.records import Map, PlainRobot, Record
 
+TINY = 1e-12  # [N, N m]
+NEARLY_AS_SURE = 0.5  # of the most deviations that a force ever is during a contact
 ONSET_SHARE, END_SHARE, LIKELY_SHARE = 0.08, 0.04, 0.03  # of the weight
 ROW_CONTACT_ENDS = 0.5  # of a row's threshold, or a force's, where its contact begins and ends
 
@@ -155,14 +157,33 @@ def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list
             rows, at = during.time[1:] > contact.onset, head.frames.index(contact.point)
             shown = during.shown.reshape(len(rows), -1, 3)[rows, at]
             force = np.where(shown, during.force[rows, at], 0.0)
-            size = float(np.max(np.linalg.norm(force, axis=1), initial=0.0))
-            sure = np.inf
-            if during.expected_force is not None and during.standard_deviation is not None:
-                deviation = during.standard_deviation.reshape(len(rows), -1, 3)[rows, at]
+            deviation, sure = during.standard_deviation, np.inf
+            deviation = None if deviation is None else deviation.reshape(len(rows), -1, 3)[rows, at]
+            if during.expected_force is not None and deviation is not None:
                 sure = float(np.max(np.linalg.norm(force / deviation, axis=1), initial=0.0))
             if (shown.any() or not len(shown)) and sure > SURE_OF_CONTACT:
+                size = float(np.linalg.norm(force[largest_of(force, deviation)])) if len(force) else 0.0
                 contacts.append(replace(contact, point=point_label(contact.point), size=size))
     return contacts
+
+
+def largest_of(force: Array, deviation: Array | None) -> int:
+    """Return at which of some instants a force (m, n) is largest, of those at which it is nearly as sure as ever.
+
+    At an instant of large deviations (m, n) the largest may be the largest error.
+    """
+    size = np.linalg.norm(force, axis=1)
+    if deviation is None:
+        return int(np.argmax(size))
+    sure = size / np.maximum(along_itself(force, deviation), TINY)
+    return int(np.argmax(np.where(sure >= NEARLY_AS_SURE * sure.max(), size, -1.0)))
+
+
+def along_itself(force: Array, deviation: Array) -> Array:
+    """Return the deviation (...) of forces (..., n) along themselves, with deviations (..., n) of their components."""
+    known = np.where(force == 0.0, 0.0, deviation)  # what is not shown is 0 +- inf
+    squares = np.sum((force * known) ** 2, axis=-1) / np.maximum(np.sum(force**2, axis=-1), TINY**2)
+    return np.asarray(np.sqrt(squares))
 
 
 def _lasting(estimate: StoredEstimate, contacts: Iterable[Contact]) -> list[Contact]:

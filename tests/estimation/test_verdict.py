@@ -12,9 +12,9 @@ from support.swinging_arm import arm, arm_map, recording
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.estimation import Finding, Result, estimate
-from aerobat_pin.estimation.verdict import _along_itself, quantity
+from aerobat_pin.estimation.verdict import quantity
 from aerobat_pin.experiments import Experiment
-from aerobat_pin.forces import CalibrationUse, Contact, StoredEstimate
+from aerobat_pin.forces import CalibrationUse, Contact, StoredEstimate, along_itself, largest_of
 from aerobat_pin.forces.observer_scores import score_table
 from aerobat_pin.observers import Estimate, force_size
 from aerobat_pin.visualization.figures.estimation import draw_estimation
@@ -198,7 +198,16 @@ def test_every_observer_is_drawn(paper: Experiment) -> None:
 
 def test_what_is_not_shown_adds_nothing_to_a_deviation_along_a_force() -> None:
     """It is 0, +- infinity: the product was no number, and a warning."""
-    assert _along_itself(np.array([3.0, 0.0]), np.array([0.5, np.inf])) == 0.5
+    assert along_itself(np.array([3.0, 0.0]), np.array([0.5, np.inf])) == 0.5
+
+
+def test_the_largest_error_of_a_contact_is_not_its_size() -> None:
+    """10 N +-7 is an error's size beside 6 N +-0.7; without deviations, or with like ones, the largest force is."""
+    force, deviation = (
+        np.array([[5.8, 0.0], [10.0, 0.0], [6.0, 1.0]]),
+        np.array([[0.6, 0.6], [7.0, 0.1], [0.7, np.inf]]),
+    )
+    assert [largest_of(force, each) for each in (deviation, None, np.ones((3, 2)))] == [2, 1, 1]
 
 
 def test_sizes_are_read_at_a_glance() -> None:

@@ -14,11 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.estimation.verdict import LASTING, TINY
+from aerobat_pin.estimation.verdict import LASTING
 from aerobat_pin.forces import (
     CHECKED,
     FEWEST_INSTANTS,
     SURE_OF_CONTACT,
+    TINY,
     KnownForces,
     burst_noise,
     column_rms,

@@ -11,7 +11,16 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.numerics import LARGEST_REAL, Array, announce_compilation, checked, fields_of, guarded, new_state, shown
+from aerobat_pin.numerics import (
+    LARGEST_REAL,
+    Array,
+    announce_compilation,
+    checked,
+    fields_of,
+    guarded,
+    new_state,
+    shown,
+)
 from aerobat_pin.observers.analysis.noise_and_lag import SensorNoise
 from aerobat_pin.observers.applications import Application
 from aerobat_pin.observers.estimate import Estimate, Innovation, Sample
