@@ -121,7 +121,7 @@ def estimate(
     if smoothed is None:
         findings += result_findings(result, partial(motion, as_known), expected)
         findings += untested_findings(forces, instants, expected, next(iter(stored.values())))
-    findings += [] if calibration is None else [calibration.finding()]
+    findings += () if calibration is None else calibration.findings(record)
     if calibration is not None and beside:
         text = WITHOUT_FRICTION if given.values.friction is None else WITH_SOME.format(_unseen_before(given, forces))
         findings.append(Finding("calibration", "warning", text))

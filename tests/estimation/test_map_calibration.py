@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,17 @@ def test_an_error_bar_says_what_was_not_seen() -> None:
     """One joint shows nothing of a force along its axis: `nan N` was its error."""
     bar = {"tip.Fx": (0.2, 0.1), "tip.Fy": (np.nan, np.nan)}
     assert bar_words(bar).endswith("nothing was fitted: tip.Fx 0.1 N (without 0.2), tip.Fy not seen")
+
+
+def test_joints_where_a_calibration_did_not_see_them_are_said(folder: Path, learnt: Calibration) -> None:
+    """Of a belief that is wrong, it knows what is wrong where it was learnt; the same swing causes no word."""
+    record = recorded(folder / "pushed.csv", arm_map())
+    ranges = {joint: (low - 2.0, high - 2.0) for joint, (low, high) in learnt.ranges.items() if joint == "lift"}
+    for calibration, told in ((learnt, ()), (replace(learnt, ranges=ranges), ("lift",))):
+        said = [one.text for one in estimate(record, calibration=calibration).findings if one.check == "postures"]
+        assert [joint for one in said for joint in JOINTS if f"{joint} 1" in one or f"{joint} 9" in one] == [*told]
+    assert learnt.ranges.keys() == {*JOINTS}
+    assert all(low < high for low, high in learnt.ranges.values())
 
 
 @pytest.mark.usefixtures("unrendered")

@@ -30,6 +30,8 @@ from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, encoder_w
 TORQUE = "observers.torque"  # which joint torque is known, among the assumptions of a robot that can choose
 EFFORT, SI_EFFORT = "the effort of ", "1 N m per unit"  # of a joint, among what is believed; where no map tells
 ENCODER = "the encoder of "  # of a joint, among what is believed
+RAREST, POSITIONS = (0.01, 0.99), 20_000  # quantiles of a joint's positions, and of how many
+LEAST_BEYOND, BEYOND, OFTEN = 0.1, 0.2, 0.1  # [rad, m], share of a range, and of the time: farther and oftener is told
 # torque of a calibration -> torques of the records that it serves
 USABLE_WITH = {"measured": ("measured", "motor_only", "none"), "motor_only": ("motor_only", "none")}
 
@@ -112,6 +114,7 @@ class Calibration:
         error_bar: component -> rms error without and with the calibration, where it was not fitted [N, N m].
         row_noise: row -> root second moment of what is left of it where nothing pushes, in data that no fit used
             [N, N m]; empty where that is not known.
+        ranges: joint -> where it was, but for the rarest hundredths [rad, m].
         warnings: what makes the calibration doubtful, in words.
         notes: what was found, in words.
         correct: whether a cause that is named of another record is corrected there; not kept in a file.
@@ -126,6 +129,7 @@ class Calibration:
     extras: Mapping[str, Array] = field(default_factory=dict)
     error_bar: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     row_noise: Mapping[str, float] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     correct: bool = False
@@ -181,9 +185,40 @@ class Calibration:
         """How it was used where the robot found motion and forces together."""
         return CalibrationUse(f"calibration: {'; '.join(self.notes[:1])}", warnings=self.warnings)
 
-    def finding(self) -> Finding:
-        """Return what a report says about the calibration."""
-        return Finding("calibration", "note", f"{self.origin}; {bar_words(self.error_bar)}")
+    def findings(self, record: Record) -> Iterator[Finding]:
+        """Yield what a report says about the calibration, and joints that are where it did not see them."""
+        yield Finding("calibration", "note", f"{self.origin}; {bar_words(self.error_bar)}")
+        beyond = list[str]()
+        for joint, at in _positions([record]).items():
+            low, high = self.ranges.get(joint, (-np.inf, np.inf))
+            margin = max(LEAST_BEYOND, BEYOND * (high - low))
+            if (share := float(np.mean((at < low - margin) | (at > high + margin)))) > OFTEN:
+                unit = "m" if record.robot.slides(joint) else "rad"
+                beyond.append(f"{joint} {100.0 * share:.0f} % of the time ({low:.2g} to {high:.2g} {unit})")
+        if beyond:
+            text = (
+                f"beyond where they were calibrated: {', '.join(beyond)}: what masses and friction get wrong there it "
+                "did not see, and may be more than is stated"
+            )
+            yield Finding("postures", "warning", text)
+
+
+def ranges_of(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
+    """Return joint -> from and to of its positions in some records, but for the rarest hundredths [rad, m]."""
+    return {joint: tuple(np.quantile(at, RAREST).tolist()) for joint, at in _positions(records).items()}
+
+
+def _positions(records: Sequence[Record]) -> dict[str, Array]:
+    """Return driven joint -> its positions (m,) at some times of all records [rad, m]; none of a robot with a phase."""
+    found = dict[str, list[Array]]()
+    for record in records:
+        if "joints.position" not in record.channels or record.robot.remembers:
+            continue
+        for ends in record.spread(POSITIONS):
+            table = record.at("joints.position", record.times(*ends))
+            for joint, column in zip(record.joints, table.T, strict=True):
+                found.setdefault(joint, []).append(column)
+    return {joint: np.concatenate(parts) for joint, parts in found.items()}
 
 
 TRAIN, REGULAR_TRAIN = 4, 0.1  # gaps between contacts that make a train, and by how many cycles most of them may differ

@@ -24,7 +24,7 @@ from aerobat_pin.observers import FRICTION_COEFFICIENTS
 from aerobat_pin.records import netcdf_bytes, read_netcdf
 
 FAMILY = "aerobat calibration"
-KIND = f"{FAMILY} 8"  # with the number of the form
+KIND = f"{FAMILY} 9"  # with the number of the form
 ALL_ELSE = "words"  # the variable with all that is no array
 STANDS_FOR = "array "  # begins what stands there in place of an array: its place, or the shape of one without numbers
 LARGEST_LEARNT = 1.0e9  # of any number in a file
@@ -158,6 +158,7 @@ def _refuse_values(learnt: Calibration) -> None:
     """Raise ValueError for numbers that no calibration has."""
     fitted, identified, series = learnt.fitted, learnt.identified, learnt.series
     numbers = {"row_noise": [*learnt.row_noise.values(), *fitted.row_noise.values()], "fitted.doubt": [fitted.doubt]}
+    numbers["ranges"] = [end for ends in learnt.ranges.values() for end in ends]
     numbers |= {} if fitted.friction is None else {"fitted.friction.rate": [fitted.friction.rate]}
     numbers |= {} if series is None else {"series.share": [series.share]}
     if identified is not None:

@@ -13,7 +13,15 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation.calibration.calibration import EFFORT, ENCODER, TORQUE, Belief, Calibration, belief_of
+from aerobat_pin.estimation.calibration.calibration import (
+    EFFORT,
+    ENCODER,
+    TORQUE,
+    Belief,
+    Calibration,
+    belief_of,
+    ranges_of,
+)
 from aerobat_pin.estimation.calibration.detection import Detection, learn_detection
 from aerobat_pin.estimation.calibration.error_bar import bar_words, error_bar, noise_where_known, row_noise
 from aerobat_pin.estimation.calibration.free_run import (
@@ -156,6 +164,7 @@ def calibrate(
         series=series,
         detection=_detection(runs, series),
         error_bar=bar,
+        ranges=ranges_of(records),
         row_noise=noise_where_known(forces[0]) if to_sensor else row_noise(tested, learnt=learnt),
         warnings=(*(str(finding) for finding in findings if finding.warns), *warnings),
         notes=(
