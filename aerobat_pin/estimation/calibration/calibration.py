@@ -31,7 +31,7 @@ TORQUE = "observers.torque"  # which joint torque is known, among the assumption
 EFFORT, SI_EFFORT = "the effort of ", "1 N m per unit"  # of a joint, among what is believed; where no map tells
 ENCODER = "the encoder of "  # of a joint, among what is believed
 RAREST, POSITIONS = (0.01, 0.99), 20_000  # quantiles of a joint's positions, and of how many
-LEAST_BEYOND, BEYOND, OFTEN = 0.1, 0.2, 0.1  # [rad, m], share of a range, and of the time: farther and oftener is told
+LEAST_OUTSIDE, OUTSIDE, OFTEN = 0.1, 0.2, 0.1  # [rad, m], share of a range, and of the time: farther and oftener is told
 # torque of a calibration -> torques of the records that it serves
 USABLE_WITH = {"measured": ("measured", "motor_only", "none"), "motor_only": ("motor_only", "none")}
 
@@ -191,7 +191,7 @@ class Calibration:
         beyond = list[str]()
         for joint, at in _positions([record]).items():
             low, high = self.ranges.get(joint, (-np.inf, np.inf))
-            margin = max(LEAST_BEYOND, BEYOND * (high - low))
+            margin = max(LEAST_OUTSIDE, OUTSIDE * (high - low))
             if (share := float(np.mean((at < low - margin) | (at > high + margin)))) > OFTEN:
                 unit = "m" if record.robot.slides(joint) else "rad"
                 beyond.append(f"{joint} {100.0 * share:.0f} % of the time ({low:.2g} to {high:.2g} {unit})")
