@@ -31,7 +31,7 @@ TORQUE = "observers.torque"  # which joint torque is known, among the assumption
 EFFORT, SI_EFFORT = "the effort of ", "1 N m per unit"  # of a joint, among what is believed; where no map tells
 ENCODER = "the encoder of "  # of a joint, among what is believed
 RAREST, POSITIONS = (0.01, 0.99), 20_000  # quantiles of a joint's positions, and of how many
-LEAST_OUTSIDE, OUTSIDE, OFTEN = 0.1, 0.2, 0.1  # [rad, m], share of a range, and of the time: farther and oftener is told
+LEAST_OUTSIDE, OUTSIDE, OFTEN = 0.1, 0.2, 0.1  # [rad, m], share of a range, of the time: farther and oftener is told
 # torque of a calibration -> torques of the records that it serves
 USABLE_WITH = {"measured": ("measured", "motor_only", "none"), "motor_only": ("motor_only", "none")}
 
