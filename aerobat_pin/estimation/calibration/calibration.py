@@ -11,6 +11,7 @@ from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation.calibration.detection import SETTLING, Detection
 from aerobat_pin.estimation.calibration.error_bar import bar_words
 from aerobat_pin.estimation.calibration.identify import Identified
+from aerobat_pin.estimation.checks.motion import UNLIMITED
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     CALIBRATION,
@@ -209,15 +210,21 @@ def ranges_of(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
 
 
 def _positions(records: Sequence[Record]) -> dict[str, Array]:
-    """Return driven joint -> its positions (m,) at some times of all records [rad, m]; none of a robot with a phase."""
+    """Return joint -> its positions (m,) at some times of all records [rad, m].
+
+    None of a robot with a phase, nor of joints that turn on and on, as wheels do: their file states no limits.
+    """
     found = dict[str, list[Array]]()
     for record in records:
         if "joints.position" not in record.channels or record.robot.remembers:
             continue
+        model, turned = record.robot.model, record.channels["joints.position"].turns
+        span = model.upperPositionLimit - model.lowerPositionLimit
         for ends in record.spread(POSITIONS):
             table = record.at("joints.position", record.times(*ends))
             for joint, column in zip(record.joints, table.T, strict=True):
-                found.setdefault(joint, []).append(column)
+                if 0.0 < span[record.robot.q_index(joint)] < UNLIMITED and joint not in turned:
+                    found.setdefault(joint, []).append(column)
     return {joint: np.concatenate(parts) for joint, parts in found.items()}
 
 
