@@ -219,11 +219,12 @@ def _positions(records: Sequence[Record]) -> dict[str, Array]:
         if "joints.position" not in record.channels or record.robot.remembers:
             continue
         model, turned = record.robot.model, record.channels["joints.position"].turns
-        span = model.upperPositionLimit - model.lowerPositionLimit
+        limits = list(zip(model.lowerPositionLimit.tolist(), model.upperPositionLimit.tolist(), strict=True))
         for ends in record.spread(POSITIONS):
             table = record.at("joints.position", record.times(*ends))
             for joint, column in zip(record.joints, table.T, strict=True):
-                if 0.0 < span[record.robot.q_index(joint)] < UNLIMITED and joint not in turned:
+                low, high = limits[record.robot.q_index(joint)]
+                if 0.0 < high - low < UNLIMITED and joint not in turned:
                     found.setdefault(joint, []).append(column)
     return {joint: np.concatenate(parts) for joint, parts in found.items()}
 
