@@ -67,6 +67,7 @@ from .instants import looked_at as looked_at
 from .instants import seen_wrench as seen_wrench
 from .instants import settled_instants as settled_instants
 from .instants import settling_intervals as settling_intervals
+from .instants import slopes_of_need as slopes_of_need
 from .inverse_dynamics import accelerations as accelerations
 from .inverse_dynamics import contact_torque as contact_torque
 from .inverse_dynamics import halfway as halfway
@@ -101,6 +102,7 @@ from .observer_scores import ObserverScores as ObserverScores
 from .observer_scores import score_table as score_table
 from .observer_scores import size_table as size_table
 from .observer_scores import text_table as text_table
+from .row_geometry import RowGeometry as RowGeometry
 from .run_observers import LEAST_EXPECTED as LEAST_EXPECTED
 from .run_observers import blocks_of as blocks_of
 from .run_observers import built_observers as built_observers

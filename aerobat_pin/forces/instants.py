@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from aerobat_pin.forces.inputs import KnownInputs
@@ -163,6 +164,19 @@ def looked_at(
         needed=need,
         noise=column_rms(np.array(noise)),
     )
+
+
+def slopes_of_need(model: pin.Model, instants: Instants) -> Array:
+    """Return (m, nv, nv) how what weight and motion need changes with each coordinate, at weighed instants.
+
+    Of a joint at rest its weight alone says where its zero is; of one in motion its inertia says more.
+    """
+    some, data = instants.weighed, model.createData()
+    q, v = (each[some] for each in instants.past)
+    a = np.zeros_like(v)
+    a[:, instants.kept] = -instants.around[1, some]  # whose noise is not that of the rows
+    slopes = [pin.computeRNEADerivatives(model, data, *each)[0].copy() for each in zip(q, v, a, strict=True)]
+    return np.reshape(slopes, (len(q), model.nv, model.nv))
 
 
 def seen_wrench(record: Record, instants: Instants, name: str) -> Array:

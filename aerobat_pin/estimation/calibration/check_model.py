@@ -10,8 +10,7 @@ import numpy as np
 from aerobat_pin.estimation.calibration.calibration import Calibration
 from aerobat_pin.estimation.calibration.checked_part import CheckedPart, error_factors, part_to_check, slice_of_part
 from aerobat_pin.estimation.calibration.name_cause import Named, cause_corrected, named_cause
-from aerobat_pin.estimation.calibration.row_geometry import RowGeometry
-from aerobat_pin.forces import KnownForces, KnownInputs, ModelCheck, blocks_of, points_of
+from aerobat_pin.forces import KnownForces, KnownInputs, ModelCheck, RowGeometry, blocks_of, points_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer
 from aerobat_pin.records import Record

@@ -9,8 +9,7 @@ import numpy as np
 
 from aerobat_pin.estimation.calibration.calibration import Calibration
 from aerobat_pin.estimation.calibration.free_run import AT_ONCE
-from aerobat_pin.estimation.calibration.row_geometry import RowGeometry
-from aerobat_pin.forces import LEAST_EXPECTED, KnownInputs, ModelCheck, points_of
+from aerobat_pin.forces import LEAST_EXPECTED, KnownInputs, ModelCheck, RowGeometry, points_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, ForceLevelObserver, row_names, slow_part, typical_step
 from aerobat_pin.records import Record

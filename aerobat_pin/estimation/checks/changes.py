@@ -26,6 +26,7 @@ from aerobat_pin.forces import (
     InputsBetween,
     Instants,
     most_likely_with,
+    slopes_of_need,
     without_quarters,
 )
 from aerobat_pin.numerics import Array, frame_id
@@ -161,19 +162,6 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         weighs = np.array([pin.computeJointTorqueRegressor(model, data, each, rest, rest).copy() for each in q])
         weighs = weighs.reshape(len(q), model.nv, -1)[:, kept, first : first + 4]
         yield Change(partial(_load, record.robot, name), weighs, leaves=LEFT_BY_ROBOT)
-
-
-def slopes_of_need(model: pin.Model, instants: Instants) -> Array:
-    """Return (m, nv, nv) how what weight and motion need changes with each coordinate, at weighed instants.
-
-    Of a joint at rest its weight alone says where its zero is; of one in motion its inertia says more.
-    """
-    some, data = instants.weighed, model.createData()
-    q, v = (each[some] for each in instants.past)
-    a = np.zeros_like(v)
-    a[:, instants.kept] = -instants.around[1, some]  # whose noise is not that of the rows
-    slopes = [pin.computeRNEADerivatives(model, data, *each)[0].copy() for each in zip(q, v, a, strict=True)]
-    return np.reshape(slopes, (len(q), model.nv, model.nv))
 
 
 def _common(record: Record, names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:

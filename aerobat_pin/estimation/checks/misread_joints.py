@@ -14,7 +14,7 @@ from functools import cache, partial
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, Formed, driven_rows, slopes_of_need
+from aerobat_pin.estimation.checks.changes import FACTOR, PRICE, Change, Formed, driven_rows
 from aerobat_pin.estimation.checks.free_efforts import reversed_effort
 from aerobat_pin.estimation.checks.readings import (
     LEFT_BY_JOINTS,
@@ -33,6 +33,7 @@ from aerobat_pin.forces import (
     KnownInputs,
     most_likely_with,
     screened,
+    slopes_of_need,
 )
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Record

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.forces import KnownInputs
+from aerobat_pin.forces.inputs import KnownInputs
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Observer, typical_step
 
