@@ -70,10 +70,11 @@ def expected_of(record: Record, instants: Instants, values: FittedValues) -> Exp
 
 
 def stands(record: Record, instants: Instants) -> bool:
-    """Return whether a robot walks: known forces do not carry it, of whose points none is a foot then."""
+    """Return whether points of a robot may be feet that hold it up: not if known forces carry it."""
+    if not walks_on(record.robot, record.map):
+        return False
     known = sum(instants.known.values(), np.zeros_like(instants.rows))
-    carried = float(np.linalg.norm(column_rms(known[:, :3]))) > CARRIES * record.robot.weight
-    return walks_on(record.robot, record.map) and not carried
+    return float(np.linalg.norm(column_rms(known[:, :3]))) <= CARRIES * record.robot.weight
 
 
 def _rubbed(robot: PlainRobot, instants: Instants) -> Array:
@@ -138,7 +139,8 @@ def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Ar
     Args:
         rows: (m, nv) generalised forces behind the observer's low-pass.
         jacobians: (m, c, nv) of the forces on the feet, three components each.
-        weight: of the robot [N]; a foot with less than `END_SHARE` of it is in the air.
+        weight: of the robot [N]; a foot with less than `END_SHARE` of it is in the air. What it seems to carry then is
+            the median there [N]: noise, friction, and what it carries just before it lands.
     """
     moved = np.any(jacobians != 0.0, axis=0).reshape(-1, 3, rows.shape[1]).any(axis=1)  # which foot, by which row
     legs = moved & (moved.sum(axis=0) == 1)

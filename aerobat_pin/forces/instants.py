@@ -169,7 +169,8 @@ def looked_at(
 def slopes_of_need(model: pin.Model, instants: Instants) -> Array:
     """Return (m, nv, nv) how what weight and motion need changes with each coordinate, at weighed instants.
 
-    Of a joint at rest its weight alone says where its zero is; of one in motion its inertia says more.
+    In [N, N m] for each [m, rad]: derivatives of inverse dynamics (Carpentier and Mansard 2018). Of a joint at rest its
+    weight alone says where its zero is; of one in motion its inertia says more.
     """
     some, data = instants.weighed, model.createData()
     q, v = (each[some] for each in instants.past)

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numba
@@ -240,6 +241,17 @@ def test_a_change_in_any_kernel_file_changes_the_stamp(tmp_path: Path, monkeypat
         (tmp_path / name).write_text("after it was changed\n@kernel\n")
         stamps.append(jit.sources_stamp.__wrapped__())
     assert len(set(stamps)) == len(stamps)
+
+
+def test_a_compilation_is_announced_once(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Not of a kernel that was called before: its cache, a file, is not even opened."""
+    opened = []
+    monkeypatch.setattr(jit, "is_compiled", lambda entry: bool(opened.append(entry)))
+    for signatures, said in (([], 1), (["float64(float64)"], 0)):
+        entry = SimpleNamespace(signatures=signatures)
+        jit.announce_compilation(entry)
+        assert capsys.readouterr().err.count("compiling the kernels: once per installation") == said
+        assert opened.count(entry) == said
 
 
 @compiled_only

@@ -175,7 +175,7 @@ def axes_findings(key: str, mapped: Agreement, otherwise: Agreement) -> Iterator
     """Yield that a velocity fits the pose in the other axes alone, world or body, or else how it fits as mapped."""
     size, left = _left_of(mapped)
     least = _left_of(otherwise)[1] if left > AXES_OFF * size else np.inf
-    if least > AXES_FIT * left:
+    if size == 0.0 or least > AXES_FIT * left:
         yield from agreement_findings(mapped)
         return
     text = (
