@@ -99,7 +99,7 @@ def is_compiled(entry: Any) -> bool:
 
 def announce_compilation(entry: Any) -> None:
     """Print on stderr that a kernel is about to be compiled, unless the cache already holds it."""
-    if not entry.signatures and not is_compiled(entry):  # the cache is a file
+    if not (numba.config.DISABLE_JIT or entry.signatures or is_compiled(entry)):  # the last reads a file
         print("compiling the kernels: once per installation, 10 to 30 s", file=sys.stderr, flush=True)
 
 
