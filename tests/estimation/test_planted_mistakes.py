@@ -356,6 +356,21 @@ def test_an_arm_that_is_mounted_otherwise_is_told_how(
         np.testing.assert_allclose([float(part) for part in told.groups()], [0.0, 0.0, -1.0], atol=within)
 
 
+@pytest.mark.parametrize(("noise", "friction"), [(0.0, 0.0), (0.02, 0.2)])
+def test_efforts_to_which_a_controller_adds_the_weight_are_told_so(
+    noise: float, friction: float, tmp_path: Path
+) -> None:
+    """As of a command without gravity compensation, of a UR5 that swings and is pushed; nothing is said if it is told."""
+    ur5 = load_robot("ur5")
+    model = ur5.model.copy()
+    model.gravity.linear = np.zeros(3)
+    log = arm_table(tmp_path, known=replace(ur5, model=model))
+    record = planted(log, together(rubbing(friction), noisy(noise)))
+    (found,) = warned(replace(record, robot=PlainRobot(ur5.model, False, record.robot.joints, "ur5")))
+    assert found.startswith("efforts without weight: efforts that bear no weight leave"), found
+    assert warned(record) == []
+
+
 @pytest.mark.parametrize(
     ("kilograms", "place"), [(1.0, (0.15, 0.1, 0.0)), (4.0, (0.0, 0.0, 0.2)), *further((2.0, (0.1, 0.0, 0.1)))]
 )

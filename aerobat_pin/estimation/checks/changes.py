@@ -43,6 +43,7 @@ LEFT_BY_ROBOT = 0.9  # of what is left, in squares, with a robot that stands, tu
 LEFT_BY_CHANGE = 0.5  # of what is left, in squares, if columns change places, or efforts come at another time
 LEAST_TURN = np.radians(3.0)  # by which a robot must be mounted otherwise than believed before that is said
 SIZE_OF_GRAVITY = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
+NO_GRAVITY = 0.1  # of gravity: what seems to pull where efforts do not bear the weight
 TURNED, SLID = (0.03, 0.5), (0.02, 0.3)  # least and largest zero of a joint that is named [rad], [m]
 LARGE_ZERO = 0.15  # [rad, m]: no encoder slips by so much unseen
 Formed = Callable[[InputsBetween], tuple[EffortRows, Instants]]  # the rows of other inputs
@@ -221,10 +222,16 @@ def _rotors(_: Explanation, __: str) -> Sequence[Finding]:
 
 
 def _mounting(model: pin.Model, found: Explanation, left: str) -> Sequence[Finding] | None:
-    """Return gravity of another direction: what is believed, less h [m/s2], in the axes of the root."""
+    """Return gravity of another direction, or none: what is believed, less h [m/s2], in the axes of the root."""
     believed = model.gravity.linear
     gravity, g = believed - found.size, float(np.linalg.norm(believed))
     size = max(float(np.linalg.norm(gravity)), 1e-300)
+    if size < NO_GRAVITY * g:
+        text = (
+            f"efforts that bear no weight leave {left}: where a controller adds the weight to what is logged "
+            "(gravity compensation), write gravity = 0 in [robot]"
+        )
+        return [Finding("efforts without weight", "warning", text, size / g, "1")]
     if g > 0.0 and abs(size - g) > SIZE_OF_GRAVITY * g:
         return None
     if float(gravity @ believed) > np.cos(LEAST_TURN) * g * size:
