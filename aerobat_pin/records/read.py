@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.numerics import Array
+from aerobat_pin.numerics import Array, shown
 from aerobat_pin.records.columns import Clock, Columns, GrowingTable
 from aerobat_pin.records.csv_columns import ROWS_AT_ONCE, SECONDS, read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
@@ -56,10 +56,11 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
     values: dict[str, Series] = {}
     clock_of: dict[str, str] = {}
     with netcdf_variables(path, "log", NETCDF_GROUPS) as groups:
+        series = ", ".join(name for name, one in groups[""].items() if len(one.dims) == 1 and one.kind in "fiu")
         for group, variables in groups.items():
             prefix = f"{group}/" if group else ""
             for clock in wanted:
-                if clock not in variables or variables[clock].dims != (clock,) or not variables[clock].shape[0]:
+                if clock not in variables or len(variables[clock].dims) != 1 or not variables[clock].shape[0]:
                     continue
                 table = _read_clock(variables, clock, SECONDS[log.time.unit], spool)
                 clocks[f"{prefix}{clock}"], columns = table.finished()
@@ -67,17 +68,19 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
                     values[prefix + name], clock_of[prefix + name] = column, f"{prefix}{clock}"
     if not clocks:
         raise LogError(
-            f"log {path}: no dimension {' or '.join(map(str, wanted))}: name it as log.time.column of the map"
+            f"log {path}: no {' or '.join(map(str, wanted))} over one dimension: name the time as log.time.column of the "
+            f"map (it has {shown(series)})"
         )
     return Columns(path, tuple(values), clocks, clock_of, values)
 
 
 def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float, spool: Spool) -> GrowingTable:
-    """Read all numbers over one clock, piece by piece."""
+    """Read all numbers over the dimension of one clock, piece by piece."""
+    (over,) = variables[clock].dims
     labels = {
         name: _labels(variable, variables)
         for name, variable in variables.items()
-        if name != clock and variable.dims[:1] == (clock,) and variable.kind in "fiu"
+        if name != clock and variable.dims[:1] == (over,) and variable.kind in "fiu"
     }
     table = GrowingTable(spool)
     for first in range(0, variables[clock].shape[0], ROWS_AT_ONCE):

@@ -350,3 +350,15 @@ def test_packed_numbers_of_a_netcdf_log_are_refused(tmp_path: Path) -> None:
     data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf", encoding=packing)
     with pytest.raises(LogError, match=r"log\.nc: 'x' has the attribute scale_factor: plain numbers were expected"):
         read_columns(tmp_path / "log.nc", LogTable())
+
+
+def test_the_time_of_a_netcdf_log_need_not_be_the_coordinate_of_its_dimension(tmp_path: Path) -> None:
+    """As xarray writes variables over `sample`: such a file had no time."""
+    stamp, turn = 1e3 * np.arange(5.0), np.arange(10.0).reshape(5, 2)
+    data = xr.Dataset({"stamp": ("sample", stamp), "q": (("sample", "joint"), turn)}, {"joint": ["hip", "knee"]})
+    data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")
+    with pytest.raises(LogError, match=r"no time or interval .* log\.time\.column of the map \(it has 'stamp'\)"):
+        read_columns(tmp_path / "log.nc", LogTable())
+    columns = read_columns(tmp_path / "log.nc", LogTable.model_validate({"time": {"column": "stamp", "unit": "ms"}}))
+    assert columns.names == ("q.hip", "q.knee")
+    np.testing.assert_allclose(columns.clocks["stamp"].time, 1e-3 * stamp)
