@@ -68,8 +68,8 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
                     values[prefix + name], clock_of[prefix + name] = column, f"{prefix}{clock}"
     if not clocks:
         raise LogError(
-            f"log {path}: no {' or '.join(map(str, wanted))} over one dimension: name the time as log.time.column of the "
-            f"map (it has {shown(series)})"
+            f"log {path}: no {' or '.join(map(str, wanted))} over one dimension: name the time as log.time.column of "
+            f"the map (it has {shown(series)})"
         )
     return Columns(path, tuple(values), clocks, clock_of, values)
 

@@ -360,7 +360,7 @@ def test_an_arm_that_is_mounted_otherwise_is_told_how(
 def test_efforts_to_which_a_controller_adds_the_weight_are_told_so(
     noise: float, friction: float, tmp_path: Path
 ) -> None:
-    """As of a command without gravity compensation, of a UR5 that swings and is pushed; nothing is said if it is told."""
+    """As of a command without gravity compensation, of a UR5 that swings, pushed; told so, it is good."""
     ur5 = load_robot("ur5")
     model = ur5.model.copy()
     model.gravity.linear = np.zeros(3)
