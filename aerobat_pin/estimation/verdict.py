@@ -131,10 +131,12 @@ def verdict_of(
     singular, plural = ("a push", "pushes") if estimate.head.frames else (ROW_TORQUE, ROW_TORQUES)
     what = f"{singular} at"
     if events is not None and (estimate.head.are_world_forces or not estimate.head.frames):  # they were sought
-        named = sorted(events, key=lambda event: -event.size)[:SAID_AT_MOST]
-        certain = [_contact(estimate, event, start) for event in sorted(named, key=lambda event: event.onset)]
-        what, count = what if len(events) == 1 else f"{len(events)} {plural}, at", len(events)
         places = {_place_of(event, estimate) for event in events}
+        blows = [push for push in certain if push.short and push.place not in places]  # too short for a contact
+        named = sorted(events, key=lambda event: -event.size)[: SAID_AT_MOST - len(blows[:1])]
+        certain = [_contact(estimate, event, start) for event in sorted(named, key=lambda event: event.onset)] + blows
+        count, places = len(events) + len(blows), places | {push.place for push in blows}
+        what = what if count == 1 else f"{count} {plural}, at"
     else:
         count, places = len(certain), {push.place for push in certain}
     quiet = [push.place for push in pushes if push.place not in places]
@@ -223,14 +225,15 @@ class _Group:
         short = not self.largest.rank[0] and self.blow.rank[0] and self.blow.sure > SHORT_BLOW * self.usual
         found = self.blow if short else self.largest
         stated = [sizes[k].deviation for k in self.columns]
+        along, size = float(along_itself(found.force, found.deviation)), float(np.linalg.norm(found.force))
         typical = [noise[k] if size is None else size for k, size in zip(self.columns, stated, strict=True)]
         return _Push(
             place=point_label(self.place),
             unit=self.unit,
-            peak=float(np.linalg.norm(found.force)),
+            peak=size,
             at=found.time - start,
             way=_way(found.force, self.axes),
-            deviation=None if stated == [None] * len(stated) else float(along_itself(found.force, found.deviation)),
+            deviation=None if stated == [None] * len(stated) or (short and along > size) else along,
             sure=found.sure / SURE_OF_CONTACT,
             rms=(self.squares / count) ** 0.5,
             lasting=(self.shares / count) ** 0.5,

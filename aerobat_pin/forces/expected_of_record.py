@@ -21,9 +21,9 @@ from aerobat_pin.observers import (
     Rows,
     as_others_rub,
     effort_limits,
-    moving_weight,
     robot_length,
     row_names,
+    scale_of_forces,
     with_record,
 )
 from aerobat_pin.records import PlainRobot, Record
@@ -119,13 +119,13 @@ def expected_from(
     needed: Array,
 ) -> Expected:
     """Return what is expected of a robot whose efforts, and what its motion needs, have some rms (nv,) [N or N m]."""
-    model, weight = robot.model, moving_weight(robot.model)
+    model, weight = robot.model, scale_of_forces(robot.model)
     error = EFFORT_ERROR * np.where(effort > 0.0, effort, needed)
     for k, name in enumerate(row_names(model)):
         error[k] = values.row_noise.get(name, error[k])
     applications = Applications(model, points)
     lever = np.array([1.0 if unit == "N" else robot_length(model) for unit in applications.units])
-    least = LEAST_ROW_ERROR * (moving_weight(model, rows) or weight) * row_scale(model)
+    least = LEAST_ROW_ERROR * (scale_of_forces(model, rows) or weight) * row_scale(model)
     return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), *values.stiction(robot))
 
 

@@ -28,7 +28,7 @@ from aerobat_pin.observers import (
     Observer,
     Rows,
     Sampled,
-    moving_weight,
+    scale_of_forces,
 )
 from aerobat_pin.records import Map, PlainRobot, Record, Spool
 
@@ -99,7 +99,7 @@ def built_observers(
             settings = {**settings, "expected": expected}
         observers.append(OBSERVERS[name](robot.model, points, section.gain, rows, **settings))
         if errors_known and isinstance(observers[-1], KalmanObserver):
-            observers[-1].trust_model(ADDED_MISFIT * moving_weight(robot.model))
+            observers[-1].trust_model(ADDED_MISFIT * scale_of_forces(robot.model))
     return observers
 
 

@@ -59,8 +59,10 @@ from .rows import AllBut as AllBut
 from .rows import Rows as Rows
 from .rows import Tie as Tie
 from .rows import has_free_base as has_free_base
+from .rows import is_weightless as is_weightless
 from .rows import moving_weight as moving_weight
 from .rows import row_names as row_names
+from .rows import scale_of_forces as scale_of_forces
 from .rows import tie_joints as tie_joints
 from .samples import Sampled as Sampled
 from .shared_data import ObserversTogether as ObserversTogether

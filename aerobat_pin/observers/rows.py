@@ -23,6 +23,8 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded, shown
 
 MOMENT_ARM = 0.05  # [m]
+WEIGHTLESS = 1.0  # [m/s2] of gravity, below which motion hides the weight and which way is up; on the Moon it is 1.6
+IN_ORBIT = 0.01  # of the weight on Earth: beside it pushes are sought there
 UNSEEN_SHARE = 1.0e-3  # part of a component in an unseen unit pattern from which it counts as unseen itself
 BASE_ROWS = 6  # rows of a free-flyer base
 TIED = 3  # integer by which the kernels identify tied rows
@@ -170,6 +172,19 @@ def moving_weight(model: pin.Model, rows: Rows = "all") -> float:
         believed = {joint.id for joint in joints if not kept.isdisjoint(range(joint.idx_v, joint.idx_v + joint.nv))}
         masses = masses[[not believed.isdisjoint(chain) for chain in model.supports.tolist()[1:]]]
     return -float(pin.Model.gravity981[2]) * float(masses.sum())
+
+
+def scale_of_forces(model: pin.Model, rows: Rows = "all") -> float:
+    """Return the force [N] beside which a push is sought: what moves weighs it; in an orbit it is a hundredth of that.
+
+    A free robot without gravity, held up by nothing, shows far smaller pushes than one that something carries.
+    """
+    return moving_weight(model, rows) * (IN_ORBIT if has_free_base(model) and is_weightless(model) else 1.0)
+
+
+def is_weightless(model: pin.Model) -> bool:
+    """Return whether gravity is too weak to compare anything with, as in an orbit."""
+    return bool(np.linalg.norm(model.gravity.linear) < WEIGHTLESS)
 
 
 @guarded()

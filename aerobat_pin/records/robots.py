@@ -16,14 +16,13 @@ import pinocchio as pin
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.numerics import Array, ShownInNotebooks
-from aerobat_pin.observers import Observer, Rows
+from aerobat_pin.observers import Observer, Rows, is_weightless
 from aerobat_pin.records.block import Block, Channel, SmoothedMotion
 from aerobat_pin.records.learnable import Condition, Extras, Parameter, Suspect
 from aerobat_pin.records.reference import Agreement
 from aerobat_pin.records.robot_tables import PayloadSection
 
 FREE_NQ, FREE_NV = 7, 6
-WEIGHTLESS = 1.0  # [m/s2] of gravity, below which motion hides the weight and which way is up; on the Moon it is 1.6
 SMALLEST_BODY = 1e-4  # [m] root of moment over mass
 FLATTEST = 1.02  # times the other two, the largest moment, as files round
 
@@ -191,7 +190,7 @@ class PlainRobot(ShownInNotebooks):
     @property
     def weightless(self) -> bool:
         """Whether gravity is too weak to compare anything with, as in an orbit."""
-        return bool(np.linalg.norm(self.model.gravity.linear) < WEIGHTLESS)
+        return is_weightless(self.model)
 
     def q_index(self, joint: str) -> int:
         """Return the index in q of a joint of one coordinate."""

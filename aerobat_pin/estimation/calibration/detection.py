@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.forces import Contact, KnownInputs
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import KalmanObserver, LevelDetector, moving_weight
+from aerobat_pin.observers import KalmanObserver, LevelDetector, scale_of_forces
 
 DETECTOR_WALK = 0.33  # of the robot's weight per root second
 ABOVE_USUAL, ABOVE_LARGEST = 5.3, 1.6  # threshold, in usual and largest excursions of the free runs; the lower one
@@ -57,7 +57,7 @@ class Detection:
         """
         sought = settled_intervals(inputs)
         force, deviation = _detected(model, self.frames, inputs)
-        least = LEAST_THRESHOLD * moving_weight(model)
+        least = LEAST_THRESHOLD * scale_of_forces(model)
         over = np.abs(force - self.bias) / np.maximum(self.threshold * deviation / self.deviation, least)
         over /= np.reshape(widened, (-1, 1))
         return np.where(sought[:, None], np.max(over.reshape(len(over), -1, 3), axis=2), 0.0)
@@ -96,7 +96,7 @@ def learn_detection(frames: Sequence[str], runs: Iterable[tuple[pin.Model, Known
         settled = settled_intervals(inputs)
         parts.append(_detected(model, frames, inputs)[:, settled])
         widths.append(np.broadcast_to(widened, settled.shape)[settled])
-        weights.append(moving_weight(model))
+        weights.append(scale_of_forces(model))
     forces, deviations = np.concatenate(parts, axis=1)
     seen, bias = np.isfinite(deviations), np.mean(forces, axis=0)
     excursions = np.abs(forces - bias) / deviations / np.concatenate(widths)[:, None]
@@ -110,6 +110,6 @@ def learn_detection(frames: Sequence[str], runs: Iterable[tuple[pin.Model, Known
 
 def _detected(model: pin.Model, frames: Sequence[str], inputs: KnownInputs) -> Array:
     """Return the detector's forces and their standard deviations (2, m, 3 n) [N]; infinite where there is no trace."""
-    detector = KalmanObserver(model, frames, rows=inputs.rows, force_walk=DETECTOR_WALK * moving_weight(model))
+    detector = KalmanObserver(model, frames, rows=inputs.rows, force_walk=DETECTOR_WALK * scale_of_forces(model))
     estimate = detector.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
     return np.array([estimate.components, estimate.standard_deviation])
