@@ -118,7 +118,10 @@ def expected_from(
     effort: Array,
     needed: Array,
 ) -> Expected:
-    """Return what is expected of a robot whose efforts, and what its motion needs, have some rms (nv,) [N or N m]."""
+    """Return what is expected of a robot whose efforts, and what its motion needs, have some rms (nv,) [N or N m].
+
+    In an orbit a force may be as large as what moves it.
+    """
     model, weight = robot.model, scale_of_forces(robot.model)
     error = EFFORT_ERROR * np.where(effort > 0.0, effort, needed)
     for k, name in enumerate(row_names(model)):
@@ -126,7 +129,10 @@ def expected_from(
     applications = Applications(model, points)
     lever = np.array([1.0 if unit == "N" else robot_length(model) for unit in applications.units])
     least = LEAST_ROW_ERROR * (scale_of_forces(model, rows) or weight) * row_scale(model)
-    return Expected(SHARE_OF_WEIGHT * weight * lever, np.maximum(error, least), *values.stiction(robot))
+    size = SHARE_OF_WEIGHT * weight
+    if robot.free and robot.weightless:
+        size = max(size, float(np.linalg.norm(needed[:3])))
+    return Expected(size * lever, np.maximum(error, least), *values.stiction(robot))
 
 
 def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Array, Array]:
