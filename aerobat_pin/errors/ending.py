@@ -99,10 +99,17 @@ def _end(number: int, frame: FrameType | None) -> None:
         raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
     for other in SIGNALS:
         signal.signal(other, signal.SIG_IGN)
-    for step in (*reversed(_now.cleanups), sys.stdout.flush, sys.stderr.flush, _say_what_was_written):
+    for step in (*reversed(_now.cleanups), _end_helpers, sys.stdout.flush, sys.stderr.flush, _say_what_was_written):
         with suppress(Exception):  # a closed pipe, for instance
             step()
     os._exit(128 + number)
+
+
+def _end_helpers() -> None:
+    """End the processes of a pool, which would wait for its next task, also when the program is gone."""
+    if "multiprocessing" in sys.modules:
+        for process in sys.modules["multiprocessing"].active_children():
+            process.kill()
 
 
 def _say_what_was_written() -> None:

@@ -43,7 +43,6 @@ ROW_TORQUE, ROW_TORQUES = "a torque that the motion does not explain", "torques 
 WAYS = {"Fx": ("along x", "against x"), "Fy": ("along y", "against y"), "Fz": ("upward", "downward")}
 HARMLESS_CHECKS = (  # a warning of theirs makes no force wrong: it says what is left out, not known, or kept twice
     "gap",
-    "settling",
     "time goes back",
     "repeated stamps",
     "duplicate file",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,6 +27,7 @@ LARGEST_MESSAGE = 1_000_000  # bytes of a message with numbers
 REORDERED = 10_000  # messages of a topic that are put in order together
 MAGIC = b"\x89MCAP0\r\n"
 FOOTER, CHUNK = 0x02, 0x06
+ROS_PROFILE = "ros2"  # of an MCAP file's header
 RECORD_HEAD = 9  # bytes: opcode and length
 CRC_IN_CHUNK = 24  # bytes of a content that are before its checksum
 
@@ -49,7 +50,7 @@ def _opened(path: Path) -> Iterator[Any]:
     check_bag(path)
     unpack, get_msgdef = Unpacking(path), storage_mcap.get_msgdef
     changes: tuple[tuple[Any, str, Any], ...] = (
-        (storage_mcap, "read_string", lambda file: storage_mcap.read_bytes(file).decode(errors="replace")),
+        (storage_mcap, "read_string", lambda file: _string(file, storage_mcap.read_bytes)),
         (
             storage_mcap,
             "get_msgdef",
@@ -123,6 +124,15 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
 def _encoding(connection: Any) -> str:
     """Return how the messages of a connection are encoded; those of a ROS 1 bag do not say."""
     return str(getattr(connection.ext, "serialization_format", ROS_ENCODING))
+
+
+def _string(file: BinaryIO, read_bytes: Callable[[BinaryIO], bytes]) -> str:
+    """Return a text of an MCAP file; whatever profile its header begins with, channels say what they are.
+
+    A channel's metadata, which nobody needs, begins with a text, too.
+    """
+    first, text = file.tell() == 0, read_bytes(file).decode(errors="replace")
+    return ROS_PROFILE if first else text
 
 
 def _unread(topic: str, how: str) -> str:

@@ -22,6 +22,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.records.checked_netcdf import NO_VARIABLE, checked_file, is_bare, seal_of
 
 PACKING = ("scale_factor", "add_offset", "_Unsigned")  # attributes that change the meaning of numbers
+UNITS_OF_TIME = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0}
 INTERNAL = ("CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_FillValue", "missing_value", "coordinates")
 
 
@@ -61,6 +62,12 @@ class StoredVariable:
     def __init__(self, label: str, item: h5py.Dataset, where: str) -> None:
         self.dims, self.item, self._where = _dimensions(item, label, where), item, where
         self.shape, self.kind = tuple(item.shape), item.dtype.kind
+
+    @property
+    def seconds(self) -> float | None:
+        """Its unit [s] if it is a time by the CF conventions, as xarray writes dates: `milliseconds since 2026-...`."""
+        word, *_ = f"{_plain_attribute(self.item.attrs.get('units', ''))} -".split()
+        return UNITS_OF_TIME.get(word)
 
     def __getitem__(self, rows: Any) -> Any:
         """Return rows of its text or numbers, NaN for the fill value. Raises LogError if its numbers are packed."""

@@ -62,7 +62,8 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
             for clock in wanted:
                 if clock not in variables or len(variables[clock].dims) != 1 or not variables[clock].shape[0]:
                     continue
-                table = _read_clock(variables, clock, SECONDS[log.time.unit], spool)
+                unit = variables[clock].seconds if "unit" not in log.time.model_fields_set else None
+                table = _read_clock(variables, clock, unit or SECONDS[log.time.unit], spool)
                 clocks[f"{prefix}{clock}"], columns = table.finished()
                 for name, column in columns.items():
                     values[prefix + name], clock_of[prefix + name] = column, f"{prefix}{clock}"

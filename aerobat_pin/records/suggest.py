@@ -63,7 +63,7 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     if robot is not None:
         known = RobotTable.model_validate({**option_of_robot(str(robot)), "points": tuple(points)})
     built = None if known is None else robot_of_map(known, Path())
-    columns = _all_columns(log)
+    columns, timed = _all_columns(log)
     groups = dict(_column_groups(columns))
     lines = [
         f"# A map for {log.name}: what it looks like. Answer the questions, then",
@@ -78,7 +78,7 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     lines += ["", "[log]"]
     step, spacing = None, _spacing_of_lead(columns)
     if not columns.kinds and not str(log).endswith(NETCDF):
-        line, step = _suggested_time(log, columns)
+        line, step = _suggested_time(log, columns, timed)
         lines.append(line)
         spacing = step
     lines += ['world = "z_up"  # or "ned": does z point down?', ""]
@@ -100,17 +100,18 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     return text + (f"# Columns that are not used here: {', '.join(unused)}\n" if unused else "")
 
 
-def _all_columns(log: Path) -> Columns:
-    """Read all columns that have numbers; where a table's time is not found, as if there were none."""
+def _all_columns(log: Path) -> tuple[Columns, bool]:
+    """Read all columns that have numbers; where a table's time is not found, which is said, as if there were none."""
+    timed = True
     try:
         columns = read_columns(log, LogTable())
     except LogError:
         if os.path.isdir(log) or log.suffix.lower() in (*BAGS, *NETCDF):
             raise
-        columns = read_columns(log, LogTable(time=TimeSection(rate=1.0)))
+        columns, timed = read_columns(log, LogTable(time=TimeSection(rate=1.0))), False
     empty = {name for name in columns.values if not np.isfinite(columns.sample(name)).any()}
     values = {name: series for name, series in columns.values.items() if name not in empty}
-    return replace(columns, names=tuple(name for name in columns.names if name not in empty), values=values)
+    return replace(columns, names=tuple(name for name in columns.names if name not in empty), values=values), timed
 
 
 def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
@@ -173,10 +174,10 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
         rows = 'rows = {ignore = ["base.Mx", "base.My", "base.Mz"]}'
         return [
             "[robot]",
-            "# Which robot? A file, or a name (--urdf FILE, or NAME, with --suggest):",
+            "# MISSING: which robot? A file, or a name (--urdf FILE, or NAME, with --suggest):",
             '#   urdf = "robot.urdf"  (or mjcf = ..., or name = "ur5")',
-            "# or one rigid body by numbers, kg and kg m2:",
-            "body = {mass = 1.0, inertia = [0.01, 0.01, 0.01]}",
+            "# or one rigid body by its numbers, kg and kg m2:",
+            "#   body = {mass = ..., inertia = [..., ..., ...]}",
             'points = ["body"]  # where may something push?',
             f"{rows}  # are all moments on the body known? Then leave this out",
         ]
@@ -198,12 +199,14 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
     ]
 
 
-def _suggested_time(log: Path, columns: Columns) -> tuple[str, float | None]:
+def _suggested_time(log: Path, columns: Columns, timed: bool) -> tuple[str, float | None]:
     """Return the line about a table's time, by the column that looks like one, and its step [s]; None if none does."""
     rising = (name for name, series in columns.values.items() if _is_evenly_rising(series[:1000]))
     name = next((match[0] for match in map(TIME.match, header_of(log)[1]) if match), next(rising, None))
     asked = "no column looks like a time"
-    if name is not None:
+    if name is not None and name not in columns.values and not timed:
+        asked = f"{name} holds no numbers, nor dates as ISO 8601 writes them (2026-11-03T12:00:00.002)"
+    elif name is not None:
         series = columns.values.get(name, columns.clocks["table"].time)
         step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
         if step:

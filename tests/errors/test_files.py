@@ -333,3 +333,30 @@ def test_a_diverged_flight_can_be_replayed_and_estimated(tmp_path: Path) -> None
         assert aerobat(*words, cwd=tmp_path).returncode == 0
     assert "DIVERGED at" in (tmp_path / "page.html").read_text()
     assert "DIVERGED at" in (tmp_path / "again" / "metrics.json").read_text()
+
+
+POOL = """
+import os, time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import active_children, get_context
+from aerobat_pin.errors import end_on_signals
+
+end_on_signals()
+with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:
+    waiting = [pool.submit(time.sleep, 60.0) for _ in range(2)]
+    print(*(child.pid for child in active_children()), flush=True)
+    waiting[0].result()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_the_helpers_of_a_program_end_with_it(number: signal.Signals) -> None:
+    """After `kill PID`, which the helpers do not get: two of 250 MB each stayed for good, and held the output open."""
+    with subprocess.Popen([sys.executable, "-c", POOL], stdout=subprocess.PIPE, start_new_session=True) as program:
+        assert program.stdout is not None
+        helpers = [int(word) for word in program.stdout.readline().split()]
+        program.send_signal(number)
+        assert program.stdout.read() == b"", "whose end comes when the last of them is gone"
+    assert len(helpers) == 2
+    assert program.returncode == 128 + number

@@ -337,6 +337,10 @@ def test_a_time_since_1970_is_one_so_is_what_rises_evenly_and_a_column_of_whole_
         ({"row": np.arange(50), "Zeit [ms]": 7.0 + 4.0 * np.arange(50)}, 'time = {column = "Zeit [ms]", unit = "ms"}'),
         ({"lidar": 1.7e9 + 0.01 * np.arange(50), "x": 0.0}, 'time = {column = "lidar", unit = "s"}'),
         ({"row": np.arange(50), "x": np.arange(50.0) ** 3}, "# MISSING: no column looks like a time"),
+        (
+            {"time": ["11/03/2026 11:59:55 PM"] * 50, "x": 0.0},
+            "# MISSING: time holds no numbers, nor dates as ISO 8601",
+        ),
         ({"stamp_sec": np.ones(50), "stamp_nsec": 1e7 * np.arange(50)}, "# MISSING: stamp_sec repeats from row to row"),
     ):
         pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
@@ -362,3 +366,13 @@ def test_the_time_of_a_netcdf_log_need_not_be_the_coordinate_of_its_dimension(tm
     columns = read_columns(tmp_path / "log.nc", LogTable.model_validate({"time": {"column": "stamp", "unit": "ms"}}))
     assert columns.names == ("q.hip", "q.knee")
     np.testing.assert_allclose(columns.clocks["stamp"].time, 1e-3 * stamp)
+
+
+def test_the_unit_of_a_netcdf_log_s_time_is_the_file_s(tmp_path: Path) -> None:
+    """Dates are whole milliseconds there: they passed for seconds, and a gain 1,000 times too small was suggested."""
+    dates = np.datetime64("2026-11-03T12:00:00") + np.arange(0, 1000, 2).astype("timedelta64[ms]")
+    data = xr.Dataset({"q": (("time", "joint"), np.zeros((500, 1)))}, {"time": dates, "joint": ["hip"]})
+    data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")
+    (clock,) = read_columns(tmp_path / "log.nc", LogTable()).clocks.values()
+    np.testing.assert_allclose(np.diff(clock.time), 2e-3, rtol=1e-6)
+    assert tomllib.loads(suggested_map(tmp_path / "log.nc", None))["observer"]["gain"] == pytest.approx(100.0)

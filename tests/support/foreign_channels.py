@@ -21,7 +21,7 @@ def mcap_record(opcode: int, content: bytes) -> bytes:
 def with_foreign_channels(source: Path, target: Path) -> None:
     """Copy an MCAP file with three more channels: of JSON, of protobuf, and of JSON without a schema.
 
-    The copy has no index, as that of a recorder that was killed.
+    The copy has no index, as that of a recorder that was killed, and no profile, as libraries leave it by default.
     """
     more = b""
     for number, (topic, encoding, language) in enumerate(
@@ -36,6 +36,7 @@ def with_foreign_channels(source: Path, target: Path) -> None:
     data = source.read_bytes()
     with source.open("rb") as file:
         records = list(mcap_records(file))
-    head, end = records[0][2], next(begin for opcode, begin, _ in records if opcode == DATA_END) - RECORD_HEAD
+    head = MAGIC + mcap_record(0x01, mcap_texts(b"", b"library"))
+    first, end = records[0][2], next(begin for opcode, begin, _ in records if opcode == DATA_END) - RECORD_HEAD
     last = mcap_record(DATA_END, bytes(4)) + mcap_record(0x02, bytes(20)) + MAGIC
-    target.write_bytes(data[:head] + more + data[head:end] + last)
+    target.write_bytes(head + more + data[first:end] + last)
