@@ -2,7 +2,8 @@
 
 import importlib
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,8 @@ from support.recorded import recorded
 from support.walking_log import LEGS, table, table_map, urdf, walk
 
 from aerobat_pin.estimation import Finding, estimate
+from aerobat_pin.estimation.checks.readings import JointReading, possible_readings
+from aerobat_pin.records import Record, load_robot
 
 CHECKS = {"order": "swapped joints", "sense": "joint sense", "zero": "joint zero"}
 PLACES = ("HAA", "HFE", "KFE")
@@ -228,3 +231,15 @@ def test_noise_of_a_flapping_robot_is_no_joint_of_another_zero(seed: int, tmp_pa
     }
     chosen["base"]["velocity"]["axes"] = "body"
     assert warned(pd.DataFrame(columns), chosen, tmp_path) == []
+
+
+def test_a_reading_by_which_a_joint_would_be_beyond_its_limits_is_none() -> None:
+    """A waist that turns by 1 rad was told to stand 62 deg farther, where a knee beside it did by 17."""
+    robot = load_robot("panda")
+    record = cast(Record, SimpleNamespace(robot=robot, driven=robot.joints))
+    mapped, q = JointReading.as_mapped(record), np.array([[0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.02, 0.02]])
+    elbow = robot.joints.index("panda_joint4")  # from -3.07 to -0.07 rad
+    turned = [mapped.otherwise([elbow], turn) for turn in (1.4, 1.45, 1.6, -1.6, 4.0, 2.0 * np.pi)]
+    assert possible_readings(record, q, turned) == [True, True, False, True, False, True]
+    away = q + np.eye(robot.model.nq)[3] * 2.0  # it is beyond them as mapped
+    assert possible_readings(record, away, [mapped, mapped.otherwise([elbow], 1.0)]) == [True, False]

@@ -11,7 +11,7 @@ from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation.calibration.detection import SETTLING, Detection
 from aerobat_pin.estimation.calibration.error_bar import bar_words
 from aerobat_pin.estimation.calibration.identify import Identified
-from aerobat_pin.estimation.checks.motion import UNLIMITED
+from aerobat_pin.estimation.checks.readings import UNLIMITED
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     CALIBRATION,

@@ -23,6 +23,7 @@ from aerobat_pin.estimation.checks.readings import (
     downhill,
     joint_pairs,
     limb_pairs,
+    possible_readings,
 )
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
@@ -95,6 +96,7 @@ def changes_of_reading(
     pairs = [*joint_pairs(record.robot, record.driven), *limb_pairs(record)]
     pairs = [pair for pair in pairs if {*pair[0], *pair[1]} <= set(places)]
     kinds += [[mapped.exchanged(pair)] for pair in pairs]
+    kinds = [list(itertools.compress(kind, possible_readings(record, q, kind))) for kind in kinds]
     shifts = {read: shift(read) for read in itertools.chain(*kinds)}
     gain = dict(zip(shifts, screened(rows, without, [], list(shifts.values())).tolist(), strict=True))
     likeliest = [max(kind, key=gain.__getitem__) for kind in kinds if kind]

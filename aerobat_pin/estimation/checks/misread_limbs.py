@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.readings import QUARTER, JointReading, downhill
+from aerobat_pin.estimation.checks.readings import QUARTER, JointReading, downhill, possible_readings
 from aerobat_pin.forces import FreeMotion, balance_of
 from aerobat_pin.records import Record
 
@@ -75,9 +75,10 @@ def left_by_readings(
 ) -> list[float]:
     """Return what each reading leaves beside friction, over what is needed, in squares.
 
-    But not over more than is `needed` as mapped, in the mean: a reading may need much and leave as much.
+    But not over more than is `needed` as mapped, in the mean: a reading may need much and leave as much. One by which a
+    joint is beyond its limits, and not as mapped, leaves all.
     """
-    read, count = list[FreeMotion](), len(motion.q)
+    read, count, possible = list[FreeMotion](), len(motion.q), possible_readings(record, motion.q, readings)
     for reading in readings:
         q, v, a, tau = reading.of_motion(record, motion.q, motion.v, motion.a, effort=motion.tau)
         middle, _ = reading.of_motion(record, motion.halfway, effort=motion.tau)
@@ -85,8 +86,11 @@ def left_by_readings(
     balance = balance_of(record, motion.joined(read))
     if balance is None:
         return len(readings) * [np.inf]
-    parts = (balance.between(k * count, (k + 1) * count) for k in range(len(readings)))
-    return [part.beside_friction(part.residual) * max(1.0, part.size / (count * needed)) for part in parts]
+    parts = [balance.between(k * count, (k + 1) * count) if possible[k] else None for k in range(len(readings))]
+    return [
+        np.inf if part is None else part.beside_friction(part.residual) * max(1.0, part.size / (count * needed))
+        for part in parts
+    ]
 
 
 def _sharing_a_sense(limbs: list[tuple[int, ...]]) -> list[list[int]]:

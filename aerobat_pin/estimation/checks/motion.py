@@ -10,6 +10,7 @@ import numpy as np
 
 from aerobat_pin.estimation.checks.attitude import Reading, accelerometer_findings, reading_findings, turned_so_far
 from aerobat_pin.estimation.checks.compare import agreement_findings, comparison_of
+from aerobat_pin.estimation.checks.readings import UNLIMITED
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.numerics import COMPARED_OVER, FEWEST_POINTS, Array
@@ -40,7 +41,6 @@ SENSIBLE = 0.01  # of a joint's range, which what another unit makes of its posi
 AXES_FIT = 0.25  # of what a velocity leaves of the pose as mapped, that it leaves at most in the axes that are right
 AXES_OFF = 0.1  # of the motion, that it leaves at least in wrong ones
 A_TURN, TEN_RANGES = 2.0 * np.pi, 10.0  # [rad], ranges beyond them: no joint that has limits ever is there
-UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, is none
 TAKEN_FOR = {"position": "rad", "velocity": "rad/s", "effort": "N m"}  # part of joints -> unit if a map states none
 SMALLER = {"rad": ("deg", np.pi / 180.0), "m": ("mm", 1e-3)}  # unit -> what may have been meant
 

@@ -16,6 +16,8 @@ from aerobat_pin.records import PlainRobot, Record
 QUARTER = 0.5 * np.pi
 LEFT_BY_JOINTS = 0.1  # of what is left, in squares, that a right reading leaves at most: it makes the rows exact
 AS_QUARTERS = np.radians(5.0)  # so near to quarters a turn is one
+SLIGHTLY = np.radians(5.0)  # [rad, m] beyond its limits a joint may be
+UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, is none
 
 
 @dataclass(frozen=True)
@@ -103,6 +105,27 @@ class JointReading:
             text = f"{', '.join(joints)} {seem} to {what}, which leaves {left}: {keys}"
             found.append(Finding("joint zero" if sense > 0.0 else "joint sense", "warning", text, turn, "rad"))
         return found
+
+
+def possible_readings(record: Record, q: Array, readings: Iterable[JointReading]) -> list[bool]:
+    """Return by which readings no joint, at positions (m, nq) as mapped, is beyond its limits but where it is anyway.
+
+    A whole turn is none.
+    """
+    robot, none = record.robot, np.empty((0, record.robot.model.nv))
+    at, turns = [robot.q_index(joint) for joint in record.driven], [not robot.slides(joint) for joint in record.driven]
+    limits = robot.model.lowerPositionLimit[at], robot.model.upperPositionLimit[at]
+    low, high = np.clip(limits, -UNLIMITED, UNLIMITED)
+    limited = (high > low) & (high - low < UNLIMITED)
+    middle, half = np.where(limited, 0.5 * (low + high), 0.0), np.where(limited, 0.5 * (high - low), np.inf)
+
+    def beyond(reading: JointReading) -> Array:
+        away = np.abs(reading.of_motion(record, q, effort=none)[0][:, at] - middle)
+        away = np.where(turns, np.minimum(away, np.abs(2.0 * np.pi - away)), away)
+        return np.asarray(np.maximum(away - half, 0.0).max(axis=0, initial=0.0))
+
+    allowed = beyond(JointReading.as_mapped(record)) + SLIGHTLY
+    return [bool(np.all(beyond(each) < allowed)) for each in readings]
 
 
 def swapped(names: Sequence[str], columns: str, pair: Exchange, left: str) -> Finding:
