@@ -208,7 +208,20 @@ def _lasting(estimate: StoredEstimate, contacts: Iterable[Contact]) -> list[Cont
         whole[contact.point, stretch.onset] = replace(
             before, onset=min(onsets), end=None if None in ends else max(end for end in ends if end is not None)
         )
-    return sorted(whole.values(), key=lambda contact: contact.onset)
+    return joined_contacts(whole.values())
+
+
+def joined_contacts(contacts: Iterable[Contact]) -> list[Contact]:
+    """Return contacts in the order of their onsets, those at one point that overlap as one."""
+    joined: list[Contact] = []
+    for contact in sorted(contacts, key=lambda contact: (contact.point, contact.onset)):
+        before = joined[-1] if joined else None
+        if before is None or before.point != contact.point or (before.end is not None and before.end < contact.onset):
+            joined.append(contact)
+            continue
+        end = None if before.end is None or contact.end is None else max(before.end, contact.end)
+        joined[-1] = replace(before, end=end)
+    return sorted(joined, key=lambda contact: contact.onset)
 
 
 def _over_bars(estimate: StoredEstimate) -> tuple[Array, Array, Array]:

@@ -13,7 +13,8 @@ from support.robot_parts import channels
 
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation import calibrate, estimate
-from aerobat_pin.forces.contacts import found_contacts
+from aerobat_pin.forces import Contact
+from aerobat_pin.forces.contacts import found_contacts, joined_contacts
 from aerobat_pin.forces.fit_known_forces import fitted_forces
 
 BELIEVED = {"fit": None, "coefficients": [1.07 * THRUST]}
@@ -182,3 +183,11 @@ def test_one_axis_of_a_gyro_is_no_reading_of_a_quaternion(tmp_path: Path) -> Non
     told = {one.check for one in estimate(recorded(tmp_path / "log.csv", chosen), trust=True).findings if one.warns}
     assert "gyro against attitude" in told
     assert "quaternion order" not in told
+
+
+def test_contacts_at_one_point_that_overlap_are_one() -> None:
+    """One half sine was told as two contacts, from 4.25 s to 4.78 s and from 4.59 s to 4.90 s."""
+    tip, late, other = Contact("tip", 4.25, 4.3, 4.78), Contact("tip", 4.59, 4.6, 4.9), Contact("arm", 4.3, 4.4, None)
+    last = Contact("tip", 6.0, 6.1, None)
+    found = [(each.point, each.onset, each.end) for each in joined_contacts([last, late, other, tip])]
+    assert found == [("tip", 4.25, 4.9), ("arm", 4.3, None), ("tip", 6.0, None)]

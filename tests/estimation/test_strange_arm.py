@@ -417,6 +417,16 @@ def test_bursts_are_no_push_unless_one_is_a_blow(seed: int, force: Callable[...,
         assert re.search(r"a push at tool0 \(short, up to \d\d\.?\d* \+-\d\d\.?\d* N downward, at 16\.0\d s\)", verdict)
 
 
+def test_a_blow_that_is_too_short_for_a_contact_is_named_beside_a_calibration(tmp_path: Path) -> None:
+    """It was "no push that stands out", where the same log without a calibration told the blow."""
+    chosen = edited(arm_map(["tool0"]), {"observer.gain": 100.0, "check": None})
+    for name, seed, force in (("blow.csv", 84, a_blow), ("free.csv", 184, nothing)):
+        write_log(tmp_path / name, seed, force, rate=500.0, rubs=0.05)
+    calibration = calibrate([recorded(tmp_path / "free.csv", chosen)], trust=True)
+    result = estimate(recorded(tmp_path / "blow.csv", chosen), calibration=calibration)
+    assert re.search(r"a push at tool0 \(short, up to \d.* N downward, at 16\.\d+ s\)", result.verdict), result.verdict
+
+
 @pytest.mark.parametrize(("seed", "still"), [(61, 1), *further((62, 2), (63, 4))])
 def test_joints_at_rest_may_rub_as_those_that_move(seed: int, still: int, tmp_path: Path) -> None:
     """What stiction holds passed for a push: 13 N were made of a shoulder's, with +-5 N.
