@@ -174,6 +174,7 @@ def moving_weight(model: pin.Model, rows: Rows = "all") -> float:
     return -float(pin.Model.gravity981[2]) * float(masses.sum())
 
 
+@guarded()
 def scale_of_forces(model: pin.Model, rows: Rows = "all") -> float:
     """Return the force [N] beside which a push is sought: what moves weighs it; in an orbit it is a hundredth of that.
 
@@ -182,6 +183,7 @@ def scale_of_forces(model: pin.Model, rows: Rows = "all") -> float:
     return moving_weight(model, rows) * (IN_ORBIT if has_free_base(model) and is_weightless(model) else 1.0)
 
 
+@guarded()
 def is_weightless(model: pin.Model) -> bool:
     """Return whether gravity is too weak to compare anything with, as in an orbit."""
     return bool(np.linalg.norm(model.gravity.linear) < WEIGHTLESS)
