@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from support.recorded import recorded
+from support.recorded import edited, recorded
 from support.robot_parts import joint, link
 from support.walking_log import table, table_map, urdf, walk
 
@@ -376,3 +376,13 @@ def test_the_unit_of_a_netcdf_log_s_time_is_the_file_s(tmp_path: Path) -> None:
     (clock,) = read_columns(tmp_path / "log.nc", LogTable()).clocks.values()
     np.testing.assert_allclose(np.diff(clock.time), 2e-3, rtol=1e-6)
     assert tomllib.loads(suggested_map(tmp_path / "log.nc", None))["observer"]["gain"] == pytest.approx(100.0)
+
+
+def test_a_table_whose_rows_are_shuffled_is_refused(tmp_path: Path) -> None:
+    """Of 5,000 rows 11 were estimated, 350 N off, beside warnings."""
+    order = np.random.default_rng(1).permutation(600)
+    table(walk(3.0)).iloc[order].to_csv(tmp_path / "walk.csv", index=False)
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    chosen = edited(table_map(Path("quadruped.urdf")), {"log.longest_gap": 10.0})
+    with pytest.raises(LogError, match=r"time goes back: .* samples have stamps that do not fit"):
+        estimate(recorded(tmp_path / "walk.csv", chosen))

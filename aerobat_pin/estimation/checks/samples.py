@@ -26,6 +26,7 @@ FEWEST_LEVELS, MOVES_IN = 50, 10  # values of an effort that varies; samples wit
 STRAIGHT = 0.5  # share of triples of neighbours on a straight line, from which a channel is interpolated
 STRAIGHT_ERROR = 1e-7  # of the channel's size: how straight
 FEWEST_STRAIGHT = 20  # samples that can be told to be interpolated
+MOST_OFF = 0.5  # share of samples whose stamps do not fit, beyond which the others are no record
 MOST_LOST = 0.6  # share of samples that another one with their stamp replaces, beyond which forces may be missed
 CLOCK_DELAY = 0.5e-3  # [s] between sensor's and recorder's stamps, or their scatter, that is worth a warning
 LARGEST_COMPARED = 500_000_000  # bytes of files that are compared
@@ -88,7 +89,8 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
         ):
             if number:
                 what = f"{name}: {number} of {count} samples {words}"
-                yield Finding("time goes back", "warning", what, number / count, "1")
+                hardly = clock.off > MOST_OFF * count
+                yield Finding("time goes back", "refused" if hardly else "warning", what, number / count, "1")
         if clock.set_back:
             what = f"{name}: the clock was set back {clock.set_back} x; samples stand where their stamps say"
             yield Finding("time goes back", "warning", what, clock.set_back, "1")
