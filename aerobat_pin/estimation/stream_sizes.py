@@ -25,7 +25,7 @@ from aerobat_pin.observers import (
     Sample,
     as_others_rub,
     effort_limits,
-    moving_weight,
+    scale_of_forces,
 )
 from aerobat_pin.records import Map, PlainRobot
 
@@ -82,7 +82,7 @@ class StreamSizes:
         """
         if not self._robot.limits_forces:
             return None
-        carried = moving_weight(self._robot.model) * row_scale(self._robot.model)
+        carried = scale_of_forces(self._robot.model) * row_scale(self._robot.model)
         expected = expected_from(self._robot, self._rows, self._values, self._points, effort, carried)
         errors = np.zeros_like(expected.row_error)
         if self._walks and self._taken:
