@@ -109,7 +109,8 @@ def _end_helpers() -> None:
     """End the processes of a pool, which would wait for its next task, also when the program is gone."""
     if "multiprocessing" in sys.modules:
         for process in sys.modules["multiprocessing"].active_children():
-            process.kill()
+            with suppress(Exception):
+                process.kill()
 
 
 def _say_what_was_written() -> None:

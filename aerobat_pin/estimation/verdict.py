@@ -224,15 +224,15 @@ class _Group:
         short = not self.largest.rank[0] and self.blow.rank[0] and self.blow.sure > SHORT_BLOW * self.usual
         found = self.blow if short else self.largest
         stated = [sizes[k].deviation for k in self.columns]
-        along, size = float(along_itself(found.force, found.deviation)), float(np.linalg.norm(found.force))
+        along, peak = float(along_itself(found.force, found.deviation)), float(np.linalg.norm(found.force))
         typical = [noise[k] if size is None else size for k, size in zip(self.columns, stated, strict=True)]
         return _Push(
             place=point_label(self.place),
             unit=self.unit,
-            peak=size,
+            peak=peak,
             at=found.time - start,
             way=_way(found.force, self.axes),
-            deviation=None if stated == [None] * len(stated) or (short and along > size) else along,
+            deviation=None if stated == [None] * len(stated) or (short and along > peak) else along,
             sure=found.sure / SURE_OF_CONTACT,
             rms=(self.squares / count) ** 0.5,
             lasting=(self.shares / count) ** 0.5,

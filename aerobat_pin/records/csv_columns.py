@@ -79,8 +79,8 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     column = None if log.time.rate else log.time.column or _time_column(path, names)
     if column is not None and column not in names:
         raise LogError(f"log {path}: no column '{column}' (log.time.column of the map); there are {', '.join(names)}")
-    if column in units and not same_unit(units[column], log.time.unit):
-        raise LogError(f"log {path}: column '{column} [{units[column]}]': {log.time.unit} was expected")
+    if column in units and not same_unit(units[column], log.time.unit or "s"):
+        raise LogError(f"log {path}: column '{column} [{units[column]}]': {log.time.unit or 's'} was expected")
     read = {column, *wanted, *(name.rpartition(".")[0] for name in wanted)}
     used = [i for i, name in enumerate(names) if not strict or name in read]
     if twice := [names[i] for i in used if strict and names.count(names[i]) > 1]:
@@ -106,7 +106,7 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
             for chunk in chunks:
                 values: dict[str, Array] = {}
                 for i, label in zip(used, chunk.columns, strict=True):
-                    cells = _by_date(chunk[label], log.time.unit) if names[i] == column else chunk[label]
+                    cells = _by_date(chunk[label], log.time.unit or "s") if names[i] == column else chunk[label]
                     values |= numbers_of(path, names[i], cells, len(table), strict=strict)
                     if strict and (separator != "," or cells.dtype.kind not in "fiub"):
                         before = signs.get(names[i], "")
@@ -174,7 +174,7 @@ def _stamps(path: Path, log: LogTable, column: str | None, values: dict[str, Arr
     """Return the stamps [s] of `count` rows with `before` rows before them, and take their column out of the values."""
     if column is None:
         return np.asarray((before + np.arange(count)) / (log.time.rate or 1.0))
-    time = np.asarray(values.pop(column) * SECONDS[log.time.unit])
+    time = np.asarray(values.pop(column) * SECONDS[log.time.unit or "s"])
     if not np.all(np.isfinite(time)):
         line = line_of(path, before + int(np.argmin(np.isfinite(time))))
         raise LogError(f"log {path}, line {line}: no time in '{column}'")

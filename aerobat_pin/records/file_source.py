@@ -217,14 +217,14 @@ def _common_times(
         clock = columns.clocks[columns.clock_of[leading.names[0]]]
         raise LogError(
             f"log {path}: time rises by {spacing:g} s from sample to sample of {leading.key} (log.time.unit = "
-            f"'{chosen.log.time.unit}'): at most log.longest_gap = {chosen.log.longest_gap:g} s was expected"
+            f"'{chosen.log.time.unit or 's'}'): at most log.longest_gap = {chosen.log.longest_gap:g} s was expected"
             f"{clock.not_used}"
         )
     rate = chosen.log.rate or 1.0 / spacing
     if knots is not None:
         rate = (len(knots) - 1) / float(knots[-1] - knots[0])
     if not 0.0 < rate <= FASTEST:
-        unit = f" (log.time.unit = '{chosen.log.time.unit}')" if not columns.kinds else ""
+        unit = f" (log.time.unit = '{chosen.log.time.unit or 's'}')" if not columns.kinds else ""
         mean = (len(leading.time) - 1) / float(leading.time[-1] - leading.time[0])
         most = f"{FASTEST:g} were expected"
         most += f"; stamped in bursts? log.rate = {mean:.4g} is the mean" if mean <= FASTEST else ""

@@ -16,7 +16,9 @@ class TimeSection(Section):
     """The column of time in a table; bags have their own clocks."""
 
     column: str | None = Field(None, description="name of the column")
-    unit: Literal["s", "ms", "us", "ns"] = Field("s", description="of the column")
+    unit: Literal["s", "ms", "us", "ns"] | None = Field(
+        None, description="of the column; left out: s, or what a NetCDF file says"
+    )
     rate: Positive | None = Field(None, description="where there is no column: samples a second [Hz]")
 
 

@@ -19,10 +19,19 @@ import numpy as np
 import xarray as xr
 
 from aerobat_pin.errors import LogError
+from aerobat_pin.numerics import shown
 from aerobat_pin.records.checked_netcdf import NO_VARIABLE, checked_file, is_bare, seal_of
 
 PACKING = ("scale_factor", "add_offset", "_Unsigned")  # attributes that change the meaning of numbers
-UNITS_OF_TIME = {"seconds": 1.0, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "minutes": 60.0}
+UNITS_OF_TIME = (  # names -> [s]; those of the CF conventions, and what people write
+    dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0)
+    | dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3)
+    | dict.fromkeys(("us", "microsecond", "microseconds"), 1e-6)
+    | dict.fromkeys(("ns", "nanosecond", "nanoseconds"), 1e-9)
+    | dict.fromkeys(("min", "minute", "minutes"), 60.0)
+    | dict.fromkeys(("h", "hr", "hour", "hours"), 3600.0)
+    | dict.fromkeys(("d", "day", "days"), 86400.0)
+)
 INTERNAL = ("CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_FillValue", "missing_value", "coordinates")
 
 
@@ -64,10 +73,15 @@ class StoredVariable:
         self.shape, self.kind = tuple(item.shape), item.dtype.kind
 
     @property
-    def seconds(self) -> float | None:
-        """Its unit [s] if it is a time by the CF conventions, as xarray writes dates: `milliseconds since 2026-...`."""
-        word, *_ = f"{_plain_attribute(self.item.attrs.get('units', ''))} -".split()
-        return UNITS_OF_TIME.get(word)
+    def seconds(self) -> float:
+        """The unit [s] of a time, also as xarray writes dates, `milliseconds since 2026-...`; 1 if none is written.
+
+        Raises LogError if nobody knows it.
+        """
+        word, *_ = f"{_plain_attribute(self.item.attrs.get('units', ''))} s".split()
+        if word.lower() not in UNITS_OF_TIME:
+            raise LogError(f"{self._where} has the unit {shown(word)}: log.time.unit of the map was expected to say it")
+        return UNITS_OF_TIME[word.lower()]
 
     def __getitem__(self, rows: Any) -> Any:
         """Return rows of its text or numbers, NaN for the fill value. Raises LogError if its numbers are packed."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.numerics import Array, shown
+from aerobat_pin.numerics import Array
 from aerobat_pin.records.columns import Clock, Columns, GrowingTable
 from aerobat_pin.records.csv_columns import ROWS_AT_ONCE, SECONDS, read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
@@ -17,6 +17,7 @@ from aerobat_pin.records.netcdf import StoredVariable, netcdf_variables
 from aerobat_pin.records.spool import Series, Spool
 
 BAGS, NETCDF = (".mcap", ".db3", ".bag"), (".nc", ".nc4", ".h5")
+VARIABLES_TOLD = 10  # variables
 NETCDF_GROUPS = ("truth", "measured")
 CLOCKS = ("time", "interval")  # dimensions that are clocks; the log may name another one
 
@@ -56,21 +57,25 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
     values: dict[str, Series] = {}
     clock_of: dict[str, str] = {}
     with netcdf_variables(path, "log", NETCDF_GROUPS) as groups:
-        series = ", ".join(name for name, one in groups[""].items() if len(one.dims) == 1 and one.kind in "fiu")
+        series = [name for name, one in groups[""].items() if len(one.dims) == 1 and one.kind in "fiu"]
         for group, variables in groups.items():
-            prefix = f"{group}/" if group else ""
+            prefix, over = f"{group}/" if group else "", set[str]()
             for clock in wanted:
                 if clock not in variables or len(variables[clock].dims) != 1 or not variables[clock].shape[0]:
                     continue
-                unit = variables[clock].seconds if "unit" not in log.time.model_fields_set else None
-                table = _read_clock(variables, clock, unit or SECONDS[log.time.unit], spool)
+                (dim,) = variables[clock].dims
+                if dim in over:  # which has a clock: the map's, or the first
+                    continue
+                over.add(dim)
+                unit = SECONDS[log.time.unit] if log.time.unit else variables[clock].seconds
+                table = _read_clock(variables, clock, unit, spool)
                 clocks[f"{prefix}{clock}"], columns = table.finished()
                 for name, column in columns.items():
                     values[prefix + name], clock_of[prefix + name] = column, f"{prefix}{clock}"
     if not clocks:
         raise LogError(
             f"log {path}: no {' or '.join(map(str, wanted))} over one dimension: name the time as log.time.column of "
-            f"the map (it has {shown(series)})"
+            f"the map (it has {', '.join(series[:VARIABLES_TOLD]) or 'none'})"
         )
     return Columns(path, tuple(values), clocks, clock_of, values)
 

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 
@@ -336,7 +337,7 @@ def test_a_diverged_flight_can_be_replayed_and_estimated(tmp_path: Path) -> None
 
 
 POOL = """
-import os, time
+import time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import active_children, get_context
 from aerobat_pin.errors import end_on_signals
@@ -357,6 +358,10 @@ def test_the_helpers_of_a_program_end_with_it(number: signal.Signals) -> None:
         assert program.stdout is not None
         helpers = [int(word) for word in program.stdout.readline().split()]
         program.send_signal(number)
-        assert program.stdout.read() == b"", "whose end comes when the last of them is gone"
+        try:
+            program.communicate(timeout=30.0)  # which ends when the last of them is gone
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(program.pid, signal.SIGKILL)
     assert len(helpers) == 2
     assert program.returncode == 128 + number

@@ -239,7 +239,10 @@ def test_a_reading_by_which_a_joint_would_be_beyond_its_limits_is_none() -> None
     record = cast(Record, SimpleNamespace(robot=robot, driven=robot.joints))
     mapped, q = JointReading.as_mapped(record), np.array([[0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.02, 0.02]])
     elbow = robot.joints.index("panda_joint4")  # from -3.07 to -0.07 rad
-    turned = [mapped.otherwise([elbow], turn) for turn in (1.4, 1.45, 1.6, -1.6, 4.0, 2.0 * np.pi)]
-    assert possible_readings(record, q, turned) == [True, True, False, True, False, True]
+    turned = [mapped.otherwise([elbow], turn) for turn in (1.4, 1.45, 1.6, -1.6, 4.0)]
+    assert possible_readings(record, q, turned) == [True, True, False, True, False]
+    on = q - 2.0 * np.pi * np.eye(robot.model.nq)[3]  # its columns are a whole turn off
+    assert possible_readings(record, on, turned) == [True, True, False, True, False]
+    assert possible_readings(record, q, [mapped.otherwise([7], sense=-1.0)]) == [False], "a finger opens by 40 mm"
     away = q + np.eye(robot.model.nq)[3] * 2.0  # it is beyond them as mapped
     assert possible_readings(record, away, [mapped, mapped.otherwise([elbow], 1.0)]) == [True, False]

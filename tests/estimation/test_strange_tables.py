@@ -361,7 +361,7 @@ def test_the_time_of_a_netcdf_log_need_not_be_the_coordinate_of_its_dimension(tm
     stamp, turn = 1e3 * np.arange(5.0), np.arange(10.0).reshape(5, 2)
     data = xr.Dataset({"stamp": ("sample", stamp), "q": (("sample", "joint"), turn)}, {"joint": ["hip", "knee"]})
     data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")
-    with pytest.raises(LogError, match=r"no time or interval .* log\.time\.column of the map \(it has 'stamp'\)"):
+    with pytest.raises(LogError, match=r"no time or interval .* log\.time\.column of the map \(it has stamp\)"):
         read_columns(tmp_path / "log.nc", LogTable())
     columns = read_columns(tmp_path / "log.nc", LogTable.model_validate({"time": {"column": "stamp", "unit": "ms"}}))
     assert columns.names == ("q.hip", "q.knee")
@@ -376,6 +376,33 @@ def test_the_unit_of_a_netcdf_log_s_time_is_the_file_s(tmp_path: Path) -> None:
     (clock,) = read_columns(tmp_path / "log.nc", LogTable()).clocks.values()
     np.testing.assert_allclose(np.diff(clock.time), 2e-3, rtol=1e-6)
     assert tomllib.loads(suggested_map(tmp_path / "log.nc", None))["observer"]["gain"] == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize(
+    ("units", "said", "step"),
+    [("days since 2026-01-01", {}, 86400.0), ("ms", {}, 1e-3), ("", {}, 1.0), ("ticks", {"unit": "us"}, 1e-6)],
+)
+def test_units_of_a_netcdf_log_s_time(units: str, said: dict[str, str], step: float, tmp_path: Path) -> None:
+    """The map's counts first; one that nobody knows is refused."""
+    data = xr.Dataset({"q": ("time", np.zeros(5))}, {"time": ("time", np.arange(5.0), {"units": units})})
+    data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")
+    (clock,) = read_columns(tmp_path / "log.nc", LogTable.model_validate({"time": said})).clocks.values()
+    np.testing.assert_allclose(np.diff(clock.time), step)
+    if units == "ticks":
+        with pytest.raises(LogError, match=r"'time' has the unit 'ticks': log\.time\.unit of the map was expected"):
+            read_columns(tmp_path / "log.nc", LogTable())
+
+
+def test_of_two_times_over_one_dimension_the_map_s_counts(tmp_path: Path) -> None:
+    """Beside the dimension's own, or a step that is called `interval`, it was ignored."""
+    time = 0.01 * np.arange(5.0)
+    variables = {"q": ("time", time), "interval": ("time", 0.0 * time + 0.01), "stamp": ("time", 7.0 + 2.0 * time)}
+    xr.Dataset(variables, {"time": time}).to_netcdf(tmp_path / "log.nc", engine="h5netcdf")
+    for said, first in (({}, 0.0), ({"column": "stamp"}, 7.0)):
+        columns = read_columns(tmp_path / "log.nc", LogTable.model_validate({"time": said}))
+        (clock,) = columns.clocks.values()
+        assert (clock.time[0], len(clock.time)) == (first, 5)
+        assert set(columns.clock_of.values()) == {said.get("column", "time")}
 
 
 def test_a_table_whose_rows_are_shuffled_is_refused(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ from aerobat_pin.forces import (
     spare_share,
 )
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Applications, moving_weight, robot_length
+from aerobat_pin.observers import Applications, robot_length, scale_of_forces
 
 LEAST_PUSH = 0.02  # of the moving weight: a smaller force is no push
 
@@ -86,7 +86,7 @@ def _in_words(
         scale = 1.0 if axis.startswith("F") else robot_length(record.robot.model)
         size = np.linalg.norm(force, axis=1)
         along = np.sqrt(np.sum((force * sure) ** 2, axis=1)) / np.maximum(size, TINY) + TINY
-        shares, least = size / np.linalg.norm(sure, axis=1), LEAST_PUSH * moving_weight(record.robot.model) * scale
+        shares, least = size / np.linalg.norm(sure, axis=1), LEAST_PUSH * scale_of_forces(record.robot.model) * scale
         rms, lasting = float(np.sqrt(np.mean(size**2))), float(np.sqrt(np.mean(shares**2)))
         bar = np.maximum(SURE_OF_CONTACT * 3**0.5 * along, least)
         beyond = size / bar

@@ -82,7 +82,7 @@ def changes_of_reading(
         return Change(partial(_told_of_joint, record, read), anew=anew, doubt=FACTOR + PRICE, leaves=LEFT_BY_JOINTS)
 
     def loss(read: JointReading) -> float:
-        return -change_to(read).likely(rows, without)[0]
+        return -change_to(read).likely(rows, without)[0] if possible_readings(record, q, [read])[0] else np.inf
 
     slopes, kinds = np.abs(slopes_of_need(model, instants)).max(axis=(0, 1)), list[list[JointReading]]()
     joints = {joint for joint, _ in driven_rows(record, instants)}

@@ -16,7 +16,7 @@ from aerobat_pin.records import PlainRobot, Record
 QUARTER = 0.5 * np.pi
 LEFT_BY_JOINTS = 0.1  # of what is left, in squares, that a right reading leaves at most: it makes the rows exact
 AS_QUARTERS = np.radians(5.0)  # so near to quarters a turn is one
-SLIGHTLY = np.radians(5.0)  # [rad, m] beyond its limits a joint may be
+SLIGHTLY, SLIGHTLY_OUT = np.radians(5.0), 5e-3  # beyond its limits a joint may be that turns [rad], or slides [m]
 UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, is none
 
 
@@ -124,7 +124,7 @@ def possible_readings(record: Record, q: Array, readings: Iterable[JointReading]
         away = np.where(turns, np.minimum(away, np.abs(2.0 * np.pi - away)), away)
         return np.asarray(np.maximum(away - half, 0.0).max(axis=0, initial=0.0))
 
-    allowed = beyond(JointReading.as_mapped(record)) + SLIGHTLY
+    allowed = beyond(JointReading.as_mapped(record)) + np.where(turns, SLIGHTLY, SLIGHTLY_OUT)
     return [bool(np.all(beyond(each) < allowed)) for each in readings]
 
 

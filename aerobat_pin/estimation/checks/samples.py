@@ -83,14 +83,15 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
         count = len(clock.time) + clock.repeated + clock.off + clock.backward
         if clock.repeated:
             yield _repeated(name, clock, count)
-        for number, words in (
-            (clock.off, "have stamps that do not fit between their neighbours': left out"),
-            (clock.backward, "go back in time (a file appended to itself?): dropped"),
+        for number, most, words in (
+            (clock.off, MOST_OFF, "have stamps that do not fit between their neighbours': left out"),
+            (clock.backward, 1.0, "go back in time (a file appended to itself?): dropped"),
         ):
             if number:
                 what = f"{name}: {number} of {count} samples {words}"
-                hardly = clock.off > MOST_OFF * count
-                yield Finding("time goes back", "refused" if hardly else "warning", what, number / count, "1")
+                yield Finding(
+                    "time goes back", "refused" if number > most * count else "warning", what, number / count, "1"
+                )
         if clock.set_back:
             what = f"{name}: the clock was set back {clock.set_back} x; samples stand where their stamps say"
             yield Finding("time goes back", "warning", what, clock.set_back, "1")
