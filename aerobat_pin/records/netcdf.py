@@ -16,6 +16,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from aerobat_pin.errors import LogError
@@ -23,15 +24,6 @@ from aerobat_pin.numerics import shown
 from aerobat_pin.records.checked_netcdf import NO_VARIABLE, checked_file, is_bare, seal_of
 
 PACKING = ("scale_factor", "add_offset", "_Unsigned")  # attributes that change the meaning of numbers
-UNITS_OF_TIME = (  # names -> [s]; those of the CF conventions, and what people write
-    dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0)
-    | dict.fromkeys(("ms", "msec", "millisecond", "milliseconds"), 1e-3)
-    | dict.fromkeys(("us", "microsecond", "microseconds"), 1e-6)
-    | dict.fromkeys(("ns", "nanosecond", "nanoseconds"), 1e-9)
-    | dict.fromkeys(("min", "minute", "minutes"), 60.0)
-    | dict.fromkeys(("h", "hr", "hour", "hours"), 3600.0)
-    | dict.fromkeys(("d", "day", "days"), 86400.0)
-)
 INTERNAL = ("CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_FillValue", "missing_value", "coordinates")
 
 
@@ -79,9 +71,11 @@ class StoredVariable:
         Raises LogError if nobody knows it.
         """
         word, *_ = f"{_plain_attribute(self.item.attrs.get('units', ''))} s".split()
-        if word.lower() not in UNITS_OF_TIME:
-            raise LogError(f"{self._where} has the unit {shown(word)}: log.time.unit of the map was expected to say it")
-        return UNITS_OF_TIME[word.lower()]
+        try:
+            return float(pd.Timedelta(1, word.lower()) / pd.Timedelta(seconds=1))
+        except ValueError as error:
+            what = f"{self._where} has the unit {shown(word)}: log.time.unit of the map was expected to say it"
+            raise LogError(what) from error
 
     def __getitem__(self, rows: Any) -> Any:
         """Return rows of its text or numbers, NaN for the fill value. Raises LogError if its numbers are packed."""

@@ -79,18 +79,16 @@ def left_by_readings(
     joint is beyond its limits, and not as mapped, leaves all.
     """
     read, count, possible = list[FreeMotion](), len(motion.q), possible_readings(record, motion.q, readings)
-    for reading in readings:
+    for reading in itertools.compress(readings, possible):
         q, v, a, tau = reading.of_motion(record, motion.q, motion.v, motion.a, effort=motion.tau)
         middle, _ = reading.of_motion(record, motion.halfway, effort=motion.tau)
         read.append(replace(motion, q=q, halfway=middle, v=v, a=a, tau=tau))
-    balance = balance_of(record, motion.joined(read))
+    balance = balance_of(record, motion.joined(read)) if read else None
     if balance is None:
         return len(readings) * [np.inf]
-    parts = [balance.between(k * count, (k + 1) * count) if possible[k] else None for k in range(len(readings))]
-    return [
-        np.inf if part is None else part.beside_friction(part.residual) * max(1.0, part.size / (count * needed))
-        for part in parts
-    ]
+    parts = (balance.between(k * count, (k + 1) * count) for k in range(len(read)))
+    left = (part.beside_friction(part.residual) * max(1.0, part.size / (count * needed)) for part in parts)
+    return [next(left) if each else np.inf for each in possible]
 
 
 def _sharing_a_sense(limbs: list[tuple[int, ...]]) -> list[list[int]]:
