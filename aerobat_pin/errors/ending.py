@@ -97,7 +97,7 @@ def _end(number: int, frame: FrameType | None) -> None:
     if _now.raising:
         _now.raising = False
         raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
-    for other in SIGNALS:
+    for other in (*SIGNALS, signal.SIGPIPE):  # a pool's thread may write to a helper that is gone
         signal.signal(other, signal.SIG_IGN)
     for step in (*reversed(_now.cleanups), _end_helpers, sys.stdout.flush, sys.stderr.flush, _say_what_was_written):
         with suppress(Exception):  # a closed pipe, for instance

@@ -337,13 +337,15 @@ def test_a_diverged_flight_can_be_replayed_and_estimated(tmp_path: Path) -> None
 
 
 POOL = """
-import time
+import os, time
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import active_children, get_context
-from aerobat_pin.errors import end_on_signals
+from aerobat_pin.errors import cleaned, end_on_signals
 
 end_on_signals()
-with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:
+read, write = os.pipe()
+os.close(read)
+with cleaned(lambda: os.write(write, b"gone")), ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:
     waiting = [pool.submit(time.sleep, 60.0) for _ in range(2)]
     print(*(child.pid for child in active_children()), flush=True)
     waiting[0].result()
@@ -353,10 +355,14 @@ with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_the_helpers_of_a_program_end_with_it(number: signal.Signals) -> None:
-    """After `kill PID`, which the helpers do not get: two of 250 MB each stayed for good, and held the output open."""
+    """After `kill PID`, which the helpers do not get: two of 250 MB each stayed for good, and held the output open.
+
+    What writes to one that is gone, as a thread of the pool may, ends nothing before the others are ended.
+    """
     with subprocess.Popen([sys.executable, "-c", POOL], stdout=subprocess.PIPE, start_new_session=True) as program:
         assert program.stdout is not None
         helpers = [int(word) for word in program.stdout.readline().split()]
+        time.sleep(0.5)  # a signal just before a thread waits for a lock is seen after that
         program.send_signal(number)
         try:
             program.communicate(timeout=30.0)  # which ends when the last of them is gone
