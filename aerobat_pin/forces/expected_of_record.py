@@ -29,7 +29,9 @@ from aerobat_pin.observers import (
 from aerobat_pin.records import PlainRobot, Record
 
 EFFORT_ERROR = 0.1  # of the rms of a row's effort, or of what its motion needs: its error if nothing better is known
-LEAST_ROW_ERROR = 1e-3  # of the weight that rows move (moments: times the robot's length): none is known better
+LEAST_ROW_ERROR = 1e-3  # of the weight that rows move (moments: times the robot's length): none is known better ...
+LEAST_MEASURED = 1e-3  # ... unless a calibration measured it; then, of what the row carries
+LEAST_CARRIED = 1e-3  # of what the whole robot weighs: no row counts as carrying less
 LEAST_LIFTED = 10  # of these, with a foot in the air
 CARRIES = 0.5  # of the weight: known forces from which they may be what carries the robot
 FOOT_SHARE = 0.15  # of the weight: a point that never holds so much is no foot
@@ -124,15 +126,15 @@ def expected_from(
     """
     model, weight = robot.model, scale_of_forces(robot.model)
     error = EFFORT_ERROR * np.where(effort > 0.0, effort, needed)
+    error, measured = np.maximum(error, least_row_error(model, rows)), LEAST_MEASURED * carried_by_rows(model)
     for k, name in enumerate(row_names(model)):
-        error[k] = values.row_noise.get(name, error[k])
+        error[k] = max(values.row_noise[name], measured[k]) if name in values.row_noise else error[k]
     applications = Applications(model, points)
     lever = np.array([1.0 if unit == "N" else robot_length(model) for unit in applications.units])
-    least = LEAST_ROW_ERROR * (scale_of_forces(model, rows) or weight) * row_scale(model)
     size = SHARE_OF_WEIGHT * weight
     if robot.free and robot.weightless:
         size = max(size, float(np.linalg.norm(needed[:3])))
-    return Expected(size * lever, np.maximum(error, least), *values.stiction(robot))
+    return Expected(size * lever, error, *values.stiction(robot))
 
 
 def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Array, Array]:
@@ -179,3 +181,24 @@ def row_scale(model: pin.Model) -> Array:
     """Return what makes a force [N] the size of each row (nv,): 1, or for a moment the robot's length [m]."""
     length = robot_length(model)
     return np.array([1.0 if unit == "N" else length for unit in row_names(model).values()])
+
+
+def least_row_error(model: pin.Model, rows: Rows) -> Array:
+    """Return the least error (nv,) [N or N m] of a row that nothing has measured."""
+    return LEAST_ROW_ERROR * (scale_of_forces(model, rows) or scale_of_forces(model)) * row_scale(model)
+
+
+def carried_by_rows(model: pin.Model) -> Array:
+    """Return the weight [N] of what the joint of each row (nv,) carries; of moments, times its radius about the joint.
+
+    In an orbit it is a hundredth of the weight on Earth. What hardly weighs anything counts as a share of the robot.
+    """
+    data, unit = model.createData(), np.array([*row_names(model).values()])
+    pin.crba(model, data, pin.neutral(model), pin.Convention.LOCAL)
+    carried = np.zeros((2, model.nv))
+    for joint in model.joints.tolist()[1:]:
+        borne = data.Ycrb[joint.id]
+        squares = 0.5 * np.trace(borne.inertia) + borne.mass * borne.lever @ borne.lever
+        carried[:, joint.idx_v : joint.idx_v + joint.nv] = [[borne.mass], [np.sqrt(borne.mass * squares)]]
+    share = np.where(unit == "N", *carried) / sum(inertia.mass for inertia in model.inertias.tolist()[1:])
+    return np.asarray(scale_of_forces(model) * np.maximum(share, LEAST_CARRIED * row_scale(model)))

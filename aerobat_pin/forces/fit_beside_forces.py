@@ -27,12 +27,20 @@ import numpy as np
 
 from aerobat_pin.forces.coefficient_errors import FEWEST_INDEPENDENT, coefficient_covariance, independent, row_variance
 from aerobat_pin.forces.deviations import tilt_of
-from aerobat_pin.forces.expected_of_record import EFFORT_ERROR, SLIDES_AT, expected_of, lifted_feet, row_scale, stands
+from aerobat_pin.forces.expected_of_record import (
+    EFFORT_ERROR,
+    SLIDES_AT,
+    expected_of,
+    least_row_error,
+    lifted_feet,
+    row_scale,
+    stands,
+)
 from aerobat_pin.forces.factors_by_balance import factors_by_balance
 from aerobat_pin.forces.instants import Instants, column_rms, looked_at
 from aerobat_pin.forces.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
 from aerobat_pin.forces.leverage import spare_share
-from aerobat_pin.forces.run_observers import ignored_rows, inputs_between, points_of
+from aerobat_pin.forces.run_observers import ignored_rows, inputs_between, points_of, rows_of
 from aerobat_pin.forces.shared_error import shared_error
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected, JointFriction, as_others_rub, effort_limits, rotation_matrices, row_names
@@ -110,7 +118,7 @@ def _found(forces: KnownForces, instants: Instants, expected: Expected) -> Fitte
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
         fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), None, rotors=False)
     if law is not None:
-        return _with_known(fitted, values, law)
+        return values.joined(fitted)
     if values.row_noise and not values.row_noise.keys() & {names[instants.kept[k]] for k in instants.at}:
         return replace(fitted, row_noise={**fitted.row_noise, **values.row_noise})  # it did not see any joint slide
     no_smaller = _errors_over(fitted, values.row_noise) >= FRICTION_SHOWN  # if any are known
@@ -145,21 +153,6 @@ def knows_friction(forces: KnownForces) -> bool:
     record, values = forces.record, forces.values
     joints = set(record.driven) - set(ignored_rows(record))
     return record.map.joints.friction is not None or (values.friction is not None and joints <= {*values.joints})
-
-
-def _with_known(fitted: FittedValues, known: FittedValues, law: JointFriction) -> FittedValues:
-    """Return friction that was found beside the forces with that of other joints, which was known, and its errors."""
-    found = fitted.friction
-    assert found is not None
-    names = "coulomb", "viscous", "inertia", "offset"
-    both = {name: np.concatenate([getattr(law, name), getattr(found, name)]) for name in names}
-    return replace(
-        fitted,
-        joints=(*known.joints, *fitted.joints),
-        friction=JointFriction(**both, rate=law.rate),
-        scale=np.concatenate([known.scale, fitted.scale]),
-        row_noise={**fitted.row_noise, **known.row_noise},
-    )
 
 
 def _errors(fitted: FittedValues) -> dict[str, float]:
@@ -211,7 +204,8 @@ def _fitted(
         unsure += np.mean((efforts * sigma) ** 2, axis=0)
         factors = d[at]
     level = 1.0 if wide is not None else max(1.0, float(np.mean(size)))
-    noise = np.sqrt((size * error**2 + unsure) / level)
+    rows_used, _ = rows_of(record.map, robot, record.joints, record.channels)
+    noise = np.maximum(np.sqrt((size * error**2 + unsure) / level), least_row_error(robot.model, rows_used)[kept])
     before, zero, slid = column_rms(y), np.zeros(n), np.abs(instants.sliding[:, at]).max(axis=0)
     fits = [
         Fit(

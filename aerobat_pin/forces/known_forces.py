@@ -8,7 +8,7 @@ a series over the robot's phase.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
@@ -102,6 +102,21 @@ class FittedValues:
             size[known], rate[known] = np.abs(self.friction.coulomb), max(self.friction.rate, SLIDING_RATE)
             size[every] = as_others_rub(size[every], np.isin(every, known), effort_limits(robot.model, every))
         return size, rate
+
+    def joined(self, found: FittedValues) -> FittedValues:
+        """Return these values of joints whose friction is known with what was `found` of other joints."""
+        law, more = self.friction, found.friction
+        assert law is not None
+        assert more is not None
+        names = "coulomb", "viscous", "inertia", "offset"
+        both = {name: np.concatenate([getattr(law, name), getattr(more, name)]) for name in names}
+        return replace(
+            found,
+            joints=(*self.joints, *found.joints),
+            friction=JointFriction(**both, rate=law.rate),
+            scale=np.concatenate([self.scale, found.scale]),
+            row_noise={**found.row_noise, **self.row_noise},
+        )
 
 
 @dataclass(frozen=True)
