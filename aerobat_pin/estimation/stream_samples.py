@@ -31,7 +31,7 @@ from aerobat_pin.estimation.stream_rings import (
 from aerobat_pin.numerics import Array, fields_of, inner, kernel
 from aerobat_pin.records import LARGEST_VALUE, NEAR_TURN
 
-CONFIRM = 3  # stamps in a row that are off but agree: the clock was set
+CONFIRM, CONFIRM_NEAR = 3, 4  # stamps in a row that are off but agree, or by little: the clock was set
 SPACED = 16  # steps of a channel, over which they show how far apart its samples are
 ROOM = 1.5  # of these steps between neighbours, from which a late sample can belong there
 SETTLE_STEP = 1.1  # factor by which the usual step of a channel changes at most from sample to sample
@@ -103,7 +103,7 @@ def place_sample(rings: Rings, c: int, at: float) -> int:
     while i > 0 and stamp_at(rings, c, i - 1) > at:
         i -= 1
     if abs(step) > CLOCK_JUMP or (i < count and is_filled(rings, c, i)):
-        return follow_clock(rings, c, at)
+        return follow_clock(rings, c, at, abs(step) > CLOCK_JUMP)
     if i < count:
         return insert_sample(rings, c, i, at)
     rings.pending[c, 0] = 0.0
@@ -157,16 +157,17 @@ def is_filled(rings: Rings, c: int, i: int) -> bool:
 
 
 @inner
-def follow_clock(rings: Rings, c: int, at: float) -> int:
+def follow_clock(rings: Rings, c: int, at: float, far: bool) -> int:
     """Leave out the scratch sample, whose stamp [s] is off, unless `CONFIRM` in a row agree that the clock was set.
 
-    From then on the clock is followed: what all channels showed before is forgotten, so that nothing of it is mixed
+    Those that are not far off must be as far apart as usual: messages that overtake each other are not. From then on the clock is followed: what all channels showed before is forgotten, so that nothing of it is mixed
     with what follows.
     """
-    near = rings.pending[c, 0] > 0.0 and 0.0 < at - rings.pending[c, 1] <= CLOCK_JUMP
-    rings.pending[c, 0] = rings.pending[c, 0] + 1.0 if near else 1.0
+    step, usual = at - rings.pending[c, 1], rings.usual[c]
+    agrees = 0.0 < step <= CLOCK_JUMP and (far or abs(step - usual) < 0.5 * usual)
+    rings.pending[c, 0] = rings.pending[c, 0] + 1.0 if rings.pending[c, 0] > 0.0 and agrees else 1.0
     rings.pending[c, 1] = at
-    if rings.pending[c, 0] < CONFIRM:
+    if rings.pending[c, 0] < (CONFIRM if far else CONFIRM_NEAR):
         return OUTLIER
     rings.filled[:], rings.usual[:], rings.changed[:], rings.pending[c, 0] = 0, 0.0, np.nan, 0.0
     write_cell(rings, c, 0, at)

@@ -153,7 +153,7 @@ class CalibrationUse:
 
     Attributes:
         words: where it comes from, in words.
-        contacts: those that were found; None where they were not sought.
+        contacts: alarms of single samples, some of which errors make up; None where they were not sought.
         model: whether the belief is still that of the calibration; None where that was not asked.
         warnings: what makes the calibration doubtful, in words.
     """

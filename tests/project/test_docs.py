@@ -82,9 +82,9 @@ def test_the_calibrations_page_finds_the_blow_it_flies() -> None:
     names: dict[str, Any] = {}
     [block] = blocks((DOCS / "calibration.md").read_text())
     exec(compile(block, "docs/calibration.md", "exec"), names)
-    [contact] = names["result"].calibration.contacts
+    [contact] = names["scores"].events
     assert names["result"].model.verdict == "unchanged"
-    assert contact.point == "left_force_point"
+    assert contact.point == "left"
     assert contact.alarm == pytest.approx(0.703, abs=2e-3)
 
 

@@ -107,7 +107,7 @@ def _check_of_blocks(calibration: Calibration, record: Record, inputs: InputsAt)
             part = part_to_check(calibration, record, inputs(begin, end))
             if part is None or part.check.ratio is None:
                 return None if part is None else part.check
-            checks.append((part.check.size**2, float(np.mean(part.near**2)), end - begin))
+            checks.append((part.check.expected**2, float(np.mean(part.near**2)), end - begin))
     squares, shares, counts = np.array(checks).T
-    size, ratio = (float(np.sqrt(np.average(values, weights=counts))) for values in (squares, shares))
-    return ModelCheck(ratio, size, size / max(ratio, 1e-12))
+    expected, ratio = (float(np.sqrt(np.average(values, weights=counts))) for values in (squares, shares))
+    return ModelCheck(ratio, ratio * expected, expected)
