@@ -160,8 +160,9 @@ def is_filled(rings: Rings, c: int, i: int) -> bool:
 def follow_clock(rings: Rings, c: int, at: float, far: bool) -> int:
     """Leave out the scratch sample, whose stamp [s] is off, unless `CONFIRM` in a row agree that the clock was set.
 
-    Those that are not far off must be as far apart as usual: messages that overtake each other are not. From then on the clock is followed: what all channels showed before is forgotten, so that nothing of it is mixed
-    with what follows.
+    Those that are not far off must be as far apart as usual: messages that overtake each other are not. From then on
+    the clock is followed: what all channels showed before is forgotten, so that nothing of it is mixed with what
+    follows.
     """
     step, usual = at - rings.pending[c, 1], rings.usual[c]
     agrees = 0.0 < step <= CLOCK_JUMP and (far or abs(step - usual) < 0.5 * usual)

@@ -88,6 +88,7 @@ def test_a_push_at_a_hand_is_no_foot_in_the_air(log: pd.DataFrame, tmp_path: Pat
     assert not any("effort times" in fit.values for fit in found.forces.values.fits)
 
 
+@pytest.mark.evidence  # other tests say so of a walk and of an arm
 def test_soles_without_moments_are_a_wrong_model_and_straight_legs_show_no_weight(
     log: pd.DataFrame, tmp_path: Path
 ) -> None:

@@ -131,7 +131,7 @@ def test_a_misread_walk_says_how_to_read_it(
         assert told == pytest.approx(value, abs=0.03)
 
 
-@pytest.mark.parametrize("factor", [2.0, 0.5])
+@pytest.mark.parametrize("factor", [2.0, *further(0.5)])
 def test_all_efforts_of_a_walk_that_rubs_are_wrong_by_a_factor(
     noisy: pd.DataFrame, tmp_path: Path, factor: float
 ) -> None:

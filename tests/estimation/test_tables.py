@@ -133,7 +133,7 @@ def test_raw_samples_by_the_map_give_the_forces_of_their_log(tmp_path: Path) -> 
     """The joint smoother on the record of the table, and on the log that was written, rounded as the table is."""
     log = replace(simulate(load_scenario("raw_sensors", ["simulation.duration=0.2"])), truth=None)
     write_csv(log, tmp_path / "raw.csv")
-    settings = ["observers.raw.walk=[0.05, 0.05, 0.05]", "observers.torque=measured"]
+    settings = ["observers.raw.walk=[0.05, 0.05, 0.05]", "observers.raw.offset_error=0.0", "observers.torque=measured"]
     read = read_log(tmp_path / "raw.csv")
     belief = belief_about(read, "raw", None, ["smoother"], settings)
     robot = AerobatRobot.of(believed_robot(belief), belief.believed_air, belief.observers.torque)

@@ -136,6 +136,7 @@ def test_one_compilation_serves_all_sizes() -> None:
     assert len(getattr(write_all, "signatures", [0])) == 1
 
 
+@pytest.mark.evidence  # as test_kernels_that_are_not_compiled_give_the_same_numbers does
 def test_states_work_as_plain_python_too() -> None:
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         pytest.skip("it is off")
