@@ -124,7 +124,8 @@ def _read_otherwise(
             one = reading == mapped.otherwise([k], reading.turn[k])  # number, which must explain it better than others
             enough = max(enough, min(EXPLAINED * share, max(factors, _left_by_one_number(balance) if one else 0.0)))
         if left < min(enough, RIGHT_PLACES, turned, NO_NUMBERS * factors, most):
-            yield from reading.told(record, _share_words(left, share))
+            unsure = " (so much that it may be other joints, or a push)" if left > GOOD else ""
+            yield from reading.told(record, _share_words(left, share) + unsure)
 
 
 def _left_by_one_number(balance: Balance) -> float:
