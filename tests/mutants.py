@@ -138,7 +138,7 @@ MUTANTS = (
            "(1.0 + 1j * self._crank_rate * believed.lag)", "tests/control/test_law.py"),
     Mutant("swing not in the reference", "control/law.py", "    add_waves(law.swing, crank_angle, reference)\n", "",
            "tests/control/test_law.py"),
-    Mutant("a row to spare tests every component", "forces/leverage.py",
+    Mutant("a row to spare tests every component", "forces/row_geometry.py",
            'np.einsum("mic,mi->c", shares, spare) / len(J)', "np.full(J.shape[1], spare.mean())",
            "tests/estimation/test_no_row_to_spare.py"),
     Mutant("a world whose z points down keeps it", "estimation/checks/known_against_motion.py",
@@ -146,7 +146,7 @@ MUTANTS = (
            "tests/estimation/test_flying_arm.py"),
     Mutant("a push elsewhere is a wrong effort", "estimation/checks/efforts.py",
            "all(part > change.price for part in parts)", "True", "tests/estimation/test_explained_efforts.py"),
-    Mutant("a start that rises counts as a push", "estimation/verdict.py", "> estimate.risen - 1e-9",
+    Mutant("a start that rises counts as a push", "forces/pushes.py", "> estimate.risen - 1e-9",
            "> -1.0", "tests/estimation/test_verdict.py"),
 )  # fmt: skip
 

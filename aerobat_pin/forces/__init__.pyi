@@ -86,8 +86,6 @@ from .learnt_error import LearntError as LearntError
 from .learnt_error import alone as alone
 from .learnt_error import shares as shares
 from .learnt_error import weight_count as weight_count
-from .leverage import checked_share as checked_share
-from .leverage import spare_share as spare_share
 from .map_fits import fit_notes as fit_notes
 from .map_fits import fits_anything as fits_anything
 from .map_fits import fits_thrust as fits_thrust
@@ -102,7 +100,14 @@ from .observer_scores import ObserverScores as ObserverScores
 from .observer_scores import score_table as score_table
 from .observer_scores import size_table as size_table
 from .observer_scores import text_table as text_table
+from .pushes import LASTING as LASTING
+from .pushes import Push as Push
+from .pushes import contact_push as contact_push
+from .pushes import place_of as place_of
+from .pushes import pushes_of as pushes_of
 from .row_geometry import RowGeometry as RowGeometry
+from .row_geometry import checked_share as checked_share
+from .row_geometry import spare_share as spare_share
 from .run_observers import LEAST_EXPECTED as LEAST_EXPECTED
 from .run_observers import blocks_of as blocks_of
 from .run_observers import built_observers as built_observers

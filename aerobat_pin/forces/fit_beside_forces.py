@@ -39,7 +39,7 @@ from aerobat_pin.forces.expected_of_record import (
 from aerobat_pin.forces.factors_by_balance import factors_by_balance
 from aerobat_pin.forces.instants import Instants, column_rms, looked_at
 from aerobat_pin.forces.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
-from aerobat_pin.forces.leverage import spare_share
+from aerobat_pin.forces.row_geometry import spare_share
 from aerobat_pin.forces.run_observers import ignored_rows, inputs_between, points_of, rows_of
 from aerobat_pin.forces.shared_error import shared_error
 from aerobat_pin.numerics import Array

@@ -1,7 +1,17 @@
-"""Fit the known forces of a recording where its map asks for it: thrusts, friction, factors of efforts, a payload."""
+"""Fit the known forces of a recording where its map asks for it: thrusts, friction, factors of efforts, a payload.
+
+Thrusts are fitted to the accelerometer, all of them together, as it shows no more than their sum:
+
+    m a = sum_i d_i sum_k c_k U_i^p_k
+
+in the base's axes, with the mass m, the accelerometer a, and of each thrust its direction d_i and its commands U_i.
+Those that point one way by the same law share the coefficients c_k: where rotors hover they turn alike, and their sum
+does not tell them apart. Forces of which the map says how large they are, are taken off before.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +19,15 @@ import numpy as np
 from aerobat_pin.errors import MapError
 from aerobat_pin.forces.fit_gains import fit_gains
 from aerobat_pin.forces.fit_joint_friction import fit_joint_friction
-from aerobat_pin.forces.fit_thrusts import fit_thrusts
+from aerobat_pin.forces.gain_regression import MOST_FITTED, rms_or_nan
 from aerobat_pin.forces.inverse_dynamics import mean_in
-from aerobat_pin.forces.known_forces import FittedValues, KnownForces
-from aerobat_pin.records import PayloadSection, Record
+from aerobat_pin.forces.known_forces import Fit, FittedValues, KnownForces, command_sum, frame_wrench, unit_direction
+from aerobat_pin.numerics import Array
+from aerobat_pin.records import KnownSection, PayloadSection, Record
+
+ONE_WAY = 0.7  # cosine of the angle between thrusts from which they count as rotors of one kind
+FEWEST_SAMPLES = 10  # for each coefficient
+TESTED_PIECES, CALM = 20, 0.25  # of the rest, and the share of them that nothing need push for the fit to be tested
 
 
 def fitted_forces(record: Record, learnt: FittedValues | None = None) -> KnownForces:
@@ -66,3 +81,107 @@ def given_forces(record: Record) -> KnownForces:
         if not section.powers and section.tare is not None
     }
     return KnownForces(record, FittedValues(coefficients), tare)
+
+
+def fit_thrusts(given: KnownForces) -> tuple[dict[str, Array], tuple[Fit, ...]]:
+    """Return thrust -> coefficients of its powers [N] where the map asks for a fit, and how well it holds along each.
+
+    Args:
+        given: the known forces without any fit.
+
+    Raises:
+        MapError: there is no accelerometer, too little of it, or thrusts are to be fitted in different parts.
+    """
+    record = given.record
+    thrusts = {name: section for name, section in record.map.known.items() if section.fit is not None}
+    if not thrusts:
+        return {}, ()
+    if "check.specific_force" not in record.channels:
+        name = next(iter(thrusts))
+        raise MapError(f"map: known.{name}.fit.to = check.specific_force, but check.specific_force has no columns")
+    part = _common_part(thrusts)
+    target, along, commands = _thrust_samples(given, thrusts)
+    inside = np.zeros(len(target), bool)
+    low, high = (round(share * len(target)) for share in part)
+    inside[low:high] = True
+    kinds = _kinds(thrusts, {name: directions.mean(axis=0) for name, directions in along.items()})
+    columns = [
+        sum((along[name] * commands[name][:, None] ** power for name in kind), np.zeros_like(target))
+        for kind in kinds
+        for power in thrusts[kind[0]].powers
+    ]
+    if inside.sum() < FEWEST_SAMPLES * len(columns):
+        names = ", ".join(f"known.{name}" for name in thrusts)
+        raise MapError(f"map: {names}: fit.part = {list(part)}: {inside.sum()} samples are too few")
+    table = np.stack(columns, axis=2)
+    found = np.linalg.lstsq(table[inside].reshape(-1, len(columns)), target[inside].ravel(), rcond=None)[0]
+    residual, coefficients, done = target - table @ found, dict[str, Array](), 0
+    for kind in kinds:
+        count = len(thrusts[kind[0]].powers)
+        coefficients |= dict.fromkeys(kind, found[done : done + count])
+        done += count
+    fits = []
+    for name, section in thrusts.items():
+        shown, left = (np.sum(along[name] * force, axis=1) for force in (target, residual))
+        spread = shown if inside.all() else shown[~inside]
+        values = {f"of power {p}": float(c) for p, c in zip(section.powers, coefficients[name], strict=True)}
+        before, within = map(rms_or_nan, (spread - spread.mean(), left[inside]))
+        fits.append(Fit(f"known.{name}", values, "N", before, within, _calm_rms(left[~inside])))
+    return {name: coefficients[name] for name in thrusts}, tuple(fits)
+
+
+def _calm_rms(left: Array) -> float:
+    """Return the rms of a calm piece of what is left (m,): a push, which is sought, lasts for a part of it at most."""
+    pieces = np.array_split(left, min(TESTED_PIECES, max(len(left), 1)))
+    return float(np.quantile([rms_or_nan(piece) for piece in pieces], CALM))
+
+
+def _common_part(thrusts: Mapping[str, KnownSection]) -> tuple[float, float]:
+    """Return the share of the record in which all thrusts are fitted. Raises MapError if they differ."""
+    parts = {name: section.fit.part for name, section in thrusts.items() if section.fit is not None}
+    first, *others = parts
+    for name in others:
+        if parts[name] != parts[first]:
+            raise MapError(
+                f"map: known.{first}.fit.part = {list(parts[first])}, known.{name}.fit.part = {list(parts[name])}: the "
+                "accelerometer shows the sum of all thrusts, so the same part was expected"
+            )
+    return parts[first]
+
+
+def _thrust_samples(
+    given: KnownForces, thrusts: Mapping[str, KnownSection]
+) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+    """Return what thrusts should make (m, 3) [N], and of each its direction (m, 3) and commands (m,), in base axes."""
+    record, targets = given.record, list[Array]()
+    along: dict[str, list[Array]] = {name: [] for name in thrusts}
+    commands: dict[str, list[Array]] = {name: [] for name in thrusts}
+    for first, last in record.spread(MOST_FITTED):
+        block = record.block(first, last)
+        target = record.robot.mass * record.means("check.specific_force", block.time)
+        for name, section in record.map.known.items():
+            if name in thrusts:
+                unit = np.zeros((len(block.tau), 6))
+                unit[:, :3] = unit_direction(section)
+                turned = frame_wrench(record, section, block, unit) if record.robot.free else unit
+                along[name].append(turned[:, :3])
+                commands[name].append(command_sum(record, name, block.time))
+            elif record.robot.free:  # else its support carries it
+                target = target - given.force_of(name, section, block)[:, :3]
+        targets.append(target)
+    directions, sums = ({name: np.concatenate(pieces) for name, pieces in table.items()} for table in (along, commands))
+    return np.concatenate(targets), directions, sums
+
+
+def _kinds(thrusts: Mapping[str, KnownSection], along: Mapping[str, Array]) -> list[list[str]]:
+    """Return the names of thrusts that share their coefficients: the same powers, and they point one way."""
+    kinds: list[list[str]] = []
+    for name, section in thrusts.items():
+        for kind in kinds:
+            cosine = along[kind[0]] @ along[name] / (np.linalg.norm(along[kind[0]]) * np.linalg.norm(along[name]))
+            if section.powers == thrusts[kind[0]].powers and cosine > ONE_WAY:
+                kind.append(name)
+                break
+        else:
+            kinds.append([name])
+    return kinds

@@ -3,6 +3,7 @@
 With L the weighted rows in use and A = (J L)^T the forces' part in them, the best forces are A^+ L^T phi and no force
 explains N L^T phi, N = I - A A^+. An error of the generalised force with covariance S S^T therefore gives forces the
 covariance A^+ L^T S S^T L A^+^T, and what no force explains the mean square tr(N L^T S S^T L N).
+Other rows check a row's error as far as its leverage on the forces leaves.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from aerobat_pin.observers import Observer, typical_step
 
 GEOMETRY_SPACING = 0.004  # [s] between the instants at which the geometry is evaluated
 LEAST_SEEN = 1.0e-5  # of the largest singular value: fainter patterns of forces leave no trace
+LEAST_TRACE = 1e-9  # of the same, of rows over their errors
 
 
 @dataclass(frozen=True)
@@ -72,3 +74,30 @@ class RowGeometry:
         rows = [np.einsum("nvk,nv->nk", self.rows[index], force) for index in (place, after)]
         both = [np.einsum("nkl,nl->nk", self.projector[k], row) for k, row in zip((place, after), rows, strict=True)]
         return np.asarray((1.0 - share) * both[0] + share * both[1])
+
+
+def spare_share(J: Array, force: Array, error: Array) -> Array:
+    """Return which share (k,) of each row's error the other rows show whatever the forces are: 1 - its leverage."""
+    return np.asarray(np.mean(_pseudo_inverse(J, force, error)[1], axis=0))
+
+
+def checked_share(J: Array, force: Array, error: Array) -> tuple[Array, Array]:
+    """Return how much of the rows that show each component others check (c,), and each row's share in it (c, k).
+
+    The first is the mean of `spare_share`, by the shares of the rows, which are those of what errors make of it.
+
+    Args:
+        J: (m, c, k) Jacobian of the components.
+        force: (c,) or (m, c) what is expected of these [N or N m].
+        error: (k,), or (m, 1, k), of each row [N or N m].
+    """
+    inverse, spare = _pseudo_inverse(J, force, error)
+    shares = inverse**2 / np.maximum(np.sum(inverse**2, axis=1, keepdims=True), np.finfo(float).tiny)
+    return np.einsum("mic,mi->c", shares, spare) / len(J), shares.mean(axis=0).T
+
+
+def _pseudo_inverse(J: Array, force: Array, error: Array) -> tuple[Array, Array]:
+    """Return what whitened rows make of components over their sizes (m, k, c), and 1 - leverage of each row (m, k)."""
+    B = force[..., None] * J / error
+    inverse = np.linalg.pinv(B, rcond=LEAST_TRACE)
+    return inverse, 1.0 - np.einsum("mic,mci->mi", inverse, B)

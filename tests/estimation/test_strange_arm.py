@@ -416,14 +416,27 @@ def test_bursts_are_no_push_unless_one_is_a_blow(seed: int, force: Callable[...,
         assert re.search(r"a push at tool0 \(short, up to \d\d\.?\d* \+-\d\d\.?\d* N downward, at 16\.0\d s\)", verdict)
 
 
-def test_a_blow_that_is_too_short_for_a_contact_is_named_beside_a_calibration(tmp_path: Path) -> None:
-    """It was "no push that stands out", where the same log without a calibration told the blow."""
+def a_push_and_a_blow(time: np.ndarray) -> np.ndarray:
+    """Return forces (n, 3) of 30 N for two seconds, and of a blow later."""
+    force = a_blow(time)
+    force[(time > 8.0) & (time < 10.0), 0] = 30.0
+    return force
+
+
+@pytest.mark.parametrize("force", [a_push_and_a_blow, *further(a_blow)])
+def test_a_blow_that_is_too_short_for_a_contact_is_named_beside_a_calibration(
+    force: Callable[..., np.ndarray], tmp_path: Path
+) -> None:
+    """It was "no push that stands out", or the push alone, where the same log without a calibration told the blow."""
     chosen = edited(arm_map(["tool0"]), {"observer.gain": 100.0, "check": None})
-    for name, seed, force in (("blow.csv", 84, a_blow), ("free.csv", 184, nothing)):
-        write_log(tmp_path / name, seed, force, rate=500.0, rubs=0.05)
+    for name, seed, pushes in (("blow.csv", 84, force), ("free.csv", 184, nothing)):
+        write_log(tmp_path / name, seed, pushes, rate=500.0, rubs=0.05)
     calibration = calibrate([recorded(tmp_path / "free.csv", chosen)], trust=True)
     result = estimate(recorded(tmp_path / "blow.csv", chosen), calibration=calibration)
-    assert re.search(r"a push at tool0 \(short, up to \d.* N downward, at 16\.\d+ s\)", result.verdict), result.verdict
+    before = (
+        "a push at " if force is a_blow else r"2 pushes, at tool0 \(up to .* along x, from 8\.\d* s to 10\.\d* s\) and "
+    )
+    assert re.search(rf"{before}tool0 \(short, up to \d.* N downward, at 16\.\d+ s\)", result.verdict), result.verdict
 
 
 @pytest.mark.parametrize(("seed", "still"), [(61, 1), *further((62, 2), (63, 4))])

@@ -14,10 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerobat_pin.estimation.verdict import LASTING
 from aerobat_pin.forces import (
     CHECKED,
     FEWEST_INSTANTS,
+    LASTING,
     SURE_OF_CONTACT,
     TINY,
     KnownForces,
