@@ -17,6 +17,7 @@ PART_WORDS = {  # what a joint's column may be -> words beside the joint's name,
     "effort": {"tau", "torque", "trq", "effort", "efforts", "eff", "current", "cur", "i", "moment"},
     "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
 }
+ALONE = {"": "position", "f": "effort", "force": "effort"}  # what the rest of a name says that has a joint's in it
 CURRENT_WORDS = {"current", "cur", "i"}
 WANTED_WORDS = {"target", "desired", "des", "cmd", "command", "commanded", "setpoint", "goal", "ref", "reference"}
 OTHER_WORDS = {"voltage", "volt", "temp", "temperature", "acc", "accel", "acceleration", "ext", "external", "error"}
@@ -82,7 +83,7 @@ def columns_by_name(columns: Columns, names: list[str]) -> dict[str, dict[str, s
         joint = next((joint for joint, pattern in patterns.items() if pattern.search(name.lower())), None)
         if joint is not None:
             others = patterns[joint].sub(" ", name.lower())
-            part = _part_in(others) or ("position" if {*_words_of_name(others)} <= {""} else None)
+            part = _part_in(others) or ALONE.get("".join(_words_of_name(others)))
             if part is not None:
                 parts_of.setdefault(joint, {}).setdefault(part, name)
     return parts_of

@@ -139,13 +139,13 @@ def test_a_column_is_that_of_the_joint_with_the_longest_name_in_it(names: tuple[
     parts += [joint(names[0], "revolute", "base", f"{names[0]}_link")]
     parts += [joint(names[1], "revolute", f"{names[0]}_link", f"{names[1]}_link")]
     (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{"".join(parts)}</robot>')
-    columns = [f"{name}_{part}" for name in reversed(names) for part in ("pos", "vel", "torque")]
+    columns = [column for name in reversed(names) for column in (f"{name}_pos", f"{name}_vel", f"f_{name}")]
     swings = {column: np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, column in enumerate(columns)}
     pd.DataFrame({"t": 0.01 * np.arange(50.0), **swings}).to_csv(tmp_path / "log.csv", index=False)
     joints = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))["joints"]
     assert joints["names"] == list(names)
-    for part, word in (("position", "pos"), ("velocity", "vel"), ("effort", "torque")):
-        assert joints[part]["columns"] == [f"{name}_{word}" for name in names]
+    for part, column in (("position", "{}_pos"), ("velocity", "{}_vel"), ("effort", "f_{}")):
+        assert joints[part]["columns"] == [column.format(name) for name in names]
 
 
 def test_a_column_that_may_be_another_is_asked_for(tmp_path: Path) -> None:
