@@ -71,7 +71,7 @@ class Rings(NamedTuple):
     rests: Annotated[Integers, "channels"]  # 1 if it may show exactly zero for long
     stuck: Annotated[Integers, "channels"]  # 1 while it repeats one value and others change
     changed: Annotated[Array, "channels"]  # stamp [s] of the newest sample that is not the one before again
-    pending: Annotated[Array, "channels, 2"]  # stamps in a row that are off but agree: their number, and the latest
+    pending: Annotated[Array, "channels, 3"]  # stamps that are off but rise: their number, the latest, the first
     friction: Annotated[Array, "6, rubbing"]  # coulomb, viscous, inertia, offset, rate, factor of the effort
     arm: Annotated[Array, "3"]  # place of the accelerometer in the base [m]
     gravity: Annotated[Array, "3"]

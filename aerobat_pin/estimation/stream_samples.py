@@ -1,7 +1,7 @@
 """Samples of a stream: `put` takes one of a channel into its ring, in the order of stamps, or says why not.
 
 A stamp is off that is far from the newest one, or goes back to a time from which its channel has samples already: where
-several that follow each other agree, the clock was set, and is followed.
+several that follow each other rise, the clock was set, and is followed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ from aerobat_pin.estimation.stream_rings import (
 from aerobat_pin.numerics import Array, fields_of, inner, kernel
 from aerobat_pin.records import LARGEST_VALUE, NEAR_TURN
 
-CONFIRM, CONFIRM_NEAR = 3, 4  # stamps in a row that are off but agree, or by little: the clock was set
+CONFIRM, CONFIRM_NEAR, CONFIRM_UNEVEN = 3, 4, 10  # stamps in a row that are off but rise: far, by little, or unevenly
+EVENLY = 0.5  # of the usual time that so many steps take
 SPACED = 16  # steps of a channel, over which they show how far apart its samples are
 ROOM = 1.5  # of these steps between neighbours, from which a late sample can belong there
 SETTLE_STEP = 1.1  # factor by which the usual step of a channel changes at most from sample to sample
@@ -158,17 +159,19 @@ def is_filled(rings: Rings, c: int, i: int) -> bool:
 
 @inner
 def follow_clock(rings: Rings, c: int, at: float, far: bool) -> int:
-    """Leave out the scratch sample, whose stamp [s] is off, unless `CONFIRM` in a row agree that the clock was set.
+    """Leave out the scratch sample, whose stamp [s] is off, unless several in a row rise: the clock was set.
 
-    Those that are not far off must be as far apart as usual: messages that overtake each other are not. From then on
-    the clock is followed: what all channels showed before is forgotten, so that nothing of it is mixed with what
-    follows.
+    Of stamps that are not far off more are asked for, most if they are not as far apart as usual: messages that
+    overtake each other rise for a while, too. From then on the clock is followed: what all channels showed before is
+    forgotten, so that nothing of it is mixed with what follows.
     """
-    step, usual = at - rings.pending[c, 1], rings.usual[c]
-    agrees = 0.0 < step <= CLOCK_JUMP and (far or abs(step - usual) < 0.5 * usual)
-    rings.pending[c, 0] = rings.pending[c, 0] + 1.0 if rings.pending[c, 0] > 0.0 and agrees else 1.0
+    if not (rings.pending[c, 0] > 0.0 and 0.0 < at - rings.pending[c, 1] <= CLOCK_JUMP):
+        rings.pending[c, 0], rings.pending[c, 2] = 0.0, at
+    usually = rings.pending[c, 0] * rings.usual[c]  # for so many steps
+    even = abs(at - rings.pending[c, 2] - usually) < EVENLY * usually
+    rings.pending[c, 0] += 1.0
     rings.pending[c, 1] = at
-    if rings.pending[c, 0] < (CONFIRM if far else CONFIRM_NEAR):
+    if rings.pending[c, 0] < (CONFIRM if far else CONFIRM_NEAR if even else CONFIRM_UNEVEN):
         return OUTLIER
     rings.filled[:], rings.usual[:], rings.changed[:], rings.pending[c, 0] = 0, 0.0, np.nan, 0.0
     write_cell(rings, c, 0, at)

@@ -95,7 +95,7 @@ class ModelCheck:
 
     Attributes:
         ratio: of both root mean squares; None where nothing can tell, for the reason `why`.
-        size: what no force explains, per redundant row [N].
+        size: what no force explains, per redundant row [N]; by blocks, `ratio` times what was expected.
         expected: root mean square that the calibration predicted for it [N].
         peak: the largest ratio over a tenth of a second; 0 where that was not asked.
         peak_time: when that was [s].

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +30,7 @@ from aerobat_pin.records import PlainRobot, Record
 
 EFFORT_ERROR = 0.1  # of the rms of a row's effort, or of what its motion needs: its error if nothing better is known
 LEAST_ROW_ERROR = 1e-3  # of the weight that rows move (moments: times the robot's length): none is known better ...
-LEAST_MEASURED = 1e-3  # ... unless a calibration measured it; then, of what the row carries
+LEAST_MEASURED = 1e-3  # ... unless it was measured where nothing touched; then, of what the row carries
 LEAST_CARRIED = 1e-3  # of what the whole robot weighs: no row counts as carrying less
 LEAST_LIFTED = 10  # of these, with a foot in the air
 CARRIES = 0.5  # of the weight: known forces from which they may be what carries the robot
@@ -184,7 +184,7 @@ def row_scale(model: pin.Model) -> Array:
 
 
 def least_row_error(model: pin.Model, rows: Rows) -> Array:
-    """Return the least error (nv,) [N or N m] of a row that nothing has measured."""
+    """Return the least error (nv,) [N or N m] of a row that was not measured where nothing touched."""
     return LEAST_ROW_ERROR * (scale_of_forces(model, rows) or scale_of_forces(model)) * row_scale(model)
 
 
@@ -200,5 +200,13 @@ def carried_by_rows(model: pin.Model) -> Array:
         borne = data.Ycrb[joint.id]
         squares = 0.5 * np.trace(borne.inertia) + borne.mass * borne.lever @ borne.lever
         carried[:, joint.idx_v : joint.idx_v + joint.nv] = [[borne.mass], [np.sqrt(borne.mass * squares)]]
-    share = np.where(unit == "N", *carried) / sum(inertia.mass for inertia in model.inertias.tolist()[1:])
+    share = np.where(unit == "N", *carried) / max(sum(inertia.mass for inertia in model.inertias.tolist()[1:]), 1e-12)
     return np.asarray(scale_of_forces(model) * np.maximum(share, LEAST_CARRIED * row_scale(model)))
+
+
+def no_less(record: Record, found: Mapping[str, float], measured: Mapping[str, float]) -> dict[str, float]:
+    """Return errors of rows that were found, those that nothing measured no smaller than such errors ever are."""
+    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    least = zip(row_names(record.robot.model), least_row_error(record.robot.model, rows).tolist(), strict=True)
+    sizes = {row: (found[row], size) for row, size in least if row in found}
+    return {row: size if measured.get(row) == size else max(size, floor) for row, (size, floor) in sizes.items()}

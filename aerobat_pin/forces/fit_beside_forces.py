@@ -31,8 +31,8 @@ from aerobat_pin.forces.expected_of_record import (
     EFFORT_ERROR,
     SLIDES_AT,
     expected_of,
-    least_row_error,
     lifted_feet,
+    no_less,
     row_scale,
     stands,
 )
@@ -40,7 +40,7 @@ from aerobat_pin.forces.factors_by_balance import factors_by_balance
 from aerobat_pin.forces.instants import Instants, column_rms, looked_at
 from aerobat_pin.forces.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
 from aerobat_pin.forces.row_geometry import spare_share
-from aerobat_pin.forces.run_observers import ignored_rows, inputs_between, points_of, rows_of
+from aerobat_pin.forces.run_observers import ignored_rows, inputs_between, points_of
 from aerobat_pin.forces.shared_error import shared_error
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected, JointFriction, as_others_rub, effort_limits, rotation_matrices, row_names
@@ -84,6 +84,7 @@ def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None
         if measured and not sought:  # friction is known
             expected = replace(expected, shared=shared_error(record.robot.model, instants, expected).deviation)
         return forces, expected, instants
+    found = replace(found, row_noise=no_less(record, found.row_noise, values.row_noise))
     law, n = found.friction, len(instants.joints)
     assert law is not None
     b = np.stack([law.coulomb, law.viscous, law.inertia, found.scale - 1.0])[:, -n:]
@@ -204,8 +205,7 @@ def _fitted(
         unsure += np.mean((efforts * sigma) ** 2, axis=0)
         factors = d[at]
     level = 1.0 if wide is not None else max(1.0, float(np.mean(size)))
-    rows_used, _ = rows_of(record.map, robot, record.joints, record.channels)
-    noise = np.maximum(np.sqrt((size * error**2 + unsure) / level), least_row_error(robot.model, rows_used)[kept])
+    noise = np.sqrt((size * error**2 + unsure) / level)
     before, zero, slid = column_rms(y), np.zeros(n), np.abs(instants.sliding[:, at]).max(axis=0)
     fits = [
         Fit(

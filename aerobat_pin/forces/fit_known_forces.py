@@ -41,7 +41,7 @@ def fitted_forces(record: Record, learnt: FittedValues | None = None) -> KnownFo
         MapError: a fit lacks what it is fitted to.
     """
     forces = given_forces(record)
-    coefficients, fits = fit_thrusts(forces)
+    coefficients, fits = _fit_thrusts(forces)
     values = replace(learnt or FittedValues(), coefficients=forces.values.coefficients | coefficients, fits=fits)
     forces, payload = replace(forces, values=values), record.map.payload
     if payload is not None and payload.com is None:
@@ -83,7 +83,7 @@ def given_forces(record: Record) -> KnownForces:
     return KnownForces(record, FittedValues(coefficients), tare)
 
 
-def fit_thrusts(given: KnownForces) -> tuple[dict[str, Array], tuple[Fit, ...]]:
+def _fit_thrusts(given: KnownForces) -> tuple[dict[str, Array], tuple[Fit, ...]]:
     """Return thrust -> coefficients of its powers [N] where the map asks for a fit, and how well it holds along each.
 
     Args:

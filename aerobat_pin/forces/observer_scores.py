@@ -19,7 +19,8 @@ from aerobat_pin.observers import DOUBTFUL, Redundancy
 ScoreTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
 TEXT_COLUMNS = ("observer", "point", "axis", "component")  # which begin at the left
 DOUBTFUL_STRETCH = 10.0  # times as large as stated over one second: what lasts for a part of a record is said, too
-SIZE_HEADER = ("observer", "component", "mean", "rms", "least", "largest", "deviation", "seen")
+MEDIAN_DEVIATION = "median deviation"  # in tables, of where the component is seen
+SIZE_HEADER = ("observer", "component", "mean", "rms", "least", "largest", MEDIAN_DEVIATION, "seen")
 
 
 @dataclass(frozen=True)
@@ -180,11 +181,11 @@ def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
                     continue
                 component = sizes[f"{point}.{axis}"]
                 cells = {"observer": name, "point": point, "axis": axis, **_score_cells(score, component.unit, say)}
-                rows.append({**cells, "deviation": component.certainty(say)})
+                rows.append({**cells, MEDIAN_DEVIATION: component.certainty(say)})
     always = all(row.get("rms where seen") == row["error rms"] for row in rows)
     hidden = {"R2 where seen", "rms where seen"} if always else set()
     header = tuple(dict.fromkeys(key for row in rows for key, cell in row.items() if cell != "-" and key not in hidden))
-    header = (*(key for key in header if key != "deviation"), *(key for key in header if key == "deviation"))
+    header = (*(key for key in header if key != MEDIAN_DEVIATION), *(key for key in header if key == MEDIAN_DEVIATION))
     return header, [tuple(row.get(key, "-") for key in header) for row in rows]
 
 

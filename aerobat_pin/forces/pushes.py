@@ -43,7 +43,7 @@ class Push:
         lasting: root mean square of the size over its error at each time.
         error: typical error.
         short: whether it is a blow, of which the filter shows that it was, not how large.
-        ends: from and to of a contact, after the start [s]; None where contacts are not sought, or if it lasts.
+        ends: from and to of a contact, after the start [s], no end if it lasts; None where contacts are not sought.
     """
 
     place: str
@@ -61,7 +61,8 @@ class Push:
 
     def stands_out(self, least: float) -> bool:
         """Whether errors, or an error of the belief that looks like `least`, cannot make it up."""
-        return (self.sure > 1.0 and self.peak > least) or (self.lasting > LASTING and self.rms > least)
+        lasts = not self.short and self.lasting > LASTING and self.rms > least
+        return lasts or (self.sure > 1.0 and self.peak > least)
 
     def __str__(self) -> str:
         size = quantity(self.peak, self.unit)
@@ -168,7 +169,7 @@ def pushes_of(estimate: StoredEstimate, start: float, contacts: Iterable[Contact
     for contact in contacts:
         end = np.inf if contact.end is None else contact.end
         for group in groups:
-            if point_label(group.place) == place_of(contact, estimate):
+            if (point_label(group.place), group.unit) == (place_of(contact, estimate), contact.unit):
                 group.contacts.append((contact.onset - settles, end + settles))
     noise, count = burst_noise(next(estimate.blocks()).components), 0
     for block in estimate.blocks():

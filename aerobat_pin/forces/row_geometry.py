@@ -19,7 +19,7 @@ from aerobat_pin.observers import Observer, typical_step
 
 GEOMETRY_SPACING = 0.004  # [s] between the instants at which the geometry is evaluated
 LEAST_SEEN = 1.0e-5  # of the largest singular value: fainter patterns of forces leave no trace
-LEAST_TRACE = 1e-9  # of the same, of rows over their errors
+LEAST_TRACE = 1e-9  # of that of rows over their errors: a fainter force leaves none
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from aerobat_pin.numerics import guarded, runs_of_true
 from aerobat_pin.records.block import Channel
 from aerobat_pin.records.channels import base_requests, channel_of, check_same_rows, further_requests, named_columns
 from aerobat_pin.records.columns import Columns
-from aerobat_pin.records.joint_channels import requests_of
+from aerobat_pin.records.joint_channels import requests_of, with_efforts_there
 from aerobat_pin.records.joint_names import as_names, listed_joints, nearest_joints, renamed_joints
 from aerobat_pin.records.map_file import load_map, without_absent
 from aerobat_pin.records.map_tables import Map
@@ -58,7 +58,7 @@ def open_by_map(
     columns = read_columns(path, chosen.log, wanted)
     chosen = without_absent(chosen, columns)
     joints, notes = _sensed_joints(chosen, robot, columns)
-    asked = requests_of(chosen, robot, joints)
+    chosen, asked, unsensed = with_efforts_there(chosen, requests_of(chosen, robot, joints), columns.values)
     if chosen.log.times == "own":
         for request in asked:
             check_same_rows(request, columns)
@@ -79,7 +79,7 @@ def open_by_map(
     )
     turned = (item for channel in channels.values() for item in channel.turns.items())
     taken = [f"{joint}: {count} jumps by a full turn are taken out" for joint, count in turned]
-    log, notes = replace(columns, values={}), (*columns.notes, *notes, *taken, *dropped)
+    log, notes = replace(columns, values={}), (*columns.notes, *notes, *unsensed, *taken, *dropped)
     start = start if knots is None else float(knots[0])
     return Record(chosen, robot, channels, joints, driven, start, rate, parts, notes, knots, log, folder)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,6 +31,34 @@ MOST_PER_MILLI = 1.0  # [N m] for each mA or mN m: no drive gives as much
 def requests_of(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> list[Request]:
     """Return all that a map asks of the log; see the three functions that yield it."""
     return [*base_requests(chosen), *joint_requests(chosen, robot, joints), *further_requests(chosen)]
+
+
+def with_efforts_there(
+    chosen: Map, asked: Sequence[Request], columns: Collection[str]
+) -> tuple[Map, list[Request], list[str]]:
+    """Return a map and what it asks where a topic has efforts of some joints only, and notes.
+
+    The rows of the others are not believed. A topic without any, or of which what is there is coupled to what is not,
+    stays as it is asked for.
+    """
+    requests, notes = list(asked), list[str]()
+    for n, request in enumerate(requests):
+        kept = [k for k, name in enumerate(request.names) if name in columns]
+        none = [k for k in range(len(request.names)) if k not in kept]
+        tied = request.mix is not None and bool(np.any(request.mix[np.ix_(kept, none)]))
+        if request.key != "joints.effort" or not request.optional or not kept or not none or tied:
+            continue
+        names, joints = (tuple(each[k] for k in kept) for each in (request.names, request.joints))
+        mix = None if request.mix is None else request.mix[np.ix_(kept, kept)]
+        factor, units = np.asarray(request.factor)[kept], request.units[: len(kept)]
+        requests[n] = replace(request, names=names, joints=joints, units=units, factor=factor, mix=mix)
+        ignored = chosen.robot.rows.ignore
+        without = tuple(request.joints[k] for k in none if request.joints[k] not in ignored)
+        rows = chosen.robot.rows.model_copy(update={"ignore": (*ignored, *without)})
+        chosen = chosen.model_copy(update={"robot": chosen.robot.model_copy(update={"rows": rows})})
+        if without:
+            notes.append(f"no effort of {', '.join(without)} is recorded: no such row is believed")
+    return chosen, requests, notes
 
 
 def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> Iterator[Request]:

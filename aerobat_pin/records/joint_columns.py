@@ -17,7 +17,7 @@ PART_WORDS = {  # what a joint's column may be -> words beside the joint's name,
     "effort": {"tau", "torque", "trq", "effort", "efforts", "eff", "current", "cur", "i", "moment"},
     "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
 }
-ALONE = {"": "position", "f": "effort", "force": "effort"}  # what the rest of a name says that has a joint's in it
+FORCE_WORDS = {"", "f", "force"}  # beside a joint's name: its effort, if no other column is
 CURRENT_WORDS = {"current", "cur", "i"}
 WANTED_WORDS = {"target", "desired", "des", "cmd", "command", "commanded", "setpoint", "goal", "ref", "reference"}
 OTHER_WORDS = {"voltage", "volt", "temp", "temperature", "acc", "accel", "acceleration", "ext", "external", "error"}
@@ -78,14 +78,18 @@ def columns_by_name(columns: Columns, names: list[str]) -> dict[str, dict[str, s
     patterns = {
         joint: re.compile(rf"(?<![a-z0-9]){re.escape(short)}(_joint)?(?![a-z0-9])") for joint, short in shorts.items()
     }
-    parts_of: dict[str, dict[str, str]] = {}
+    parts_of, forces = dict[str, dict[str, str]](), dict[str, str]()
     for name in _described(columns):
         joint = next((joint for joint, pattern in patterns.items() if pattern.search(name.lower())), None)
         if joint is not None:
             others = patterns[joint].sub(" ", name.lower())
-            part = _part_in(others) or ALONE.get("".join(_words_of_name(others)))
+            part = _part_in(others) or ("position" if {*_words_of_name(others)} <= {""} else None)
             if part is not None:
                 parts_of.setdefault(joint, {}).setdefault(part, name)
+            elif FORCE_WORDS.issuperset(_words_of_name(others)):
+                forces.setdefault(joint, name)
+    for joint, name in forces.items():
+        parts_of.setdefault(joint, {}).setdefault("effort", name)
     return parts_of
 
 

@@ -123,6 +123,7 @@ def test_a_misread_walk_says_how_to_read_it(
     """It names each joint that is misread, no other, and the key that mends it."""
     [said] = warned(misread(noisy, order, senses, zeros), of_walk(tmp_path), tmp_path)
     assert said.check == CHECKS[kind]
+    assert "so much that it may be" not in said.text
     named = {joint for joint in JOINTS if joint in said.text.partition(", which leaves")[0]}
     assert named == {joint for joint, other in order.items() if joint != other} | {*senses, *zeros}
     keys = {"sense": dict.fromkeys(senses, -1.0), "zero": {joint: np.radians(zero) for joint, zero in zeros.items()}}

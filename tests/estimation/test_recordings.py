@@ -94,6 +94,20 @@ def test_a_bag_by_its_headers_and_by_its_recorder(folder: Path, monkeypatch: pyt
         estimated(folder / "walk", missing)
 
 
+def test_joints_of_a_topic_without_efforts_cost_their_own_rows_alone(folder: Path) -> None:
+    """As `joint_state_broadcaster` writes them, NaN: the log was refused, or where arrays were empty, all were lost."""
+    pytest.importorskip("rosbags")
+    joints = walk(2.0).joints
+    bag(walk(2.0), folder / "lame", unmeasured=joints[:3])
+    lame = estimated(folder / "lame", edited(bag_map(folder / "quadruped.urdf"), {"check.wrench": None}))
+    assert f"no effort of {', '.join(joints[:3])} is recorded" in "\n".join(lame.record.notes)
+    assert lame.record.driven == joints[3:]
+    assert np.max(foot_errors(lame, 1.7e9)[1:]) < 1.0
+    bag(walk(2.0), folder / "none", unmeasured=joints)
+    none = recorded(folder / "none", bag_map(folder / "quadruped.urdf"))
+    assert "joints.effort" not in none.channels
+
+
 def test_each_channel_of_joints_can_have_a_topic_of_its_own(folder: Path) -> None:
     """As where the drives publish the efforts; such a topic was not read, and its absence was not said."""
     pytest.importorskip("rosbags")

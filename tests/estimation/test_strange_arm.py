@@ -268,6 +268,8 @@ def test_a_calibration_that_knows_no_friction_makes_nothing_worse(folder: Path, 
     assert found.verdict == plain.verdict
     assert found.observers["force_level"].events is None
     assert found.model.verdict == "unchanged"
+    assert found.model.size == pytest.approx(found.model.ratio * found.model.expected)
+    assert found.model.expected > 0.0
     assert any("it knows no friction, but this record shows some" in line for line in found.warnings)
     learnt = calibrate([free])
     assert any("the map names no friction" in line for line in learnt.notes)

@@ -140,12 +140,14 @@ def test_a_column_is_that_of_the_joint_with_the_longest_name_in_it(names: tuple[
     parts += [joint(names[1], "revolute", f"{names[0]}_link", f"{names[1]}_link")]
     (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{"".join(parts)}</robot>')
     columns = [column for name in reversed(names) for column in (f"{name}_pos", f"{name}_vel", f"f_{name}")]
+    columns = [f"force_{names[0]}", *columns, f"{names[0]}_torque"]
     swings = {column: np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, column in enumerate(columns)}
     pd.DataFrame({"t": 0.01 * np.arange(50.0), **swings}).to_csv(tmp_path / "log.csv", index=False)
     joints = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))["joints"]
     assert joints["names"] == list(names)
-    for part, column in (("position", "{}_pos"), ("velocity", "{}_vel"), ("effort", "f_{}")):
+    for part, column in (("position", "{}_pos"), ("velocity", "{}_vel")):
         assert joints[part]["columns"] == [column.format(name) for name in names]
+    assert joints["effort"]["columns"] == [f"{names[0]}_torque", f"f_{names[1]}"]  # a force only if there is no torque
 
 
 def test_a_column_that_may_be_another_is_asked_for(tmp_path: Path) -> None:

@@ -139,10 +139,18 @@ def table_map(robot: Path) -> dict[str, object]:
     }
 
 
-def bag(walked: Walk, path: Path, *, odometry_ahead: float = 0.0, odometry_fast: float = 0.0) -> None:
+def bag(
+    walked: Walk,
+    path: Path,
+    *,
+    odometry_ahead: float = 0.0,
+    odometry_fast: float = 0.0,
+    unmeasured: tuple[str, ...] = (),
+) -> None:
     """Write a walk as a ROS 2 bag: topics at their own rates, recorded 3 ms after their stamps, with scatter.
 
-    The clock of the odometry is ahead of the others' [s], and by so much more every second.
+    The clock of the odometry is ahead of the others' [s], and by so much more every second. Efforts of unmeasured
+    joints are NaN.
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
@@ -167,7 +175,8 @@ def bag(walked: Walk, path: Path, *, odometry_ahead: float = 0.0, odometry_fast:
     none9, none36 = np.zeros(9), np.zeros(36)
     for k, t in enumerate(walked.time):
         q, v = walked.q[k], walked.v[k]
-        state = make["sensor_msgs/msg/JointState"](header(t), list(walked.joints), q[7:], v[6:], walked.tau[k])
+        tau = np.where(np.isin(walked.joints, unmeasured), np.nan, walked.tau[k])
+        state = make["sensor_msgs/msg/JointState"](header(t), list(walked.joints), q[7:], v[6:], tau)
         messages.append((t, "/joint_states", state))
         imu = make["sensor_msgs/msg/Imu"](header(t), turn(q[3:7]), none9, vector(v[3:6]), none9, vector(felt[k]), none9)
         messages.append((t, "/imu", imu))
