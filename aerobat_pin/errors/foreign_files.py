@@ -20,11 +20,11 @@ import math
 import os
 import re
 import stat
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from aerobat_pin.errors.exceptions import LogError
+from aerobat_pin.errors.other_kinds import check_kind
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -35,12 +35,6 @@ DEEPEST_XML, MOST_ELEMENTS = 100, 200_000
 MOST_UNPACKED = 50_000_000  # bytes in memory at a time: a chunk of a recorder has some 1e6
 MOST_TIMES_LARGER = 300  # than its file is all that a file unpacks to; LZ4 cannot make it more than 255 times
 NO_TRICKS = os.O_NOFOLLOW | os.O_NONBLOCK  # follow no link, wait for no pipe
-OTHER_KINDS = {  # first bytes -> what no reader of this package knows, and what to do with it
-    (b"\x1f\x8b",): "is gzip-compressed: unpack it first",
-    (b"PK\x03\x04",): "is a zip archive or a spreadsheet: unpack it, or save it as CSV, first",
-    (b"PAR1",): "is in the Parquet format: save it as CSV or NetCDF first",
-    (b"\xff\xfe", b"\xfe\xff"): "is text in UTF-16: save it as UTF-8 first",
-}
 
 
 def foreign_file(path: str | Path, name: str, largest: float = float("inf")) -> Path:
@@ -52,15 +46,6 @@ def foreign_file(path: str | Path, name: str, largest: float = float("inf")) -> 
         raise LogError(f"{name}: {size} bytes: at most {largest} were expected")
     check_kind(path, name)
     return Path(path)
-
-
-def check_kind(path: str | Path, name: str) -> None:
-    """Raise LogError, that begins with `name`, for a file of `OTHER_KINDS`; one that cannot be read passes."""
-    with suppress(OSError), open(path, "rb") as file:
-        beginning = file.read(4)
-        for signs, kind in OTHER_KINDS.items():
-            if beginning.startswith(signs):
-                raise LogError(f"{name}: {kind}")
 
 
 def foreign_xml(path: Path, name: str, tag: str, largest: int = LARGEST_XML) -> Element:

@@ -1,7 +1,8 @@
 """The regression of efforts on what the motion needs, as products of its columns, summed over blocks of time.
 
-What is left over lasts longer than a sample: sums over blocks say by how much, and each row counts the less. A joint at
-rest counts little, as friction there is anything up to Coulomb's.
+All columns are taken behind a low-pass: noise of accelerations, which are differences of rates, makes
+masses too small (Gautier 1997). What is left over lasts longer than a sample: sums over blocks say by how much, and
+each row counts the less. A joint at rest counts little, as friction there is anything up to Coulomb's.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ from numpy.typing import NDArray
 
 from aerobat_pin.forces.inverse_dynamics import accelerations, contact_torque, halfway, required_torque
 from aerobat_pin.forces.known_forces import KnownForces
+from aerobat_pin.forces.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array, frame_id
-from aerobat_pin.observers import SMOOTH_RATE
+from aerobat_pin.observers import SMOOTH_RATE, low_passed, typical_step
 from aerobat_pin.records import Block, Map, Record
 
 MOST_FITTED = 200_000  # samples of a fit; a longer record is thinned
@@ -27,6 +29,7 @@ GYRATION = 0.05  # [m]: radius of gyration of a payload, and of what each link's
 FRICTION_ERROR = 0.1  # expected of friction that another record showed, of Coulomb's for the offset [-]
 LEAST_ERROR = 0.01  # of what is expected of the links, however exact they seem
 LIKELY = 0.05  # mass of a payload over the robot's, to begin with [-]
+REGRESSED = 20.0  # [1/s] of the low-pass, at most: it lets motions of joints through
 REST = 0.1  # [rad/s, m/s] up to which a joint counts as at rest
 NOTHING_LEFT = 1e-200  # square sum of a row that never moved
 NEWTON_ROUNDS = 12  # of Gauss and Newton, each with weights from the last
@@ -34,7 +37,7 @@ EXACT = 1e-5  # of the rms of a row, below which no fit leaves anything; deviati
 
 
 def fitted_blocks(
-    record: Record, fit: tuple[float, float], most: int = MOST_FITTED
+    record: Record, fit: tuple[float, float], most: int = MOST_FITTED, least: int = 0
 ) -> Iterator[tuple[Block, NDArray[np.bool_], NDArray[np.bool_]]]:
     """Yield blocks of a record, which of their intervals (m,) are for a fit, and which are for its test.
 
@@ -44,12 +47,13 @@ def fitted_blocks(
         record: the record. A fit is tested outside of it where nothing touches the robot, or a sensor says what does.
         fit: times after the start [s] between which there is a fit.
         most: intervals of all blocks together.
+        least: intervals of a block of a thinned record.
     """
     tested = (-np.inf, np.inf) if fits_to_sensor(record.map) else record.map.use.free
     whole = [(first, last, True, True) for first, last in record.parts]
     if sum(last - first for first, last in record.parts) > most:
-        whole = [(first, last, True, False) for first, last in record.spread(most, *fit)]
-        whole += [(first, last, False, True) for first, last in record.spread(most, *(tested or ()))]
+        whole = [(first, last, True, False) for first, last in record.spread(most, *fit, least=least)]
+        whole += [(first, last, False, True) for first, last in record.spread(most, *(tested or ()), least=least)]
     for first, last, fits_here, tests_here in whole:
         block = record.block(first, last)
         when = block.time[:-1] - record.start
@@ -257,10 +261,11 @@ def regression(
         known = {record.robot.v_index(joint): size for joint, size in zip(forces.values.joints, sizes, strict=True)}
     friction = 3 * bool(known) if section is None else 4  # rotors have inertia, whether or not the law has
     p, at = errors.shape[1], errors.shape[1] + carrier.stop - carrier.start
-    length = min(LASTS, (fit[1] - fit[0]) / FEWEST_BLOCKS)
+    length, gain = min(LASTS, (fit[1] - fit[0]) / FEWEST_BLOCKS), min(float(record.map.observer.gain), REGRESSED)
     sums: list[dict[int, Array]] = [{}, {}]
     counts = [0, 0]
-    for block, *chosen in fitted_blocks(record, fit, MOST_REGRESSED):
+    settling = round(TIME_CONSTANTS_TO_SETTLE / gain * record.rate)
+    for block, *chosen in fitted_blocks(record, fit, MOST_REGRESSED, 2 * settling):
         q, a, v = halfway(record, block), accelerations(block, record), 0.5 * (block.v[1:] + block.v[:-1])
         table = np.zeros((len(rows), len(a), at + friction + 2))
         for k in np.flatnonzero(chosen[0] | chosen[1]).tolist():
@@ -274,10 +279,12 @@ def regression(
             elif row in known:
                 columns = friction_columns("coulomb", v[:, row], a[:, row], rate)
                 table[k, :, at + 1 : -1] = FRICTION_ERROR * known[row] * columns
+            table[k] = low_passed(table[k], -np.expm1(-gain * typical_step(block.time)))
             if row in driven:
                 table[k] *= np.tanh(np.abs(v[:, [row]]) / REST)
+        settled = _settled(chosen[0] | chosen[1], settling)
         number = ((block.time[:-1] - record.start - fit[0]) // length).astype(int)
-        for which, (summed, kept) in enumerate(zip(sums, chosen, strict=True)):
+        for which, (summed, kept) in enumerate(zip(sums, (each & settled for each in chosen), strict=True)):
             counts[which] += int(kept.sum())
             for index in np.unique(number[kept]).tolist():
                 part = table[:, kept & (number == index)]
@@ -287,3 +294,9 @@ def regression(
     placement = None if body is None else body.placement
     tail = (p, friction, bool(known), placement)
     return Regression(inside, counts[0], *tail), Regression(outside, counts[1], *tail)
+
+
+def _settled(chosen: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
+    """Return which intervals (m,) end a run of more than `count` that are chosen, a low-pass having settled."""
+    every = np.arange(len(chosen))
+    return every - np.maximum.accumulate(np.where(chosen, -1, every)) > count

@@ -19,10 +19,10 @@ from support.walking_log import FEET, bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation import Result, estimate
+from aerobat_pin.forces.balance import factors_by_balance
 from aerobat_pin.forces.contacts import contact_probability, stances_of, touching
 from aerobat_pin.forces.deviations import with_tilt
 from aerobat_pin.forces.expected_of_record import lifted_errors
-from aerobat_pin.forces.factors_by_balance import factors_by_balance
 from aerobat_pin.forces.inputs import change_of_axes
 from aerobat_pin.observers import low_passed
 from aerobat_pin.records import base_requests, parse_map

@@ -1,0 +1,24 @@
+"""What a file is that no reader of this package knows, by its first bytes, and what to do with it."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+
+from aerobat_pin.errors.exceptions import LogError
+
+OTHER_KINDS = {
+    (b"\x1f\x8b",): "is gzip-compressed: unpack it first",
+    (b"PK\x03\x04",): "is a zip archive or a spreadsheet: unpack it, or save it as CSV, first",
+    (b"PAR1",): "is in the Parquet format: save it as CSV or NetCDF first",
+    (b"\xff\xfe", b"\xfe\xff"): "is text in UTF-16: save it as UTF-8 first",
+}
+
+
+def check_kind(path: str | Path, name: str) -> None:
+    """Raise LogError, that begins with `name`, for a file of `OTHER_KINDS`; one that cannot be read passes."""
+    with suppress(OSError), open(path, "rb") as file:
+        beginning = file.read(4)
+        for signs, kind in OTHER_KINDS.items():
+            if beginning.startswith(signs):
+                raise LogError(f"{name}: {kind}")
