@@ -63,7 +63,7 @@ def fit_gains(forces: KnownForces, fit: tuple[float, float], rate: float = SMOOT
         rows += [row for row in AllBut(*ignored).kept(robot.model) if row not in rows]
     inside, outside = regression(forces, rows, fit, rate, None if sought is None else sought.frame)
     if not inside.samples:
-        raise MapError(f"map: fit = {list(fit)}: no used part of the record is there")
+        raise MapError(f"map: fit = {list(fit)}: no used part of the record is there in which a low-pass settles")
     precision, mass = _precision(values, joints, len(rows), inside.errors), None if sought is None else sought.mass
     identified, deviations, untold = np.ones(n, bool), dict[str, float](), dict[str, str]()
     scaled = section is not None and section.scale

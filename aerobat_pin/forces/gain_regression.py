@@ -261,10 +261,12 @@ def regression(
         known = {record.robot.v_index(joint): size for joint, size in zip(forces.values.joints, sizes, strict=True)}
     friction = 3 * bool(known) if section is None else 4  # rotors have inertia, whether or not the law has
     p, at = errors.shape[1], errors.shape[1] + carrier.stop - carrier.start
-    length, gain = min(LASTS, (fit[1] - fit[0]) / FEWEST_BLOCKS), min(float(record.map.observer.gain), REGRESSED)
+    gain = min(float(record.map.observer.gain), REGRESSED)
+    settling = round(TIME_CONSTANTS_TO_SETTLE / gain * record.rate)
+    begin = fit[0] + settling * record.dt
+    length = min(LASTS, max((fit[1] - begin) / FEWEST_BLOCKS, record.dt))
     sums: list[dict[int, Array]] = [{}, {}]
     counts = [0, 0]
-    settling = round(TIME_CONSTANTS_TO_SETTLE / gain * record.rate)
     for block, *chosen in fitted_blocks(record, fit, MOST_REGRESSED, 2 * settling):
         q, a, v = halfway(record, block), accelerations(block, record), 0.5 * (block.v[1:] + block.v[:-1])
         table = np.zeros((len(rows), len(a), at + friction + 2))
@@ -283,7 +285,7 @@ def regression(
             if row in driven:
                 table[k] *= np.tanh(np.abs(v[:, [row]]) / REST)
         settled = _settled(chosen[0] | chosen[1], settling)
-        number = ((block.time[:-1] - record.start - fit[0]) // length).astype(int)
+        number = ((block.time[:-1] - record.start - begin) // length).astype(int)
         for which, (summed, kept) in enumerate(zip(sums, (each & settled for each in chosen), strict=True)):
             counts[which] += int(kept.sum())
             for index in np.unique(number[kept]).tolist():

@@ -26,9 +26,7 @@ def entries(message: Any) -> dict[str, float] | None:
         for part in ("position", "velocity", "effort"):
             values = getattr(message, part)
             if len(values) == len(message.name):
-                named = zip(message.name, map(float, values), strict=True)
-                # NaN is how ROS 2's broadcaster writes the effort of a joint that has none.
-                columns |= {f"{part}.{joint}": x for joint, x in named if part != "effort" or x == x}
+                columns |= {f"{part}.{joint}": float(x) for joint, x in zip(message.name, values, strict=True)}
         return columns
     if vectors := _vectors(message):
         return {

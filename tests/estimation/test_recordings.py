@@ -95,7 +95,7 @@ def test_a_bag_by_its_headers_and_by_its_recorder(folder: Path, monkeypatch: pyt
 
 
 def test_joints_of_a_topic_without_efforts_cost_their_own_rows_alone(folder: Path) -> None:
-    """As `joint_state_broadcaster` writes them, NaN: the log was refused, or where arrays were empty, all were lost."""
+    """As `joint_state_broadcaster` writes them, NaN: the log was refused."""
     pytest.importorskip("rosbags")
     joints = walk(2.0).joints
     bag(walk(2.0), folder / "lame", unmeasured=joints[:3])
