@@ -15,7 +15,7 @@ from aerobat_pin.estimation import Finding, Result, estimate
 from aerobat_pin.estimation.verdict import quantity
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.forces import CalibrationUse, Contact, StoredEstimate, along_itself, largest_of
-from aerobat_pin.forces.observer_scores import score_table
+from aerobat_pin.forces.observer_scores import MEDIAN_DEVIATION, score_table
 from aerobat_pin.observers import Estimate, force_size
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.result_pages import report_html
@@ -177,7 +177,7 @@ def test_a_table_is_in_one_unit(size: float, unit: str, paper: Experiment) -> No
     """Of errors and their deviations, of mean, least and largest; what no force explains is in N from 1 N on."""
     large = {"momentum": StoredEstimate.of(noisy(paper, size))}
     header, rows = score_table(replace(paper.scores, stored=large).observers)
-    cells = [row[header.index(name)] for row in rows for name in ("error rms", "deviation")]
+    cells = [row[header.index(name)] for row in rows for name in ("error rms", MEDIAN_DEVIATION)]
     assert {cell.split()[1] for cell in cells} == {unit}
     sizes = judged(paper, noisy(paper, size)).sizes
     assert {cell.split()[1] for row in sizes[1:] for cell in row[2:-1]} == {"N"}
