@@ -204,9 +204,8 @@ def carried_by_rows(model: pin.Model) -> Array:
     return np.asarray(scale_of_forces(model) * np.maximum(share, LEAST_CARRIED * row_scale(model)))
 
 
-def no_less(record: Record, found: Mapping[str, float], measured: Mapping[str, float]) -> dict[str, float]:
-    """Return errors of rows that were found, those that nothing measured no smaller than such errors ever are."""
+def no_less(record: Record, found: Mapping[str, float]) -> dict[str, float]:
+    """Return errors of rows [N or N m], found while unknown forces pushed, none of them less than `least_row_error`."""
     rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
     least = zip(row_names(record.robot.model), least_row_error(record.robot.model, rows).tolist(), strict=True)
-    sizes = {row: (found[row], size) for row, size in least if row in found}
-    return {row: size if measured.get(row) == size else max(size, floor) for row, (size, floor) in sizes.items()}
+    return {row: max(found[row], size) for row, size in least if row in found}

@@ -84,7 +84,6 @@ def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None
         if measured and not sought:  # friction is known
             expected = replace(expected, shared=shared_error(record.robot.model, instants, expected).deviation)
         return forces, expected, instants
-    found = replace(found, row_noise=no_less(record, found.row_noise, values.row_noise))
     law, n = found.friction, len(instants.joints)
     assert law is not None
     b = np.stack([law.coulomb, law.viscous, law.inertia, found.scale - 1.0])[:, -n:]
@@ -118,13 +117,14 @@ def _found(forces: KnownForces, instants: Instants, expected: Expected) -> Fitte
         fitted = turning if _errors_over(turning, _errors(fitted)) < ROTORS_SHOWN else fitted
     if np.abs(fitted.scale - 1.0).max(initial=0.0) > UNLIKELY_FACTOR:
         fitted = _fitted(forces, instants, expected, np.broadcast_to(expected.force, J.shape[:2]), None, rotors=False)
+    floored = replace(fitted, row_noise=no_less(record, fitted.row_noise))  # what is compared is not
     if law is not None:
-        return values.joined(fitted)
+        return values.joined(floored)
     if values.row_noise and not values.row_noise.keys() & {names[instants.kept[k]] for k in instants.at}:
-        return replace(fitted, row_noise={**fitted.row_noise, **values.row_noise})  # it did not see any joint slide
+        return replace(floored, row_noise={**floored.row_noise, **values.row_noise})  # it did not see any joint slide
     no_smaller = _errors_over(fitted, values.row_noise) >= FRICTION_SHOWN  # if any are known
     errors = np.array([values.row_noise.get(names[instants.kept[k]], 0.0) for k in instants.at])
-    return None if no_smaller or np.all(_rubbing(fitted, instants) < HARDLY_RUBS * errors) else fitted
+    return None if no_smaller or np.all(_rubbing(fitted, instants) < HARDLY_RUBS * errors) else floored
 
 
 def _rubbing(fitted: FittedValues, instants: Instants) -> Array:

@@ -132,6 +132,14 @@ def test_a_misread_walk_says_how_to_read_it(
         assert told == pytest.approx(value, abs=0.03)
 
 
+def test_a_reading_that_leaves_much_says_so(noisy: pd.DataFrame, tmp_path: Path) -> None:
+    """Of knees whose zero is off and one whose effort is, too, the zero was told 11 deg wrong, without a doubt."""
+    log = misread(noisy, {}, [], dict.fromkeys(of_legs("KFE"), 90.0))
+    log["RL_KFE_tau"] *= 1.6
+    [said] = warned(log, of_walk(tmp_path), tmp_path)
+    assert "(so much that it may be other joints, or a push)" in said.text
+
+
 @pytest.mark.parametrize("factor", [2.0, *further(0.5)])
 def test_all_efforts_of_a_walk_that_rubs_are_wrong_by_a_factor(
     noisy: pd.DataFrame, tmp_path: Path, factor: float
