@@ -106,6 +106,8 @@ class Columns:
                 values.append(samples[finite])
         if len(time) < 2:
             count = f"{len(time)} samples: two or more were expected{clock.not_used}"
+            if key == "joints.effort" and not clock.not_used:
+                count += "; if nobody measures it, take it out and name its joint in robot.rows.ignore"
             raise LogError(f"log {self.path}: '{name}' ({key}) has {count}")
         return time, values
 

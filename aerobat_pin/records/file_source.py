@@ -265,8 +265,13 @@ def _parts(
     count = int(np.floor((end - start) * rate + 1e-6)) + 1 if knots is None else len(knots)
     least = LEAST_SAMPLES if knots is None else LEAST_OWN
     outside = set() if knots is None else {(-np.inf, start), (end, np.inf)}
-    notes: list[str] = []
-    missing: list[tuple[float, float]] = []
+    notes, missing = list[str](), list[tuple[float, float]]()
+    begins = {key: float(channel.time[0]) for key, channel in channels.items()}
+    ends = {key: -float(channel.time[-1]) for key, channel in channels.items()}
+    for where, at in (("first", begins), ("last", ends)):
+        last = max(at, key=lambda key, at=at: at[key])
+        if (cut := at[last] - min(at.values())) > chosen.log.longest_gap:
+            notes.append(f"the {where} {cut:.3g} s are left out: not all columns of {last} have samples there")
     for key, channel in channels.items():
         if (usual := typical_spacing(channel.time)) > chosen.log.longest_gap:
             notes.append(f"{key}: a sample every {usual:.3g} s, beyond log.longest_gap: interpolated all the same")
@@ -279,8 +284,7 @@ def _parts(
     when, level = chosen.use.when, None
     if when is not None:
         level = Channel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
-    runs: list[tuple[int, int]] = []
-    covered, used = 0, 0
+    runs, covered, used = list[tuple[int, int]](), 0, 0
     for low, high in _outside(outside | set(missing), time_of, count):
         time = start + np.arange(low, high) / rate if knots is None else knots[low:high]
         good = np.ones(len(time), bool)

@@ -80,9 +80,12 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
             continue
         own = None if section is None else section.topic
         topic = own or table.topic
-        whose, counts = (sensed, (len(sensed), len(driven))) if part == "effort" else (joints, (len(joints),))
-        if section is not None and section.columns:
-            names, optional = section.columns, False
+        columns = () if section is None else section.columns
+        whose, counts = joints, (len(joints),)
+        if part == "effort":  # a topic need not tell what is not believed, unless others are coupled to it
+            whose, counts = sensed if columns or geared else driven, (len(sensed), len(driven))
+        if columns:
+            names, optional = columns, False
             check_count(key, names, counts)
         elif topic is not None and whose:
             names = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in whose)
@@ -96,7 +99,7 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         others = _of_other_kind(part, unit, robot, whose, given)
         if part == "effort":
             if table.effort is not None:
-                _check_torques(table.effort, whose)
+                _check_torques(table.effort, whose, sensed)
             factor[:] = [torque_per_unit(table.effort, joint) for joint in whose]
         else:
             factor[others] = 1.0
@@ -134,12 +137,12 @@ def _of_other_kind(
     return others
 
 
-def _check_torques(section: EffortSection, joints: tuple[str, ...]) -> None:
+def _check_torques(section: EffortSection, joints: tuple[str, ...], sensed: tuple[str, ...]) -> None:
     """Raise MapError for a torque of no joint, for a current without one, and for one that counts for another unit."""
     key, unit, given = "map: joints.effort.torque_per_unit", section.unit, section.torque_per_unit
-    wrong = [name for name in given if name not in (*joints, "*")]
+    wrong = [name for name in given if name not in (*sensed, "*")]
     if wrong:
-        raise MapError(f"{key}: no joint '{wrong[0]}' with a channel: {', '.join(joints)}")
+        raise MapError(f"{key}: no joint '{wrong[0]}' with a channel: {', '.join(sensed)}")
     missing = [name for name in joints if name not in given and "*" not in given]
     if unit in CURRENTS and missing:
         raise MapError(

@@ -24,7 +24,7 @@ from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.spool import typical_spacing
-from aerobat_pin.records.suggest_joints import followers, listed, suggest_joints, topic_of
+from aerobat_pin.records.suggest_joints import followers, joint_topic, listed, suggest_joints, topic_of
 from aerobat_pin.records.suggest_rotors import ROTOR_WORDS, suggest_rotors
 
 TIME = re.compile(
@@ -228,7 +228,7 @@ def _is_evenly_rising(series: Array) -> bool:
 
 def _spacing_of_lead(columns: Columns) -> float | None:
     """Return the step [s] of the topic at whose stamps a bag is estimated, of a file its own; None if it has none."""
-    lead = topic_of(columns, "JointState") or topic_of(columns, "Pose", "Odometry", "Transform")
+    lead = joint_topic(columns) or topic_of(columns, "Pose", "Odometry", "Transform")
     clock = columns.clocks.get(lead or next(iter(columns.clocks), ""))
     return typical_spacing(clock.time) if clock is not None and len(clock.time) > 1 else None
 
@@ -267,6 +267,17 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
             yield f'rate = {{columns = {names}, unit = "{unit}", axes = "body"}}  # its scatter is {size:.3g}'
         else:
             yield 'rate = {from = "pose", window = 0.05}'
+        yield ""
+    elif imu or {"quaternion", "rate", "acceleration"} <= {*groups}:
+        yield '# Does the base move, with this IMU on it? Then root = "free_flyer" above, and'
+        yield "# [base]"
+        yield '# from = "imu"'
+        if imu:
+            yield f'# topic = "{imu}"'
+        else:
+            yield from (
+                f"# {part} = {{columns = {listed(groups[part])}}}" for part in ("quaternion", "rate", "acceleration")
+            )
         yield ""
 
 

@@ -29,7 +29,7 @@ ENDLESS = 100.0  # [rad]: a joint that goes so far turns on
 
 def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | None = None) -> Iterator[str]:
     """Yield the lines of the table `joints`; `step` is the time between rows of a table [s], if it is known."""
-    topic = topic_of(columns, "JointState")
+    topic = joint_topic(columns)
     following = {} if robot is None else followers(columns, robot)
     if topic and not following:
         yield "[joints]"
@@ -37,6 +37,8 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
             f'topic = "{topic}"  # is its effort a torque in N m? Else effort = '
             f'{{unit = "A", torque_per_unit = {{...}}}}'
         )
+        if others := [one for one, kind in columns.kinds.items() if "JointState" in kind and one != topic]:
+            yield f"# or {', '.join(others)}? One is read: it has most of the positions and efforts"
         start = f"{topic}.position."
         heard = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
         if heard and not any(name.startswith(f"{topic}.effort.") for name in columns.names):
@@ -95,9 +97,11 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
     else:
         lacking = ", ".join(name for name in driven if "effort" not in parts_of[name])
         found = ", ".join(f'"{parts_of[name]["effort"]}"' if "effort" in parts_of[name] else "..." for name in driven)
-        yield f"# MISSING: what drives {lacking}? No column is called so, and without it no row of a joint is believed:"
-        yield f"# passive = {listed(name for name in driven if 'effort' not in parts_of[name])}  # or nothing at all?"
+        yield f"# MISSING: what drives {lacking}? No column with numbers is called so; without, no row is believed:"
+        without = listed(name for name in driven if "effort" not in parts_of[name])
+        yield f"# passive = {without}  # or nothing at all?"
         yield f"# effort = {{columns = [{found}]{units['effort']}"
+        yield f"# Or nobody measures it: robot.rows = {{ignore = {without}}}, and the columns of the others"
     for key, plain in (("factor", 1.0), ("offset", 0.0)):
         others = {name: value for name, mimic in following.items() if (value := getattr(mimic, key)) != plain}
         if others:
@@ -125,7 +129,7 @@ def followers(columns: Columns, robot: PlainRobot) -> dict[str, Mimic]:
 
 def _columns_of(columns: Columns, robot: PlainRobot) -> dict[str, dict[str, str]]:
     """Return joint -> position, velocity, effort -> column, of a topic by the joints' own names."""
-    if topic := topic_of(columns, "JointState"):
+    if topic := joint_topic(columns):
         named = {joint: {part: f"{topic}.{part}.{joint}" for part in PART_WORDS} for joint in robot.joints}
         known = {
             joint: {part: name for part, name in parts.items() if name in columns.names}
@@ -195,6 +199,13 @@ def _rate_unit(columns: Columns, places: list[str], rates: list[str], angle: str
         return f"{angle}/s"
     moved = np.radians(moved) if angle == "deg" else moved
     return min(("rad/s", 1.0), ("deg/s", np.pi / 180.0), key=lambda unit: abs(np.log(moved / (said * unit[1]))))[0]
+
+
+def joint_topic(columns: Columns) -> str | None:
+    """Return the topic of joints that has most positions and efforts, the first of equals."""
+    topics = (topic for topic, kind in columns.kinds.items() if "JointState" in kind)
+    told = [name for name in columns.names if ".position." in name or ".effort." in name]
+    return max(topics, key=lambda topic: sum(name.startswith(f"{topic}.") for name in told), default=None)
 
 
 def topic_of(columns: Columns, *kinds: str) -> str | None:

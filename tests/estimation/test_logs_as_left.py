@@ -348,6 +348,28 @@ def test_a_map_is_suggested_whatever_other_columns_hold(more: Any, swing: pd.Dat
     assert ("turn_q" in text) == ("turn_q" not in more)
 
 
+def test_columns_that_are_empty_or_begin_late_are_said(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Half of a log was left out without a word; empty efforts were said to have no column."""
+    last = f"{JOINTS[-1]}_i"
+    late = opened(swing.assign(**{last: swing[last].where(swing.t >= 0.5)}), tmp_path)
+    assert "the first 0.5 s are left out: not all columns of joints.effort have samples there" in late.notes
+    swing.assign(**{last: np.nan}).to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(LogError, match=rf"'{last}' \(joints.effort\) has 0 samples: .* robot.rows.ignore"):
+        recorded(tmp_path / "log.csv", arm_map())
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    assert f'# Or nobody measures it: robot.rows = {{ignore = ["{JOINTS[-1]}"]}}' in text
+
+
+def test_a_suggestion_asks_whether_the_base_moves_with_an_imu(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """A walking robot without odometry was suggested to be fixed, without a question."""
+    groups = {"quat": "xyzw", "gyro": "xyz", "acc": "xyz"}
+    columns = {f"imu_{name}_{axis}": 0.5 for name, axes in groups.items() for axis in axes}
+    (tmp_path / "arm.urdf").write_text(arm())
+    swing[:50].assign(**columns).to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    assert '# from = "imu"\n# quaternion = {columns = ["imu_quat_x", ' in text
+
+
 def joint_states(path: Path, swing: pd.DataFrame, names: dict[str, str], apart: bool = False) -> None:
     """Write the arm as a bag of joint states, under other names, its first joint in messages of its own if `apart`."""
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -423,6 +445,19 @@ def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -
     chosen = parse_map({**arm_map(), "joints": {"names": {"Turn 1": "turn"}, "position": {"columns": ["q"]}}}, "-")
     with pytest.raises(MapError, match=r"joints\.names is a table, which renames joints of joints\.topic"):
         recorded(tmp_path / "bag", chosen)
+
+
+def test_a_stream_waits_for_no_effort_that_is_not_believed(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """A topic has none of a joint of `robot.rows.ignore`: it was asked for all the same, and no estimate came."""
+    (tmp_path / "arm.urdf").write_text(arm())
+    robot = {**ROBOT, "rows": {"ignore": JOINTS[-1:]}}
+    stream = OnlineEstimator(parse_map({"robot": robot, "joints": {"topic": "/arm"}}, "-"), tmp_path)
+    parts, heard = {"position": "q", "velocity": "v", "effort": "i"}, 0
+    for _, row in swing[:100].iterrows():
+        sample = {f"/arm.{part}.{name}": row[f"{name}_{end}"] for part, end in parts.items() for name in JOINTS}
+        del sample[f"/arm.effort.{JOINTS[-1]}"]
+        heard += len(stream.push(row.t, sample))
+    assert heard > 90
 
 
 def test_channels_that_nobody_reads_are_left_out_by_name(tmp_path: Path) -> None:

@@ -201,6 +201,11 @@ def test_a_topic_without_efforts_is_marked() -> None:
     assert "# MISSING: what drives the joints?" in "\n".join(suggest_joints(cast(Columns, stands), None))
     stands.names += ("/arm.effort.lift",)
     assert "MISSING" not in "\n".join(suggest_joints(cast(Columns, stands), None))
+    stands.kinds = {"/gripper": "sensor_msgs/msg/JointState", **stands.kinds}
+    stands.names = ("/gripper.position.jaw", *stands.names)
+    lines = [*suggest_joints(cast(Columns, stands), None)]
+    assert lines[1].startswith('topic = "/arm"')  # the first was read, whatever it told
+    assert lines[2].startswith("# or /gripper?")
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
