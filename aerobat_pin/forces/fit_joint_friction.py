@@ -31,23 +31,14 @@ UNSURE_MASS = 0.05  # standard deviation of the factor of the mass from which a 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Samples of some rows of the equations of motion, (m, n) each.
+    """Samples of some rows of the equations of motion, (m, n) each."""
 
-    Attributes:
-        q: angles of the joints; 0 for rows of the base.
-        v: rates.
-        a: accelerations.
-        needed: generalised force that the motion needs.
-        given: that of known forces and of the sensor, without the efforts.
-        tau: efforts.
-    """
-
-    q: Array
-    v: Array
-    a: Array
-    needed: Array
-    given: Array
-    tau: Array
+    q: Array  # angles of the joints; 0 for rows of the base
+    v: Array  # rates
+    a: Array  # accelerations
+    needed: Array  # generalised force that the motion needs
+    given: Array  # that of known forces and of the sensor, without the efforts
+    tau: Array  # efforts
 
 
 def fit_joint_friction(forces: KnownForces) -> KnownForces:

@@ -38,23 +38,14 @@ STEPS = 3  # of expectation and maximisation
 
 @dataclass(frozen=True)
 class _Flight:
-    """A flight below the highest harmonic.
+    """A flight below the highest harmonic."""
 
-    Attributes:
-        slope: (k,) 4 sin^2 of each frequency.
-        terms: (k, p) regressors.
-        target: (k, nv) error to be explained.
-        doubted: (k, nv) forces of which it may be a share.
-        noise: (nv,) a.
-        share: of all frequencies, those that are fitted.
-    """
-
-    slope: Array
-    terms: Array
-    target: Array
-    doubted: Array
-    noise: Array
-    share: float
+    slope: Array  # (k,) 4 sin^2 of each frequency
+    terms: Array  # (k, p) regressors
+    target: Array  # (k, nv) error to be explained
+    doubted: Array  # (k, nv) forces of which it may be a share
+    noise: Array  # (nv,) a
+    share: float  # of all frequencies, those that are fitted
 
 
 def fit_learnt_error(

@@ -84,23 +84,14 @@ def rms_or_nan(values: Array) -> float:
 
 @dataclass(frozen=True)
 class Regression:
-    """Products of the columns of n rows, summed over blocks: errors of links, payload, need, friction, effort.
+    """Products of the columns of n rows, summed over blocks: errors of links, payload, need, friction, effort."""
 
-    Attributes:
-        products: (blocks, n, c, c).
-        samples: of all blocks together.
-        errors: number of columns for errors of the links, each expected to be about 1.
-        friction: number of columns of friction.
-        changes: whether friction is known, and these columns are what is expected to change.
-        payload: placement of the payload's frame in its joint; None if there is no payload to fit.
-    """
-
-    products: Array
-    samples: int
-    errors: int
-    friction: int
-    changes: bool
-    payload: pin.SE3 | None
+    products: Array  # (blocks, n, c, c)
+    samples: int  # of all blocks together
+    errors: int  # number of columns for errors of the links, each expected to be about 1
+    friction: int  # number of columns of friction
+    changes: bool  # whether friction is known, and these columns are what is expected to change
+    payload: pin.SE3 | None  # placement of the payload's frame in its joint; None if there is no payload to fit
 
     def solve(
         self, precision: Array, mass: float | None = None, heavy: float = 1.0, *, learn: bool = False

@@ -32,21 +32,13 @@ HARDLY_FELT = 1e-9  # share of a coefficient's information that is added to it
 
 @dataclass(frozen=True)
 class SharedError:
-    """What a record shows of the errors c of n links, beside forces of any instant.
+    """What a record shows of the errors c of n links, beside forces of any instant."""
 
-    Attributes:
-        shown: (n,) c, a share of each mass [1], in directions that are not shown 0.
-        covariance: (n, n) its covariance [1], in directions that are not shown that of errors as large as the masses.
-        moved: (m, k, n) what c does to each component at some instants [N or N m].
-        carried: (k,) rms of the components there [N or N m].
-        masses: (n,) of the links [kg].
-    """
-
-    shown: Array
-    covariance: Array
-    moved: Array
-    carried: Array | float = 0.0
-    masses: Array | float = 1.0
+    shown: Array  # (n,) c, a share of each mass [1], in directions that are not shown 0
+    covariance: Array  # (n, n) its covariance [1], in directions that are not shown of errors as large as the masses
+    moved: Array  # (m, k, n) what c does to each component at some instants [N or N m]
+    carried: Array | float = 0.0  # (k,) rms of the components there [N or N m]
+    masses: Array | float = 1.0  # (n,) of the links [kg]
 
     @property
     def size(self) -> float:

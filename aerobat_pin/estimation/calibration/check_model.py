@@ -23,19 +23,13 @@ MOST_JUDGED = 60_000  # intervals of a part of a record from whose beginning the
 
 @dataclass(frozen=True)
 class CheckedModel:
-    """The belief about a record beside its calibration.
+    """The belief about a record beside its calibration."""
 
-    Attributes:
-        check: the verdict.
-        inputs: gives the observers' inputs between two indices, with the named cause corrected if that was asked for.
-        factors: gives S (m, nv, r) of such inputs, S S^T the covariance of what is left; None if that is unknown.
-        growth: (m,) factor of its deviation in each interval of the whole record; that of `check` when None.
-    """
-
-    check: ModelCheck | None
-    inputs: InputsAt
+    check: ModelCheck | None  # the verdict
+    inputs: InputsAt  # of the observers between two indices, with the named cause corrected if that was asked for
+    # gives S (m, nv, r) of such inputs, S S^T the covariance of what is left; None if that is unknown
     factors: Callable[[KnownInputs], Array | None]
-    growth: Array | None = None
+    growth: Array | None = None  # (m,) factor of its deviation in each interval of the record; that of `check` if None
 
     def deviations(self, observer: Observer, inputs: KnownInputs) -> Array | None:
         """Return by how much (m, c) errors of the belief may spoil each component, one standard deviation."""

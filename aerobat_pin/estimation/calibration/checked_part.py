@@ -31,19 +31,12 @@ def error_factors(calibration: Calibration, record: Record, inputs: KnownInputs)
 
 @dataclass(frozen=True)
 class CheckedPart:
-    """A stretch of a record, with what no force explains of it, and what was expected of that.
+    """A stretch of a record, with what no force explains of it, and what was expected of that."""
 
-    Attributes:
-        inputs: of an observer, with what was learnt among the known forces.
-        estimate: the forces at once, without a filter, and what they do not explain.
-        geometry: of rows and forces.
-        factors: (m, nv, r) of what the calibration leaves.
-    """
-
-    inputs: KnownInputs
-    estimate: Estimate
-    geometry: RowGeometry
-    factors: Array
+    inputs: KnownInputs  # of an observer, with what was learnt among the known forces
+    estimate: Estimate  # the forces at once, without a filter, and what they do not explain
+    geometry: RowGeometry  # of rows and forces
+    factors: Array  # (m, nv, r) of what the calibration leaves
 
     @cached_property
     def near(self) -> Array:

@@ -32,19 +32,13 @@ JOINED = 0.02  # [s]: contacts with shorter pauses are one
 
 @dataclass(frozen=True)
 class Detection:
-    """What is normal where nothing pushes.
+    """What is normal where nothing pushes."""
 
-    Attributes:
-        frames: points at which forces are sought.
-        bias: (3 n,) mean of the detector's forces in the free runs, world axes [N].
-        threshold: (3 n,) distance from it at which a contact is found [N], where the filter is as sure as usual.
-        deviation: (3 n,) root mean square of the standard deviation that the filter states in the free runs [N];
-            thresholds are in proportion to what it states.
-    """
-
-    frames: tuple[str, ...]
-    bias: Array
-    threshold: Array
+    frames: tuple[str, ...]  # points at which forces are sought
+    bias: Array  # (3 n,) mean of the detector's forces in the free runs, world axes [N]
+    threshold: Array  # (3 n,) distance from it at which a contact is found [N], where the filter is as sure as usual
+    # (3 n,) root mean square of the standard deviation that the filter states in the free runs [N]; thresholds are in
+    # proportion to what it states
     deviation: Array
 
     def excess(self, model: pin.Model, inputs: KnownInputs, widened: Array | float) -> Array:

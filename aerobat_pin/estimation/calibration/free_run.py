@@ -36,25 +36,15 @@ PAUSE, MOST_TOLD = 0.05, 6  # [s] between pushes that are told apart, and how ma
 
 @dataclass(frozen=True)
 class FreeRun:
-    """A stretch of a record in which no unknown force acts.
+    """A stretch of a record in which no unknown force acts."""
 
-    Attributes:
-        record: the record, whose robot is as believed so far.
-        forces: its known forces.
-        stretch: first and last index of the record's common times.
-        inputs: those of an observer, with all that is known so far.
-        residual: (m, nv) mean generalised force that this leaves unexplained in each interval [N, N m], not filtered.
-        condition: phase and state; None where the robot has no phase.
-        weight: of the robot as it was believed at first [N].
-    """
-
-    record: Record
-    forces: KnownForces
-    stretch: tuple[int, int]
-    inputs: KnownInputs
-    residual: Array
-    condition: Condition | None
-    weight: float
+    record: Record  # the record, whose robot is as believed so far
+    forces: KnownForces  # its known forces
+    stretch: tuple[int, int]  # first and last index of the record's common times
+    inputs: KnownInputs  # those of an observer, with all that is known so far
+    residual: Array  # (m, nv) mean generalised force that this leaves unexplained in each interval [N, N m], unfiltered
+    condition: Condition | None  # phase and state; None where the robot has no phase
+    weight: float  # of the robot as it was believed at first [N]
 
     @classmethod
     def of(cls, record: Record, forces: KnownForces, stretch: tuple[int, int]) -> FreeRun:

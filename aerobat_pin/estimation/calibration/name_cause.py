@@ -39,19 +39,12 @@ PHASES = 24  # of what is left against a cause, over a cycle
 
 @dataclass(frozen=True)
 class Named:
-    """A cause, with what it does to the generalised force.
+    """A cause, with what it does to the generalised force."""
 
-    Attributes:
-        cause: name and size.
-        values: (p,) its parameters [SI].
-        force: (m, nv) error of the generalised force that it explains, to be added to the known forces.
-        factors: (m, nv, p), whose squares are the covariance of `force`.
-    """
-
-    cause: Cause
-    values: Array
-    force: Array
-    factors: Array
+    cause: Cause  # name and size
+    values: Array  # (p,) its parameters [SI]
+    force: Array  # (m, nv) error of the generalised force that it explains, to be added to the known forces
+    factors: Array  # (m, nv, p), whose squares are the covariance of `force`
 
 
 def named_cause(

@@ -22,19 +22,12 @@ UNLIMITED = 1e6  # [rad, m]: a wider range, as of a joint that turns on and on, 
 
 @dataclass(frozen=True)
 class JointReading:
-    """How the n driven joints may have to be read, each: q = turn + sense times what the columns of one of them say.
+    """How the n driven joints may have to be read, each: q = turn + sense times what the columns of one of them say."""
 
-    Attributes:
-        order: (n,) whose columns each has.
-        turn: (n,) [rad], positive in the joint's own sense.
-        sense: (n,) 1, or -1 of a joint that turns the other way.
-        effort: (n,) 1, or -1 if its effort's sign is the other one; a joint that turns the other way has both.
-    """
-
-    order: tuple[int, ...]
-    turn: tuple[float, ...]
-    sense: tuple[float, ...]
-    effort: tuple[float, ...]
+    order: tuple[int, ...]  # (n,) whose columns each has
+    turn: tuple[float, ...]  # (n,) [rad], positive in the joint's own sense
+    sense: tuple[float, ...]  # (n,) 1, or -1 of a joint that turns the other way
+    effort: tuple[float, ...]  # (n,) 1, or -1 if its sign is the other one, as of a joint that turns the other way
 
     @classmethod
     def as_mapped(cls, record: Record) -> JointReading:
