@@ -39,33 +39,19 @@ MotionOf = Callable[[InputsBetween], "FreeMotion | None"]  # of a record with su
 
 @dataclass(frozen=True)
 class Balance:
-    """The projected equations at some instants: `needed` (n,) = sum of `reach` times efforts - `base` d.
+    """The projected equations at some instants: `needed` (n,) = sum of `reach` times efforts - `base` d."""
 
-    Attributes:
-        needed: (n,) what motion and weight need.
-        reach: (n, joints) what an effort of 1 N m or N of each joint gives.
-        base: (n,) what the mass of the base link needs.
-        project: (n, nv) what a generalised force gives.
-        at: (n,) the instant of each equation.
-        effort: (instants, joints) efforts [N m, N].
-        v: (instants, joints) rates.
-        a: (instants, joints) accelerations.
-        span: time that the instants cover [s].
-        later: time [s] -> (instants, joints) what the efforts are so much later [N m, N].
-        shaken: () -> sum of squares of what noise of the motion makes of what is needed.
-    """
-
-    needed: Array
-    reach: Array
-    base: Array
-    project: Array
-    at: NDArray[np.intp]
-    effort: Array
-    v: Array
-    a: Array
-    span: float
-    later: Callable[[float], Array]
-    shaken: Callable[[], float]
+    needed: Array  # (n,) what motion and weight need
+    reach: Array  # (n, joints) what an effort of 1 N m or N of each joint gives
+    base: Array  # (n,) what the mass of the base link needs
+    project: Array  # (n, nv) what a generalised force gives
+    at: NDArray[np.intp]  # (n,) the instant of each equation
+    effort: Array  # (instants, joints) efforts [N m, N]
+    v: Array  # (instants, joints) rates
+    a: Array  # (instants, joints) accelerations
+    span: float  # time that the instants cover [s]
+    later: Callable[[float], Array]  # time [s] -> (instants, joints) what the efforts are so much later [N m, N]
+    shaken: Callable[[], float]  # () -> sum of squares of what noise of the motion makes of what is needed
 
     def between(self, first: int, last: int) -> Balance:
         """Return the equations of the instants from one to before another."""
@@ -147,29 +133,17 @@ class Balance:
 
 @dataclass(frozen=True)
 class FreeMotion:
-    """A free robot's motion at m instants.
+    """A free robot's motion at m instants."""
 
-    Attributes:
-        q: (m, nq) at the start of an interval; placement of the base and joint positions [m, rad].
-        halfway: (m, nq) in its middle.
-        v: (m, nv) mean velocities, the base's twist in its own axes [m/s, rad/s].
-        a: (m, nv) their rates [m/s2, rad/s2].
-        tau: (m, nv) mean efforts [N, N m].
-        known: (m, nv) generalised forces that are known [N, N m].
-        span: time that the instants cover [s].
-        later: time [s] -> (m, joints) what the efforts are so much later [N m, N].
-        noise: (nv,) standard deviation of what changes in a from sample to sample [m/s2, rad/s2].
-    """
-
-    q: Array
-    halfway: Array
-    v: Array
-    a: Array
-    tau: Array
-    known: Array
-    span: float
-    later: Callable[[float], Array]
-    noise: Array
+    q: Array  # (m, nq) at the start of an interval; placement of the base and joint positions [m, rad]
+    halfway: Array  # (m, nq) in its middle
+    v: Array  # (m, nv) mean velocities, the base's twist in its own axes [m/s, rad/s]
+    a: Array  # (m, nv) their rates [m/s2, rad/s2]
+    tau: Array  # (m, nv) mean efforts [N, N m]
+    known: Array  # (m, nv) generalised forces that are known [N, N m]
+    span: float  # time that the instants cover [s]
+    later: Callable[[float], Array]  # time [s] -> (m, joints) what the efforts are so much later [N m, N]
+    noise: Array  # (nv,) standard deviation of what changes in a from sample to sample [m/s2, rad/s2]
 
     def every(self, step: int) -> FreeMotion:
         """Return one of so many instants."""

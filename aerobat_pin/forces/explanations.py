@@ -35,30 +35,19 @@ RANK_OF_ROWS = 1e-12  # of the largest eigenvalue: what no row shows is 0
 
 @dataclass(frozen=True)
 class EffortRows:
-    """Rows of a record at some instants.
+    """Rows of a record at some instants."""
 
-    Attributes:
-        y: (m, k) rows [N, N m].
-        effort: (m, k) efforts.
-        needed: (m, k) what motion and weight need, but for what the forces give; just before and after, as noise that a
-            regressor shares with y would pass for a factor.
-        rates: (m, k) how fast the efforts change [N/s, N m/s].
-        forces: (m, c, k) S J, of forces of the size expected, or so many times that.
-        own: (m, k, p) friction and constants of the driven joints' rows.
-        prior: (p,) B^-2.
-        variance: (m, k) what is expected of R.
-        driven: the rows of driven joints.
-    """
-
-    y: Array
-    effort: Array
+    y: Array  # (m, k) rows [N, N m]
+    effort: Array  # (m, k) efforts
+    # (m, k) what motion and weight need, but for what the forces give; just before and after, as noise that a regressor
+    # shares with y would pass for a factor
     needed: Array
-    rates: Array
-    forces: Array
-    own: Array
-    prior: Array
-    variance: Array
-    driven: Sequence[int]
+    rates: Array  # (m, k) how fast the efforts change [N/s, N m/s]
+    forces: Array  # (m, c, k) S J, of forces of the size expected, or so many times that
+    own: Array  # (m, k, p) friction and constants of the driven joints' rows
+    prior: Array  # (p,) B^-2
+    variance: Array  # (m, k) what is expected of R
+    driven: Sequence[int]  # the rows of driven joints
 
     def but(self, quarters: range) -> EffortRows:
         """Return the rows without some quarters of the record."""
@@ -74,25 +63,15 @@ class EffortRows:
 
 @dataclass(frozen=True)
 class Explanation:
-    """What is most likely with a change.
+    """What is most likely with a change."""
 
-    Attributes:
-        loss: minus the logarithm of the likelihood, but for a constant.
-        size: (p,) h.
-        deviation: (p,) its standard deviation, if all instants were independent.
-        errors: (m, k) e.
-        around: (m, k) what the mean force of the instants before and after does, whose noise is not that of this one.
-        precision: (m, k, k) inverse of the covariance of the rows.
-        row_size: (k,) of R over what is expected.
-    """
-
-    loss: float
-    size: Array
-    deviation: Array
-    errors: Array
-    around: Array
-    precision: Array
-    row_size: Array
+    loss: float  # minus the logarithm of the likelihood, but for a constant
+    size: Array  # (p,) h
+    deviation: Array  # (p,) its standard deviation, if all instants were independent
+    errors: Array  # (m, k) e
+    around: Array  # (m, k) what the mean force of the instants beside it does, whose noise is not that of this one
+    precision: Array  # (m, k, k) inverse of the covariance of the rows
+    row_size: Array  # (k,) of R over what is expected
 
     @property
     def independent(self) -> float:

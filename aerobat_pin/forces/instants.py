@@ -30,49 +30,28 @@ CLEAR_OF = 2  # intervals that the noise of a sample of the rates is in
 
 @dataclass(frozen=True)
 class Instants:
-    """Some instants of a record, behind the observer's low-pass.
+    """Some instants of a record, behind the observer's low-pass."""
 
-    Attributes:
-        time: (m,) when they are [s].
-        q: (m, nq) configurations.
-        v: (m, nv) velocities.
-        rows: (m, nv) generalised forces.
-        jacobians: (m, c, nv) of the components sought.
-        kept: the rows that are believed.
-        joints: those that are driven, have a row that is believed, and friction that is not known.
-        at: their places among the believed rows.
-        sliding: (m, k) tanh(v / v_s) of the believed rows; 1 for those without friction.
-        columns: (4, m, k) what Coulomb and viscous friction and a rotor's inertia of size 1, and the effort, do in each
-            believed row.
-        rates: (m, k) how fast the efforts change [N/s or N m/s].
-        around: (2, m, k) what motion and weight need, and the third of `columns`: means of half a time constant before
-            and after, whose noise is not that of the rows.
-        past: q (m, nq) and v (m, nv) a time 1/K before, which is how late the rows are.
-        known: (m, nv) generalised forces of each force that the map knows.
-        every: intervals of the record from one instant to the next.
-        effort: (nv,) rms of the joint torques [N or N m].
-        needed: (nv,) rms of what motion and weight need.
-        noise: (nv,) standard deviation of what changes in the rows from sample to sample [N or N m].
-    """
-
-    time: Array
-    q: Array
-    v: Array
-    rows: Array
-    jacobians: Array
-    kept: list[int]
-    joints: list[str]
-    at: list[int]
-    sliding: Array
-    columns: Array
-    rates: Array
+    time: Array  # (m,) when they are [s]
+    q: Array  # (m, nq) configurations
+    v: Array  # (m, nv) velocities
+    rows: Array  # (m, nv) generalised forces
+    jacobians: Array  # (m, c, nv) of the components sought
+    kept: list[int]  # the k rows that are believed
+    joints: list[str]  # those that are driven, have a row that is believed, and friction that is not known
+    at: list[int]  # their places among the believed rows
+    sliding: Array  # (m, k) tanh(v / v_s) of the believed rows; 1 for those without friction
+    columns: Array  # (4, m, k) of Coulomb and viscous friction, a rotor's inertia, each of size 1, and of the effort
+    rates: Array  # (m, k) how fast the efforts change [N/s or N m/s]
+    # (2, m, k) what motion and weight need, and the third of `columns`: means of half a time constant before and after,
+    # whose noise is not that of the rows
     around: Array
-    past: tuple[Array, Array]
-    known: Mapping[str, Array]
-    every: int
-    effort: Array
-    needed: Array
-    noise: Array
+    past: tuple[Array, Array]  # q (m, nq) and v (m, nv) a time 1/K before, which is how late the rows are
+    known: Mapping[str, Array]  # (m, nv) generalised forces of each force that the map knows
+    every: int  # intervals of the record from one instant to the next
+    effort: Array  # (nv,) rms of the joint torques [N or N m]
+    needed: Array  # (nv,) rms of what motion and weight need
+    noise: Array  # (nv,) standard deviation of what changes in the rows from sample to sample [N or N m]
 
     @property
     def weighed(self) -> slice:

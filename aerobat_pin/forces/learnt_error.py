@@ -36,29 +36,17 @@ NEARLY_KNOWN = 0.035  # of the error's size: up to this deviation thresholds sta
 
 @dataclass(frozen=True)
 class LearntError:
-    """What free flights showed of the error of a belief.
+    """What free flights showed of the error of a belief."""
 
-    Attributes:
-        order: highest harmonic.
-        states: state -> its unit, s of them.
-        share: g.
-        centre: (s,) state in the middle of what was flown.
-        scale: (s,) units z0 of the states.
-        size: (nv,) rms size A of the error in rows like this one [N, N m].
-        mean: (p, nv) weights, in the order of `weight_regressors`.
-        covariance: (nv, p, p) of the weights of each row.
-        remainder: (nv,) root mean square of n_i below the highest harmonic [N, N m].
-    """
-
-    order: int
-    states: Mapping[str, str]
-    share: float
-    centre: Array
-    scale: Array
-    size: Array
-    mean: Array
-    covariance: Array
-    remainder: Array
+    order: int  # highest harmonic
+    states: Mapping[str, str]  # state -> its unit, s of them
+    share: float  # g
+    centre: Array  # (s,) state in the middle of what was flown
+    scale: Array  # (s,) units z0 of the states
+    size: Array  # (nv,) rms size A of the error in rows like this one [N, N m]
+    mean: Array  # (p, nv) weights, in the order of `weight_regressors`
+    covariance: Array  # (nv, p, p) of the weights of each row
+    remainder: Array  # (nv,) root mean square of n_i below the highest harmonic [N, N m]
 
     def force(self, condition: Condition, known: Mapping[str, Array]) -> Array:
         """Return the expected error (m, nv) [N, N m], interval means, given the known forces (m, nv) by name."""

@@ -24,19 +24,12 @@ LEAST_TRACE = 1e-9  # of that of rows over their errors: a fainter force leaves 
 
 @dataclass(frozen=True)
 class RowGeometry:
-    """The geometry at some intervals of a stretch.
+    """The geometry at some intervals of a stretch."""
 
-    Attributes:
-        at: (n,) indices of the intervals.
-        rows: (n, nv, k) L.
-        forces: (n, c, k) A^+; patterns of forces without a trace get nothing.
-        projector: (n, k, k) N.
-    """
-
-    at: NDArray[np.intp]
-    rows: Array
-    forces: Array
-    projector: Array
+    at: NDArray[np.intp]  # (n,) indices of the intervals
+    rows: Array  # (n, nv, k) L
+    forces: Array  # (n, c, k) A^+; patterns of forces without a trace get nothing
+    projector: Array  # (n, k, k) N
 
     @classmethod
     def of(cls, observer: Observer, inputs: KnownInputs) -> RowGeometry:
