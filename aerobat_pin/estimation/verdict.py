@@ -49,15 +49,9 @@ def verdict_of(
     findings: Iterable[Finding],
     model: ModelCheck | None,
 ) -> str:
-    """Return the sentence about an observer.
+    """Return the sentence about an observer, which counts from a start [s]; its scores compare it with a kind.
 
-    Args:
-        estimate: what it estimated.
-        scores: its scores.
-        start: time from which the sentence counts [s].
-        kind: what the scores compare it with: `truth` or `sensor`.
-        findings: what the checks found.
-        model: whether the belief is still that of its calibration; None without one.
+    That is `truth` or `sensor`, or empty. `model` says whether the belief is still that of its calibration, if any.
     """
     head, contacts = estimate.head, scores.events or ()
     sought = scores.events is not None and (head.are_world_forces or not head.frames)

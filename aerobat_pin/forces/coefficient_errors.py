@@ -24,13 +24,9 @@ def coefficient_covariance(normal: Array, scores: Array, prior: Array, free: NDA
 
         C_FF = N_FF^-1 (D sum(s s^T) D + B^-2) N_FF^-1,    s = X^T W (y - X b),    D^2 = m / independent(s)
 
-    whatever the errors' distribution is (Huber 1967), and if they last, too (Newey and West 1987).
-
-    Args:
-        normal: (p, p) N = sum(X^T W X) + B^-2, of weights W.
-        scores: (m, p) s of each instant.
-        prior: (p,) diagonal of B^-2, what was known before; 0 for nothing.
-        free: (p,) which coefficients are not at their bounds.
+    whatever the errors' distribution is (Huber 1967), and if they last, too (Newey and West 1987). N (p, p) is
+    `normal`, sum(X^T W X) + B^-2 of weights W, s `scores` (m, p) of each instant, and B^-2 has the diagonal `prior`
+    (p,): what was known before, 0 for nothing.
     """
     slow = np.sqrt(len(scores) / np.maximum(independent(scores), FEWEST_INDEPENDENT))
     inverse = np.zeros_like(normal)

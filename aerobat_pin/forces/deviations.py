@@ -94,13 +94,10 @@ def raise_to_noise(components: Array, recent: Array, deviation: Array) -> None:
 
 
 def lag_of_filter(components: Array, dt: Array, gain: float, deviation: Array) -> Array:
-    """Return how far (m, c) forces may be ahead of components that a filter gives.
+    """Return how far (m, c) forces may be ahead of components (m, c) that a filter of gain K [1/s] gives.
 
-    Args:
-        components: (m, c).
-        dt: (m,) intervals [s].
-        gain: K [1/s].
-        deviation: (m, c) of the components by errors of rows and noise: as much may be no force.
+    Of the components at intervals dt (m,) [s], as much as their deviation (m, c) by errors of rows and noise may be no
+    force.
     """
     ahead, share = np.zeros_like(components), -np.expm1(-gain * dt)
     for lag in range(LAGS):

@@ -142,13 +142,9 @@ def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Ar
 
     A foot is in the air where its own joints say that it carries nothing: it is then free of unknown forces. A point
     that never holds up the robot is no foot: a hand may be pushed by less than what counts as nothing at a foot. And a
-    straight leg does not show what it carries.
-
-    Args:
-        rows: (m, nv) generalised forces behind the observer's low-pass.
-        jacobians: (m, c, nv) of the forces on the feet, three components each.
-        weight: of the robot [N]; a foot with less than `END_SHARE` of it is in the air. What it seems to carry then is
-            the median there [N]: noise, friction, and what it carries just before it lands.
+    straight leg does not show what it carries. A foot with less than `END_SHARE` of the weight [N] is in the air; what
+    it seems to carry then is the median there [N]: noise, friction, and what it carries just before it lands. Rows
+    (m, nv) are behind the observer's low-pass; Jacobians (m, c, nv) have three components for each foot.
     """
     moved = np.any(jacobians != 0.0, axis=0).reshape(-1, 3, rows.shape[1]).any(axis=1)  # which foot, by which row
     legs = moved & (moved.sum(axis=0) == 1)

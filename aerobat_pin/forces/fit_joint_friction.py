@@ -94,12 +94,9 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
 
 
 def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) -> Fit:
-    """Fit the factor of all masses and inertias over all believed rows.
+    """Fit the factor of all masses and inertias over all believed rows, by known forces without friction.
 
-    Args:
-        record: the record.
-        forces: its known forces, without friction.
-        stretch: from and to [s] after the start: no unknown force acts there.
+    No unknown force acts in the stretch, from and to [s] after the start.
 
     Raises:
         MapError: the record does not show the mass, or something pushes there.

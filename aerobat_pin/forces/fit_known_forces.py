@@ -86,9 +86,6 @@ def given_forces(record: Record) -> KnownForces:
 def _fit_thrusts(given: KnownForces) -> tuple[dict[str, Array], tuple[Fit, ...]]:
     """Return thrust -> coefficients of its powers [N] where the map asks for a fit, and how well it holds along each.
 
-    Args:
-        given: the known forces without any fit.
-
     Raises:
         MapError: there is no accelerometer, too little of it, or thrusts are to be fitted in different parts.
     """

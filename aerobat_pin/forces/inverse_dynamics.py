@@ -58,10 +58,7 @@ def halfway(record: Record, block: Block, at: slice = ALL) -> Array:
 def sensor_force(record: Record, time: Array, attitude_of: Array | None = None) -> Array:
     """Return the force (m, 3 or 6) of `check.wrench` on the robot, interval means between times (m + 1,), tare off.
 
-    Args:
-        record: the record.
-        time: (m + 1,) times [s].
-        attitude_of: (m, 3, 3) axes of the sensor's frame in the world, if its columns are in the frame's axes.
+    `attitude_of` (m, 3, 3) are the axes of the sensor's frame in the world, if its columns are in the frame's axes.
     """
     section = record.map.check.wrench
     assert section is not None

@@ -127,14 +127,10 @@ def shown_without_any_quarter(columns: Array, y: Array, force: Array, variance: 
 
 
 def beside_forces(columns: Array, y: Array, force: Array, variance: Array, shares: int) -> tuple[Array, Array]:
-    """Return the most likely coefficients (p,) of columns in rows beside forces, and their covariance.
+    """Return the most likely coefficients (p,) of columns (m, k, p) in rows (m, k) beside forces; their covariance.
 
-    Args:
-        columns: (m, k, p) what a coefficient of size 1 does in each row [N, N m].
-        y: (m, k) rows, generalised forces [N, N m].
-        force: (m, c, k) S J, of the expected size of each component [N, N m].
-        variance: (m, k) R, the squares of the rows' unit.
-        shares: how many of the coefficients, the first ones, are expected to be of size 1; nothing is of the others.
+    The forces are S J (m, c, k), and R is the variance (m, k). The first `shares` of the coefficients are expected to
+    be of size 1; nothing is of the others.
     """
     p, at = columns.shape[2], range(y.shape[1])
     cov = np.swapaxes(force, 1, 2) @ force

@@ -41,13 +41,7 @@ class CheckedModel:
 
 
 def check_model(calibration: Calibration, forces: KnownForces, inputs: InputsAt) -> CheckedModel:
-    """Compare what no force explains of a record with what its calibration predicts, and name what changed.
-
-    Args:
-        calibration: the calibration, which was applied to the record.
-        forces: the record's known forces.
-        inputs: as `inputs_between` gives them.
-    """
+    """Compare what no force explains of a record with what the calibration that was applied predicts; name a change."""
     record, series = forces.record, calibration.series
 
     def factors(given: KnownInputs) -> Array | None:

@@ -44,10 +44,7 @@ class Detection:
     def excess(self, model: pin.Model, inputs: KnownInputs, widened: Array | float) -> Array:
         """Return the excess (m, n) of each point over its threshold; 0 where none is sought, 1 where one is found.
 
-        Args:
-            model: the believed robot.
-            inputs: inputs of a stretch, with all that was learnt among the known forces.
-            widened: factor of the thresholds, or (m,) that in each interval.
+        All that was learnt is among the known forces of the inputs; `widened` is a factor of the thresholds, or (m,).
         """
         sought = settled_intervals(inputs)
         force, deviation = _detected(model, self.frames, inputs)

@@ -108,13 +108,9 @@ def identify(
     always: bool,
     progress: Callable[[float], None] | None,
 ) -> Identified:
-    """Identify parameters from free runs.
+    """Identify parameters from free runs, which are as believed at first.
 
-    Args:
-        runs: the runs, as believed at first.
-        parameters: what is sought.
-        always: whether the calibration uses the result even if it does not explain the runs.
-        progress: called with the share that is done.
+    `always` says whether the calibration uses the result even if it does not explain the runs.
     """
     from scipy.optimize import least_squares
 

@@ -52,11 +52,7 @@ def named_cause(
 ) -> Named | None:
     """Return what changed in a whole part of a record; None if nothing that the robot knows of explains it.
 
-    Args:
-        part: the part, with the correction of `before`.
-        series: what the calibration knows of the error.
-        forces: the known forces of the record.
-        before: a cause whose size is to be found more exactly, as its effect is not linear.
+    Of a cause `before`, which the part is corrected by, the size is found more exactly: its effect is not linear.
     """
     estimate = part.estimate
     small = before is None and estimate.redundancy.belief < LEAST_EXPECTED * estimate.weight

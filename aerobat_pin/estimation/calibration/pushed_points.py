@@ -41,8 +41,7 @@ LEAST_PUSH = 0.02  # of the moving weight: a smaller force is no push
 def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
     """Return in words what pushed at the points of a record that was taken as free, and what it cannot tell.
 
-    Args:
-        forces: known forces of the record, with the friction that was fitted as if nothing pushed, if it was.
+    Friction, if the forces have some, was fitted as if nothing pushed.
     """
     record = forces.record
     if not record.robot.limits_forces:

@@ -39,13 +39,10 @@ def reading_findings(
     specific_force: Array | None,
     weightless: bool,
 ) -> Iterator[Finding]:
-    """Yield that another reading of the quaternion fits motion or gravity better than the map's, which is the first.
+    """Yield that another reading of the quaternion (m, 4), body to world, fits motion or gravity better than the first.
 
-    Args:
-        attitudes: reading -> (m, 4) body to world.
-        pairs: function of an attitude: what must agree with it, gyro and velocity, as far as they are measured.
-        specific_force: (m, 3) of an accelerometer, body axes; without it, the body is taken to fly upright.
-        weightless: whether nothing is up.
+    That is the map's. `pairs` returns what must agree with an attitude: gyro and velocity, as far as they are measured.
+    Without a specific force (m, 3) in body axes, the body is taken to fly upright, unless nothing is up.
     """
     mapped, *others = attitudes
     low, gain = (UPWARD, UPWARD) if specific_force is not None else (-UPWARD, 2.0 * UPWARD)

@@ -234,14 +234,8 @@ def efforts_and_friction(
 ) -> list[Finding]:
     """Return findings about efforts; without those that name friction, if with it they are gone.
 
-    Args:
-        given: the known forces without the friction that was found, which takes up a reversed effort.
-        forces: those with it.
-        inputs: what an observer is given between two indices, with these.
-        before: what was found before.
-        instants: of the record, if it was looked at.
-        expected: what is expected of it, if that is known.
-        motion: of a free robot's record with such inputs, if something keeps it.
+    Known forces are `given` without the friction that was found, which takes up a reversed effort, and with it in
+    `forces` and `inputs`. The rest as in `effort_findings`.
     """
     record = forces.record
     motion = motion or partial(motion_of, record)

@@ -32,15 +32,9 @@ def change_of_time(
     as_mapped: Callable[[], EffortRows],
     formed: Formed,
 ) -> Change:
-    """Return a delay of the efforts.
+    """Return a delay of the efforts; the channels of a record at its own times cannot be shifted.
 
-    Args:
-        record: the record; the channels of one at its own times cannot be shifted.
-        inputs: what an observer is given between two indices of the common times.
-        rows: at some instants.
-        without: what is likely as the efforts are mapped.
-        as_mapped: returns the rows as they are mapped, at the instants of those of other inputs.
-        formed: returns the rows of other inputs.
+    `formed` returns the rows of other inputs, `as_mapped` those as mapped at the same instants.
     """
     short = Change(partial(_delay_told, record, 0.0), _changing(rows), leaves=LEFT_BY_CHANGE)
     gain, found = short.likely(rows, without)

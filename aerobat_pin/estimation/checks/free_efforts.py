@@ -50,11 +50,8 @@ MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if 
 def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings: bool = True) -> Iterator[Finding]:
     """Yield factors of a free robot's efforts, columns that are exchanged, and its base's mass, as the rows show them.
 
-    Args:
-        record: the record.
-        motion: at some instants; None if the record is too short.
-        beyond: whether joints are beyond their limits; before that is settled efforts say nothing of factors or places.
-        readings: whether another reading of the joints is sought, too.
+    A record that is too short has no motion. `beyond` says whether joints are beyond their limits (before that is
+    settled efforts say nothing of factors or places), `readings` whether other readings of the joints are sought, too.
     """
     balance = None if motion is None else balance_of(record, motion)
     if motion is None or balance is None:

@@ -43,13 +43,9 @@ QUARTER_TURNS = [
 def known_findings(record: Record, motion: FreeMotion | None, estimated: Array | None) -> Iterator[Finding]:
     """Yield the mean of all unknown forces over the weight, and other axes in which known ones are what motion needs.
 
-    For a robot whose base nothing else holds.
-
-    Args:
-        record: the record.
-        motion: of a robot with a free base; None if the record is too short.
-        estimated: (3,) mean of all forces that are sought, which must carry the robot where known forces do not; of
-            others, what is not known counts, whether or not points show it.
+    For a robot with a free base that nothing else holds; a record that is too short has no motion. The forces that are
+    sought, of a mean `estimated` (3,), must carry it where known forces do not; of others, what is not known counts,
+    whether or not points show it.
     """
     robot, chosen = record.robot, record.map
     if motion is None or chosen.base.held or "base" in chosen.robot.rows.ignore:

@@ -58,14 +58,7 @@ def changes_of_reading(
 ) -> Iterator[Change]:
     """Yield how the driven joints may have to be read otherwise: the likeliest, were forces as they are.
 
-    Args:
-        record: the record.
-        inputs: what an observer is given between two indices of the common times.
-        instants: of the record, their rows being those that are compared.
-        rows: at these instants.
-        without: what is likely as the joints are mapped.
-        as_mapped: returns the rows as they are mapped, at the instants of those of other inputs.
-        formed: returns the rows of other inputs.
+    The rows of the instants are compared. `formed` and `as_mapped` are those of `change_of_time`.
     """
     model, kept, some = record.robot.model, instants.kept, instants.weighed
     q, v = (each[some] for each in instants.past)

@@ -28,13 +28,7 @@ LIMBS_IN_ANY_ORDER = 4  # so many at most
 
 
 def reading_of(record: Record, motion: FreeMotion, needed: float) -> JointReading:
-    """Return the reading that leaves least beside friction.
-
-    Args:
-        record: of a free robot.
-        motion: its motion at some instants.
-        needed: what is needed as mapped, the mean of its squares over the instants.
-    """
+    """Return the reading of a free robot that leaves least beside friction, over the mean square `needed` as mapped."""
     few, reading = motion.every(max(1, len(motion.q) // FEW_INSTANTS)), JointReading.as_mapped(record)
     limbs = [limb for limb in record.robot.limbs(record.driven) if len(limb) > 1]
     limbs = [limb for limb in limbs if len(limb) == len(limbs[0])]

@@ -61,14 +61,8 @@ def zeros_of_free(
 ) -> tuple[list[Finding], float]:
     """Return what sensors of a free robot show of nothing, and the share that is left then, in squares, if any do.
 
-    It must leave far less than is left as mapped, beside friction, and what all sensors may show far less than what
-    one of them may. It is named if it makes the rows nearly exact.
-
-    Args:
-        record: the record.
-        motion: its motion at some instants.
-        balance: its equations there.
-        otherwise: returns the share that another number leaves: theirs must be far less.
+    It must leave far less than is left as mapped, beside friction, or than another number leaves (`otherwise`), and
+    what all sensors may show far less than what one of them may. It is named if it makes the rows nearly exact.
     """
     felt = {name: felt_of_constant(record, section, motion.halfway) for name, section in record.map.known.items()}
     columns = {name: balance.of_forces(each) for name, each in felt.items() if each is not None}
