@@ -95,18 +95,9 @@ def new_rings(
     values: FittedValues,
     wait: float,
 ) -> Array:
-    """Return the state of a stream without samples.
+    """Return the state of a stream without samples, for joints in the order of their columns.
 
-    Args:
-        chosen: the map.
-        robot: its robot.
-        joints: joints that have channels, in the order of their columns.
-        requests: what the map asks of the channels.
-        values: friction of joints, and factors of their efforts.
-        wait: by how much samples may arrive late [s].
-
-    Raises:
-        MapError: the wait is below 0, or too long.
+    Samples may arrive late by the wait [s]. Raises MapError if it is below 0, or too long.
     """
     if not 0.0 <= wait < CLOCK_JUMP:
         raise MapError(f"online: wait = {wait}: at least 0 s and less than {CLOCK_JUMP:g} s was expected")

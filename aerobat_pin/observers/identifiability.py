@@ -65,15 +65,11 @@ class Identifiability:
 def judge(
     applications: Applications, jacobians: Array, velocities: Array, believed: BelievedRows, pivots: Array | None = None
 ) -> Identifiability:
-    """Return the identifiability at the worst instant of a run.
+    """Return the identifiability at the worst instant of a run with Jacobians (m, c, nv) of the components.
 
-    Args:
-        applications: where the unknown forces act.
-        jacobians: (m, c, nv) Jacobians of the components.
-        velocities: (m, nv) velocities; their joint part is the direction of the power row.
-        believed: rows of the generalised residual that the observer uses.
-        pivots: (m - 1,) smallest pivot of the equations of each interval, over their trace. The smallest ones say which
-            instants are worst, of which `EXAMINED` are. When omitted, every instant is.
+    The joints' part of the velocities (m, nv) is the direction of the power row. `pivots` (m - 1,) are the smallest of
+    the equations of each interval, over their trace: the smallest of all say which instants are worst, of which
+    `EXAMINED` are looked at. When omitted, every instant is.
     """
     count = len(applications.components)
     if not count:

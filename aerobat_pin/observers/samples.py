@@ -71,9 +71,7 @@ def directions_of(model: pin.Model) -> list[tuple[int, int]]:
 def check_configurations(directions: list[tuple[int, int]], q: Array) -> None:
     """Raise ShapeError for a coordinate of q (m, nq) that is too far, or a direction that has not length one.
 
-    Args:
-        directions: what `directions_of` returns.
-        q: (m, nq) configurations; the kernel `is_configuration` checks those of a stream.
+    The kernel `is_configuration` checks those of a stream.
     """
     for start, size in directions:
         length = np.linalg.norm(q[:, start : start + size], axis=1)

@@ -27,17 +27,10 @@ ROUNDING = 1.0e-6  # share of a moment that is attributed to rounding in exact d
 
 
 class Panel:
-    """A flat polygon, convex or not.
+    """A flat polygon, convex or not, by the outline of its corners (k, 3) in order [m].
 
-    Args:
-        outline: (k, 3) corners in order [m].
-
-    Raises:
-        ObserverError: there are fewer than three corners, or they are not finite, not flat or enclose no area.
-
-    Attributes:
-        corners: (k, 3) corners, repeated ones removed [m].
-        normal: (3,) unit normal, about which the corners run counter-clockwise.
+    Repeated corners are removed; about the unit `normal` (3,) they run counter-clockwise. Raises ObserverError for
+    fewer than three, or if they are not finite, not flat or enclose no area.
     """
 
     def __init__(self, outline: ArrayLike) -> None:
@@ -57,11 +50,7 @@ class Panel:
         self.normal: Array = area / size
 
     def margin(self, point: Array) -> tuple[float, Array]:
-        """Return a point's distance from the outline [m], negative outside, and the unit vector (3,) along that gap.
-
-        Args:
-            point: (3,) a point in the plane [m].
-        """
+        """Return how far a point (3,) in the plane is inside the outline [m], and the unit vector (3,) along that."""
         edges = np.roll(self.corners, -1, axis=0) - self.corners
         away = point - self.corners
         share = np.clip(np.sum(away * edges, axis=1) / np.maximum(np.sum(edges**2, axis=1), 1e-300), 0.0, 1.0)
