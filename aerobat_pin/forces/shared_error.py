@@ -17,8 +17,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.forces.coefficient_errors import coefficient_covariance
-from aerobat_pin.forces.explanations import QUARTERS, without_quarters
+from aerobat_pin.forces.explanations import QUARTERS, coefficient_covariance, without_quarters
 from aerobat_pin.forces.instants import Instants, column_rms
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected
