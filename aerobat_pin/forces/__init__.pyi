@@ -52,7 +52,6 @@ from .fit_beside_forces import knows_friction as knows_friction
 from .fit_beside_forces import most_likely as most_likely
 from .fit_known_forces import fitted_forces as fitted_forces
 from .fit_known_forces import given_forces as given_forces
-from .fit_learnt_error import fit_learnt_error as fit_learnt_error
 from .gain_regression import MOST_FITTED as MOST_FITTED
 from .gain_regression import fits_to_sensor as fits_to_sensor
 from .inputs import KnownInputs as KnownInputs
@@ -84,6 +83,7 @@ from .known_forces import unit_direction as unit_direction
 from .learnt_error import DAILY as DAILY
 from .learnt_error import LearntError as LearntError
 from .learnt_error import alone as alone
+from .learnt_error import fit_learnt_error as fit_learnt_error
 from .learnt_error import shares as shares
 from .learnt_error import weight_count as weight_count
 from .map_fits import fit_notes as fit_notes
