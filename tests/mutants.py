@@ -54,7 +54,7 @@ MUTANTS = (
            "tests/estimation/test_explained_efforts.py"),
     Mutant("another size of one component leaves the others' equations", "observers/expected.py",
            "n, M = n - along * n[:, j, None], M", "n, M = n, M", "tests/observers/test_expected.py"),
-    Mutant("a leg the other way keeps its effort", "estimation/checks/misread_limbs.py",
+    Mutant("a leg the other way keeps its effort", "estimation/checks/readings.py",
            "reading.otherwise(group, 0.0, -1.0, -1.0)", "reading.otherwise(group, 0.0, -1.0, 1.0)",
            "tests/estimation/test_misread_limbs.py"),
     Mutant("legs in another order keep their turns", "estimation/checks/readings.py",

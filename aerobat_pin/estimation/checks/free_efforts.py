@@ -20,8 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.late_efforts import late_efforts
-from aerobat_pin.estimation.checks.misread_limbs import left_by_readings, reading_of
-from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, JointReading, joint_pairs, limb_pairs, swapped
+from aerobat_pin.estimation.checks.readings import (
+    LEFT_BY_JOINTS,
+    JointReading,
+    joint_pairs,
+    left_by_readings,
+    limb_pairs,
+    reading_of,
+    swapped,
+)
 from aerobat_pin.estimation.checks.sensor_zeros import zeros_of_free
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import Balance, FreeMotion, balance_of
