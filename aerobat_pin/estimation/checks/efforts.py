@@ -20,9 +20,8 @@ from aerobat_pin.estimation.checks.changes import (
     driven_rows,
     sliding_rows,
 )
-from aerobat_pin.estimation.checks.efforts_in_time import change_of_time
+from aerobat_pin.estimation.checks.changes_anew import change_of_time, changes_of_reading
 from aerobat_pin.estimation.checks.free_efforts import GOOD, UNEXPLAINED, left_unexplained, of_free
-from aerobat_pin.estimation.checks.misread_joints import changes_of_reading
 from aerobat_pin.estimation.checks.misread_known import changes_of_known
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
@@ -110,11 +109,7 @@ def effort_findings(
         assert seen is not None  # as the record was
         return _effort_rows(record, seen, expected)
 
-    @cache
-    def as_mapped() -> EffortRows:
-        """Return the rows as they are mapped, at the instants of those of other inputs."""
-        return formed(inputs)[0]
-
+    as_mapped = cache(lambda: formed(inputs)[0])  # the rows as mapped, at the instants of those of other inputs
     needed = max(float(np.sum((rows.needed / scale) ** 2)), 1e-300)
 
     def left(explanation: Explanation) -> float:
