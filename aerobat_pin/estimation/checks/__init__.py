@@ -3,7 +3,7 @@
 from aerobat_pin.estimation.checks.efforts import effort_findings, efforts_and_friction
 from aerobat_pin.estimation.checks.motion import record_findings
 from aerobat_pin.estimation.checks.result import fit_findings, result_findings
-from aerobat_pin.estimation.checks.untested import untested_findings
+from aerobat_pin.estimation.checks.untold_forces import untested_findings
 
 __all__ = [
     "effort_findings",
