@@ -53,7 +53,6 @@ from .redundancy import low_passed as low_passed
 from .redundancy import redundancy_of as redundancy_of
 from .redundancy import slow_part as slow_part
 from .redundancy import typical_step as typical_step
-from .registry import OBSERVERS as OBSERVERS
 from .rows import MOMENT_ARM as MOMENT_ARM
 from .rows import AllBut as AllBut
 from .rows import Rows as Rows
@@ -65,4 +64,5 @@ from .rows import row_names as row_names
 from .rows import scale_of_forces as scale_of_forces
 from .rows import tie_joints as tie_joints
 from .samples import Sampled as Sampled
+from .shared_data import OBSERVERS as OBSERVERS
 from .shared_data import ObserversTogether as ObserversTogether

@@ -1,4 +1,7 @@
-"""Several observers of one model on one `pin.Data`: Pinocchio computes each sample once for all that need the same."""
+"""All observers by their names; and several of one model on one `pin.Data`.
+
+Pinocchio then computes each sample once for all that need the same.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +15,29 @@ import pinocchio as pin
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, fields_of
 from aerobat_pin.observers.estimate import Sample
-from aerobat_pin.observers.kalman.kalman import KalmanObserver
+from aerobat_pin.observers.kalman.kalman import KalmanObserver, SmootherObserver
 from aerobat_pin.observers.kalman.noisy_sample import inertias_at
 from aerobat_pin.observers.kernels import posterior
 from aerobat_pin.observers.kernels.observer_state import ObserverState
+from aerobat_pin.observers.momentum import (
+    ForceLevelObserver,
+    MomentumObserver,
+    SecondOrderObserver,
+    SuperTwistingObserver,
+)
 from aerobat_pin.observers.observer import Observer
+
+OBSERVERS: dict[str, type[Observer]] = {  # as scenarios and the command line choose them
+    kind.name: kind
+    for kind in (
+        MomentumObserver,
+        ForceLevelObserver,
+        SecondOrderObserver,
+        SuperTwistingObserver,
+        KalmanObserver,
+        SmootherObserver,
+    )
+}
 
 
 class ObserversTogether:
