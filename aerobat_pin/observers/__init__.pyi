@@ -5,7 +5,9 @@ from .analysis.events import calibrate_cusum as calibrate_cusum
 from .analysis.events import calibrate_level as calibrate_level
 from .analysis.line_of_action import Crossing as Crossing
 from .analysis.line_of_action import LineOfAction as LineOfAction
+from .analysis.line_of_action import PointOfAction as PointOfAction
 from .analysis.line_of_action import locate as locate
+from .analysis.line_of_action import locate_series as locate_series
 from .analysis.noise_and_lag import Bias as Bias
 from .analysis.noise_and_lag import Prediction as Prediction
 from .analysis.noise_and_lag import SensorNoise as SensorNoise
@@ -13,8 +15,6 @@ from .analysis.noise_and_lag import bias_of as bias_of
 from .analysis.noise_and_lag import gain_for_deviation as gain_for_deviation
 from .analysis.noise_and_lag import gain_for_lag as gain_for_lag
 from .analysis.noise_and_lag import predict as predict
-from .analysis.point_of_action import PointOfAction as PointOfAction
-from .analysis.point_of_action import locate_series as locate_series
 from .applications import Application as Application
 from .applications import Applications as Applications
 from .estimate import Estimate as Estimate
