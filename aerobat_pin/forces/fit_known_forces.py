@@ -17,8 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.forces.fit_gains import fit_gains
-from aerobat_pin.forces.fit_joint_friction import fit_joint_friction
+from aerobat_pin.forces.fit_joint_friction import fit_gains, fit_joint_friction
 from aerobat_pin.forces.gain_regression import MOST_FITTED, rms_or_nan
 from aerobat_pin.forces.inverse_dynamics import mean_in
 from aerobat_pin.forces.known_forces import Fit, FittedValues, KnownForces, command_sum, frame_wrench, unit_direction
@@ -53,7 +52,7 @@ def fitted_forces(record: Record, learnt: FittedValues | None = None) -> KnownFo
     stretch = payload.fit or record.map.use.free
     if stretch is None:
         raise MapError("map: payload.fit: from and to [s], where nothing else touches the robot, was expected")
-    return fit_gains(forces, stretch).forces
+    return fit_gains(forces, stretch)[0]
 
 
 def _refuse_the_untellable(record: Record, payload: PayloadSection) -> None:
