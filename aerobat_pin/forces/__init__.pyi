@@ -25,8 +25,13 @@ from .contacts import largest_of as largest_of
 from .contacts import stances_on_ground as stances_on_ground
 from .contacts import walks_on as walks_on
 from .deviations import LAGS as LAGS
+from .deviations import MISFIT as MISFIT
 from .deviations import RECENT as RECENT
+from .deviations import ComponentSize as ComponentSize
+from .deviations import InnovationScore as InnovationScore
 from .deviations import add_lag_of_filter as add_lag_of_filter
+from .deviations import belief_words as belief_words
+from .deviations import burst_noise as burst_noise
 from .deviations import raise_to_noise as raise_to_noise
 from .deviations import tilt_of as tilt_of
 from .deviations import with_tilt as with_tilt
@@ -133,8 +138,3 @@ from .shared_error import shared_error as shared_error
 from .stored_estimate import ROWS_READ as ROWS_READ
 from .stored_estimate import TIME_CONSTANTS_TO_SETTLE as TIME_CONSTANTS_TO_SETTLE
 from .stored_estimate import StoredEstimate as StoredEstimate
-from .trust import MISFIT as MISFIT
-from .trust import ComponentSize as ComponentSize
-from .trust import InnovationScore as InnovationScore
-from .trust import belief_words as belief_words
-from .trust import burst_noise as burst_noise

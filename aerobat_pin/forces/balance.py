@@ -16,11 +16,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from aerobat_pin.forces.deviations import sample_noise
 from aerobat_pin.forces.inputs import KnownInputs
 from aerobat_pin.forces.instants import column_rms
 from aerobat_pin.forces.inverse_dynamics import accelerations, halfway, slope_noise
 from aerobat_pin.forces.run_observers import ignored_rows, points_of
-from aerobat_pin.forces.trust import sample_noise
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MOMENT_ARM, SMOOTH_RATE, AllBut, Applications
 from aerobat_pin.records import Block, Record

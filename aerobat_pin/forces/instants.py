@@ -13,12 +13,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from aerobat_pin.forces.deviations import sample_noise
 from aerobat_pin.forces.inputs import KnownInputs
 from aerobat_pin.forces.inverse_dynamics import accelerations, mean_in, required_torque
 from aerobat_pin.forces.known_forces import FittedValues, mean_motion
 from aerobat_pin.forces.run_observers import points_of
 from aerobat_pin.forces.stored_estimate import TIME_CONSTANTS_TO_SETTLE
-from aerobat_pin.forces.trust import sample_noise
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, MomentumObserver, low_passed, typical_step
 from aerobat_pin.records import Block, Record

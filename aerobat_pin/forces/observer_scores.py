@@ -11,9 +11,16 @@ import numpy as np
 from aerobat_pin.forces.against_reference import PairedEstimate
 from aerobat_pin.forces.calibration_use import CalibrationUse, Contact
 from aerobat_pin.forces.contacts import found_contacts
+from aerobat_pin.forces.deviations import (
+    DOUBT_STRETCH,
+    MISFIT,
+    ComponentSize,
+    InnovationScore,
+    belief_words,
+    warnings_about,
+)
 from aerobat_pin.forces.scores import Score, one_unit, point_label, short_label
 from aerobat_pin.forces.stored_estimate import StoredEstimate
-from aerobat_pin.forces.trust import DOUBT_STRETCH, MISFIT, ComponentSize, InnovationScore, belief_words, warnings_about
 from aerobat_pin.observers import DOUBTFUL, Redundancy
 
 ScoreTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows

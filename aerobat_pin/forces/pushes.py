@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from aerobat_pin.forces.calibration_use import SURE_OF_CONTACT, Contact
 from aerobat_pin.forces.contacts import TINY, along_itself, during_contact, largest_of
-from aerobat_pin.forces.deviations import without_lag
+from aerobat_pin.forces.deviations import ComponentSize, burst_noise, without_lag
 from aerobat_pin.forces.scores import point_label, quantity
 from aerobat_pin.forces.stored_estimate import TIME_CONSTANTS_TO_SETTLE, StoredEstimate
-from aerobat_pin.forces.trust import ComponentSize, burst_noise
 from aerobat_pin.numerics import Array
 
 LASTING = 1.5  # or its rms: noise alone has one error

@@ -12,11 +12,17 @@ from numpy.typing import NDArray
 
 from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import MapError
-from aerobat_pin.forces.deviations import rows_as_components, tilt_of, with_belief_error, with_expected, with_tilt
+from aerobat_pin.forces.deviations import (
+    NOISE_STRETCH,
+    rows_as_components,
+    tilt_of,
+    with_belief_error,
+    with_expected,
+    with_tilt,
+)
 from aerobat_pin.forces.inputs import KnownInputs, inputs_of, with_zeroed_velocity
 from aerobat_pin.forces.known_forces import KnownForces
 from aerobat_pin.forces.stored_estimate import ROWS_READ, TIME_CONSTANTS_TO_SETTLE, StoredEstimate, some_intervals
-from aerobat_pin.forces.trust import NOISE_STRETCH
 from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.observers import (
     OBSERVERS,
