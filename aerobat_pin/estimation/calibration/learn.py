@@ -27,11 +27,11 @@ from aerobat_pin.estimation.calibration.error_bar import bar_words, error_bar, n
 from aerobat_pin.estimation.calibration.free_run import (
     FreeRun,
     free_runs,
+    pushed_points,
     pushes,
     unexpected,
 )
 from aerobat_pin.estimation.calibration.identify import Identified, identify
-from aerobat_pin.estimation.calibration.pushed_points import pushed_points
 from aerobat_pin.estimation.checks import efforts_and_friction, fit_findings, record_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.forces import (
