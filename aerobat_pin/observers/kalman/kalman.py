@@ -128,16 +128,9 @@ class KalmanObserver(Observer):
     ) -> None:
         """Prepare the filter; `reset` starts it."""
         super().__init__(model, applications, gain, rows)
-        self._settings = {
-            "sensor_noise": sensor_noise,
-            "force_walk": force_walk,
-            "prior": prior,
-            "known_error": known_error,
-            "mass_error": mass_error,
-            "error_time": error_time,
-            "misfit": misfit,
-            "frequency": frequency,
-        }
+        given = {"sensor_noise": sensor_noise, "force_walk": force_walk, "prior": prior, "misfit": misfit}
+        errors_given = {"known_error": known_error, "mass_error": mass_error, "error_time": error_time}
+        self._settings = {**given, **errors_given, "frequency": frequency}
         if self.gain.shape != ():
             raise ObserverError(f"gain of shape {self.gain.shape}: observer {self.name} takes one number")
         nv, scale, blocks = self._nv, self.applications.scale, 1 if frequency is None else 3
