@@ -98,7 +98,8 @@ def estimate(
     else:
         if record.robot.measures_effort:
             findings += efforts_and_friction(given, forces, as_known, findings, instants, expected, motion)
-        stored = run_observers(record, inputs, running, progress, watch, expected, model)
+        errors = None if model is None else model.deviations
+        stored = run_observers(record, inputs, running, progress, watch, expected, errors)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
         use = None if watch is None else watch.use()
