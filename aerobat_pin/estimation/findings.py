@@ -34,14 +34,8 @@ SAID_AT_MOST = 2  # pushes, or components, that a sentence names
 SOMETIMES = 0.95  # share of the time below which a component is not always seen
 ROW_TORQUE, ROW_TORQUES = "a torque that the motion does not explain", "torques that the motion does not explain"
 HARMLESS_CHECKS = (  # a warning of theirs makes no force wrong: it says what is left out, not known, or kept twice
-    "gap",
-    "time goes back",
-    "repeated stamps",
-    "duplicate file",
-    "stretch without contact",
-    "before the flight",
-    "control",
-    "calibration",
+    "gap, time goes back, repeated stamps, duplicate file, stretch without contact, before the flight, control, "
+    "calibration".split(", ")
 )
 COMPARED_WITH = {"truth": "true force", "sensor": "force sensor"}
 

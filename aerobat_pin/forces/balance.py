@@ -207,7 +207,10 @@ def balance_of(record: Record, motion: FreeMotion) -> Balance | None:
     project = np.zeros((len(instant), model.nv))
     project[:, rows] = np.concatenate([Q.T * weight for Q in beyond])
     needed = _weight_and_motion(model, motion.halfway, motion) - motion.known
-    base = _weight_and_motion(_heavier_base(model), motion.q, motion)
+    alone = model.copy()  # of which only the base link has mass: its rnea is the base's share
+    for k in range(2, model.njoints):
+        alone.inertias[k] = pin.Inertia.Zero()
+    base = _weight_and_motion(alone, motion.q, motion)
     b, heavier = (np.einsum("nv,nv->n", project, part[instant]) for part in (needed, base))
     effort, rates, bends = (part[:, at] for part in (motion.tau, motion.v, motion.a))
 
@@ -225,14 +228,6 @@ def balance_of(record: Record, motion: FreeMotion) -> Balance | None:
 def _weight_and_motion(model: pin.Model, q: Array, motion: FreeMotion) -> Array:
     data = model.createData()
     return np.array([pin.rnea(model, data, *each) for each in zip(q, motion.v, motion.a, strict=True)])
-
-
-def _heavier_base(model: pin.Model) -> pin.Model:
-    """Return a model of which only the base link has mass: its rnea is the base's share."""
-    alone = model.copy()
-    for k in range(2, model.njoints):
-        alone.inertias[k] = pin.Inertia.Zero()
-    return alone
 
 
 def _beyond_forces(record: Record, q: Array, rows: list[int], weight: Array) -> list[Array]:

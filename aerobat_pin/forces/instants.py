@@ -105,7 +105,8 @@ def looked_at(
         chosen = settled_instants(stretch.time, gain)[::every]
         table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, -a, stretch.tau))])
         parts.append(table[:, chosen])
-        ends = _beside(chosen, max(round(0.5 / share), CLEAR_OF), len(y))
+        reach = max(round(0.5 / share), CLEAR_OF)  # intervals before and after, at most to the first and the last
+        ends = np.maximum(chosen - reach, 0), np.minimum(chosen + reach, len(y) - 1)
         earlier, later = (np.stack([table[-1, at], table[0, at] + table[-1, at], table[-2, at]]) for at in ends)
         apart = step * np.maximum(ends[1] - ends[0], 1)[:, None]
         aside.append(np.stack([(later[0] - earlier[0]) / apart, *0.5 * (later[1:] + earlier[1:])]))
@@ -168,11 +169,6 @@ def seen_wrench(record: Record, instants: Instants, name: str) -> Array:
     times = (time + record.dt * np.append(-before, 1) for time in instants.time[instants.weighed])
     means = np.array([weight @ record.means(f"known.{name}", each) for each in times]) / weight.sum()
     return np.asarray(means - tare)
-
-
-def _beside(chosen: NDArray[np.intp], apart: int, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the intervals `apart` before and after some of `count`, or the first and the last."""
-    return np.maximum(chosen - apart, 0), np.minimum(chosen + apart, count - 1)
 
 
 def column_rms(values: Array) -> Array:

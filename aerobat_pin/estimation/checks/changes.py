@@ -143,7 +143,7 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
     yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1), leaves=LEFT_BY_ROBOT)
     slopes = slopes_of_need(model, instants)[:, kept]
     bends = instants.around[1, instants.weighed]
-    yield Change(_rotors, bends[:, :, None] * np.eye(len(kept)))
+    yield Change(lambda *_: [], bends[:, :, None] * np.eye(len(kept)))  # rotors are found beside the forces
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
         slope = slopes[:, :, [record.robot.v_index(joint)]]
         yield Change(partial(_zero, record.robot, joint), slope, leaves=LEFT_BY_ROBOT, large=LARGE_ZERO)
@@ -203,11 +203,6 @@ def _factor_of(size: Array) -> Array:
 
 def _exchanged(names: Sequence[str], pair: Exchange, _: Explanation, left: str) -> Sequence[Finding]:
     return [swapped(names, "efforts", pair, left)]
-
-
-def _rotors(_: Explanation, __: str) -> Sequence[Finding]:
-    """Return nothing of rotors that the robot's file lacks: they are found beside the forces."""
-    return []
 
 
 def _mounting(model: pin.Model, found: Explanation, left: str) -> Sequence[Finding] | None:

@@ -131,7 +131,8 @@ def effort_findings(
     explaining = []
     for gain, found, change, lasts in _likely(rows, without, changes):
         after = left(found)
-        findings = change.told(found, _leaves(after, share)) if lasts else []
+        leaves = f"{100.0 * after**0.5:.3g} % of what is needed, as mapped {100.0 * share**0.5:.3g} %"
+        findings = change.told(found, leaves) if lasts else []
         if findings is not None and after < change.enough(found) * share:
             explaining.append((gain, findings, change))
     by_name = {change: gain for gain, findings, change in explaining if findings}
@@ -170,10 +171,6 @@ def _as_likely(named: Sequence[Finding], likeliest: Sequence[Sequence[Finding]])
 def _in_doubt(finding: Finding) -> Finding:
     text = f"perhaps, as errors too small to name explain the efforts about as well: {finding.text}"
     return replace(finding, verdict="note", text=text)
-
-
-def _leaves(after: float, before: float) -> str:
-    return f"{100.0 * after**0.5:.3g} % of what is needed, as mapped {100.0 * before**0.5:.3g} %"
 
 
 def _in_motion(instants: Instants) -> Instants:
