@@ -43,15 +43,10 @@ STRAIGHT_LEG = 0.1  # least over largest singular value of a leg's Jacobian: bel
 
 
 def expected_of(record: Record, instants: Instants, values: FittedValues) -> Expected:
-    """Return what is expected of a record.
+    """Return what is expected of a record, by its instants and what was learnt of the rows' errors and of friction.
 
     A force is expected to be a third of the weight, or larger if that makes the record more likely. Where no row is to
     spare, nothing tells friction that nobody knows from a force: what it can explain of a row counts among its errors.
-
-    Args:
-        record: the record.
-        instants: what was looked at.
-        values: what was learnt of the rows' errors and of friction.
     """
     robot, points = record.robot, points_of(record.map)
     rows, _ = rows_of(record.map, robot, record.joints, record.channels)

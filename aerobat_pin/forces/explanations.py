@@ -93,14 +93,10 @@ def without_quarters(values: Array, quarters: range) -> Array:
 def effort_rows(
     instants: Instants, expected: Expected, driven: Sequence[int], jacobians: Array, *, forces: float
 ) -> EffortRows:
-    """Return the rows at `WEIGHED` of some instants; without forces if nothing touches the robot there.
+    """Return the rows at `WEIGHED` of some instants, of which some, `driven`, are those of driven joints.
 
-    Args:
-        instants: of the record.
-        expected: what is expected of the record.
-        driven: which of the believed rows are those of driven joints.
-        jacobians: (m, c, nv) of the forces, where the robot was as what the rows show happened.
-        forces: how many times as large as expected they may be, at no cost; 0 where nothing touches the robot.
+    The Jacobians (m, c, nv) of the forces are those where the robot was as what the rows show happened. Forces may be
+    so many times as large as expected, at no cost; 0 where nothing touches the robot.
     """
     kept, some = instants.kept, instants.weighed
     y, (coulomb, viscous, _, effort) = instants.rows[some][:, kept], instants.columns[:, some]
@@ -117,12 +113,9 @@ def effort_rows(
 
 
 def most_likely_with(rows: EffortRows, columns: Array | None = None, start: Explanation | None = None) -> Explanation:
-    """Return what is most likely if a change does h times columns (m, k, p).
+    """Return what is most likely if a change does h times columns (m, k, p), or without one.
 
-    Args:
-        rows: the rows.
-        columns: what the change does; no change when omitted.
-        start: what was most likely with another change, of whose errors it begins.
+    It begins with the errors that were most likely at the `start`, with another change.
     """
     y, x = rows.y, rows.own if columns is None else np.concatenate([rows.own, columns], axis=2)
     prior = np.concatenate([rows.prior, np.zeros(x.shape[2] - len(rows.prior))])

@@ -32,12 +32,8 @@ TESTED_PIECES, CALM = 20, 0.25  # of the rest, and the share of them that nothin
 def fitted_forces(record: Record, learnt: FittedValues | None = None) -> KnownForces:
     """Fit what the map asks for, and return all known forces of the record, whose robot then carries what was found.
 
-    Args:
-        record: the record.
-        learnt: friction, factors of efforts and the mass, if they are known; the map then fits no friction.
-
-    Raises:
-        MapError: a fit lacks what it is fitted to.
+    Where friction, factors of efforts and the mass were learnt, the map fits no friction. Raises MapError if a fit
+    lacks what it is fitted to.
     """
     forces = given_forces(record)
     coefficients, fits = _fit_thrusts(forces)

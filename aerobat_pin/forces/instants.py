@@ -75,12 +75,9 @@ def looked_at(
 ) -> Instants | None:
     """Return instants of a record, spread evenly, none of which is at a start; None if it has none.
 
-    Args:
-        record: the record.
-        inputs: function of first and last index of the common times: what an observer is given there.
-        values: what is known of the record; joints whose friction is known are not among `joints`.
-        closely: whether to look at as many intervals as friction needs.
-        between: times after the start [s] that are looked at; all when omitted.
+    `inputs` gives what an observer is given from one index of the common times to another. Joints whose friction is
+    known by the values are not among `joints`. `closely` looks at as many intervals as friction needs, `between` at
+    times after the start [s].
     """
     most, weighed = (LOOKED_AT, WEIGHED) if not closely else (CLOSELY * LOOKED_AT, CLOSELY * WEIGHED)
     stretches = [inputs(*ends) for ends in record.spread(most, *(between or ()), least=settling_intervals(record))]

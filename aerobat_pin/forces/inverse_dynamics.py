@@ -31,11 +31,7 @@ def slope_noise(noise: Array, record: Record) -> Array:
 def required_torque(record: Record, block: Block, acceleration: Array, at: slice = ALL) -> Array:
     """Return the generalised force (m, nv) that the motion needs: inertia, Coriolis and gravity (Pinocchio's rnea).
 
-    Args:
-        record: the record.
-        block: a stretch of it.
-        acceleration: (intervals, nv) of the block.
-        at: the m intervals of the block that are wanted.
+    Accelerations (intervals, nv) are those of the whole block, of which `at` are the m intervals that are wanted.
     """
     model = record.robot.model
     data, v = model.createData(), 0.5 * (block.v[1:] + block.v[:-1])

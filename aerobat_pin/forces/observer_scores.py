@@ -82,13 +82,7 @@ class ObserverScores:
     def of(
         cls, estimate: StoredEstimate, compared: Iterable[PairedEstimate] = (), use: CalibrationUse | None = None
     ) -> ObserverScores:
-        """Score an estimate.
-
-        Args:
-            estimate: the estimate.
-            compared: it beside its references.
-            use: how a calibration was used, with the contacts that were found.
-        """
+        """Score an estimate, beside its references, with the contacts that were found by use of a calibration."""
         head, identifiability, components = estimate.head, estimate.head.identifiability, estimate.component_sizes()
 
         def by_point(values: list[float | None], stated: object) -> dict[str, list[float | None]] | None:

@@ -137,12 +137,9 @@ class _Group:
 
 
 def pushes_of(estimate: StoredEstimate, start: float, contacts: Iterable[Contact] = ()) -> list[Push]:
-    """Return the force, and the moment, at each place once the estimate has risen.
+    """Return the force, and the moment, at each place once the estimate has risen, at times after the start [s].
 
-    Args:
-        estimate: an estimate.
-        start: time from which those of the pushes count [s].
-        contacts: where a calibration found some: outside of these a blow at the same place is sought.
+    Outside of contacts that a calibration found, a blow at the same place is sought.
     """
     places = dict[tuple[str, str], dict[int, str]]()
     for k, label in enumerate(estimate.head.identifiability.components):

@@ -112,13 +112,9 @@ def ignored_rows(record: Record) -> tuple[str, ...]:
 def rows_of(
     chosen: Map, robot: PlainRobot, joints: Sequence[str], channels: Collection[str]
 ) -> tuple[Rows, tuple[str, ...]]:
-    """Return the rows that are believed, and the reasons in words.
+    """Return the rows that are believed, and the reasons in words, for joints that have channels and these' keys.
 
-    Args:
-        chosen: the map.
-        robot: the robot, which may know better.
-        joints: those that have channels.
-        channels: keys of the channels that are there.
+    The robot may know better than the map.
     """
     rows = robot.rows()
     if rows is not None:
@@ -152,7 +148,7 @@ def run_observers(
     expected: Expected | None = None,
     errors: BeliefErrors | None = None,
 ) -> dict[str, StoredEstimate]:
-    """Estimate the unknown forces on all parts of a record.
+    """Return the estimate of the unknown forces on all parts of a record by each observer, by its name.
 
     Args:
         record: the record.
@@ -163,9 +159,6 @@ def run_observers(
         expected: what is expected of the forces, by which a filter that states deviations is judged, too.
         errors: by how much (m, c) errors of the belief may spoil each component, as far as a calibration knows, which
             every observer then states.
-
-    Returns:
-        Name of the observer -> estimate.
     """
     wait = max(LEAD / float(record.map.observer.gain), 0.0 if watch is None else watch.settling)
     wait = max(wait, LEAD * NOISE_STRETCH / record.rate)

@@ -69,13 +69,8 @@ def effort_findings(
 ) -> Iterator[Finding]:
     """Yield how well efforts fit the motion, and what change of the map or the robot explains what they leave.
 
-    Args:
-        record: the record.
-        inputs: what an observer is given between two indices of the common times.
-        before: what was found before; efforts are not compared with a motion that is misread.
-        instants: of the record, if it was looked at.
-        expected: what is expected of it, if that is known.
-        motion: of a free robot's record with such inputs, if something keeps it.
+    Efforts are not compared with a motion that is misread by what was found before. Instants of the record, what is
+    expected of it, and the motion of a free robot with such inputs are given if something keeps them.
     """
     misread = [each for each in before if each.warns and each.check not in HARMLESS]
     beyond = bool(misread) and all(each.check == "joint limits" and each.verdict == "warning" for each in misread)
