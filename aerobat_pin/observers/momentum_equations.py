@@ -264,17 +264,14 @@ def posterior(equations: Equations, dt: Array, J: Array, v: Array, y: Array) -> 
 
 def filter_means(equations: Equations, dt: Array, values: Array) -> Array:
     """Return values (m, n), constant over each interval dt (m,) [s], behind the filter, which begins at 0."""
-    if len(equations.basis):
-        return _filtered(equations, dt, values @ equations.basis) @ equations.basis.T
-    return _filtered(equations, dt, values)
-
-
-def _filtered(equations: Equations, dt: Array, values: Array) -> Array:
+    gains, basis = equations.gains, equations.basis
+    if len(basis):
+        return filter_means(equations._replace(basis=basis[:0]), dt, values @ basis) @ basis.T
     if equations.filter == FIRST_ORDER:
-        return _first_order(equations.gains, dt, values)
+        return _first_order(gains, dt, values)
     if equations.filter == SECOND_ORDER:
-        return _second_order(RISE * equations.gains, dt, values)
-    return _super_twisting(RISE * equations.gains, equations.slope, dt, values)
+        return _second_order(RISE * gains, dt, values)
+    return _super_twisting(RISE * gains, equations.slope, dt, values)
 
 
 def _first_order(K: Array, dt: Array, phi: Array) -> Array:

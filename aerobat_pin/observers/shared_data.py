@@ -59,7 +59,12 @@ class ObserversTogether:
         groups: dict[Callable[..., Any], list[tuple[int, Observer]]] = {}
         for k, observer in enumerate(observers):
             observer.reset(pin.neutral(self.model), np.zeros(self.model.nv))  # compiles
-            _read_from(observer, self.data)
+            observer.data = self.data
+            if isinstance(observer, KalmanObserver):
+                observer._look_at(self.data, observer._kalman.observer)
+                observer._kalman.filter.inertias[:] = inertias_at(observer.model, self.data)
+            else:
+                observer._look_at(self.data, fields_of(observer._memory, ObserverState))
             groups.setdefault(observer._compute, []).append((k, observer))
         self._groups = tuple(groups.items())
         self._levels, self.judge = np.zeros(3), 0
@@ -107,13 +112,3 @@ class ObserversTogether:
                 if observer._update(observer._memory, q, v, u, dt, out):
                     samples[k] = observer._result(out, observer._nv, observer._count)
         return samples
-
-
-def _read_from(observer: Observer, data: pin.Data) -> None:
-    """Let the kernels of an observer read Pinocchio's results in data that are not its own."""
-    observer.data = data
-    if isinstance(observer, KalmanObserver):
-        observer._look_at(data, observer._kalman.observer)
-        observer._kalman.filter.inertias[:] = inertias_at(observer.model, data)
-    else:
-        observer._look_at(data, fields_of(observer._memory, ObserverState))
