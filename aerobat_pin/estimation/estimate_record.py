@@ -10,7 +10,10 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
 from aerobat_pin.estimation.calibration.check_model import CheckedModel, check_model
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
-from aerobat_pin.estimation.checks import efforts_and_friction, record_findings, result_findings, untested_findings
+from aerobat_pin.estimation.checks.efforts import efforts_and_friction
+from aerobat_pin.estimation.checks.motion import record_findings
+from aerobat_pin.estimation.checks.result import result_findings
+from aerobat_pin.estimation.checks.untold_forces import untested_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.online import OnlineEstimator
 from aerobat_pin.estimation.result import Result

@@ -26,7 +26,9 @@ from aerobat_pin.estimation.calibration.detection import Detection, learn_detect
 from aerobat_pin.estimation.calibration.error_bar import bar_words, error_bar, noise_where_known, row_noise
 from aerobat_pin.estimation.calibration.free_run import FreeRun, free_runs, pushed_points, pushes, unexpected
 from aerobat_pin.estimation.calibration.identify import Identified, identify
-from aerobat_pin.estimation.checks import efforts_and_friction, fit_findings, record_findings
+from aerobat_pin.estimation.checks.efforts import efforts_and_friction
+from aerobat_pin.estimation.checks.motion import record_findings
+from aerobat_pin.estimation.checks.result import fit_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.forces import (
     CALIBRATION,
