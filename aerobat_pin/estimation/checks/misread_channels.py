@@ -1,4 +1,4 @@
-"""Mistakes by which a fixed robot's rows are formed anew: efforts at another time, joints that are read otherwise.
+"""What may be wrong with a fixed robot's channels: efforts at another time, joints or known forces read otherwise.
 
 How fast efforts change is what a short delay does to the rows. Where that makes them likelier, efforts are taken so
 much later. Friction, which turns with the motion, hides most of what is left of the delay; how much of it follows from
@@ -7,6 +7,9 @@ how it falls (secant method).
 Joints that a log counts from quite another zero than the robot's file, the other way, or in another order, are no
 column (`changes`) either: that changes what the motion needs and what a force does. Of those that make the rows likely,
 were forces as they are, the rows are formed anew, and the rest of a turn is found beside the forces.
+
+Of forces that the map knows it may be their factor or sign; a constant that a sensor shows; its axes, or the order of
+its columns.
 """
 
 from __future__ import annotations
@@ -19,8 +22,17 @@ from functools import cache, partial
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.checks.changes import FACTOR, LEFT_BY_CHANGE, PRICE, Change, Formed, driven_rows
-from aerobat_pin.estimation.checks.free_efforts import reversed_effort
+from aerobat_pin.estimation.checks.changes import (
+    CLEARLY,
+    FACTOR,
+    LEFT_BY_CHANGE,
+    LEFT_BY_ROBOT,
+    PRICE,
+    Change,
+    Formed,
+    driven_rows,
+)
+from aerobat_pin.estimation.checks.free_efforts import NAMED, reversed_effort
 from aerobat_pin.estimation.checks.late_efforts import SETTLED_STEP, late_finding
 from aerobat_pin.estimation.checks.readings import (
     LEFT_BY_JOINTS,
@@ -31,6 +43,7 @@ from aerobat_pin.estimation.checks.readings import (
     limb_pairs,
     possible_readings,
 )
+from aerobat_pin.estimation.checks.sensor_zeros import MISREAD_FORCE, felt_of_constant, shown_of_nothing
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     EffortRows,
@@ -41,10 +54,11 @@ from aerobat_pin.forces import (
     later_efforts,
     most_likely_with,
     screened,
+    seen_wrench,
     slopes_of_need,
 )
 from aerobat_pin.numerics import LATEST_SHIFT, SHIFT_STEPS, Array
-from aerobat_pin.records import LARGEST_DELAY, Record
+from aerobat_pin.records import LARGEST_DELAY, KnownSection, Record
 
 LEFT_BY_DELAY = 1.0 / 3.0  # of what is left, in squares: what is no delay, or another one, leaves more
 LEAST_SEEN_REST = 0.05  # share of what is left of a delay that is seen at least
@@ -54,6 +68,12 @@ LIKELIEST = 6  # of which the rows are formed anew
 REST_AT_MOST = np.radians(20.0)  # from a turn that was tried to the one that is found: within it the weight is linear
 UPRIGHT = 1e-6  # of the largest change of what is needed: an upright first axis, whose zero nothing shows
 SMALLEST_TURN = 0.5 * TURNS_TRIED[0]  # that is said; a column says what smaller ones do
+COLUMN_ORDERS = [  # of three columns, each with either sign, the fewest signs first; not as mapped, nor all reversed
+    np.array(order) * np.array(signs)[:, None]
+    for signs in sorted(itertools.product((1.0, -1.0), repeat=3), key=sum, reverse=True)
+    for order in itertools.permutations(np.eye(3))
+    if not np.array_equal(np.array(order) * np.array(signs)[:, None], signs[0] * np.eye(3))
+]
 
 
 def change_of_time(
@@ -206,3 +226,66 @@ def _anew(
         return as_mapped(), rows, None
     slopes = slopes_of_need(record.robot.model, instants)
     return as_mapped(), rows, slopes[:, instants.kept][:, :, [record.robot.v_index(record.driven[changed[0]])]]
+
+
+def changes_of_known(record: Record, instants: Instants, rows: EffortRows, without: Explanation) -> Iterator[Change]:
+    """Yield another factor of each known force, a constant that its sensor shows of nothing, and its other axes."""
+    kept, some = instants.kept, instants.weighed
+    for name, section in record.map.known.items():
+        yield Change(
+            partial(_known_factor, name), instants.known[name][some][:, kept, None], doubt=FACTOR, leaves=LEFT_BY_ROBOT
+        )
+        felt = felt_of_constant(record, section, instants.q[some])
+        if felt is not None:
+            yield Change(partial(_shown_of_nothing, record, name), felt[:, kept], leaves=LEFT_BY_ROBOT)
+        yield from _changes_of_axes(record, instants, rows, without, name, section)
+
+
+def _changes_of_axes(
+    record: Record, instants: Instants, rows: EffortRows, without: Explanation, name: str, section: KnownSection
+) -> Iterator[Change]:
+    """Yield the other axes of a known wrench, and the likeliest order of its forces, of its moments, and of both."""
+    q = instants.past[0][instants.weighed]
+    other = section.model_copy(update={"axes": "world" if section.axes == "frame" else "frame"})
+    felt, turned = (felt_of_constant(record, each, q) for each in (section, other))
+    if felt is None or turned is None:
+        return
+    felt, turned = felt[:, instants.kept], turned[:, instants.kept]
+    wrench = seen_wrench(record, instants, name)
+    shift = np.einsum("mkp,mp->mk", turned - felt, wrench)
+    yield Change(partial(_in_axes, name, other.axes), shift=shift, doubt=FACTOR, leaves=LEFT_BY_CHANGE)
+    parts = [slice(first, first + 3) for first in range(0, felt.shape[2], 3)]
+    each = [
+        [np.einsum("mki,ij,mj->mk", felt[:, :, part], M - np.eye(3), wrench[:, part]) for M in COLUMN_ORDERS]
+        for part in parts
+    ]
+    both = [("forces and moments", np.sum(each, axis=0))] * (len(each) - 1)
+    for what, shifts in [*both, *zip(("forces", "moments"), each, strict=False)]:
+        best = int(np.argmax(screened(rows, without, [], list(shifts))))
+        told = partial(_in_order, name, what, COLUMN_ORDERS[best])
+        yield Change(told, shift=shifts[best], doubt=FACTOR + PRICE, leaves=LEFT_BY_CHANGE)
+
+
+def _in_axes(name: str, axes: str, _: Explanation, left: str) -> Sequence[Finding]:
+    what = f'known.{name} in axes = "{axes}" leaves {left}: known.{name}.axes'
+    return [Finding(MISREAD_FORCE, "warning", what)]
+
+
+def _in_order(name: str, part: str, order: Array, _: Explanation, left: str) -> Sequence[Finding]:
+    words = ", ".join("-" * int(row.min() < 0.0) + "xyz"[int(np.argmax(np.abs(row)))] for row in order)
+    what = f"known.{name} with {part} ({words}) in place of (x, y, z) leaves {left}: known.{name}.columns"
+    return [Finding(MISREAD_FORCE, "warning", what)]
+
+
+def _known_factor(name: str, found: Explanation, left: str) -> Sequence[Finding]:
+    factor, clearly = 1.0 + float(found.size[0]), CLEARLY * float(found.deviation[0]) * found.independent**-0.5
+    if abs(factor - 1.0) < max(NAMED, clearly):
+        return []
+    what = (
+        f"known.{name} would have to be {factor:.3g} times as large, which leaves {left}: its unit, sign, axes or frame"
+    )
+    return [Finding(MISREAD_FORCE, "warning", what, factor, "1")]
+
+
+def _shown_of_nothing(record: Record, name: str, found: Explanation, left: str) -> Sequence[Finding]:
+    return shown_of_nothing(record, name, -found.size, left)
