@@ -138,7 +138,7 @@ MUTANTS = (
            "(1.0 + 1j * self._crank_rate * believed.lag)", "tests/control/test_law.py"),
     Mutant("swing not in the reference", "control/law.py", "    add_waves(law.swing, crank_angle, reference)\n", "",
            "tests/control/test_law.py"),
-    Mutant("a row to spare tests every component", "forces/row_geometry.py",
+    Mutant("a row to spare tests every component", "forces/row_errors.py",
            'np.einsum("mic,mi->c", shares, spare) / len(J)', "np.full(J.shape[1], spare.mean())",
            "tests/estimation/test_no_row_to_spare.py"),
     Mutant("a world whose z points down keeps it", "estimation/checks/known_against_motion.py",

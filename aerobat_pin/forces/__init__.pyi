@@ -110,9 +110,10 @@ from .pushes import Push as Push
 from .pushes import contact_push as contact_push
 from .pushes import place_of as place_of
 from .pushes import pushes_of as pushes_of
-from .row_geometry import RowGeometry as RowGeometry
-from .row_geometry import checked_share as checked_share
-from .row_geometry import spare_share as spare_share
+from .row_errors import RowGeometry as RowGeometry
+from .row_errors import checked_share as checked_share
+from .row_errors import shared_error as shared_error
+from .row_errors import spare_share as spare_share
 from .run_observers import LEAST_EXPECTED as LEAST_EXPECTED
 from .run_observers import blocks_of as blocks_of
 from .run_observers import built_observers as built_observers
@@ -134,7 +135,6 @@ from .scores import point_label as point_label
 from .scores import quantity as quantity
 from .scores import r_squared as r_squared
 from .scores import short_label as short_label
-from .shared_error import shared_error as shared_error
 from .stored_estimate import ROWS_READ as ROWS_READ
 from .stored_estimate import TIME_CONSTANTS_TO_SETTLE as TIME_CONSTANTS_TO_SETTLE
 from .stored_estimate import StoredEstimate as StoredEstimate

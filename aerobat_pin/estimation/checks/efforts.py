@@ -20,8 +20,8 @@ from aerobat_pin.estimation.checks.changes import (
     driven_rows,
     sliding_rows,
 )
-from aerobat_pin.estimation.checks.misread_channels import change_of_time, changes_of_known, changes_of_reading
 from aerobat_pin.estimation.checks.free_efforts import GOOD, UNEXPLAINED, left_unexplained, of_free
+from aerobat_pin.estimation.checks.misread_channels import change_of_time, changes_of_known, changes_of_reading
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     EffortRows,
