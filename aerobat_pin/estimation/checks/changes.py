@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.free_efforts import NAMED, no_effort, of_all, reversed_effort, wrong_effort
 from aerobat_pin.estimation.checks.readings import joint_pairs, limb_pairs, swapped
-from aerobat_pin.estimation.checks.sensor_zeros import LEAST_MOMENT
+from aerobat_pin.estimation.checks.sensor_faults import LEAST_MOMENT
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     QUARTERS,

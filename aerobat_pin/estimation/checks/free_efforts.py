@@ -19,7 +19,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.late_efforts import late_efforts
 from aerobat_pin.estimation.checks.readings import (
     LEFT_BY_JOINTS,
     JointReading,
@@ -29,7 +28,7 @@ from aerobat_pin.estimation.checks.readings import (
     reading_of,
     swapped,
 )
-from aerobat_pin.estimation.checks.sensor_zeros import zeros_of_free
+from aerobat_pin.estimation.checks.sensor_faults import late_efforts, zeros_of_free
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import Balance, FreeMotion, balance_of
 from aerobat_pin.numerics import Array

@@ -33,7 +33,6 @@ from aerobat_pin.estimation.checks.changes import (
     driven_rows,
 )
 from aerobat_pin.estimation.checks.free_efforts import NAMED, reversed_effort
-from aerobat_pin.estimation.checks.late_efforts import SETTLED_STEP, late_finding
 from aerobat_pin.estimation.checks.readings import (
     LEFT_BY_JOINTS,
     QUARTER,
@@ -43,7 +42,13 @@ from aerobat_pin.estimation.checks.readings import (
     limb_pairs,
     possible_readings,
 )
-from aerobat_pin.estimation.checks.sensor_zeros import MISREAD_FORCE, felt_of_constant, shown_of_nothing
+from aerobat_pin.estimation.checks.sensor_faults import (
+    MISREAD_FORCE,
+    SETTLED_STEP,
+    felt_of_constant,
+    late_finding,
+    shown_of_nothing,
+)
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     EffortRows,
