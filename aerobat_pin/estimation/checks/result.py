@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS
+from aerobat_pin.estimation.checks.agreement import CONFUSED, FOLLOWS
 from aerobat_pin.estimation.checks.known_against_motion import OTHER_AXES, known_findings, thrust_order_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
 from aerobat_pin.estimation.checks.untold_forces import elsewhere_findings
