@@ -28,14 +28,8 @@ NO_ESTIMATE, STREAM_START, INTERVAL, REZEROED = range(4)
 # Channels by what they are: rows of `Rings.slot`.
 ANGLE, RATE, EFFORT_RING, PLACE_RING, TURN_RING, SPEED, GYRO_RING, FORCE = range(8)
 STREAM_KEYS = (
-    "joints.position",
-    "joints.velocity",
-    "joints.effort",
-    "base.position",
-    "base.quaternion",
-    "base.velocity",
-    "base.rate",
-    "base.acceleration",
+    *(f"joints.{part}" for part in ("position", "velocity", "effort")),
+    *(f"base.{part}" for part in ("position", "quaternion", "velocity", "rate", "acceleration")),
 )
 # Cells of `Rings.now` [s], and then the velocity u of the accelerometer (3,) [m/s] in world axes.
 LAST, LAST_SEEN, CLOCK_ORIGIN, INDEX, BEGAN, ZERO, BROKEN, DT, COUNT, U = range(10)
