@@ -82,9 +82,10 @@ def verdict_of(
     findings: Iterable[Finding],
     model: ModelCheck | None,
 ) -> str:
-    """Return the sentence about an observer, which counts from a start [s]; its scores compare it with a kind.
+    """Return the sentence about what an observer estimated, by its scores; times count from a start [s].
 
-    That is `truth` or `sensor`, or empty. `model` says whether the belief is still that of its calibration, if any.
+    `kind` is what the scores compare it with, `truth`, `sensor` or nothing; `model` says whether the belief is still
+    that of its calibration, if there is one.
     """
     head, contacts = estimate.head, scores.events or ()
     sought = scores.events is not None and (head.are_world_forces or not head.frames)

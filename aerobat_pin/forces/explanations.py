@@ -95,8 +95,8 @@ def effort_rows(
 ) -> EffortRows:
     """Return the rows at `WEIGHED` of some instants, of which some, `driven`, are those of driven joints.
 
-    The Jacobians (m, c, nv) of the forces are those where the robot was as what the rows show happened. Forces may be
-    so many times as large as expected, at no cost; 0 where nothing touches the robot.
+    The Jacobians (m, c, nv) of the forces are those where the robot was as what the rows show happened. These may be
+    `forces` times as large as expected, at no cost; 0 times where nothing touches the robot.
     """
     kept, some = instants.kept, instants.weighed
     y, (coulomb, viscous, _, effort) = instants.rows[some][:, kept], instants.columns[:, some]

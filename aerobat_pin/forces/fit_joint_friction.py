@@ -53,8 +53,8 @@ def fit_gains(
 ) -> tuple[KnownForces, dict[str, float], dict[str, str]]:
     """Fit factors of the efforts and errors of the links, if the map asks for factors, and what it seeks of a payload.
 
-    From and to [s] after the start, where nothing else touches the robot, or a sensor says what does. Coulomb friction
-    sets in at the rate.
+    `fit` is from and to [s] after the start, where nothing else touches the robot, or a sensor says what does. Coulomb
+    friction sets in at the rate.
 
     Returns:
         Known forces, whose record's robot has corrected links and carries what was sought; joint -> deviation of the

@@ -112,9 +112,9 @@ def ignored_rows(record: Record) -> tuple[str, ...]:
 def rows_of(
     chosen: Map, robot: PlainRobot, joints: Sequence[str], channels: Collection[str]
 ) -> tuple[Rows, tuple[str, ...]]:
-    """Return the rows that are believed, and the reasons in words, for joints that have channels and these' keys.
+    """Return the rows that are believed, and the reasons in words.
 
-    The robot may know better than the map.
+    The robot may know better than the map. `joints` are those that have channels, `channels` the keys that are there.
     """
     rows = robot.rows()
     if rows is not None:
