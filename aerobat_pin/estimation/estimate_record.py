@@ -10,7 +10,10 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.estimation.calibration.calibration import Calibration, CalibrationWatch
 from aerobat_pin.estimation.calibration.check_model import CheckedModel, check_model
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
-from aerobat_pin.estimation.checks import efforts_and_friction, record_findings, result_findings, untested_findings
+from aerobat_pin.estimation.checks.efforts import efforts_and_friction
+from aerobat_pin.estimation.checks.motion import record_findings
+from aerobat_pin.estimation.checks.result import result_findings
+from aerobat_pin.estimation.checks.untold_forces import untested_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.estimation.online import OnlineEstimator
 from aerobat_pin.estimation.result import Result
@@ -98,7 +101,8 @@ def estimate(
     else:
         if record.robot.measures_effort:
             findings += efforts_and_friction(given, forces, as_known, findings, instants, expected, motion)
-        stored = run_observers(record, inputs, running, progress, watch, expected, model)
+        errors = None if model is None else model.deviations
+        stored = run_observers(record, inputs, running, progress, watch, expected, errors)
         first, last = record.parts[0]
         sources = inputs(first, last if record.robot.remembers else first + 1).source
         use = None if watch is None else watch.use()

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.estimation.verdict import verdict_of
+from aerobat_pin.estimation.findings import Finding, verdict_of
 from aerobat_pin.forces import (
     CalibrationUse,
     KnownForces,

@@ -28,14 +28,8 @@ NO_ESTIMATE, STREAM_START, INTERVAL, REZEROED = range(4)
 # Channels by what they are: rows of `Rings.slot`.
 ANGLE, RATE, EFFORT_RING, PLACE_RING, TURN_RING, SPEED, GYRO_RING, FORCE = range(8)
 STREAM_KEYS = (
-    "joints.position",
-    "joints.velocity",
-    "joints.effort",
-    "base.position",
-    "base.quaternion",
-    "base.velocity",
-    "base.rate",
-    "base.acceleration",
+    *(f"joints.{part}" for part in ("position", "velocity", "effort")),
+    *(f"base.{part}" for part in ("position", "quaternion", "velocity", "rate", "acceleration")),
 )
 # Cells of `Rings.now` [s], and then the velocity u of the accelerometer (3,) [m/s] in world axes.
 LAST, LAST_SEEN, CLOCK_ORIGIN, INDEX, BEGAN, ZERO, BROKEN, DT, COUNT, U = range(10)
@@ -95,18 +89,9 @@ def new_rings(
     values: FittedValues,
     wait: float,
 ) -> Array:
-    """Return the state of a stream without samples.
+    """Return the state of a stream without samples, for joints in the order of their columns.
 
-    Args:
-        chosen: the map.
-        robot: its robot.
-        joints: joints that have channels, in the order of their columns.
-        requests: what the map asks of the channels.
-        values: friction of joints, and factors of their efforts.
-        wait: by how much samples may arrive late [s].
-
-    Raises:
-        MapError: the wait is below 0, or too long.
+    Samples may arrive late by the wait [s]. Raises MapError if it is below 0, or too long.
     """
     if not 0.0 <= wait < CLOCK_JUMP:
         raise MapError(f"online: wait = {wait}: at least 0 s and less than {CLOCK_JUMP:g} s was expected")

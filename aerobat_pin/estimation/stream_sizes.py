@@ -38,13 +38,8 @@ class StreamSizes:
 
     Errors are in proportion to the efforts. Where friction is not known, they contain what friction can explain: a
     stream does not take it off, as a push that lasts looks like it until the joint turns back. Joints that have not
-    slid yet are taken to rub as the others.
-
-    Args:
-        chosen: the map.
-        robot: the robot.
-        rows: that are believed.
-        values: friction and errors of rows that are known.
+    slid yet are taken to rub as the others. `rows` are those that are believed, `values` what is known of friction and
+    of errors of rows.
     """
 
     def __init__(self, chosen: Map, robot: PlainRobot, rows: Rows, values: FittedValues) -> None:

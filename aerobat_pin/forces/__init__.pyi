@@ -25,8 +25,13 @@ from .contacts import largest_of as largest_of
 from .contacts import stances_on_ground as stances_on_ground
 from .contacts import walks_on as walks_on
 from .deviations import LAGS as LAGS
+from .deviations import MISFIT as MISFIT
 from .deviations import RECENT as RECENT
+from .deviations import ComponentSize as ComponentSize
+from .deviations import InnovationScore as InnovationScore
 from .deviations import add_lag_of_filter as add_lag_of_filter
+from .deviations import belief_words as belief_words
+from .deviations import burst_noise as burst_noise
 from .deviations import raise_to_noise as raise_to_noise
 from .deviations import tilt_of as tilt_of
 from .deviations import with_tilt as with_tilt
@@ -52,7 +57,6 @@ from .fit_beside_forces import knows_friction as knows_friction
 from .fit_beside_forces import most_likely as most_likely
 from .fit_known_forces import fitted_forces as fitted_forces
 from .fit_known_forces import given_forces as given_forces
-from .fit_learnt_error import fit_learnt_error as fit_learnt_error
 from .gain_regression import MOST_FITTED as MOST_FITTED
 from .gain_regression import fits_to_sensor as fits_to_sensor
 from .inputs import KnownInputs as KnownInputs
@@ -84,6 +88,7 @@ from .known_forces import unit_direction as unit_direction
 from .learnt_error import DAILY as DAILY
 from .learnt_error import LearntError as LearntError
 from .learnt_error import alone as alone
+from .learnt_error import fit_learnt_error as fit_learnt_error
 from .learnt_error import shares as shares
 from .learnt_error import weight_count as weight_count
 from .map_fits import fit_notes as fit_notes
@@ -105,9 +110,10 @@ from .pushes import Push as Push
 from .pushes import contact_push as contact_push
 from .pushes import place_of as place_of
 from .pushes import pushes_of as pushes_of
-from .row_geometry import RowGeometry as RowGeometry
-from .row_geometry import checked_share as checked_share
-from .row_geometry import spare_share as spare_share
+from .row_errors import RowGeometry as RowGeometry
+from .row_errors import checked_share as checked_share
+from .row_errors import shared_error as shared_error
+from .row_errors import spare_share as spare_share
 from .run_observers import LEAST_EXPECTED as LEAST_EXPECTED
 from .run_observers import blocks_of as blocks_of
 from .run_observers import built_observers as built_observers
@@ -129,12 +135,6 @@ from .scores import point_label as point_label
 from .scores import quantity as quantity
 from .scores import r_squared as r_squared
 from .scores import short_label as short_label
-from .shared_error import shared_error as shared_error
 from .stored_estimate import ROWS_READ as ROWS_READ
 from .stored_estimate import TIME_CONSTANTS_TO_SETTLE as TIME_CONSTANTS_TO_SETTLE
 from .stored_estimate import StoredEstimate as StoredEstimate
-from .trust import MISFIT as MISFIT
-from .trust import ComponentSize as ComponentSize
-from .trust import InnovationScore as InnovationScore
-from .trust import belief_words as belief_words
-from .trust import burst_noise as burst_noise

@@ -23,21 +23,13 @@ FORGOTTEN = 7.0  # periods of the filter after which e^-30 of a value is left: e
 
 @dataclass(frozen=True, eq=False)
 class PairedEstimate:
-    """An estimate and its reference at the same intervals, behind the same filter if the reference has one.
+    """An estimate and its reference at the same intervals, behind the same filter if the reference has one."""
 
-    Attributes:
-        reference: what it is compared with.
-        start: (m,) starts of the intervals [s].
-        estimate: (m, k) estimated components, in the order of the reference's labels.
-        dt: typical length of an interval [s].
-        shown: (m, k) 1 where a component is seen, else 0; None if no force was expected.
-    """
-
-    reference: Reference
-    start: Series
-    estimate: Series
-    dt: float
-    shown: Series | None = None
+    reference: Reference  # what it is compared with
+    start: Series  # (m,) starts of the intervals [s]
+    estimate: Series  # (m, k) estimated components, in the order of the reference's labels
+    dt: float  # typical length of an interval [s]
+    shown: Series | None = None  # (m, k) 1 where a component is seen, else 0; None if no force was expected
 
     @classmethod
     def of(cls, estimate: StoredEstimate, reference: Reference, dt: float) -> PairedEstimate | None:

@@ -16,11 +16,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from aerobat_pin.forces.deviations import sample_noise
 from aerobat_pin.forces.inputs import KnownInputs
 from aerobat_pin.forces.instants import column_rms
 from aerobat_pin.forces.inverse_dynamics import accelerations, halfway, slope_noise
 from aerobat_pin.forces.run_observers import ignored_rows, points_of
-from aerobat_pin.forces.trust import sample_noise
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MOMENT_ARM, SMOOTH_RATE, AllBut, Applications
 from aerobat_pin.records import Block, Record
@@ -39,33 +39,19 @@ MotionOf = Callable[[InputsBetween], "FreeMotion | None"]  # of a record with su
 
 @dataclass(frozen=True)
 class Balance:
-    """The projected equations at some instants: `needed` (n,) = sum of `reach` times efforts - `base` d.
+    """The projected equations at some instants: `needed` (n,) = sum of `reach` times efforts - `base` d."""
 
-    Attributes:
-        needed: (n,) what motion and weight need.
-        reach: (n, joints) what an effort of 1 N m or N of each joint gives.
-        base: (n,) what the mass of the base link needs.
-        project: (n, nv) what a generalised force gives.
-        at: (n,) the instant of each equation.
-        effort: (instants, joints) efforts [N m, N].
-        v: (instants, joints) rates.
-        a: (instants, joints) accelerations.
-        span: time that the instants cover [s].
-        later: time [s] -> (instants, joints) what the efforts are so much later [N m, N].
-        shaken: () -> sum of squares of what noise of the motion makes of what is needed.
-    """
-
-    needed: Array
-    reach: Array
-    base: Array
-    project: Array
-    at: NDArray[np.intp]
-    effort: Array
-    v: Array
-    a: Array
-    span: float
-    later: Callable[[float], Array]
-    shaken: Callable[[], float]
+    needed: Array  # (n,) what motion and weight need
+    reach: Array  # (n, joints) what an effort of 1 N m or N of each joint gives
+    base: Array  # (n,) what the mass of the base link needs
+    project: Array  # (n, nv) what a generalised force gives
+    at: NDArray[np.intp]  # (n,) the instant of each equation
+    effort: Array  # (instants, joints) efforts [N m, N]
+    v: Array  # (instants, joints) rates
+    a: Array  # (instants, joints) accelerations
+    span: float  # time that the instants cover [s]
+    later: Callable[[float], Array]  # time [s] -> (instants, joints) what the efforts are so much later [N m, N]
+    shaken: Callable[[], float]  # () -> sum of squares of what noise of the motion makes of what is needed
 
     def between(self, first: int, last: int) -> Balance:
         """Return the equations of the instants from one to before another."""
@@ -147,29 +133,17 @@ class Balance:
 
 @dataclass(frozen=True)
 class FreeMotion:
-    """A free robot's motion at m instants.
+    """A free robot's motion at m instants."""
 
-    Attributes:
-        q: (m, nq) at the start of an interval; placement of the base and joint positions [m, rad].
-        halfway: (m, nq) in its middle.
-        v: (m, nv) mean velocities, the base's twist in its own axes [m/s, rad/s].
-        a: (m, nv) their rates [m/s2, rad/s2].
-        tau: (m, nv) mean efforts [N, N m].
-        known: (m, nv) generalised forces that are known [N, N m].
-        span: time that the instants cover [s].
-        later: time [s] -> (m, joints) what the efforts are so much later [N m, N].
-        noise: (nv,) standard deviation of what changes in a from sample to sample [m/s2, rad/s2].
-    """
-
-    q: Array
-    halfway: Array
-    v: Array
-    a: Array
-    tau: Array
-    known: Array
-    span: float
-    later: Callable[[float], Array]
-    noise: Array
+    q: Array  # (m, nq) at the start of an interval; placement of the base and joint positions [m, rad]
+    halfway: Array  # (m, nq) in its middle
+    v: Array  # (m, nv) mean velocities, the base's twist in its own axes [m/s, rad/s]
+    a: Array  # (m, nv) their rates [m/s2, rad/s2]
+    tau: Array  # (m, nv) mean efforts [N, N m]
+    known: Array  # (m, nv) generalised forces that are known [N, N m]
+    span: float  # time that the instants cover [s]
+    later: Callable[[float], Array]  # time [s] -> (m, joints) what the efforts are so much later [N m, N]
+    noise: Array  # (nv,) standard deviation of what changes in a from sample to sample [m/s2, rad/s2]
 
     def every(self, step: int) -> FreeMotion:
         """Return one of so many instants."""
@@ -233,7 +207,10 @@ def balance_of(record: Record, motion: FreeMotion) -> Balance | None:
     project = np.zeros((len(instant), model.nv))
     project[:, rows] = np.concatenate([Q.T * weight for Q in beyond])
     needed = _weight_and_motion(model, motion.halfway, motion) - motion.known
-    base = _weight_and_motion(_heavier_base(model), motion.q, motion)
+    alone = model.copy()  # of which only the base link has mass: its rnea is the base's share
+    for k in range(2, model.njoints):
+        alone.inertias[k] = pin.Inertia.Zero()
+    base = _weight_and_motion(alone, motion.q, motion)
     b, heavier = (np.einsum("nv,nv->n", project, part[instant]) for part in (needed, base))
     effort, rates, bends = (part[:, at] for part in (motion.tau, motion.v, motion.a))
 
@@ -251,14 +228,6 @@ def balance_of(record: Record, motion: FreeMotion) -> Balance | None:
 def _weight_and_motion(model: pin.Model, q: Array, motion: FreeMotion) -> Array:
     data = model.createData()
     return np.array([pin.rnea(model, data, *each) for each in zip(q, motion.v, motion.a, strict=True)])
-
-
-def _heavier_base(model: pin.Model) -> pin.Model:
-    """Return a model of which only the base link has mass: its rnea is the base's share."""
-    alone = model.copy()
-    for k in range(2, model.njoints):
-        alone.inertias[k] = pin.Inertia.Zero()
-    return alone
 
 
 def _beyond_forces(record: Record, q: Array, rows: list[int], weight: Array) -> list[Array]:

@@ -43,15 +43,10 @@ STRAIGHT_LEG = 0.1  # least over largest singular value of a leg's Jacobian: bel
 
 
 def expected_of(record: Record, instants: Instants, values: FittedValues) -> Expected:
-    """Return what is expected of a record.
+    """Return what is expected of a record, by its instants and what was learnt of the rows' errors and of friction.
 
     A force is expected to be a third of the weight, or larger if that makes the record more likely. Where no row is to
     spare, nothing tells friction that nobody knows from a force: what it can explain of a row counts among its errors.
-
-    Args:
-        record: the record.
-        instants: what was looked at.
-        values: what was learnt of the rows' errors and of friction.
     """
     robot, points = record.robot, points_of(record.map)
     rows, _ = rows_of(record.map, robot, record.joints, record.channels)
@@ -142,13 +137,9 @@ def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Ar
 
     A foot is in the air where its own joints say that it carries nothing: it is then free of unknown forces. A point
     that never holds up the robot is no foot: a hand may be pushed by less than what counts as nothing at a foot. And a
-    straight leg does not show what it carries.
-
-    Args:
-        rows: (m, nv) generalised forces behind the observer's low-pass.
-        jacobians: (m, c, nv) of the forces on the feet, three components each.
-        weight: of the robot [N]; a foot with less than `END_SHARE` of it is in the air. What it seems to carry then is
-            the median there [N]: noise, friction, and what it carries just before it lands.
+    straight leg does not show what it carries. A foot with less than `END_SHARE` of the weight [N] is in the air; what
+    it seems to carry then is the median there [N]: noise, friction, and what it carries just before it lands. Rows
+    (m, nv) are behind the observer's low-pass; Jacobians (m, c, nv) have three components for each foot.
     """
     moved = np.any(jacobians != 0.0, axis=0).reshape(-1, 3, rows.shape[1]).any(axis=1)  # which foot, by which row
     legs = moved & (moved.sum(axis=0) == 1)

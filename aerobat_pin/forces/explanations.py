@@ -7,6 +7,10 @@ that stiction or a sensor may hold, H h what a change does. Its columns follow f
 efforts: noise of a regressor would make its factor too small. R is scaled row by row as makes y most likely (MacKay
 1992: squared errors over the share of them that no force takes up), with the change and without it; what that gains
 counts for as many instants as are independent.
+
+Where b was found and c is true, the rows are wrong by X (c - b), and the most likely forces, f = G (y - X b) with
+G = P J R^-1 (`momentum_equations.posterior`), by G X (c - b). With C the covariance of b, the diagonal of X C X^T
+belongs to the variance R of the rows, and P then contains the projected error, in records and streams alike.
 """
 
 from __future__ import annotations
@@ -16,8 +20,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from aerobat_pin.forces.coefficient_errors import independent
 from aerobat_pin.forces.expected_of_record import SLIDES_AT
 from aerobat_pin.forces.instants import Instants, column_rms
 from aerobat_pin.numerics import Array
@@ -31,34 +35,24 @@ SMALLEST_SIZE = 1e-4  # of what is expected of a row's squared errors: none has 
 LEAST_FELT = 1e-12  # of what rows expect, squared: what h = 1 does less to them is rounding, and h stays 0
 QUARTERS = 4  # of a record
 RANK_OF_ROWS = 1e-12  # of the largest eigenvalue: what no row shows is 0
+FEWEST_INDEPENDENT = 3.0  # instants that count at least: Student's distribution of fewer has no variance
 
 
 @dataclass(frozen=True)
 class EffortRows:
-    """Rows of a record at some instants.
+    """Rows of a record at some instants."""
 
-    Attributes:
-        y: (m, k) rows [N, N m].
-        effort: (m, k) efforts.
-        needed: (m, k) what motion and weight need, but for what the forces give; just before and after, as noise that a
-            regressor shares with y would pass for a factor.
-        rates: (m, k) how fast the efforts change [N/s, N m/s].
-        forces: (m, c, k) S J, of forces of the size expected, or so many times that.
-        own: (m, k, p) friction and constants of the driven joints' rows.
-        prior: (p,) B^-2.
-        variance: (m, k) what is expected of R.
-        driven: the rows of driven joints.
-    """
-
-    y: Array
-    effort: Array
+    y: Array  # (m, k) rows [N, N m]
+    effort: Array  # (m, k) efforts
+    # (m, k) what motion and weight need, but for what the forces give; just before and after, as noise that a regressor
+    # shares with y would pass for a factor
     needed: Array
-    rates: Array
-    forces: Array
-    own: Array
-    prior: Array
-    variance: Array
-    driven: Sequence[int]
+    rates: Array  # (m, k) how fast the efforts change [N/s, N m/s]
+    forces: Array  # (m, c, k) S J, of forces of the size expected, or so many times that
+    own: Array  # (m, k, p) friction and constants of the driven joints' rows
+    prior: Array  # (p,) B^-2
+    variance: Array  # (m, k) what is expected of R
+    driven: Sequence[int]  # the rows of driven joints
 
     def but(self, quarters: range) -> EffortRows:
         """Return the rows without some quarters of the record."""
@@ -74,25 +68,15 @@ class EffortRows:
 
 @dataclass(frozen=True)
 class Explanation:
-    """What is most likely with a change.
+    """What is most likely with a change."""
 
-    Attributes:
-        loss: minus the logarithm of the likelihood, but for a constant.
-        size: (p,) h.
-        deviation: (p,) its standard deviation, if all instants were independent.
-        errors: (m, k) e.
-        around: (m, k) what the mean force of the instants before and after does, whose noise is not that of this one.
-        precision: (m, k, k) inverse of the covariance of the rows.
-        row_size: (k,) of R over what is expected.
-    """
-
-    loss: float
-    size: Array
-    deviation: Array
-    errors: Array
-    around: Array
-    precision: Array
-    row_size: Array
+    loss: float  # minus the logarithm of the likelihood, but for a constant
+    size: Array  # (p,) h
+    deviation: Array  # (p,) its standard deviation, if all instants were independent
+    errors: Array  # (m, k) e
+    around: Array  # (m, k) what the mean force of the instants beside it does, whose noise is not that of this one
+    precision: Array  # (m, k, k) inverse of the covariance of the rows
+    row_size: Array  # (k,) of R over what is expected
 
     @property
     def independent(self) -> float:
@@ -109,14 +93,10 @@ def without_quarters(values: Array, quarters: range) -> Array:
 def effort_rows(
     instants: Instants, expected: Expected, driven: Sequence[int], jacobians: Array, *, forces: float
 ) -> EffortRows:
-    """Return the rows at `WEIGHED` of some instants; without forces if nothing touches the robot there.
+    """Return the rows at `WEIGHED` of some instants, of which some, `driven`, are those of driven joints.
 
-    Args:
-        instants: of the record.
-        expected: what is expected of the record.
-        driven: which of the believed rows are those of driven joints.
-        jacobians: (m, c, nv) of the forces, where the robot was as what the rows show happened.
-        forces: how many times as large as expected they may be, at no cost; 0 where nothing touches the robot.
+    The Jacobians (m, c, nv) of the forces are those where the robot was as what the rows show happened. These may be
+    `forces` times as large as expected, at no cost; 0 times where nothing touches the robot.
     """
     kept, some = instants.kept, instants.weighed
     y, (coulomb, viscous, _, effort) = instants.rows[some][:, kept], instants.columns[:, some]
@@ -133,12 +113,9 @@ def effort_rows(
 
 
 def most_likely_with(rows: EffortRows, columns: Array | None = None, start: Explanation | None = None) -> Explanation:
-    """Return what is most likely if a change does h times columns (m, k, p).
+    """Return what is most likely if a change does h times columns (m, k, p), or without one.
 
-    Args:
-        rows: the rows.
-        columns: what the change does; no change when omitted.
-        start: what was most likely with another change, of whose errors it begins.
+    It begins with the errors that were most likely at the `start`, with another change.
     """
     y, x = rows.y, rows.own if columns is None else np.concatenate([rows.own, columns], axis=2)
     prior = np.concatenate([rows.prior, np.zeros(x.shape[2] - len(rows.prior))])
@@ -194,3 +171,41 @@ def _inverse_of_shown(normal: Array) -> Array:
     values, vectors = np.linalg.eigh(normal)
     shown = values > RANK_OF_ROWS * values[-1]
     return np.asarray((vectors[:, shown] / values[shown]) @ vectors[:, shown].T)
+
+
+def coefficient_covariance(normal: Array, scores: Array, prior: Array, free: NDArray[np.bool_]) -> Array:
+    """Return the covariance C (p, p) of coefficients by bounded least squares; 0 for those that are at their bounds.
+
+    With the others F the equations are N_FF b = t, so their errors are N_FF^-1 times the sum of the scores less what is
+    expected of b,
+
+        C_FF = N_FF^-1 (D sum(s s^T) D + B^-2) N_FF^-1,    s = X^T W (y - X b),    D^2 = m / independent(s)
+
+    whatever the errors' distribution is (Huber 1967), and if they last, too (Newey and West 1987). N (p, p) is
+    `normal`, sum(X^T W X) + B^-2 of weights W, s `scores` (m, p) of each instant, and B^-2 has the diagonal `prior`
+    (p,): what was known before, 0 for nothing.
+    """
+    slow = np.sqrt(len(scores) / np.maximum(independent(scores), FEWEST_INDEPENDENT))
+    inverse = np.zeros_like(normal)
+    inverse[np.ix_(free, free)] = np.linalg.inv(normal[np.ix_(free, free)])
+    spread = scores * slow
+    return np.asarray(inverse @ (spread.T @ spread + np.diag(prior)) @ inverse)
+
+
+def row_variance(x: Array, covariance: Array) -> Array:
+    """Return the mean square (n,) of X (c - b) in each row, for x (kinds, m, n) and C (kinds n, kinds n)."""
+    kinds, m, n = x.shape
+    return np.asarray(np.einsum("ami,aibi,bmi->i", x, covariance.reshape(kinds, n, kinds, n), x, optimize=True) / m)
+
+
+def independent(values: Array) -> Array:
+    """Return how many of the samples (m, k) are independent (k,), about 0: m for white noise, 1 for a constant.
+
+    They are m over 1 plus twice the sum of the autocorrelation, up to where this is first negative.
+    """
+    m = len(values)
+    spectrum = np.abs(np.fft.rfft(values, 2 * m, axis=0)) ** 2
+    along = np.fft.irfft(spectrum, axis=0)[:m]
+    along /= np.maximum(along[0], np.finfo(float).tiny)
+    positive = np.cumprod(along > 0.0, axis=0)
+    return np.asarray(m / np.maximum(2.0 * np.sum(along * positive, axis=0) - 1.0, 1.0))

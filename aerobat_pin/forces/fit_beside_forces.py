@@ -26,7 +26,6 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.forces.balance import factors_by_balance
-from aerobat_pin.forces.coefficient_errors import FEWEST_INDEPENDENT, coefficient_covariance, independent, row_variance
 from aerobat_pin.forces.deviations import tilt_of
 from aerobat_pin.forces.expected_of_record import (
     EFFORT_ERROR,
@@ -37,11 +36,11 @@ from aerobat_pin.forces.expected_of_record import (
     row_scale,
     stands,
 )
+from aerobat_pin.forces.explanations import FEWEST_INDEPENDENT, coefficient_covariance, independent, row_variance
 from aerobat_pin.forces.instants import Instants, column_rms, looked_at
 from aerobat_pin.forces.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
-from aerobat_pin.forces.row_geometry import spare_share
+from aerobat_pin.forces.row_errors import shared_error, spare_share
 from aerobat_pin.forces.run_observers import ignored_rows, inputs_between, points_of
-from aerobat_pin.forces.shared_error import shared_error
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Expected, JointFriction, as_others_rub, effort_limits, rotation_matrices, row_names
 

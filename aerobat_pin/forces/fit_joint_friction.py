@@ -1,9 +1,16 @@
-"""Fit friction, factors of efforts, and the mass where nothing touches the robot, or a force sensor says what does.
+"""Fit friction, factors of efforts, payload and mass where nothing touches the robot, or a force sensor says what does.
 
 Of each joint's row  m n(q, v, a) = c tau + tau_f + known  everything but friction tau_f, the factor c of its effort and
-the factor m of all masses is measured or computed (n: what the motion needs, Pinocchio's rnea). Factors come first
-(`fit_gains.py`), then friction joint by joint. The mass is common to all believed rows: what friction can explain of a
-row is taken out of it and of n first, and rows count by what is left over of each.
+the factor m of all masses is measured or computed (n: what the motion needs, Pinocchio's rnea). Factors and payload
+come first, by regressing the efforts on what the motion needs,
+
+    i = g (n(pi) + Y dpi + Y_L pi_L - known) + friction,      dpi ~ 10 % of each link's mass, 3 cm of its centre
+
+with i the effort of a row as the map gives it, Y the regressor of n, pi_L the payload's parameters and 1/g the factor
+of the effort. The reverse, n on i, makes factors too small by the noise of the efforts. Errors of the links are fitted
+beside them and then left out: they widen the deviations. Then comes friction, joint by joint. The mass is common to all
+believed rows: what friction can explain of a row is taken out of it and of n first, and rows count by what is left over
+of each.
 """
 
 from __future__ import annotations
@@ -15,39 +22,140 @@ from itertools import product
 import numpy as np
 
 from aerobat_pin.errors import MapError, ObserverError
-from aerobat_pin.forces.fit_gains import Gains, fit_gains
-from aerobat_pin.forces.gain_regression import explained, fitted_blocks, friction_columns, rms_or_nan
+from aerobat_pin.forces.gain_regression import (
+    Regression,
+    explained,
+    fits_to_sensor,
+    fitted_blocks,
+    friction_columns,
+    link_errors,
+    regression,
+    rms_or_nan,
+)
 from aerobat_pin.forces.inverse_dynamics import SMOOTHING, accelerations, required_torque
-from aerobat_pin.forces.known_forces import Fit, KnownForces
+from aerobat_pin.forces.known_forces import Fit, FittedValues, KnownForces
 from aerobat_pin.forces.run_observers import ignored_rows
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import FRICTION_COEFFICIENTS, SMOOTH_RATE, AllBut, fit_friction
-from aerobat_pin.records import FrictionSection, Record
+from aerobat_pin.records import FrictionSection, PayloadSection, Record
 
+FACTOR_ERROR = 0.2  # expected of each effort's factor, where a record tells nothing [-]
+UNSURE_FACTOR = 0.1  # deviation of a factor from which a record does not tell it
+UNSEEN = 3.0  # deviations: a lighter payload is not shown by the record
+CERTAIN = 1e-3  # deviation of a factor that is known
 COULOMB_RATES = (0.01, SMOOTH_RATE, 0.05, 0.1, 0.2)  # [rad/s, m/s] from which one is chosen, see `_coulomb_rate`
 FOLDS, LEAST_DROP = 4, 0.01  # parts of the stretch, each predicted from the others; [-] of the error, for another rate
 UNSURE_MASS = 0.05  # standard deviation of the factor of the mass from which a record does not show it
 
 
+def fit_gains(
+    forces: KnownForces, fit: tuple[float, float], rate: float = SMOOTH_RATE
+) -> tuple[KnownForces, dict[str, float], dict[str, str]]:
+    """Fit factors of the efforts and errors of the links, if the map asks for factors, and what it seeks of a payload.
+
+    `fit` is from and to [s] after the start, where nothing else touches the robot, or a sensor says what does. Coulomb
+    friction sets in at the rate.
+
+    Returns:
+        Known forces, whose record's robot has corrected links and carries what was sought; joint -> deviation of the
+        factor of its effort, of those that are told; joint -> why its factor is not, of the others.
+
+    Raises:
+        MapError: the record does not show the payload.
+    """
+    record, robot, values = forces.record, forces.record.robot, forces.values
+    section, payload, ignored = record.map.joints.friction, record.map.payload, ignored_rows(record)
+    joints = tuple(joint for joint in record.driven if joint not in ignored)
+    rows, n = [robot.v_index(joint) for joint in joints], len(joints)
+    sought = payload if payload is not None and payload.com is None else None
+    if sought is not None:
+        rows += [row for row in AllBut(*ignored).kept(robot.model) if row not in rows]
+    inside, outside = regression(forces, rows, fit, rate, None if sought is None else sought.frame)
+    if not inside.samples:
+        raise MapError(f"map: fit = {list(fit)}: no used part of the record is there in which a low-pass settles")
+    precision, mass = _precision(values, joints, len(rows), inside.errors), None if sought is None else sought.mass
+    identified, deviations, untold = np.ones(n, bool), dict[str, float](), dict[str, str]()
+    scaled = section is not None and section.scale
+    if scaled:
+        precision[range(n), range(n)] = 1.0 / FACTOR_ERROR**2
+        x, covariance = inside.solve(precision, mass, robot.mass)
+        unsure = np.sqrt(np.diag(covariance)[:n]) / x[:n] ** 2
+        identified = unsure < UNSURE_FACTOR
+        precision[range(n), range(n)] = np.where(identified, 0.0, 1.0 / FACTOR_ERROR**2)
+    x, covariance = inside.solve(precision, mass, robot.mass, learn=scaled)
+    if scaled:
+        scale, at = np.where(identified, 1.0 / x[:n], 1.0), [*range(n), *range(len(rows), len(rows) + inside.errors)]
+        values = replace(values, joints=joints, scale=scale)
+        if not fits_to_sensor(record.map):  # whose own errors the links would take up
+            links = np.einsum("kij,kj->ki", link_errors(robot.stated_model), x[at[n:]].reshape(-1, 10))
+            turn = np.append(scale, np.ones(inside.errors))
+            spread = covariance[np.ix_(at, at)] * np.outer(turn, turn)
+            values, robot = replace(values, links=links, gain_covariance=spread), robot.with_links(links)
+        exact = np.sqrt(np.diag(covariance)[:n]) * scale**2
+        deviations = {joint: float(exact[k]) for k, joint in enumerate(joints) if identified[k]}
+        units = ["N" if robot.slides(joint) else "N m" for joint in joints]
+        untold = {
+            joint: f"factor of {joint} cannot be told, it stays 1: its deviation would be {unsure[k]:.3g}, "
+            f"{UNSURE_FACTOR:g} was expected; the motion needs {inside.needed(k):.2g} {units[k]} rms of it"
+            for k, joint in enumerate(joints)
+            if not identified[k]
+        }
+    if sought is not None:
+        loaded, fitted = _payload(sought, inside, outside, x, covariance[-10:-6, -10:-6])
+        values, robot = replace(values, fits=(*values.fits, fitted)), robot.carrying(loaded)
+    return replace(forces, record=replace(record, robot=robot), values=values), deviations, untold
+
+
+def _precision(values: FittedValues, joints: Sequence[str], rows: int, errors: int) -> Array:
+    """Return the inverse covariance of factors of rows, first those of joints, and of errors of links."""
+    precision = np.diag([1.0 / CERTAIN**2] * rows + [1.0] * errors)
+    if len(values.gain_covariance):
+        chosen = [joint for joint in joints if joint in values.joints]
+        links = range(len(values.joints), len(values.gain_covariance))
+        source = [*map(values.joints.index, chosen), *links]
+        target = [*map(joints.index, chosen), *range(rows, rows + errors)]
+        known = np.linalg.pinv(values.gain_covariance[np.ix_(source, source)], rcond=1e-14, hermitian=True)
+        precision[np.ix_(target, target)] = known
+    return precision
+
+
+def _payload(
+    sought: PayloadSection, inside: Regression, outside: Regression, x: Array, covariance: Array
+) -> tuple[PayloadSection, Fit]:
+    """Return a payload that was sought as a known one, and how well it explains the rows. Raises MapError if unseen."""
+    mass, moments, placement = x[-10], x[-9:-6], inside.payload
+    assert placement is not None
+    back = placement.rotation.T
+    centre = back @ (moments / mass - placement.translation)
+    slopes = np.zeros((4, 4))  # of mass and centre with respect to mass and moments
+    slopes[0, 0] = 1.0
+    slopes[1:] = back @ np.column_stack([-moments / mass**2, np.eye(3) / mass])
+    deviation = np.sqrt(np.diag(slopes @ covariance @ slopes.T))
+    if mass < UNSEEN * deviation[0]:
+        raise MapError(
+            f"map: payload: the record does not show one at {sought.frame}: {mass:.3g} kg with a deviation of "
+            f"{deviation[0]:.2g} kg{': is the robot lighter there than its file says?' if mass < 0.0 else ''}"
+        )
+    without = x.copy()
+    without[-10:] = 0.0
+    names = ("mass", "x", "y", "z")
+    values = dict(zip(names, (float(mass), *centre.tolist()), strict=True))
+    values |= {f"deviation of {name}": float(error) for name, error in zip(names, deviation, strict=True)}
+    known = sought.model_copy(update={"mass": float(mass), "com": tuple(centre.tolist())})
+    rms = outside.rms(without), inside.rms(x), outside.rms(x)
+    return known, Fit(f"payload at {sought.frame}", values, "N, N m", *rms)
+
+
 @dataclass(frozen=True)
 class _Rows:
-    """Samples of some rows of the equations of motion, (m, n) each.
+    """Samples of some rows of the equations of motion, (m, n) each."""
 
-    Attributes:
-        q: angles of the joints; 0 for rows of the base.
-        v: rates.
-        a: accelerations.
-        needed: generalised force that the motion needs.
-        given: that of known forces and of the sensor, without the efforts.
-        tau: efforts.
-    """
-
-    q: Array
-    v: Array
-    a: Array
-    needed: Array
-    given: Array
-    tau: Array
+    q: Array  # angles of the joints; 0 for rows of the base
+    v: Array  # rates
+    a: Array  # accelerations
+    needed: Array  # generalised force that the motion needs
+    given: Array  # that of known forces and of the sensor, without the efforts
+    tau: Array  # efforts
 
 
 def fit_joint_friction(forces: KnownForces) -> KnownForces:
@@ -72,10 +180,9 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
     inside, outside = _fitted_samples(record, forces, rows, section.fit)
     rate, plain = _coulomb_rate(section, inside), outside
     forces = replace(forces, values=replace(forces.values, joints=joints, scale=np.ones(len(joints))))
-    gains = Gains(forces, {}, {})
+    deviations, untold = dict[str, float](), dict[str, str]()
     if section.scale or (payload is not None and payload.com is None):
-        gains = fit_gains(forces, section.fit, rate)
-        forces = gains.forces
+        forces, deviations, untold = fit_gains(forces, section.fit, rate)
         inside, outside = _fitted_samples(forces.record, forces, rows, section.fit)
     try:
         residual = inside.needed - inside.given - inside.tau
@@ -92,23 +199,20 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
         coefficients = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": rate}
         if section.scale:
             coefficients |= {"effort times": float(forces.values.scale[k])}
-        if joint in gains.deviations:
-            coefficients |= {"deviation of the factor": gains.deviations[joint]}
+        if joint in deviations:
+            coefficients |= {"deviation of the factor": deviations[joint]}
         unit = "N" if record.robot.slides(joint) else "N m"
         within, beyond = (rms_or_nan(residual[:, k]) for residual in residuals)
-        words = gains.untold.get(joint, "")
+        words = untold.get(joint, "")
         fits.append(Fit(f"friction of {joint}", coefficients, unit, before, within, beyond, untold=words))
     values = replace(forces.values, friction=friction, fits=(*forces.values.fits, *fits))
     return replace(forces, values=values)
 
 
 def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) -> Fit:
-    """Fit the factor of all masses and inertias over all believed rows.
+    """Fit the factor of all masses and inertias over all believed rows, by known forces without friction.
 
-    Args:
-        record: the record.
-        forces: its known forces, without friction.
-        stretch: from and to [s] after the start: no unknown force acts there.
+    No unknown force acts in the stretch, from and to [s] after the start.
 
     Raises:
         MapError: the record does not show the mass, or something pushes there.

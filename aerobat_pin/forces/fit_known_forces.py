@@ -17,8 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.forces.fit_gains import fit_gains
-from aerobat_pin.forces.fit_joint_friction import fit_joint_friction
+from aerobat_pin.forces.fit_joint_friction import fit_gains, fit_joint_friction
 from aerobat_pin.forces.gain_regression import MOST_FITTED, rms_or_nan
 from aerobat_pin.forces.inverse_dynamics import mean_in
 from aerobat_pin.forces.known_forces import Fit, FittedValues, KnownForces, command_sum, frame_wrench, unit_direction
@@ -33,12 +32,8 @@ TESTED_PIECES, CALM = 20, 0.25  # of the rest, and the share of them that nothin
 def fitted_forces(record: Record, learnt: FittedValues | None = None) -> KnownForces:
     """Fit what the map asks for, and return all known forces of the record, whose robot then carries what was found.
 
-    Args:
-        record: the record.
-        learnt: friction, factors of efforts and the mass, if they are known; the map then fits no friction.
-
-    Raises:
-        MapError: a fit lacks what it is fitted to.
+    Where friction, factors of efforts and the mass were learnt, the map fits no friction. Raises MapError if a fit
+    lacks what it is fitted to.
     """
     forces = given_forces(record)
     coefficients, fits = _fit_thrusts(forces)
@@ -53,7 +48,7 @@ def fitted_forces(record: Record, learnt: FittedValues | None = None) -> KnownFo
     stretch = payload.fit or record.map.use.free
     if stretch is None:
         raise MapError("map: payload.fit: from and to [s], where nothing else touches the robot, was expected")
-    return fit_gains(forces, stretch).forces
+    return fit_gains(forces, stretch)[0]
 
 
 def _refuse_the_untellable(record: Record, payload: PayloadSection) -> None:
@@ -85,9 +80,6 @@ def given_forces(record: Record) -> KnownForces:
 
 def _fit_thrusts(given: KnownForces) -> tuple[dict[str, Array], tuple[Fit, ...]]:
     """Return thrust -> coefficients of its powers [N] where the map asks for a fit, and how well it holds along each.
-
-    Args:
-        given: the known forces without any fit.
 
     Raises:
         MapError: there is no accelerometer, too little of it, or thrusts are to be fitted in different parts.

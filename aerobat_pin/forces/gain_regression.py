@@ -41,13 +41,8 @@ def fitted_blocks(
 ) -> Iterator[tuple[Block, NDArray[np.bool_], NDArray[np.bool_]]]:
     """Yield blocks of a record, which of their intervals (m,) are for a fit, and which are for its test.
 
-    A record of more than `most` intervals is thinned.
-
-    Args:
-        record: the record. A fit is tested outside of it where nothing touches the robot, or a sensor says what does.
-        fit: times after the start [s] between which there is a fit.
-        most: intervals of all blocks together.
-        least: intervals of a block of a thinned record.
+    A fit between two times after the start [s] is tested outside of them where nothing touches the robot, or a sensor
+    says what does. A record of more than `most` intervals is thinned, to blocks of at least `least`.
     """
     tested = (-np.inf, np.inf) if fits_to_sensor(record.map) else record.map.use.free
     whole = [(first, last, True, True) for first, last in record.parts]
@@ -84,23 +79,14 @@ def rms_or_nan(values: Array) -> float:
 
 @dataclass(frozen=True)
 class Regression:
-    """Products of the columns of n rows, summed over blocks: errors of links, payload, need, friction, effort.
+    """Products of the columns of n rows, summed over blocks: errors of links, payload, need, friction, effort."""
 
-    Attributes:
-        products: (blocks, n, c, c).
-        samples: of all blocks together.
-        errors: number of columns for errors of the links, each expected to be about 1.
-        friction: number of columns of friction.
-        changes: whether friction is known, and these columns are what is expected to change.
-        payload: placement of the payload's frame in its joint; None if there is no payload to fit.
-    """
-
-    products: Array
-    samples: int
-    errors: int
-    friction: int
-    changes: bool
-    payload: pin.SE3 | None
+    products: Array  # (blocks, n, c, c)
+    samples: int  # of all blocks together
+    errors: int  # number of columns for errors of the links, each expected to be about 1
+    friction: int  # number of columns of friction
+    changes: bool  # whether friction is known, and these columns are what is expected to change
+    payload: pin.SE3 | None  # placement of the payload's frame in its joint; None if there is no payload to fit
 
     def solve(
         self, precision: Array, mass: float | None = None, heavy: float = 1.0, *, learn: bool = False
@@ -198,8 +184,7 @@ class Regression:
 def carried(payload: Array) -> tuple[Array, Array]:
     """Return the parameters (10,) of a body as Pinocchio orders them, and their derivatives (10, 10).
 
-    Args:
-        payload: (10,) in the joint's axes: mass, three first moments, six moments of inertia about its centre.
+    `payload` has, in the joint's axes, mass, three first moments, and six moments of inertia about its centre.
     """
     steps = 1e-5 * max(float(np.max(np.abs(payload))), 1e-9) * np.eye(10)
 
@@ -238,14 +223,10 @@ def regression(
     rate: float = SMOOTH_RATE,
     frame: str | None = None,
 ) -> tuple[Regression, Regression]:
-    """Return the products of the columns of rows over the stretch of a fit, and over the rest that tests it.
+    """Return the products of the columns of rows (indices of v) over the stretch of a fit, and over what tests it.
 
-    Args:
-        forces: the known forces of a record.
-        rows: indices of v.
-        fit: from and to [s] after the start.
-        rate: at which Coulomb friction sets in.
-        frame: to which a payload is fastened that is sought.
+    `fit` is from and to [s] after the start, `rate` that at which Coulomb friction sets in, and `frame` that to which a
+    payload is fastened that is sought.
     """
     from scipy.linalg import block_diag  # slow to import
 

@@ -13,12 +13,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from aerobat_pin.forces.deviations import sample_noise
 from aerobat_pin.forces.inputs import KnownInputs
 from aerobat_pin.forces.inverse_dynamics import accelerations, mean_in, required_torque
 from aerobat_pin.forces.known_forces import FittedValues, mean_motion
 from aerobat_pin.forces.run_observers import points_of
 from aerobat_pin.forces.stored_estimate import TIME_CONSTANTS_TO_SETTLE
-from aerobat_pin.forces.trust import sample_noise
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, MomentumObserver, low_passed, typical_step
 from aerobat_pin.records import Block, Record
@@ -30,49 +30,28 @@ CLEAR_OF = 2  # intervals that the noise of a sample of the rates is in
 
 @dataclass(frozen=True)
 class Instants:
-    """Some instants of a record, behind the observer's low-pass.
+    """Some instants of a record, behind the observer's low-pass."""
 
-    Attributes:
-        time: (m,) when they are [s].
-        q: (m, nq) configurations.
-        v: (m, nv) velocities.
-        rows: (m, nv) generalised forces.
-        jacobians: (m, c, nv) of the components sought.
-        kept: the rows that are believed.
-        joints: those that are driven, have a row that is believed, and friction that is not known.
-        at: their places among the believed rows.
-        sliding: (m, k) tanh(v / v_s) of the believed rows; 1 for those without friction.
-        columns: (4, m, k) what Coulomb and viscous friction and a rotor's inertia of size 1, and the effort, do in each
-            believed row.
-        rates: (m, k) how fast the efforts change [N/s or N m/s].
-        around: (2, m, k) what motion and weight need, and the third of `columns`: means of half a time constant before
-            and after, whose noise is not that of the rows.
-        past: q (m, nq) and v (m, nv) a time 1/K before, which is how late the rows are.
-        known: (m, nv) generalised forces of each force that the map knows.
-        every: intervals of the record from one instant to the next.
-        effort: (nv,) rms of the joint torques [N or N m].
-        needed: (nv,) rms of what motion and weight need.
-        noise: (nv,) standard deviation of what changes in the rows from sample to sample [N or N m].
-    """
-
-    time: Array
-    q: Array
-    v: Array
-    rows: Array
-    jacobians: Array
-    kept: list[int]
-    joints: list[str]
-    at: list[int]
-    sliding: Array
-    columns: Array
-    rates: Array
+    time: Array  # (m,) when they are [s]
+    q: Array  # (m, nq) configurations
+    v: Array  # (m, nv) velocities
+    rows: Array  # (m, nv) generalised forces
+    jacobians: Array  # (m, c, nv) of the components sought
+    kept: list[int]  # the k rows that are believed
+    joints: list[str]  # those that are driven, have a row that is believed, and friction that is not known
+    at: list[int]  # their places among the believed rows
+    sliding: Array  # (m, k) tanh(v / v_s) of the believed rows; 1 for those without friction
+    columns: Array  # (4, m, k) of Coulomb and viscous friction, a rotor's inertia, each of size 1, and of the effort
+    rates: Array  # (m, k) how fast the efforts change [N/s or N m/s]
+    # (2, m, k) what motion and weight need, and the third of `columns`: means of half a time constant before and after,
+    # whose noise is not that of the rows
     around: Array
-    past: tuple[Array, Array]
-    known: Mapping[str, Array]
-    every: int
-    effort: Array
-    needed: Array
-    noise: Array
+    past: tuple[Array, Array]  # q (m, nq) and v (m, nv) a time 1/K before, which is how late the rows are
+    known: Mapping[str, Array]  # (m, nv) generalised forces of each force that the map knows
+    every: int  # intervals of the record from one instant to the next
+    effort: Array  # (nv,) rms of the joint torques [N or N m]
+    needed: Array  # (nv,) rms of what motion and weight need
+    noise: Array  # (nv,) standard deviation of what changes in the rows from sample to sample [N or N m]
 
     @property
     def weighed(self) -> slice:
@@ -96,12 +75,9 @@ def looked_at(
 ) -> Instants | None:
     """Return instants of a record, spread evenly, none of which is at a start; None if it has none.
 
-    Args:
-        record: the record.
-        inputs: function of first and last index of the common times: what an observer is given there.
-        values: what is known of the record; joints whose friction is known are not among `joints`.
-        closely: whether to look at as many intervals as friction needs.
-        between: times after the start [s] that are looked at; all when omitted.
+    `inputs` gives what an observer is given from one index of the common times to another. Joints whose friction is
+    known by the values are not among `joints`. `closely` looks at as many intervals as friction needs, `between` at
+    times after the start [s].
     """
     most, weighed = (LOOKED_AT, WEIGHED) if not closely else (CLOSELY * LOOKED_AT, CLOSELY * WEIGHED)
     stretches = [inputs(*ends) for ends in record.spread(most, *(between or ()), least=settling_intervals(record))]
@@ -126,7 +102,8 @@ def looked_at(
         chosen = settled_instants(stretch.time, gain)[::every]
         table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, -a, stretch.tau))])
         parts.append(table[:, chosen])
-        ends = _beside(chosen, max(round(0.5 / share), CLEAR_OF), len(y))
+        reach = max(round(0.5 / share), CLEAR_OF)  # intervals before and after, at most to the first and the last
+        ends = np.maximum(chosen - reach, 0), np.minimum(chosen + reach, len(y) - 1)
         earlier, later = (np.stack([table[-1, at], table[0, at] + table[-1, at], table[-2, at]]) for at in ends)
         apart = step * np.maximum(ends[1] - ends[0], 1)[:, None]
         aside.append(np.stack([(later[0] - earlier[0]) / apart, *0.5 * (later[1:] + earlier[1:])]))
@@ -189,11 +166,6 @@ def seen_wrench(record: Record, instants: Instants, name: str) -> Array:
     times = (time + record.dt * np.append(-before, 1) for time in instants.time[instants.weighed])
     means = np.array([weight @ record.means(f"known.{name}", each) for each in times]) / weight.sum()
     return np.asarray(means - tare)
-
-
-def _beside(chosen: NDArray[np.intp], apart: int, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the intervals `apart` before and after some of `count`, or the first and the last."""
-    return np.maximum(chosen - apart, 0), np.minimum(chosen + apart, count - 1)
 
 
 def column_rms(values: Array) -> Array:

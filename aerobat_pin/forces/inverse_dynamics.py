@@ -31,11 +31,7 @@ def slope_noise(noise: Array, record: Record) -> Array:
 def required_torque(record: Record, block: Block, acceleration: Array, at: slice = ALL) -> Array:
     """Return the generalised force (m, nv) that the motion needs: inertia, Coriolis and gravity (Pinocchio's rnea).
 
-    Args:
-        record: the record.
-        block: a stretch of it.
-        acceleration: (intervals, nv) of the block.
-        at: the m intervals of the block that are wanted.
+    Accelerations (intervals, nv) are those of the whole block, of which `at` are the m intervals that are wanted.
     """
     model = record.robot.model
     data, v = model.createData(), 0.5 * (block.v[1:] + block.v[:-1])
@@ -58,10 +54,7 @@ def halfway(record: Record, block: Block, at: slice = ALL) -> Array:
 def sensor_force(record: Record, time: Array, attitude_of: Array | None = None) -> Array:
     """Return the force (m, 3 or 6) of `check.wrench` on the robot, interval means between times (m + 1,), tare off.
 
-    Args:
-        record: the record.
-        time: (m + 1,) times [s].
-        attitude_of: (m, 3, 3) axes of the sensor's frame in the world, if its columns are in the frame's axes.
+    `attitude_of` (m, 3, 3) are the axes of the sensor's frame in the world, if its columns are in the frame's axes.
     """
     section = record.map.check.wrench
     assert section is not None

@@ -63,33 +63,22 @@ class Fit:
 
 @dataclass(frozen=True)
 class FittedValues:
-    """What a record shows about a map's known forces.
+    """What a record shows about a map's known forces."""
 
-    Attributes:
-        coefficients: name of a thrust -> coefficients of its powers [N].
-        joints: those whose friction is known, and whose efforts have factors.
-        friction: of these joints; None if it is not known.
-        scale: (n,) factor of each of their efforts.
-        mass: factor of all masses and inertias.
-        links: (links, 10) changes of the dynamic parameters of the robot's links, in Pinocchio's order; empty if none.
-        gain_covariance: of the factors of efforts, relative, and of all errors of links over what is expected of them;
-            empty if there is none.
-        fits: how well each holds.
-        row_noise: row -> root second moment of what all of this leaves where nothing touches, in data that no fit used
-            [N, N m]; empty where that is not known.
-        doubt: least k, where the errors of rows were found while unknown forces pushed.
-    """
-
-    coefficients: dict[str, Array] = field(default_factory=dict)
-    joints: tuple[str, ...] = ()
-    friction: JointFriction | None = None
-    scale: Array = field(default_factory=lambda: np.ones(0))
-    mass: float = 1.0
+    coefficients: dict[str, Array] = field(default_factory=dict)  # name of a thrust -> coefficients of its powers [N]
+    joints: tuple[str, ...] = ()  # those whose friction is known, and whose efforts have factors
+    friction: JointFriction | None = None  # of these joints; None if it is not known
+    scale: Array = field(default_factory=lambda: np.ones(0))  # (n,) factor of each of their efforts
+    mass: float = 1.0  # factor of all masses and inertias
+    # (links, 10) changes of the dynamic parameters of the robot's links, in Pinocchio's order; empty if none
     links: Array = field(default_factory=lambda: np.zeros((0, 10)))
+    # of the factors of efforts, relative, and of all errors of links over what is expected of them; empty if unknown
     gain_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    fits: tuple[Fit, ...] = ()
+    fits: tuple[Fit, ...] = ()  # how well each holds
+    # row -> root second moment of what all of this leaves where nothing touches, in data that no fit used [N, N m];
+    # empty where that is not known
     row_noise: Mapping[str, float] = field(default_factory=dict)
-    doubt: float = 1.0
+    doubt: float = 1.0  # least k, where the errors of rows were found while unknown forces pushed
 
     def stiction(self, robot: PlainRobot) -> tuple[Array, Array]:
         """Return (nv,) friction at rest [N or N m], and the speed from which each joint slides [m/s or rad/s].
@@ -121,20 +110,13 @@ class FittedValues:
 
 @dataclass(frozen=True)
 class KnownForces:
-    """The known forces of a record, ready to be evaluated block by block.
+    """The known forces of a record, ready to be evaluated block by block."""
 
-    Attributes:
-        record: the record, whose robot already has the mass of the values.
-        values: coefficients, friction and factors of efforts.
-        tare: name of a wrench -> mean (k,) that is taken off.
-        series: what a calibration found that repeats itself with the robot's phase; None if there is none.
-        sources: name of a known force -> where it comes from, of those that a calibration gives.
-    """
-
-    record: Record
-    values: FittedValues = FittedValues()
-    tare: dict[str, Array] = field(default_factory=dict)
-    series: LearntError | None = None
+    record: Record  # the record, whose robot already has the mass of the values
+    values: FittedValues = FittedValues()  # coefficients, friction and factors of efforts
+    tare: dict[str, Array] = field(default_factory=dict)  # name of a wrench -> mean (k,) that is taken off
+    series: LearntError | None = None  # what a calibration found to repeat itself with the robot's phase
+    # name of a known force -> where it comes from, of those that a calibration gives
     sources: Mapping[str, str] = field(default_factory=dict)
 
     @property

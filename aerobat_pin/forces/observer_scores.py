@@ -11,9 +11,16 @@ import numpy as np
 from aerobat_pin.forces.against_reference import PairedEstimate
 from aerobat_pin.forces.calibration_use import CalibrationUse, Contact
 from aerobat_pin.forces.contacts import found_contacts
+from aerobat_pin.forces.deviations import (
+    DOUBT_STRETCH,
+    MISFIT,
+    ComponentSize,
+    InnovationScore,
+    belief_words,
+    warnings_about,
+)
 from aerobat_pin.forces.scores import Score, one_unit, point_label, short_label
 from aerobat_pin.forces.stored_estimate import StoredEstimate
-from aerobat_pin.forces.trust import DOUBT_STRETCH, MISFIT, ComponentSize, InnovationScore, belief_words, warnings_about
 from aerobat_pin.observers import DOUBTFUL, Redundancy
 
 ScoreTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header and rows
@@ -75,13 +82,7 @@ class ObserverScores:
     def of(
         cls, estimate: StoredEstimate, compared: Iterable[PairedEstimate] = (), use: CalibrationUse | None = None
     ) -> ObserverScores:
-        """Score an estimate.
-
-        Args:
-            estimate: the estimate.
-            compared: it beside its references.
-            use: how a calibration was used, with the contacts that were found.
-        """
+        """Score an estimate, beside its references, with the contacts that were found by use of a calibration."""
         head, identifiability, components = estimate.head, estimate.head.identifiability, estimate.component_sizes()
 
         def by_point(values: list[float | None], stated: object) -> dict[str, list[float | None]] | None:

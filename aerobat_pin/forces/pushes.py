@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from aerobat_pin.forces.calibration_use import SURE_OF_CONTACT, Contact
 from aerobat_pin.forces.contacts import TINY, along_itself, during_contact, largest_of
-from aerobat_pin.forces.deviations import without_lag
+from aerobat_pin.forces.deviations import ComponentSize, burst_noise, without_lag
 from aerobat_pin.forces.scores import point_label, quantity
 from aerobat_pin.forces.stored_estimate import TIME_CONSTANTS_TO_SETTLE, StoredEstimate
-from aerobat_pin.forces.trust import ComponentSize, burst_noise
 from aerobat_pin.numerics import Array
 
 LASTING = 1.5  # or its rms: noise alone has one error
@@ -29,35 +28,20 @@ WAYS = {"Fx": ("along x", "against x"), "Fy": ("along y", "against y"), "Fz": ("
 
 @dataclass(frozen=True)
 class Push:
-    """Force or moment at one place.
+    """Force or moment at one place."""
 
-    Attributes:
-        place: where.
-        unit: N or N m.
-        peak: its largest size that errors at its time cannot make up; without one, where it is largest beside them.
-        at: when that was, after the start [s].
-        way: its direction then, in words.
-        deviation: its standard deviation then, along it; None if none is stated.
-        sure: the peak over what errors make up at its time.
-        rms: of the size.
-        lasting: root mean square of the size over its error at each time.
-        error: typical error.
-        short: whether it is a blow, of which the filter shows that it was, not how large.
-        ends: from and to of a contact, after the start [s], no end if it lasts; None where contacts are not sought.
-    """
-
-    place: str
-    unit: str
-    peak: float
-    at: float
-    way: str
-    deviation: float | None
-    sure: float
-    rms: float = 0.0
-    lasting: float = 0.0
-    error: float = 0.0
-    short: bool = False
-    ends: tuple[float, float | None] | None = None
+    place: str  # where
+    unit: str  # N or N m
+    peak: float  # its largest size that errors at its time cannot make up; without one, where it is largest beside them
+    at: float  # when that was, after the start [s]
+    way: str  # its direction then, in words
+    deviation: float | None  # its standard deviation then, along it; None if none is stated
+    sure: float  # the peak over what errors make up at its time
+    rms: float = 0.0  # of the size
+    lasting: float = 0.0  # root mean square of the size over its error at each time
+    error: float = 0.0  # typical error
+    short: bool = False  # whether it is a blow, of which the filter shows that it was, not how large
+    ends: tuple[float, float | None] | None = None  # from and to [s] of a contact, None if it lasts; None: not sought
 
     def stands_out(self, least: float) -> bool:
         """Whether errors, or an error of the belief that looks like `least`, cannot make it up."""
@@ -153,12 +137,9 @@ class _Group:
 
 
 def pushes_of(estimate: StoredEstimate, start: float, contacts: Iterable[Contact] = ()) -> list[Push]:
-    """Return the force, and the moment, at each place once the estimate has risen.
+    """Return the force, and the moment, at each place once the estimate has risen, at times after the start [s].
 
-    Args:
-        estimate: an estimate.
-        start: time from which those of the pushes count [s].
-        contacts: where a calibration found some: outside of these a blow at the same place is sought.
+    Outside of contacts that a calibration found, a blow at the same place is sought.
     """
     places = dict[tuple[str, str], dict[int, str]]()
     for k, label in enumerate(estimate.head.identifiability.components):

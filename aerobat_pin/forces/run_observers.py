@@ -12,11 +12,17 @@ from numpy.typing import NDArray
 
 from aerobat_description.reading import did_you_mean
 from aerobat_pin.errors import MapError
-from aerobat_pin.forces.deviations import rows_as_components, tilt_of, with_belief_error, with_expected, with_tilt
+from aerobat_pin.forces.deviations import (
+    NOISE_STRETCH,
+    rows_as_components,
+    tilt_of,
+    with_belief_error,
+    with_expected,
+    with_tilt,
+)
 from aerobat_pin.forces.inputs import KnownInputs, inputs_of, with_zeroed_velocity
 from aerobat_pin.forces.known_forces import KnownForces
 from aerobat_pin.forces.stored_estimate import ROWS_READ, TIME_CONSTANTS_TO_SETTLE, StoredEstimate, some_intervals
-from aerobat_pin.forces.trust import NOISE_STRETCH
 from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.observers import (
     OBSERVERS,
@@ -36,13 +42,7 @@ BLOCK = 30_000  # intervals that are estimated at once
 LEAD = 15.0  # time constants 1/K by which a block begins before its first result: what is left of its start is e^-15
 LEAST_EXPECTED = 5.0e-4  # of the robot's weight, per spare row: no belief, and no step of a record, is more exact
 ADDED_MISFIT = 2.0e-4  # the same that a filter assumes of its model beside errors that a calibration states
-
-
-class ErrorOfBelief(Protocol):
-    """What is known of the errors that a belief makes."""
-
-    def deviations(self, observer: Observer, inputs: KnownInputs) -> Array | None:
-        """Return by how much (m, c) errors of the belief may spoil each component; None if that is unknown."""
+BeliefErrors = Callable[[Observer, KnownInputs], Array | None]  # None if they are unknown
 
 
 class Watch(Protocol):
@@ -114,11 +114,7 @@ def rows_of(
 ) -> tuple[Rows, tuple[str, ...]]:
     """Return the rows that are believed, and the reasons in words.
 
-    Args:
-        chosen: the map.
-        robot: the robot, which may know better.
-        joints: those that have channels.
-        channels: keys of the channels that are there.
+    The robot may know better than the map. `joints` are those that have channels, `channels` the keys that are there.
     """
     rows = robot.rows()
     if rows is not None:
@@ -150,9 +146,9 @@ def run_observers(
     progress: Callable[[float], None] | None = None,
     watch: Watch | None = None,
     expected: Expected | None = None,
-    model: ErrorOfBelief | None = None,
+    errors: BeliefErrors | None = None,
 ) -> dict[str, StoredEstimate]:
-    """Estimate the unknown forces on all parts of a record.
+    """Return the estimate of the unknown forces on all parts of a record by each observer, by its name.
 
     Args:
         record: the record.
@@ -161,10 +157,8 @@ def run_observers(
         progress: called with the share that is done.
         watch: is given what the observers are given.
         expected: what is expected of the forces, by which a filter that states deviations is judged, too.
-        model: what a calibration knows of the belief's errors, which every observer then states.
-
-    Returns:
-        Name of the observer -> estimate.
+        errors: by how much (m, c) errors of the belief may spoil each component, as far as a calibration knows, which
+            every observer then states.
     """
     wait = max(LEAD / float(record.map.observer.gain), 0.0 if watch is None else watch.settling)
     wait = max(wait, LEAD * NOISE_STRETCH / record.rate)
@@ -181,7 +175,7 @@ def run_observers(
             for observer in observers:
                 if progress is not None:
                     progress(done / total)
-                estimate = _estimate_of(observer, record, inputs, sampled, expected, model)
+                estimate = _estimate_of(observer, record, inputs, sampled, expected, errors)
                 estimates[observer.name].append(some_intervals(estimate, kept))
                 done += end - begin
     if progress is not None:
@@ -195,7 +189,7 @@ def _estimate_of(
     inputs: KnownInputs,
     sampled: list[Sampled],
     expected: Expected | None,
-    model: ErrorOfBelief | None,
+    errors: BeliefErrors | None,
 ) -> Estimate:
     """Return the estimate of an observer, with its deviations as far as they are known."""
     estimate = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known, sampled)
@@ -203,8 +197,8 @@ def _estimate_of(
         estimate = rows_as_components(estimate, observer, inputs.v, expected)
     elif expected is not None:
         estimate = with_expected(estimate, observer, expected)
-    elif model is not None:
-        estimate = with_belief_error(estimate, model.deviations(observer, inputs))
+    elif errors is not None:
+        estimate = with_belief_error(estimate, errors(observer, inputs))
     tilt, deviation = tilt_of(record.map), estimate.standard_deviation
     if tilt == 0.0 or deviation is None or not estimate.are_world_forces:
         return estimate

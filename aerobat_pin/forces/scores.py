@@ -123,8 +123,7 @@ def quantity(value: float, unit: str) -> str:
 def one_unit(sizes: Iterable[float | None]) -> Callable[[float, str], str]:
     """Return what says the sizes [N, N m] of a table in one unit: `238.00 mN`, or `1.506 N` if one is 1 or more.
 
-    Args:
-        sizes: those of the table; None and infinite ones do not count.
+    None and infinite ones do not count.
     """
     if max((abs(size) for size in sizes if size is not None and np.isfinite(size)), default=0.0) < 1.0:
         return lambda value, unit: f"{1e3 * value:.2f} m{unit}"

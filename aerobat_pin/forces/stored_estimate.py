@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.forces.trust import ComponentSize, InnovationScore, worst_stretch
+from aerobat_pin.forces.deviations import ComponentSize, InnovationScore, worst_stretch
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, Redundancy
 from aerobat_pin.records import MOST_SAMPLED, Series, Spool, spread_stretches

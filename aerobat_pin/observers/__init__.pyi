@@ -5,7 +5,9 @@ from .analysis.events import calibrate_cusum as calibrate_cusum
 from .analysis.events import calibrate_level as calibrate_level
 from .analysis.line_of_action import Crossing as Crossing
 from .analysis.line_of_action import LineOfAction as LineOfAction
+from .analysis.line_of_action import PointOfAction as PointOfAction
 from .analysis.line_of_action import locate as locate
+from .analysis.line_of_action import locate_series as locate_series
 from .analysis.noise_and_lag import Bias as Bias
 from .analysis.noise_and_lag import Prediction as Prediction
 from .analysis.noise_and_lag import SensorNoise as SensorNoise
@@ -13,10 +15,9 @@ from .analysis.noise_and_lag import bias_of as bias_of
 from .analysis.noise_and_lag import gain_for_deviation as gain_for_deviation
 from .analysis.noise_and_lag import gain_for_lag as gain_for_lag
 from .analysis.noise_and_lag import predict as predict
-from .analysis.point_of_action import PointOfAction as PointOfAction
-from .analysis.point_of_action import locate_series as locate_series
 from .applications import Application as Application
 from .applications import Applications as Applications
+from .applications import Identifiability as Identifiability
 from .estimate import Estimate as Estimate
 from .estimate import Innovation as Innovation
 from .estimate import Sample as Sample
@@ -38,7 +39,6 @@ from .friction import JointFriction as JointFriction
 from .friction import as_others_rub as as_others_rub
 from .friction import effort_limits as effort_limits
 from .friction import fit_friction as fit_friction
-from .identifiability import Identifiability as Identifiability
 from .kalman.kalman import KalmanObserver as KalmanObserver
 from .kalman.kalman import SmootherObserver as SmootherObserver
 from .momentum import ForceLevelObserver as ForceLevelObserver
@@ -53,7 +53,6 @@ from .redundancy import low_passed as low_passed
 from .redundancy import redundancy_of as redundancy_of
 from .redundancy import slow_part as slow_part
 from .redundancy import typical_step as typical_step
-from .registry import OBSERVERS as OBSERVERS
 from .rows import MOMENT_ARM as MOMENT_ARM
 from .rows import AllBut as AllBut
 from .rows import Rows as Rows
@@ -65,4 +64,5 @@ from .rows import row_names as row_names
 from .rows import scale_of_forces as scale_of_forces
 from .rows import tie_joints as tie_joints
 from .samples import Sampled as Sampled
+from .shared_data import OBSERVERS as OBSERVERS
 from .shared_data import ObserversTogether as ObserversTogether

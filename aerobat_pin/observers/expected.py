@@ -96,15 +96,8 @@ def with_record(
 
     The rows y of each instant are taken as N(0, k R + J^T (factor S)^2 J), with a factor for all components and then
     one for each. Factors below 1 are not tried: at rest they would call every force certain, and zero. k is the mean,
-    over instants with rows to spare, of what no force explains.
-
-    Args:
-        expected: what is expected without the record.
-        rows: the rows in use.
-        model: the robot.
-        v: (m, nv) velocities.
-        residual: (m, nv) generalised forces behind the observer's low-pass.
-        jacobians: (m, c, nv) of the components.
+    over instants with rows to spare, of what no force explains. Velocities are (m, nv), residuals (m, nv) generalised
+    forces behind the observer's low-pass, and Jacobians (m, c, nv) those of the components.
     """
     believed = BelievedRows(model, rows)
     size = np.maximum(np.sqrt(believed.of(expected.row_deviation(v) ** 2, v, power=2)), 1e-150)

@@ -122,11 +122,8 @@ def effort_limits(model: pin.Model, rows: list[int]) -> Array:
 def as_others_rub(friction: Array, slides: NDArray[np.bool_], limits: Array) -> Array:
     """Return friction (n,) in which joints that do not slide rub as the worst of the others, over what they can bear.
 
-    What a joint at rest holds by its friction is otherwise no different from a push that lasts. It is 0 if none slides.
-
-    Args:
-        friction: (n,) of joints [N m; N where a joint slides along its axis].
-        slides: (n,) which of them move so fast that their friction is shown.
-        limits: (n,) efforts that they can bear, as of `effort_limits`, in the same units.
+    What a joint at rest holds by its friction is otherwise no different from a push that lasts. `slides` (n,) says
+    which joints move so fast that their friction is shown; it is 0 if none does. Limits (n,) are efforts that joints
+    can bear (`effort_limits`), in the unit of the friction [N m; N where a joint slides along its axis].
     """
     return np.where(slides, friction, limits * np.max(friction / limits, where=slides, initial=0.0))

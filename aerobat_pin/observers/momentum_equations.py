@@ -98,14 +98,8 @@ def sample_robot(
 def observe_record(equations: Equations, samples: Samples, time: Array, u: Array) -> Observed:
     """Return the estimate over a record; an interval of no length repeats the result of the one before.
 
-    Args:
-        equations: which observer it is.
-        samples: of the robot at the times.
-        time: (m + 1,) stamps [s], which do not decrease.
-        u: (m, nv) known generalised force, interval means.
-
-    Raises:
-        ShapeError: the residual of an interval is not finite.
+    Times (m + 1,) [s] do not decrease; the known generalised force u (m, nv) is the mean of each interval. Raises
+    ShapeError if a residual is not finite.
     """
     new = np.diff(time) > 0.0
     if new.all():
@@ -176,14 +170,8 @@ class Projection(NamedTuple):
 
         The mean of two rank-deficient Jacobians has nearly, but not exactly, deficient rank, and least squares with it
         would magnify the patterns that leave no trace. They are therefore found with the exact Jacobian at the end of
-        the interval, and the result contains nothing of them.
-
-        Args:
-            rows: the rows in use.
-            J: (m, c, nv) Jacobian in mid-interval.
-            v: (m, nv) velocity there, the direction of the row of power.
-            J_end: (m, c, nv) Jacobian at the end of the interval.
-            v_end: (m, nv) velocity there.
+        the interval, and the result contains nothing of them. J (m, c, nv) and v (m, nv), the direction of the row of
+        power, are those in mid-interval.
         """
         B = rows.of(J, v)
         A, c = B @ np.swapaxes(B, 1, 2), J.shape[1]
@@ -276,17 +264,14 @@ def posterior(equations: Equations, dt: Array, J: Array, v: Array, y: Array) -> 
 
 def filter_means(equations: Equations, dt: Array, values: Array) -> Array:
     """Return values (m, n), constant over each interval dt (m,) [s], behind the filter, which begins at 0."""
-    if len(equations.basis):
-        return _filtered(equations, dt, values @ equations.basis) @ equations.basis.T
-    return _filtered(equations, dt, values)
-
-
-def _filtered(equations: Equations, dt: Array, values: Array) -> Array:
+    gains, basis = equations.gains, equations.basis
+    if len(basis):
+        return filter_means(equations._replace(basis=basis[:0]), dt, values @ basis) @ basis.T
     if equations.filter == FIRST_ORDER:
-        return _first_order(equations.gains, dt, values)
+        return _first_order(gains, dt, values)
     if equations.filter == SECOND_ORDER:
-        return _second_order(RISE * equations.gains, dt, values)
-    return _super_twisting(RISE * equations.gains, equations.slope, dt, values)
+        return _second_order(RISE * gains, dt, values)
+    return _super_twisting(RISE * gains, equations.slope, dt, values)
 
 
 def _first_order(K: Array, dt: Array, phi: Array) -> Array:

@@ -256,12 +256,10 @@ class BelievedRows:
         return self.of(np.broadcast_to(np.eye(nv), (*velocity.shape, nv)), velocity)
 
     def of(self, force: Array, velocity: Array, power: int = 1) -> Array:
-        """Return L^T phi (m, ..., k), the weighted rows in use of generalised forces (m, ..., nv).
+        """Return L^T phi (m, ..., k), the weighted rows in use of one or several forces (m, ..., nv) at each instant.
 
-        Args:
-            force: generalised forces, one or several at each of m instants.
-            velocity: (m, nv) velocities: those of the joints are the direction of the power row, which is 0 at rest.
-            power: of each entry of L; with 2, variances of generalised forces become those of the rows.
+        Velocities (m, nv) of the joints are the direction of the power row, which is 0 at rest. Each entry of L is
+        taken to a power: with 2, variances of generalised forces become those of the rows.
         """
         if self.number == TIED:
             return np.asarray(force @ self.tied**power)

@@ -23,17 +23,11 @@ DIRECTIONS = {"JointModelFreeFlyer": 4, "JointModelSpherical": 4, "JointModelPla
 
 
 class Sampled(NamedTuple):
-    """What an observer took from a record: for others that look for the same forces, on the same model and record.
+    """What an observer took from a record: for others that look for the same forces, on the same model and record."""
 
-    Attributes:
-        model: the robot's, whose joints have axes fixed in the links that they carry (`serial_model`).
-        applications: where forces are sought.
-        samples: momentum, drift, velocity and Jacobians at the record's m + 1 samples, see `Samples`.
-    """
-
-    model: pin.Model
-    applications: tuple[Application, ...]
-    samples: Samples
+    model: pin.Model  # the robot's, whose joints have axes fixed in the links that they carry (`serial_model`)
+    applications: tuple[Application, ...]  # where forces are sought
+    samples: Samples  # momentum, drift, velocity and Jacobians at the record's m + 1 samples, see `Samples`
 
 
 def compute_dynamics(model: pin.Model, data: pin.Data, q: Array, v: Array) -> None:
@@ -71,9 +65,7 @@ def directions_of(model: pin.Model) -> list[tuple[int, int]]:
 def check_configurations(directions: list[tuple[int, int]], q: Array) -> None:
     """Raise ShapeError for a coordinate of q (m, nq) that is too far, or a direction that has not length one.
 
-    Args:
-        directions: what `directions_of` returns.
-        q: (m, nq) configurations; the kernel `is_configuration` checks those of a stream.
+    The kernel `is_configuration` checks those of a stream.
     """
     for start, size in directions:
         length = np.linalg.norm(q[:, start : start + size], axis=1)

@@ -1,4 +1,7 @@
-"""Several observers of one model on one `pin.Data`: Pinocchio computes each sample once for all that need the same."""
+"""All observers by their names; and several of one model on one `pin.Data`.
+
+Pinocchio then computes each sample once for all that need the same.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +15,29 @@ import pinocchio as pin
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, fields_of
 from aerobat_pin.observers.estimate import Sample
-from aerobat_pin.observers.kalman.kalman import KalmanObserver
+from aerobat_pin.observers.kalman.kalman import KalmanObserver, SmootherObserver
 from aerobat_pin.observers.kalman.noisy_sample import inertias_at
 from aerobat_pin.observers.kernels import posterior
 from aerobat_pin.observers.kernels.observer_state import ObserverState
+from aerobat_pin.observers.momentum import (
+    ForceLevelObserver,
+    MomentumObserver,
+    SecondOrderObserver,
+    SuperTwistingObserver,
+)
 from aerobat_pin.observers.observer import Observer
+
+OBSERVERS: dict[str, type[Observer]] = {  # as scenarios and the command line choose them
+    kind.name: kind
+    for kind in (
+        MomentumObserver,
+        ForceLevelObserver,
+        SecondOrderObserver,
+        SuperTwistingObserver,
+        KalmanObserver,
+        SmootherObserver,
+    )
+}
 
 
 class ObserversTogether:
@@ -38,7 +59,12 @@ class ObserversTogether:
         groups: dict[Callable[..., Any], list[tuple[int, Observer]]] = {}
         for k, observer in enumerate(observers):
             observer.reset(pin.neutral(self.model), np.zeros(self.model.nv))  # compiles
-            _read_from(observer, self.data)
+            observer.data = self.data
+            if isinstance(observer, KalmanObserver):
+                observer._look_at(self.data, observer._kalman.observer)
+                observer._kalman.filter.inertias[:] = inertias_at(observer.model, self.data)
+            else:
+                observer._look_at(self.data, fields_of(observer._memory, ObserverState))
             groups.setdefault(observer._compute, []).append((k, observer))
         self._groups = tuple(groups.items())
         self._levels, self.judge = np.zeros(3), 0
@@ -86,13 +112,3 @@ class ObserversTogether:
                 if observer._update(observer._memory, q, v, u, dt, out):
                     samples[k] = observer._result(out, observer._nv, observer._count)
         return samples
-
-
-def _read_from(observer: Observer, data: pin.Data) -> None:
-    """Let the kernels of an observer read Pinocchio's results in data that are not its own."""
-    observer.data = data
-    if isinstance(observer, KalmanObserver):
-        observer._look_at(data, observer._kalman.observer)
-        observer._kalman.filter.inertias[:] = inertias_at(observer.model, data)
-    else:
-        observer._look_at(data, fields_of(observer._memory, ObserverState))

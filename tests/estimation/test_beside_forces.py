@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from aerobat_pin.forces.coefficient_errors import coefficient_covariance
 from aerobat_pin.forces.expected_of_record import expected_from, row_scale
+from aerobat_pin.forces.explanations import coefficient_covariance
 from aerobat_pin.forces.fit_beside_forces import most_likely, with_blows
 from aerobat_pin.forces.instants import settled_instants
 from aerobat_pin.forces.known_forces import FittedValues

@@ -27,7 +27,7 @@ from support.mismatch import NOISY, Seen, estimated, flown, made_up, scores
 from aerobat_pin.aerobat import FlightLog, flight_record
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation import Calibration, Result, calibrate, estimate
-from aerobat_pin.estimation.calibration.checked_part import part_to_check
+from aerobat_pin.estimation.calibration.check_model import part_to_check
 from aerobat_pin.forces.known_forces import mean_motion
 from aerobat_pin.observers import JointFriction
 

@@ -27,7 +27,7 @@ from support.further import further
 
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation import Calibration
-from aerobat_pin.forces.fit_learnt_error import fit_learnt_error
+from aerobat_pin.forces.learnt_error import fit_learnt_error
 from aerobat_pin.records import Condition
 
 FREE_DAY = tuple((*one, "simulation.duration=2.5") for one in DAY)

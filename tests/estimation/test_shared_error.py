@@ -18,7 +18,7 @@ from support.robot_parts import channels, efforts, joint, link
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.estimation import Result, estimate
-from aerobat_pin.forces.shared_error import SharedError, shown_without_any_quarter
+from aerobat_pin.forces.row_errors import SharedError, shown_without_any_quarter
 from aerobat_pin.numerics import Array
 
 ROBOTS = Path(sysconfig.get_path("purelib"), "cmeel.prefix", "share", "example-robot-data", "robots")

@@ -20,7 +20,8 @@ from support.strange_arm import COULOMB, JOINTS, RATE, URDF, arm_map, nothing, p
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.estimation import Calibration, OnlineEstimator, Result, calibrate, estimate
 from aerobat_pin.estimation.calibration.error_bar import noise_where_known
-from aerobat_pin.estimation.checks import effort_findings, record_findings
+from aerobat_pin.estimation.checks.efforts import effort_findings
+from aerobat_pin.estimation.checks.motion import record_findings
 from aerobat_pin.experiments import check_record
 from aerobat_pin.forces import KnownForces, inputs_between
 from aerobat_pin.forces.deviations import lag_of_filter

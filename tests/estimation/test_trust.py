@@ -7,8 +7,17 @@ import pytest
 
 from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.forces import ObserverScores
-from aerobat_pin.forces.deviations import LAGS, RECENT, add_lag_of_filter, lag_of_filter, raise_to_noise, recent_noise
-from aerobat_pin.forces.trust import sample_noise, warnings_about, worst_stretch
+from aerobat_pin.forces.deviations import (
+    LAGS,
+    RECENT,
+    add_lag_of_filter,
+    lag_of_filter,
+    raise_to_noise,
+    recent_noise,
+    sample_noise,
+    warnings_about,
+    worst_stretch,
+)
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.records import load_robot
 from aerobat_pin.scenario.scenario import load_scenario

@@ -12,7 +12,7 @@ from support.swinging_arm import arm, arm_map, recording
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.estimation import Finding, Result, estimate
-from aerobat_pin.estimation.verdict import quantity
+from aerobat_pin.estimation.findings import quantity
 from aerobat_pin.experiments import Experiment
 from aerobat_pin.forces import CalibrationUse, Contact, StoredEstimate, along_itself, largest_of
 from aerobat_pin.forces.observer_scores import MEDIAN_DEVIATION, score_table

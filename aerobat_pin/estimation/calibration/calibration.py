@@ -70,10 +70,7 @@ class Belief:
 def belief_of(chosen: Map, robot: PlainRobot, joints: Sequence[str]) -> Belief:
     """Return what is believed of a record: its robot, what the robot assumes, and what the map's numbers mean.
 
-    Args:
-        chosen: the map.
-        robot: the robot as believed at first.
-        joints: those that have channels.
+    The robot is as believed at first, and the joints are those that have channels.
     """
     effort, settings = chosen.joints.effort, dict(robot.assumptions)
     if effort is not None:

@@ -32,28 +32,19 @@ JOINED = 0.02  # [s]: contacts with shorter pauses are one
 
 @dataclass(frozen=True)
 class Detection:
-    """What is normal where nothing pushes.
+    """What is normal where nothing pushes."""
 
-    Attributes:
-        frames: points at which forces are sought.
-        bias: (3 n,) mean of the detector's forces in the free runs, world axes [N].
-        threshold: (3 n,) distance from it at which a contact is found [N], where the filter is as sure as usual.
-        deviation: (3 n,) root mean square of the standard deviation that the filter states in the free runs [N];
-            thresholds are in proportion to what it states.
-    """
-
-    frames: tuple[str, ...]
-    bias: Array
-    threshold: Array
+    frames: tuple[str, ...]  # points at which forces are sought
+    bias: Array  # (3 n,) mean of the detector's forces in the free runs, world axes [N]
+    threshold: Array  # (3 n,) distance from it at which a contact is found [N], where the filter is as sure as usual
+    # (3 n,) root mean square of the standard deviation that the filter states in the free runs [N]; thresholds are in
+    # proportion to what it states
     deviation: Array
 
     def excess(self, model: pin.Model, inputs: KnownInputs, widened: Array | float) -> Array:
         """Return the excess (m, n) of each point over its threshold; 0 where none is sought, 1 where one is found.
 
-        Args:
-            model: the believed robot.
-            inputs: inputs of a stretch, with all that was learnt among the known forces.
-            widened: factor of the thresholds, or (m,) that in each interval.
+        All that was learnt is among the known forces of the inputs; `widened` is a factor of the thresholds, or (m,).
         """
         sought = settled_intervals(inputs)
         force, deviation = _detected(model, self.frames, inputs)

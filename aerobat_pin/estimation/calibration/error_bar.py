@@ -37,11 +37,8 @@ def row_noise(runs: Sequence[FreeRun], *, learnt: bool) -> dict[str, float]:
     It is taken behind the low-pass of the observers, as errors that this takes out do not reach their forces. A joint
     at rest says nothing of its errors when it slides: an instant counts by how far it does. A few errors may all be
     small: the second moment is raised by twice its deviation, and is at least that of the data that a fit used. A row
-    that hardly moves has none.
-
-    Args:
-        runs: the runs, with all that is known of them.
-        learnt: whether more than the map's fits was learnt from them, from all but the part that is held out.
+    that hardly moves has none. `learnt` says whether more than the map's fits was learnt from all but the part of the
+    runs that is held out.
     """
     names = row_names(runs[0].record.robot.model) if runs else {}
     count, square, different = np.zeros((3, 2, len(names)))  # where nothing was fitted, and where it was
@@ -82,8 +79,7 @@ def noise_where_known(forces: KnownForces) -> dict[str, float]:
 def error_bar(pairs: Sequence[tuple[KnownForces | None, KnownForces]]) -> dict[str, tuple[float, float]]:
     """Return component -> rms error without and with what was learnt, over some records; empty where none is settled.
 
-    Args:
-        pairs: known forces of each record without and with what was learnt; None if there is no estimate without it.
+    `pairs` are the known forces of each record without it, None if there is no estimate then, and with it.
     """
     squares: list[dict[str, float]] = []
     for k in (0, 1):

@@ -35,25 +35,15 @@ BEYOND = 3.0  # expected deviations: a larger change is taken for the error of s
 
 @dataclass(frozen=True)
 class Identified:
-    """Parameters that were identified; errors in N per row with moments over 50 mm.
+    """Parameters that were identified; errors in N per row with moments over 50 mm."""
 
-    Attributes:
-        parameters: name -> unit and expected deviation of each of the n parameters.
-        values: (n,) their changes.
-        covariance: (n, n) of the changes.
-        kept: whether the calibration uses them.
-        before: rms of what the belief leaves unexplained, in the runs' first part and in the part held out.
-        after: the same with the changed parameters.
-        allowed: largest error that counts as explained.
-    """
-
-    parameters: Mapping[str, Parameter]
-    values: Array
-    covariance: Array
-    kept: bool
-    before: tuple[float, float]
-    after: tuple[float, float]
-    allowed: float
+    parameters: Mapping[str, Parameter]  # name -> unit and expected deviation of each of the n parameters
+    values: Array  # (n,) their changes
+    covariance: Array  # (n, n) of the changes
+    kept: bool  # whether the calibration uses them
+    before: tuple[float, float]  # rms of what the belief leaves unexplained in the runs' first part, and held out
+    after: tuple[float, float]  # the same with the changed parameters
+    allowed: float  # largest error that counts as explained
 
     @property
     def used(self) -> dict[str, float]:
@@ -118,13 +108,9 @@ def identify(
     always: bool,
     progress: Callable[[float], None] | None,
 ) -> Identified:
-    """Identify parameters from free runs.
+    """Identify parameters from free runs, which are as believed at first.
 
-    Args:
-        runs: the runs, as believed at first.
-        parameters: what is sought.
-        always: whether the calibration uses the result even if it does not explain the runs.
-        progress: called with the share that is done.
+    `always` says whether the calibration uses the result even if it does not explain the runs.
     """
     from scipy.optimize import least_squares
 

@@ -24,15 +24,11 @@ from aerobat_pin.estimation.calibration.calibration import (
 )
 from aerobat_pin.estimation.calibration.detection import Detection, learn_detection
 from aerobat_pin.estimation.calibration.error_bar import bar_words, error_bar, noise_where_known, row_noise
-from aerobat_pin.estimation.calibration.free_run import (
-    FreeRun,
-    free_runs,
-    pushes,
-    unexpected,
-)
+from aerobat_pin.estimation.calibration.free_run import FreeRun, free_runs, pushed_points, pushes, unexpected
 from aerobat_pin.estimation.calibration.identify import Identified, identify
-from aerobat_pin.estimation.calibration.pushed_points import pushed_points
-from aerobat_pin.estimation.checks import efforts_and_friction, fit_findings, record_findings
+from aerobat_pin.estimation.checks.efforts import efforts_and_friction
+from aerobat_pin.estimation.checks.motion import record_findings
+from aerobat_pin.estimation.checks.result import fit_findings
 from aerobat_pin.estimation.findings import Finding, refuse_if_certain
 from aerobat_pin.forces import (
     CALIBRATION,
@@ -113,7 +109,10 @@ def calibrate(
     forces = [fitted_by_map(record, mass=mass) for record in records]
     fitted, to_sensor = fits_anything(records[0].map), fits_to_sensor(records[0].map)
     runs = [] if to_sensor else _runs_of(forces)
-    _check_turns(runs)
+    for run in runs:
+        if run.condition is not None and run.condition.turns < FEWEST_TURNS:
+            turned = f"{run.name}: {run.condition.turns:.1f} turns of {run.condition.cycle}"
+            raise CalibrationError(f"{turned}: {FEWEST_TURNS:g} or more were expected")
     if runs:
         notes.append(f"as {'fitted' if fitted else 'believed'}: {_sizes(runs)} unexplained")
 
@@ -213,15 +212,6 @@ def _check_names(records: Sequence[Record], belief: Belief, harmonics: int, para
 
 def _runs_of(forces: Sequence[KnownForces]) -> list[FreeRun]:
     return [run for known in forces for run in free_runs(known.record, known)]
-
-
-def _check_turns(runs: Sequence[FreeRun]) -> None:
-    for run in runs:
-        if run.condition is not None and run.condition.turns < FEWEST_TURNS:
-            raise CalibrationError(
-                f"{run.name}: {run.condition.turns:.1f} turns of {run.condition.cycle}: {FEWEST_TURNS:g} or more were "
-                "expected"
-            )
 
 
 def _findings(records: Sequence[Record], *, trust: bool) -> list[Finding]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.estimation.checks.free_efforts import NAMED, no_effort, of_all, reversed_effort, wrong_effort
 from aerobat_pin.estimation.checks.readings import joint_pairs, limb_pairs, swapped
-from aerobat_pin.estimation.checks.sensor_zeros import LEAST_MOMENT
+from aerobat_pin.estimation.checks.sensor_faults import LEAST_MOMENT
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     QUARTERS,
@@ -51,29 +51,18 @@ Formed = Callable[[InputsBetween], tuple[EffortRows, Instants]]  # the rows of o
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of the map or the robot.
+    """A change of the map or the robot."""
 
-    Attributes:
-        told: what is found, of what is likely with it and what that leaves: nothing if it is too small, None if it
-            cannot be.
-        columns: (m, k, p) what it does to the rows for h = 1.
-        shift: (m, k) what it does to the rows, where it has no coefficient.
-        anew: returns rows as mapped, and rows and columns as they would be at the same instants, where neither says
-            what it does.
-        doubt: what it costs beside its coefficients.
-        leaves: share of what is left, in squares, that it must leave at most.
-        large: h from which it must leave as little as columns that change places: what is large leaves traces.
-        cases: changes that it contains, one factor of all efforts first: it counts only if it is likelier than each.
-    """
-
+    # what is found, of what is likely with it and what that leaves: nothing if it is too small, None if it cannot be
     told: Callable[[Explanation, str], Sequence[Finding] | None]
-    columns: Array | None = None
-    shift: Array | None = None
+    columns: Array | None = None  # (m, k, p) what it does to the rows for h = 1
+    shift: Array | None = None  # (m, k) what it does to the rows, where it has no coefficient
+    # where neither says what it does: rows as mapped, and rows and columns as they would be at the same instants
     anew: Callable[[], tuple[EffortRows, EffortRows, Array | None]] | None = None
-    doubt: float = 0.0
-    leaves: float = np.inf
-    large: float = np.inf
-    cases: Sequence[Change] = ()
+    doubt: float = 0.0  # what it costs beside its coefficients
+    leaves: float = np.inf  # share of what is left, in squares, that it must leave at most
+    large: float = np.inf  # h from which it must leave as little as columns that change places, as it leaves traces
+    cases: Sequence[Change] = ()  # that it contains, a factor of all efforts first: it must be likelier than each
 
     @property
     def price(self) -> float:
@@ -154,7 +143,7 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
     yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1), leaves=LEFT_BY_ROBOT)
     slopes = slopes_of_need(model, instants)[:, kept]
     bends = instants.around[1, instants.weighed]
-    yield Change(_rotors, bends[:, :, None] * np.eye(len(kept)))
+    yield Change(lambda *_: [], bends[:, :, None] * np.eye(len(kept)))  # rotors are found beside the forces
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
         slope = slopes[:, :, [record.robot.v_index(joint)]]
         yield Change(partial(_zero, record.robot, joint), slope, leaves=LEFT_BY_ROBOT, large=LARGE_ZERO)
@@ -214,11 +203,6 @@ def _factor_of(size: Array) -> Array:
 
 def _exchanged(names: Sequence[str], pair: Exchange, _: Explanation, left: str) -> Sequence[Finding]:
     return [swapped(names, "efforts", pair, left)]
-
-
-def _rotors(_: Explanation, __: str) -> Sequence[Finding]:
-    """Return nothing of rotors that the robot's file lacks: they are found beside the forces."""
-    return []
 
 
 def _mounting(model: pin.Model, found: Explanation, left: str) -> Sequence[Finding] | None:

@@ -20,10 +20,8 @@ from aerobat_pin.estimation.checks.changes import (
     driven_rows,
     sliding_rows,
 )
-from aerobat_pin.estimation.checks.efforts_in_time import change_of_time
 from aerobat_pin.estimation.checks.free_efforts import GOOD, UNEXPLAINED, left_unexplained, of_free
-from aerobat_pin.estimation.checks.misread_joints import changes_of_reading
-from aerobat_pin.estimation.checks.misread_known import changes_of_known
+from aerobat_pin.estimation.checks.misread_channels import change_of_time, changes_of_known, changes_of_reading
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import (
     EffortRows,
@@ -70,13 +68,8 @@ def effort_findings(
 ) -> Iterator[Finding]:
     """Yield how well efforts fit the motion, and what change of the map or the robot explains what they leave.
 
-    Args:
-        record: the record.
-        inputs: what an observer is given between two indices of the common times.
-        before: what was found before; efforts are not compared with a motion that is misread.
-        instants: of the record, if it was looked at.
-        expected: what is expected of it, if that is known.
-        motion: of a free robot's record with such inputs, if something keeps it.
+    Efforts are not compared with a motion that is misread by what was found before. Instants of the record, what is
+    expected of it, and the motion of a free robot with such inputs are given if something keeps them.
     """
     misread = [each for each in before if each.warns and each.check not in HARMLESS]
     beyond = bool(misread) and all(each.check == "joint limits" and each.verdict == "warning" for each in misread)
@@ -110,11 +103,7 @@ def effort_findings(
         assert seen is not None  # as the record was
         return _effort_rows(record, seen, expected)
 
-    @cache
-    def as_mapped() -> EffortRows:
-        """Return the rows as they are mapped, at the instants of those of other inputs."""
-        return formed(inputs)[0]
-
+    as_mapped = cache(lambda: formed(inputs)[0])  # the rows as mapped, at the instants of those of other inputs
     needed = max(float(np.sum((rows.needed / scale) ** 2)), 1e-300)
 
     def left(explanation: Explanation) -> float:
@@ -136,7 +125,8 @@ def effort_findings(
     explaining = []
     for gain, found, change, lasts in _likely(rows, without, changes):
         after = left(found)
-        findings = change.told(found, _leaves(after, share)) if lasts else []
+        leaves = f"{100.0 * after**0.5:.3g} % of what is needed, as mapped {100.0 * share**0.5:.3g} %"
+        findings = change.told(found, leaves) if lasts else []
         if findings is not None and after < change.enough(found) * share:
             explaining.append((gain, findings, change))
     by_name = {change: gain for gain, findings, change in explaining if findings}
@@ -175,10 +165,6 @@ def _as_likely(named: Sequence[Finding], likeliest: Sequence[Sequence[Finding]])
 def _in_doubt(finding: Finding) -> Finding:
     text = f"perhaps, as errors too small to name explain the efforts about as well: {finding.text}"
     return replace(finding, verdict="note", text=text)
-
-
-def _leaves(after: float, before: float) -> str:
-    return f"{100.0 * after**0.5:.3g} % of what is needed, as mapped {100.0 * before**0.5:.3g} %"
 
 
 def _in_motion(instants: Instants) -> Instants:
@@ -234,14 +220,8 @@ def efforts_and_friction(
 ) -> list[Finding]:
     """Return findings about efforts; without those that name friction, if with it they are gone.
 
-    Args:
-        given: the known forces without the friction that was found, which takes up a reversed effort.
-        forces: those with it.
-        inputs: what an observer is given between two indices, with these.
-        before: what was found before.
-        instants: of the record, if it was looked at.
-        expected: what is expected of it, if that is known.
-        motion: of a free robot's record with such inputs, if something keeps it.
+    Known forces are `given` without the friction that was found, which takes up a reversed effort, and with it in
+    `forces` and `inputs`. The rest as in `effort_findings`.
     """
     record = forces.record
     motion = motion or partial(motion_of, record)

@@ -19,10 +19,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.late_efforts import late_efforts
-from aerobat_pin.estimation.checks.misread_limbs import left_by_readings, reading_of
-from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS, JointReading, joint_pairs, limb_pairs, swapped
-from aerobat_pin.estimation.checks.sensor_zeros import zeros_of_free
+from aerobat_pin.estimation.checks.readings import (
+    LEFT_BY_JOINTS,
+    JointReading,
+    joint_pairs,
+    left_by_readings,
+    limb_pairs,
+    reading_of,
+    swapped,
+)
+from aerobat_pin.estimation.checks.sensor_faults import late_efforts, zeros_of_free
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import Balance, FreeMotion, balance_of
 from aerobat_pin.numerics import Array
@@ -50,11 +56,8 @@ MILLI = ("mA", "mN m")  # units for each of which a torque was once given as if 
 def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings: bool = True) -> Iterator[Finding]:
     """Yield factors of a free robot's efforts, columns that are exchanged, and its base's mass, as the rows show them.
 
-    Args:
-        record: the record.
-        motion: at some instants; None if the record is too short.
-        beyond: whether joints are beyond their limits; before that is settled efforts say nothing of factors or places.
-        readings: whether another reading of the joints is sought, too.
+    A record that is too short has no motion. `beyond` says whether joints are beyond their limits (before that is
+    settled efforts say nothing of factors or places), `readings` whether other readings of the joints are sought, too.
     """
     balance = None if motion is None else balance_of(record, motion)
     if motion is None or balance is None:

@@ -8,8 +8,14 @@ from functools import partial
 
 import numpy as np
 
-from aerobat_pin.estimation.checks.attitude import Reading, accelerometer_findings, reading_findings, turned_so_far
-from aerobat_pin.estimation.checks.compare import agreement_findings, comparison_of
+from aerobat_pin.estimation.checks.agreement import (
+    Reading,
+    accelerometer_findings,
+    agreement_findings,
+    comparison_of,
+    reading_findings,
+    turned_so_far,
+)
 from aerobat_pin.estimation.checks.readings import UNLIMITED
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.estimation.findings import Finding

@@ -7,11 +7,10 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.estimation.checks.compare import CONFUSED, FOLLOWS
-from aerobat_pin.estimation.checks.known_against_motion import OTHER_AXES, known_findings
+from aerobat_pin.estimation.checks.agreement import CONFUSED, FOLLOWS
+from aerobat_pin.estimation.checks.known_against_motion import OTHER_AXES, known_findings, thrust_order_findings
 from aerobat_pin.estimation.checks.motion import MOST_SAMPLES, checked_part
-from aerobat_pin.estimation.checks.push_elsewhere import elsewhere_findings
-from aerobat_pin.estimation.checks.thrust_order import thrust_order_findings
+from aerobat_pin.estimation.checks.untold_forces import elsewhere_findings
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.forces import (

@@ -149,11 +149,8 @@ def channel_findings(
 ) -> Iterator[Finding]:
     """Yield a channel's rate, and that its samples are held, interpolated, or do not change for long.
 
-    Args:
-        channel: the channel.
-        parts: beginning and end of the stretches that are used [s].
-        alone: whether the channel has a clock of its own; in a table with one clock, slower channels are interpolated.
-        angles: joint positions: as long as these do not change, the channel may do so, too.
+    In the used `parts` [s] it may rest as long as joint positions, `angles`, do. `alone` says whether it has a clock of
+    its own: in a table with one clock, slower channels are interpolated.
     """
     key, count = channel.key, len(channel.values)
     changed = _changes(channel)

@@ -1,4 +1,4 @@
-"""The line of action of one unknown point force, from its wrench, and the point where this line meets a panel.
+"""Where one unknown point force acts: its line of action, from its wrench, and the points where this line passes.
 
 A force f at the point r has the moment m = r x f about the origin. This determines r except for its position along f:
 
@@ -17,27 +17,22 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from aerobat_pin.errors import ObserverError
+from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import Array, guarded, shaped
+from aerobat_pin.observers.analysis.noise_and_lag import correlation_length
 
 FLAT = 1.0e-3  # largest distance of a corner from the plane, as a share of the panel's size
 SIGMAS = 3.0  # standard deviations; a normal error exceeds them once in 370 cases
 FAINTEST = 5.0  # standard deviations; the direction of a smaller force cannot be linearised
 ROUNDING = 1.0e-6  # share of a moment that is attributed to rounding in exact data
+LARGEST_MISFIT = 2.0  # accepted misfit: the given covariance is seldom known better than by this factor
 
 
 class Panel:
-    """A flat polygon, convex or not.
+    """A flat polygon, convex or not, by the outline of its corners (k, 3) in order [m].
 
-    Args:
-        outline: (k, 3) corners in order [m].
-
-    Raises:
-        ObserverError: there are fewer than three corners, or they are not finite, not flat or enclose no area.
-
-    Attributes:
-        corners: (k, 3) corners, repeated ones removed [m].
-        normal: (3,) unit normal, about which the corners run counter-clockwise.
+    Repeated corners are removed; about the unit `normal` (3,) they run counter-clockwise. Raises ObserverError for
+    fewer than three, or if they are not finite, not flat or enclose no area.
     """
 
     def __init__(self, outline: ArrayLike) -> None:
@@ -57,11 +52,7 @@ class Panel:
         self.normal: Array = area / size
 
     def margin(self, point: Array) -> tuple[float, Array]:
-        """Return a point's distance from the outline [m], negative outside, and the unit vector (3,) along that gap.
-
-        Args:
-            point: (3,) a point in the plane [m].
-        """
+        """Return how far a point (3,) in the plane is inside the outline [m], and the unit vector (3,) along that."""
         edges = np.roll(self.corners, -1, axis=0) - self.corners
         away = point - self.corners
         share = np.clip(np.sum(away * edges, axis=1) / np.maximum(np.sum(edges**2, axis=1), 1e-300), 0.0, 1.0)
@@ -228,3 +219,104 @@ def checked_covariance(wrenches: ArrayLike, covariance: ArrayLike) -> Array:
 def _largest(covariance: Array) -> float:
     """Return the largest standard deviation in any direction."""
     return float(np.sqrt(max(np.linalg.eigvalsh(covariance)[-1], 0.0)))
+
+
+@dataclass(frozen=True)
+class PointOfAction:
+    """The point of a link that fits a log best, in the frame of the wrenches.
+
+    Attributes:
+        point: (3,) the point [m]. If the force never turns, the point of its line that is nearest to the origin.
+        covariance: (3, 3) covariance of the point [m2], without the directions `unknown`.
+        unknown: (k, 3) unit vectors along which the log does not determine the point; none if the force turns.
+        misfit: mean square of the moments' misfit relative to its covariance; about 1 for one point force.
+        limit: largest misfit that is accepted for one point force.
+    """
+
+    point: Array
+    covariance: Array
+    unknown: Array
+    misfit: float
+    limit: float
+
+    @property
+    def verdict(self) -> str:
+        """`a point`, `a line: the force never turns`, `not one point force`, or `nothing can be said`."""
+        if self.misfit > self.limit:
+            return "not one point force"
+        if len(self.unknown) > 1:
+            return "nothing can be said"
+        return "a line: the force never turns" if len(self.unknown) else "a point"
+
+
+@guarded()
+def locate_series(wrenches: ArrayLike, covariance: ArrayLike) -> PointOfAction:
+    """Compute the point of a link at which a force acts over many samples: the lines of a turning force meet there.
+
+    The point r minimises the sum of e' S^-1 e over the log, with e the misfit of the moments and S its covariance:
+
+        e = m - r x f          S(r) = B Cov B'          B = [-[r]x, 1]
+
+    This is the maximum-likelihood estimate for errors in both force and moment. Least squares on the moments only would
+    bias the point towards the origin. Of the log, the fit needs only its 6 x 6 scatter matrix sum (f, m)(f, m)'.
+
+    Args:
+        wrenches: (m, 6) forces [N] and moments [N m] in the axes of the link and about its origin.
+        covariance: (6, 6) covariance of each wrench. Errors can be correlated in time, as they are after a filter.
+
+    Raises:
+        ShapeError: there are fewer than two samples, or an array has the wrong shape.
+        ObserverError: a number is not finite, or the covariance is not symmetric and positive semidefinite.
+    """
+    from scipy.optimize import least_squares  # takes a third of a second to import; only this function needs it
+
+    z: Array = np.array(wrenches, float)
+    if z.ndim != 2 or z.shape[1] != 6 or len(z) < 2:
+        raise ShapeError(f"wrenches have shape {z.shape}: (m, 6) with two samples or more was expected")
+    noise, count = checked_covariance(z, covariance), len(z)
+    floor = (ROUNDING * np.sqrt(np.mean(z[:, 3:] ** 2))) ** 2 + 1e-30
+    scatter = np.asarray(np.linalg.qr(z, mode="r"))  # replaces the log: it has the same scatter matrix
+
+    def whitener(r: Array) -> Array:
+        S = _misfits(r, _misfits(r, noise).T) + floor * np.eye(3)
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(S)))
+
+    W = whitener(np.zeros(3))
+    seen, chance = _information(z[:, :3].T @ z[:, :3], W), _information(count * noise[:3, :3], W)
+    values, axes = np.linalg.eigh(seen - chance)
+    doubt = np.sqrt(correlation_length(z) / count) * np.einsum("ij,ik,kj->j", axes, chance, axes)
+    determined = values > np.maximum(FAINTEST * doubt, 1e-9 * values[-1])
+    known = axes[:, determined]
+
+    def weighted(place: Array) -> Array:
+        r = known @ place
+        return (_misfits(r, scatter) @ whitener(r).T).ravel()
+
+    point: Array = np.zeros(3)
+    if known.size:
+        exact = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-14)
+        point = known @ least_squares(weighted, np.zeros(known.shape[1]), x_scale="jac", **exact).x
+
+    W = whitener(point)
+    errors = _misfits(point, z) @ W.T
+    scores = np.cross(errors @ W, z[:, :3])
+    length = correlation_length(scores @ known) if known.size else correlation_length(z)
+    information = known.T @ _information(z[:, :3].T @ z[:, :3] - count * noise[:3, :3], W) @ known
+    return PointOfAction(
+        point=point,
+        covariance=length * known @ np.linalg.inv(information) @ known.T,
+        unknown=axes[:, ~determined].T,
+        misfit=float(np.sum(errors**2) / (3 * count - known.shape[1])),
+        limit=max(LARGEST_MISFIT, 1.0 + FAINTEST * float(np.sqrt(2.0 * length / (3 * count)))),
+    )
+
+
+def _misfits(r: Array, wrenches: Array) -> Array:
+    """Return the misfit m - r x f of the moments (n, 3), for wrenches (f, m) (n, 6) and a point r (3,)."""
+    return np.asarray(wrenches[:, 3:] - np.cross(r, wrenches[:, :3]))
+
+
+def _information(F: Array, W: Array) -> Array:
+    """Return the information sum [f]x' W' W [f]x (3, 3) on a point, from the scatter matrix F (3, 3) of the forces."""
+    whitened = W @ np.array([pin.skew(axis) for axis in np.eye(3)])
+    return np.asarray(np.einsum("ij,ika,jkb->ab", F, whitened, whitened))

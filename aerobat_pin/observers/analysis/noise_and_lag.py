@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import Array, checked, guarded
-from aerobat_pin.observers.identifiability import RANK_TOLERANCE, judge
+from aerobat_pin.observers.applications import RANK_TOLERANCE, judge
 from aerobat_pin.observers.kernels.filters import RISE
 from aerobat_pin.observers.observer import Observer
 from aerobat_pin.observers.rows import BASE_ROWS, has_free_base
@@ -78,10 +78,8 @@ def correlation_length(series: ArrayLike) -> float:
     The variance of the mean of a correlated series is tau times the variance of the mean of independent samples. The
     sum ends at the first lag that is at least `WINDOW` times the sum so far, because later lags contain only noise
     (A. Sokal, Monte Carlo Methods in Statistical Mechanics, 1989). White noise has tau = 1. White noise after a
-    first-order filter has tau = (1 + a)/(1 - a) with a = exp(-K dt).
-
-    Args:
-        series: (m,) or (m, c) series; its mean is subtracted. For several columns the largest tau is returned.
+    first-order filter has tau = (1 + a)/(1 - a) with a = exp(-K dt). The mean of the series (m,) or (m, c) is
+    subtracted; for several columns the largest tau is returned.
     """
     values: Array = np.asarray(series, float).reshape(len(np.asarray(series)), -1)
     return max(_column_length(column - column.mean()) for column in values.T)

@@ -128,20 +128,15 @@ class KalmanObserver(Observer):
     ) -> None:
         """Prepare the filter; `reset` starts it."""
         super().__init__(model, applications, gain, rows)
-        self._settings = {
-            "sensor_noise": sensor_noise,
-            "force_walk": force_walk,
-            "prior": prior,
-            "known_error": known_error,
-            "mass_error": mass_error,
-            "error_time": error_time,
-            "misfit": misfit,
-            "frequency": frequency,
-        }
+        given = {"sensor_noise": sensor_noise, "force_walk": force_walk, "prior": prior, "misfit": misfit}
+        errors_given = {"known_error": known_error, "mass_error": mass_error, "error_time": error_time}
+        self._settings = {**given, **errors_given, "frequency": frequency}
         if self.gain.shape != ():
             raise ObserverError(f"gain of shape {self.gain.shape}: observer {self.name} takes one number")
         nv, scale, blocks = self._nv, self.applications.scale, 1 if frequency is None else 3
-        noise = self._noise(sensor_noise)
+        if np.shape(sensor_noise) != (3,):
+            raise ObserverError(f"sensor_noise = {sensor_noise}: three numbers were expected: linear, gyro, joints")
+        noise = SensorNoise(*(_positive("sensor_noise", size) for size in sensor_noise)).deviations(self.model)
         self._errors = tuple(known_error or ())
         errors = [_positive(f"known_error of {name}", size) for name, size in (known_error or {}).items()]
         if mass_error != 0.0:
@@ -229,12 +224,6 @@ class KalmanObserver(Observer):
             names = ", ".join(map(str, known)) or "none"
             raise ObserverError(f"known_error names '{name}': the known forces are {names}")
         return known[name]
-
-    def _noise(self, sensor_noise: Sequence[float]) -> Array:
-        """Return the standard deviation of the sensor noise of each velocity (nv,)."""
-        if np.shape(sensor_noise) != (3,):
-            raise ObserverError(f"sensor_noise = {sensor_noise}: three numbers were expected: linear, gyro, joints")
-        return SensorNoise(*(_positive("sensor_noise", size) for size in sensor_noise)).deviations(self.model)
 
     def _hidden(self) -> Array:
         """Return the projector (nv, nv) onto generalised forces that do not change the rows in use; (0, 0) if none."""

@@ -62,9 +62,7 @@ class Filter(NamedTuple):
     scale: Annotated[Array, "c"]  # as `Applications.scale`
     information: Annotated[Array, "c, 2 * c"]  # scratch
     hidden: Annotated[Array, "nh, nh"]  # projector onto generalised forces that do not change the rows in use, or empty
-    errors: Annotated[
-        Array, "ne, nv"
-    ]  # known forces with an uncertain factor, then row errors, in the current interval
+    errors: Annotated[Array, "ne, nv"]  # known forces of uncertain factor, then row errors, in the current interval
     rows: Annotated[Array, "3, nr"]  # of row errors: variance in motion, what stiction adds, rate at which that fades
     doubt: Annotated[Array, "nv"]  # running mean square of the possible errors of known forces and mass, for each row
     x: Annotated[Array, "nv + nz"]  # estimate of the state

@@ -8,16 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerobat_pin.numerics import (
-    Array,
-    add_product,
-    add_row_product,
-    copy_values,
-    dot,
-    factorise,
-    inner,
-    kernel,
-)
+from aerobat_pin.numerics import Array, add_product, add_row_product, copy_values, dot, factorise, inner, kernel
 from aerobat_pin.observers.kalman.kalman_state import Filter, Step
 from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.projection import power_unit, put_rows

@@ -109,13 +109,9 @@ def back_through_interval(step: Step, adjoint: Array, N: Array, mirrored: Array,
 
 @kernel
 def smooth_all(time: Array, memory: Array, steps: Array, out: Array) -> None:
-    """Smooth a record over which the filter has run.
+    """Smooth a record, at times (m + 1,) [s], over which the filter has run.
 
-    Args:
-        time: (m + 1,) sample times [s].
-        memory: state of the filter.
-        steps: (m, step size) steps of the filter; they change.
-        out: (m, ...) the first nv + 2 c columns are written: residual, components, standard deviations.
+    Its steps (m, step size) change. The first nv + 2 c columns of `out` are written: residual, components, deviations.
     """
     latest = fields_of(memory, KalmanState).step
     n, nv, h = latest.shear.shape[1], latest.e.shape[0], latest.z.shape[0]

@@ -46,14 +46,10 @@ def low_pass(observer: ObserverState, dt: float, value: Array) -> None:
 
 @inner
 def super_twist(rate: float, slope: float, dt: float, value: float, state: Array) -> None:
-    """Advance z and e of `momentum_equations._super_twisting`, where the equations stand, by one implicit Euler step.
+    """Advance z [N] and e [N s], the state (2,), of `momentum_equations._super_twisting` by one implicit Euler step.
 
-    Args:
-        rate: rate of the linear part, which is critically damped [1/s].
-        slope: largest |f'| for which f is followed exactly [N/s].
-        dt: time step [s].
-        value: mean of f over the step [N].
-        state: (2,) z [N] and e [N s]; both change.
+    The equations stand there. The linear part is critically damped at a rate [1/s], and f is followed exactly up to a
+    slope |f'| [N/s]; over the step dt [s] its mean is the value [N].
     """
     pushed = state[1] + dt * (value - state[0])
     reach = 1.1 * slope * dt * dt

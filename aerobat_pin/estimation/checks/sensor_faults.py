@@ -1,9 +1,18 @@
-"""A constant that the sensor of a known force shows of nothing: its zero."""
+"""Faults of sensors: efforts that come late or early, by a clock, a filter or a driver; zeros of known forces' sensors.
+
+The balance is solved with the efforts a time s later, beside friction and rotors, whose columns are X:
+
+    needed - reach effort(t + s) = X b + e
+
+Gauss-Newton finds the s that leaves least. A filter of first order acts as a delay of its time constant. Errors of
+masses and of friction follow the motion and its rate, and leave as much at any s.
+"""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -11,15 +20,59 @@ import pinocchio as pin
 from aerobat_pin.estimation.checks.readings import LEFT_BY_JOINTS
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import Balance, FreeMotion
-from aerobat_pin.numerics import Array, frame_id
-from aerobat_pin.records import KnownSection, Record, world_turn
+from aerobat_pin.numerics import LATEST_SHIFT, SHIFT_STEPS, Array, frame_id
+from aerobat_pin.records import LARGEST_DELAY, KnownSection, Record, world_turn
 
+LEFT_BY_SHIFT = 0.7  # of the square sum that friction and rotors leave: a shift that leaves more is not named
+SETTLED_STEP = 0.1  # of a sample, or of the shift: the search has ended
 MISREAD_FORCE = "known force"  # name of the check
 LEAST_CONSTANT = 0.02  # of the weight: a smaller force that a sensor shows of nothing is not named
 LEAST_OF_LEGS = 0.005  # of the weight, as the sensors of legs carry all of it
 NEARLY_EXACT = 0.005  # of the needed square sum, that is left
 LEFT_BY_ZEROS = 0.5  # of what is left otherwise, in squares
 LEAST_MOMENT = 0.005  # [m] times the weight, or the mass, that moves: a smaller moment about a point is not named
+
+
+def late_efforts(record: Record, balance: Balance, least: float) -> Finding | None:
+    """Return that efforts fit the motion far better at another time, and than what leaves a share `least`; or None.
+
+    It is None for a record at its own times, whose channels cannot be shifted.
+    """
+    by = before = left = 0.0
+    for round_ in range(SHIFT_STEPS if record.knots is None else 0):
+        left, step = _left_and_step(record, balance, by)
+        before = left if round_ == 0 else before
+        if abs(step) < SETTLED_STEP * max(record.dt, abs(by)) or abs(by + step) > LATEST_SHIFT:
+            break
+        by += step
+    if left > min(LEFT_BY_SHIFT * before, least) or abs(by) < max(LARGEST_DELAY, record.dt):
+        return None
+    leaves = f"{100.0 * left**0.5:.2g} % of what weight and motion need, as mapped {100.0 * before**0.5:.2g} %"
+    return late_finding(by, leaves)
+
+
+def late_finding(by: float, leaves: str) -> Finding:
+    """Return that efforts come a time [s] after the motion, or, if it is negative, the motion after them."""
+    early, late, parts = "the motion", "joints.effort", "effort"
+    if by < 0.0:
+        early, late, parts = late, early, "position and joints.velocity"
+    text = (
+        f"{late} comes {1e3 * abs(by):.0f} ms after {early}: shifted by that, beside friction, it leaves {leaves}: a "
+        f"clock, a filter or a slow sensor (in a map: delay = {abs(by):.3f} under joints.{parts})"
+    )
+    return Finding("late efforts", "warning", text, by, "s")
+
+
+def _left_and_step(record: Record, balance: Balance, by: float) -> tuple[float, float]:
+    """Return which share of what is needed efforts a time [s] later leave, and by how much later they leave less."""
+    apart = 2.0 * record.dt
+    earlier, later = (balance.later(by + offset) for offset in (-apart, apart))
+    slope = ((later - earlier) / (2.0 * apart))[balance.at]
+    shifted = replace(balance, effort=balance.later(by))
+    others = np.column_stack([balance.rubbing, balance.reach * balance.a[balance.at]])
+    both = np.column_stack([others, -np.sum(balance.reach * slope, axis=1)])
+    left = shifted.residual + others @ shifted.explained_by(others)
+    return float(left @ left) / balance.size, float(shifted.explained_by(both)[-1])
 
 
 def felt_of_constant(record: Record, section: KnownSection, q: Array) -> Array | None:
@@ -61,14 +114,8 @@ def zeros_of_free(
 ) -> tuple[list[Finding], float]:
     """Return what sensors of a free robot show of nothing, and the share that is left then, in squares, if any do.
 
-    It must leave far less than is left as mapped, beside friction, and what all sensors may show far less than what
-    one of them may. It is named if it makes the rows nearly exact.
-
-    Args:
-        record: the record.
-        motion: its motion at some instants.
-        balance: its equations there.
-        otherwise: returns the share that another number leaves: theirs must be far less.
+    It must leave far less than is left as mapped, beside friction, or than another number leaves (`otherwise`), and
+    what all sensors may show far less than what one of them may. It is named if it makes the rows nearly exact.
     """
     felt = {name: felt_of_constant(record, section, motion.halfway) for name, section in record.map.known.items()}
     columns = {name: balance.of_forces(each) for name, each in felt.items() if each is not None}

@@ -1,12 +1,16 @@
-"""Whether something pushes for a moment where no force is sought: what no force explains then leans one way.
+"""What an estimate does not tell of forces: whether one pushes for a moment elsewhere, and what no row to spare tests.
 
-Errors of a belief go with the motion. Over two tenths of a second those of sensors cancel, and so do those of feet that
-touch the ground in turn; what is left is alike whenever the robot moves. A push at another place does not cancel. So
-the largest of such means is compared with those that are usual in the same record. How large errors are need not be
-known: where that is found beside the forces, a push passes for one. But a mean must be as large as what is stated for
-an instant, too: as a robot that stood begins to move, errors are others for a moment, and smaller.
-A push that lasts is usual itself, and raises what is stated beside it: there half of that is enough, if the mean stands
-out of half of the record.
+What no force explains leans one way while something pushes where no force is sought. Errors of a belief go with the
+motion: over two tenths of a second those of sensors cancel, and so do those of feet that touch the ground in turn; what
+is left is alike whenever the robot moves. A push at another place does not cancel. So the largest of such means is
+compared with those that are usual in the same record. How large errors are need not be known: where that is found
+beside the forces, a push passes for one. But a mean must be as large as what is stated for an instant, too: as a robot
+that stood begins to move, errors are others for a moment, and smaller. A push that lasts is usual itself, and raises
+what is stated beside it: there half of that is enough, if the mean stands out of half of the record.
+
+Rows to spare may all belong to other components than those that are seen: what is wrong with the rows that show these
+would look like a force. Of a gantry each slide alone shows a force along it; that its last joint feels none tests
+nothing.
 """
 
 from __future__ import annotations
@@ -15,10 +19,23 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from aerobat_pin.estimation.findings import Finding
-from aerobat_pin.forces import MISFIT, ROWS_READ, StoredEstimate, points_of, rows_of, settled
+from aerobat_pin.estimation.findings import UNTESTED, WOULD_LOOK, Finding
+from aerobat_pin.forces import (
+    CHECKED,
+    MISFIT,
+    ROWS_READ,
+    Instants,
+    KnownForces,
+    StoredEstimate,
+    checked_share,
+    points_of,
+    rows_of,
+    settled,
+    shared_error,
+    short_label,
+)
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Expected, MomentumObserver
+from aerobat_pin.observers import Expected, MomentumObserver, row_names
 from aerobat_pin.records import Record
 
 LEANS_FOR = 0.2  # [s] over which rows are averaged
@@ -30,6 +47,8 @@ NO_ERROR = (  # share of the time in motion that tells what is usual; times the 
     (0.5, 10.0, 0.5),
 )
 FEWEST_MEANS = 40  # means in motion that tell what is usual
+PART = 0.1  # of what errors make of a component: a row's that is named
+COMPONENTS_NAMED = 3  # in a sentence
 
 
 def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expected | None) -> Iterator[Finding]:
@@ -88,3 +107,43 @@ def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tu
         return np.zeros(0), *np.zeros((2, 0, 1))
     times, means, speeds = (np.concatenate(part) for part in zip(*stretches, strict=True))
     return times, means, speeds
+
+
+def untested_findings(
+    forces: KnownForces, instants: Instants | None, expected: Expected | None, estimate: StoredEstimate
+) -> Iterator[Finding]:
+    """Yield which of the components that are seen nothing tests, and the rows that show them.
+
+    Where nothing touched the robot its rows were tested: nothing is said of a record with `use.free`. Nor of one with
+    no row to spare at all, which `error bar` says.
+    """
+    told = forces.record.map.use.free is not None or estimate.redundancy.verdict == "blind"
+    if told or expected is None or instants is None or not len(instants.rows):
+        return
+    some, kept = instants.weighed, instants.kept
+    error = expected.row_deviation(instants.v[some])[:, None, kept]
+    checked, shares = checked_share(instants.jacobians[some][..., kept], expected.force, error)
+    names = np.array(list(row_names(forces.record.robot.model)))[kept]
+    words = [
+        f"{short_label(size.name)} (by {', '.join(names[share > PART])} alone)"
+        for size, tested, share in zip(estimate.component_sizes(), checked, shares, strict=True)
+        if size.seen and tested < CHECKED
+    ]
+    if words:
+        more = f" and {len(words) - COMPONENTS_NAMED} more" * (len(words) > COMPONENTS_NAMED)
+        yield Finding(UNTESTED, "note", f"nothing tests {', '.join(words[:COMPONENTS_NAMED])}{more}: {WOULD_LOOK}")
+    yield from _masses(forces, instants, expected, estimate)
+
+
+def _masses(forces: KnownForces, instants: Instants, expected: Expected, estimate: StoredEstimate) -> Iterator[Finding]:
+    """Yield which components the masses of links may spoil by more than is stated, as no row to spare shows it."""
+    spoilt = shared_error(forces.record.robot.model, instants, expected).untested
+    words = [
+        f"{spoilt[k]:.2g} {size.unit} of {short_label(size.name)}, where +-{size.deviation:.2g} is stated"
+        for k, size in enumerate(estimate.component_sizes())
+        if size.seen and size.deviation is not None and spoilt[k] > size.deviation
+    ]
+    if words:
+        more = f" and {len(words) - COMPONENTS_NAMED} more" * (len(words) > COMPONENTS_NAMED)
+        text = f"errors of a tenth would look like {', '.join(words[:COMPONENTS_NAMED])}{more}"
+        yield Finding(UNTESTED, "note", f"nothing tests the masses of all links: {text}")
