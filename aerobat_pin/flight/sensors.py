@@ -34,12 +34,6 @@ def measure(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) 
 
     Each sensor has its own stream of random numbers, seeded by the sensor's name, so adding one sensor does not change
     the errors of the others.
-
-    Args:
-        log: a simulated flight with exact channels and a truth.
-        robot: the robot that flew; it gives the places of the joints in q and v.
-        sensors: settings of the sensors.
-        seed: seed of all random numbers.
     """
     if sensors.raw:
         return measure_raw(log, robot, sensors, seed)

@@ -85,12 +85,7 @@ def learn_mount(
     torque: Torque,
     settings: RawSection,
 ) -> Extras:
-    """Learn place and turn of the accelerometer from raw samples without unknown forces.
-
-    Raises:
-        CalibrationError: a record has no accelerometer.
-        LogError: a record lacks another channel.
-    """
+    """Learn place and turn of the accelerometer from raw samples without unknown forces; errors as of `find_mount`."""
     raw = [raw_record(time, channels, robot, torque, settings) for time, channels in free]
     mount = find_mount(raw, robot, air, tuple(points), settings)
     away = 1e3 * float(np.linalg.norm(mount.place - raw[0].channels["accelerometer"].place))

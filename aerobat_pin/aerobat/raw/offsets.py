@@ -52,12 +52,7 @@ def clock_offsets(linear: LinearRecord, prior: Prior, tuning: Tuning, error: flo
     """Return the clock offsets that the samples ask for, one sensor after the other, the one that gains most first.
 
     One offset explains what several others could explain together: if the crank is late, all but the crank are early.
-
-    Args:
-        linear: a record linearised about its smoothed motion.
-        prior: of its other states.
-        tuning: of forces and crank.
-        error: standard deviation of an offset before the samples are seen [s].
+    `error` is the standard deviation of an offset before the samples are seen [s].
     """
     sensors = linear.layout.offsets
 

@@ -123,15 +123,9 @@ def smoothed_inputs(record: RawRecord, robot: Aerobat, smoother: JointSmoother, 
 def as_estimate(
     name: str, checked: Estimate, inputs: KnownInputs, robot: Aerobat, torque: Torque, found: JointEstimate
 ) -> Estimate:
-    """Return forces as an estimate; without any torque, their sum over the frames takes their place.
+    """Return the forces that smoother or filter found as an estimate; without torques, their sum over the frames.
 
-    Args:
-        name: of the observer.
-        checked: estimate of `force_level` along the smoothed motion: its identifiability and redundancy are kept.
-        inputs: the smoothed motion.
-        robot: the believed robot.
-        torque: which torque was used.
-        found: forces of smoother or filter, and what else they found.
+    Identifiability and redundancy are those that `force_level` checked along the smoothed motion.
     """
     (m, points, _), covariance, (total, count) = found.force.shape, found.force_covariance, found.innovation.T
     counted = count > 0.0

@@ -40,10 +40,7 @@ def in_this_process(runs: Mapping[int, Scenario]) -> Outcomes:
 def on_this_machine(runs: Mapping[int, Scenario], jobs: int) -> Outcomes:
     """Simulate runs in several processes; yields (run number, outcome) as each run ends.
 
-    When a process dies, new processes simulate the runs that are left.
-
-    Raises:
-        WorkersLostError: a process died before any of the runs that were left had finished.
+    When a process dies, new ones simulate the runs that are left; WorkersLostError if none of the last had finished.
     """
     from joblib import Parallel, delayed
     from joblib.externals.loky.process_executor import TerminatedWorkerError

@@ -167,11 +167,7 @@ class FlightTables:
 
 
 def checked_flight(tables: FlightTables, samples: int) -> Trajectory:
-    """Return the first samples of a flight, of which there are `samples`.
-
-    Raises:
-        SimulationError: the flight diverged; its attribute `kept` is the flight before that.
-    """
+    """Return the first `samples` of a flight. Raises SimulationError, whose `kept` is what came before it diverged."""
     air = BASE_SIZE + tables.plant.air.state_size
     states, loads = tables.states[:samples, :air], tables.loads[: samples - 1]
     parts = *np.split(states, [3, 6], axis=1), tables.states[:samples, tables.bent]
