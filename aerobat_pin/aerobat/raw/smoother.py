@@ -17,9 +17,8 @@ from aerobat_pin.aerobat.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.aerobat.raw.channels import RawRecord, RecordPart, part_of, stretches
 from aerobat_pin.aerobat.raw.dynamics import LinearDynamics, linear_dynamics
 from aerobat_pin.aerobat.raw.layout import MOTION, TWIST_ERROR, Layout, Prior, first_prior, prior_at
-from aerobat_pin.aerobat.raw.linear import LinearRecord
+from aerobat_pin.aerobat.raw.linear import TIMED, ClockOffset, LinearRecord, clock_offsets, corrected
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
-from aerobat_pin.aerobat.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
 from aerobat_pin.aerobat.raw.recursion import Smoothed
 from aerobat_pin.aerobat.raw.rows import sample_rows
 from aerobat_pin.aerobat.raw.tuning import (
