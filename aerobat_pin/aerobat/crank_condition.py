@@ -18,9 +18,8 @@ from types import MappingProxyType
 import numpy as np
 
 from aerobat_pin.aerobat.aerobat import Aerobat
-from aerobat_pin.aerobat.motion import Motion
+from aerobat_pin.aerobat.motion import Motion, spread_crank_torque
 from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
-from aerobat_pin.aerobat.torque import spread_crank_torque
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import rotations

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerobat_pin.aerobat.aerobat import Aerobat
-from aerobat_pin.aerobat.torque import RECORDED, Torque
+from aerobat_pin.aerobat.motion import RECORDED, Torque
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import EXTRA, Channel, sampled

@@ -16,10 +16,10 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import PLACE_AXES, Mount
 from aerobat_pin.aerobat.aerobat import Aerobat
+from aerobat_pin.aerobat.motion import Torque
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.layout import MOUNT_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointSmoother
-from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Channel, Extras

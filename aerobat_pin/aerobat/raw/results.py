@@ -11,13 +11,13 @@ import pinocchio as pin
 from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.aerobat.flight_log import SUM
+from aerobat_pin.aerobat.motion import ROWS_OF_TORQUE, Torque
 from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.filter import JointFilter
 from aerobat_pin.aerobat.raw.find_mount import mounted
 from aerobat_pin.aerobat.raw.layout import FORCE_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
-from aerobat_pin.aerobat.torque import ROWS_OF_TORQUE, Torque
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.forces import KnownInputs
 from aerobat_pin.numerics import Array
