@@ -14,9 +14,9 @@ from aerobat_pin.flight.loop import ClosedLoop, Pilot
 from aerobat_pin.flight.mujoco_robot import MujocoRobot
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.plant_state import interval_means
 from aerobat_pin.flight.plant.simulated_elsewhere import Simulator
 from aerobat_pin.flight.plant.tables import Trajectory
-from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import measure
 from aerobat_pin.numerics import announce_compilation, guarded
 from aerobat_pin.scenario import Scenario

@@ -17,8 +17,7 @@ from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
 from aerobat_pin.flight.plant.elastic_joints import ElasticJoints
-from aerobat_pin.flight.plant.plant_state import Forces, split_forces
-from aerobat_pin.flight.point_forces import PointForce
+from aerobat_pin.flight.plant.plant_state import Forces, PointForce, split_forces
 from aerobat_pin.linkage import Closure
 from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import Scenario
