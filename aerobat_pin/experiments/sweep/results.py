@@ -13,8 +13,7 @@ import xarray as xr
 
 from aerobat_pin.errors import SweepError
 from aerobat_pin.estimation import versions
-from aerobat_pin.experiments.sweep.outcomes import FLIGHT_UNITS, JUDGED, LISTS, SCORES
-from aerobat_pin.experiments.sweep.plan import Sweep
+from aerobat_pin.experiments.sweep.plan import FLIGHT_UNITS, JUDGED, LISTS, SCORES, Sweep
 from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED
 from aerobat_pin.forces import FORCE_AXES, ObserverScores
 from aerobat_pin.numerics import Array, guarded

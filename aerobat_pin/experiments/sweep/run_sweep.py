@@ -19,8 +19,7 @@ import xarray as xr
 from aerobat_pin.errors import WorkersLostError, write_files
 from aerobat_pin.estimation import versions
 from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Checkpoint
-from aerobat_pin.experiments.sweep.outcomes import outcome_of
-from aerobat_pin.experiments.sweep.plan import Sweep
+from aerobat_pin.experiments.sweep.plan import Sweep, outcome_of
 from aerobat_pin.experiments.sweep.results import check_labels, results_csv, results_grid
 from aerobat_pin.numerics import guarded
 from aerobat_pin.records import netcdf_bytes
