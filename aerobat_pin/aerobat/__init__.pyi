@@ -31,6 +31,8 @@ from .estimate import belief_about as belief_about
 from .estimate import check_names as check_names
 from .estimate import describe_belief as describe_belief
 from .estimate import estimate_flight as estimate_flight
+from .estimate import open_record as open_record
+from .estimate import read_flight as read_flight
 from .estimate import robot_of_belief as robot_of_belief
 from .flight_log import SUM as SUM
 from .flight_log import FlightLog as FlightLog
@@ -49,8 +51,6 @@ from .link_kernels import place_links as place_links
 from .link_kernels import tree_of as tree_of
 from .motion import robot_air as robot_air
 from .motion import wind_of as wind_of
-from .open_record import open_record as open_record
-from .open_record import read_flight as read_flight
 from .prescribed_joints import BASE_SIZE as BASE_SIZE
 from .prescribed_joints import joint_table as joint_table
 from .prescribed_joints import prescribed_joint_dynamics as prescribed_joint_dynamics
