@@ -81,10 +81,7 @@ def belief_about(
 def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable[str]) -> str:
     """Return a line with the assumed robot, its mass, and where the choice of this robot comes from.
 
-    Args:
-        belief: belief that `belief_about` returned.
-        morphology: the argument given to `belief_about`.
-        settings: the argument given to `belief_about`.
+    The morphology and the settings are those that `belief_about` was given.
 
     Raises:
         MorphologyFileError: the robot cannot be loaded.

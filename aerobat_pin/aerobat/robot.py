@@ -144,10 +144,9 @@ class AerobatRobot(PlainRobot):
         return replace(self, mount=Mount.of_parts(values))
 
     def fault(self, channels: Mapping[str, Channel]) -> str | None:
-        """Return why the motion cannot follow from the channels of a log, in words; None if it can.
+        """Return why the motion cannot follow from a log's channels, in words; None if it can.
 
-        Args:
-            channels: key -> channel; with an encoder they are raw samples.
+        With an encoder the channels are raw samples.
         """
         if f"{EXTRA}encoder" in channels:
             few = [channel for channel in channels.values() if len(channel.time) < FEWEST_RAW_SAMPLES]

@@ -146,10 +146,7 @@ def needs_map(path: Path, lacks: str = "", robot: str = "") -> LogError:
 def table_record(path: Path, robot: AerobatRobot, section: ObserverSection | None = None) -> Record:
     """Read one of Aerobat's tables as a record.
 
-    Args:
-        path: the table.
-        robot: the believed robot.
-        section: the observers, and the frames at whose origins unknown forces act; the usual ones when omitted.
+    The section names the observers, and the frames at whose origins unknown forces act; the usual ones when omitted.
 
     Raises:
         LogError: it is none of Aerobat's tables, or describes no flight; the message names file, column and line.

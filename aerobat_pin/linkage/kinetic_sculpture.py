@@ -35,8 +35,7 @@ STATE_SIZE = 2 * len(ANGLES)
 class KineticSculpture:
     """The linkage of one wing in its (+,+,+) assembly: each dyad closes left of the ray between its ends (see `meet`).
 
-    Args:
-        lengths: bar lengths and pivots; those of the default morphology when omitted.
+    Its lengths, and the pivots, are those of the default morphology when omitted.
     """
 
     @guarded()
@@ -79,8 +78,7 @@ class KineticSculpture:
     def sensitivity(self, crank_angle: ArrayLike) -> dict[str, Sensitivity]:
         """Differentiate the closed linkage by the lengths that morphing control changes: L3b, L5a and L5b.
 
-        Args:
-            crank_angle: absolute t1 [rad], scalar or any shape; it is kept constant in the derivatives.
+        The absolute t1 [rad], scalar or any shape, is kept constant in the derivatives.
 
         Raises:
             LinkageError, ShapeError: for the same reasons as `solve`.

@@ -76,12 +76,7 @@ def raw_record(
 ) -> RawRecord:
     """Gather raw samples.
 
-    Args:
-        time: (m + 1,) knots [s].
-        measured: key of the record -> its channel.
-        robot: the believed robot.
-        torque: which joint torque is used.
-        settings: the table `observers.raw`.
+    The time (m + 1,) is that of the knots [s]; the settings are the table `observers.raw`.
 
     Raises:
         LogError: the record has no encoder, no gyro and accelerometer, or not the torque that is asked for.

@@ -103,10 +103,7 @@ class Sweep:
 
 @guarded()
 def load_sweep(source: str | Path) -> Sweep:
-    """Read a sweep file and lay out its runs.
-
-    Args:
-        source: name of a shipped sweep, or path of a TOML file.
+    """Read a sweep, a shipped name or the path of a TOML file, and lay out its runs.
 
     Raises:
         SweepError: the file is not found, is not TOML, or is not a sweep; the message names key, value and rule.

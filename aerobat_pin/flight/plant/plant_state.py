@@ -56,14 +56,9 @@ def point_forces(model: pin.Model, scenario: Scenario) -> tuple[PointForce, ...]
 
 @guarded(edges=("2+",))
 def interval_means(forces: tuple[PointForce, ...], edges: Array, seed: int) -> Array:
-    """Average noise and signal of every force over intervals.
+    """Average noise and signal of every force over intervals, between edges (n + 1,) [s].
 
-    Each force has its own stream of random numbers, seeded by its index in the list.
-
-    Args:
-        forces: the forces.
-        edges: (n + 1,) interval edges [s].
-        seed: seed of the noise.
+    Each force has its own stream of random numbers, from the seed and its index in the list.
 
     Returns:
         (2, forces, n) mean noise and mean noise-free force [N], without the part that depends on the elbow angle.

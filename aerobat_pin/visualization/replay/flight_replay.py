@@ -167,12 +167,10 @@ def replay_result(outcome: Experiment | Result) -> Replay:
 
 
 def replay_log(file: Path, morphology: str | None = None) -> Replay:
-    """Prepare the replay of a flight log, with the forces that an observer estimates from it.
+    """Prepare the replay of a flight log, `.nc` or `.csv`, with the forces that an observer estimates from it.
 
-    Args:
-        file: flight log, `.nc` or `.csv`.
-        morphology: morphology of the robot that is assumed to have flown, a shipped name or a TOML file. When omitted,
-            the robot noted in the log, or the default robot if the log notes none.
+    The robot that is assumed to have flown is that of a morphology, a shipped name or a TOML file; when omitted, the
+    robot noted in the log, or the default robot if the log notes none.
 
     Raises:
         AerobatError: the log or the morphology cannot be read.
