@@ -250,9 +250,12 @@ class Solved:
 
     def kept(self, window: RecordPart) -> JointEstimate:
         """Return what is kept of the window, as copies: all else is ten times as large."""
-        layout, smoothed = self.linear.layout, self.smoothed
+        layout, smoothed, rows = self.linear.layout, self.smoothed, self.linear.rows
         a, b = window.first - window.start, window.last - window.start
         final, x, P = b if window.next is not None else b + 1, smoothed.states[-1], smoothed.filtered.P
+        innovation, variance = smoothed.filtered.innovations.T
+        ratio = innovation**2 / variance  # of each sample
+        total = np.concatenate([[0.0], np.cumsum(ratio)])[rows.start]
         return JointEstimate(
             nominal=self.motion.part(a, final - 1),
             force=layout.forces(smoothed.states[a:b]),
@@ -266,27 +269,11 @@ class Solved:
                 if sought
             },
             tuning=self.tuning,
-            nis=self.nis(),
-            innovation=self.innovation()[a:b].copy(),
+            nis={name: float(np.mean(ratio[rows.sensor == i])) for i, name in enumerate(self.linear.sensors)},
+            innovation=np.stack([np.diff(total)[:-1], np.diff(rows.start)[:-1]], axis=1)[a:b].copy(),
             iterations=self.iterations,
             settled=self.settled,
         )
-
-    @property
-    def ratios(self) -> Array:
-        """Innovation squared over its variance of each sample (k,)."""
-        innovation, variance = self.smoothed.filtered.innovations.T
-        return np.asarray(innovation**2 / variance)
-
-    def nis(self) -> dict[str, float]:
-        """Return the mean of innovation squared over variance, by sensor."""
-        ratio, sensor = self.ratios, self.linear.rows.sensor
-        return {name: float(np.mean(ratio[sensor == i])) for i, name in enumerate(self.linear.sensors)}
-
-    def innovation(self) -> Array:
-        """Return the sum of innovations squared over variance of each interval, and their number (m, 2)."""
-        total = np.concatenate([[0.0], np.cumsum(self.ratios)])[self.linear.rows.start]
-        return np.stack([np.diff(total)[:-1], np.diff(self.linear.rows.start)[:-1]], axis=1)
 
 
 def _change_of_twist(twist: Array) -> float:
