@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import xarray as xr
 
 from aerobat_pin.aerobat import (
@@ -59,11 +58,6 @@ def replay_flight(robot: Aerobat, log: FlightLog, air: AirSection, estimates: xr
     """
     flown = flight_motion(log, robot, air)
     crank = None if flown.crank is None else flown.crank[0]
-
-    def move_bars(visual_model: pin.GeometryModel, row: int) -> None:
-        assert crank is not None
-        place_bars(robot, visual_model, float(crank[row]))
-
     replay = Replay(
         robot.model,
         robot.visual_model if crank is None else visual_model_with_bars(robot),
@@ -71,7 +65,7 @@ def replay_flight(robot: Aerobat, log: FlightLog, air: AirSection, estimates: xr
         flown.q,
         title=f"{log.measured.attrs.get('scenario', 'flight')}: {note}",
         floor=float(flown.q[:, 2].min()) - GROUND_BELOW,
-        move=None if crank is None else move_bars,
+        move=None if crank is None else lambda visual, row: place_bars(robot, visual, float(crank[row])),
     )
     replay.rate = SLOW_MOTION
     if estimates is not None:
