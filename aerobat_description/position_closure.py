@@ -40,8 +40,7 @@ class ClosureError(ValueError):
             f"the linkage cannot close at {dyad} for a crank angle of {math.degrees(crank_angle):.1f} deg: its bars "
             f"of {first:.3f} and {second:.3f} mm cannot span {1e3 * span:.3f} mm"
         )
-        self.dyad = dyad
-        self.crank_angle = crank_angle
+        self.dyad, self.crank_angle = dyad, crank_angle
 
 
 @dataclass(frozen=True)

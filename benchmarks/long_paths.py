@@ -9,7 +9,7 @@ from measure import Figure, figure, interleaved
 
 from aerobat_pin.aerobat import FORCE_POINTS, believed_robot, estimate_flight, flight_channels, flown_robot
 from aerobat_pin.aerobat.raw import JointFilter, JointSmoother, raw_record
-from aerobat_pin.experiments.sweep.outcomes import outcome_of
+from aerobat_pin.experiments.sweep.plan import outcome_of
 from aerobat_pin.experiments.sweep.run_sweep import in_this_process, on_this_machine
 from aerobat_pin.flight import Plant, interval_means, simulate
 from aerobat_pin.scenario import RawSection, load_scenario

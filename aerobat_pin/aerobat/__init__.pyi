@@ -31,6 +31,8 @@ from .estimate import belief_about as belief_about
 from .estimate import check_names as check_names
 from .estimate import describe_belief as describe_belief
 from .estimate import estimate_flight as estimate_flight
+from .estimate import open_record as open_record
+from .estimate import read_flight as read_flight
 from .estimate import robot_of_belief as robot_of_belief
 from .flight_log import SUM as SUM
 from .flight_log import FlightLog as FlightLog
@@ -42,8 +44,6 @@ from .flight_record import flight_motion as flight_motion
 from .flight_record import flight_record as flight_record
 from .flight_record import free_record as free_record
 from .flight_record import known_inputs as known_inputs
-from .kind_of_log import kind_of_log as kind_of_log
-from .kind_of_log import needs_map as needs_map
 from .link_kernels import Tree as Tree
 from .link_kernels import chain as chain
 from .link_kernels import climb as climb
@@ -51,12 +51,12 @@ from .link_kernels import place_links as place_links
 from .link_kernels import tree_of as tree_of
 from .motion import robot_air as robot_air
 from .motion import wind_of as wind_of
-from .open_record import open_record as open_record
-from .open_record import read_flight as read_flight
 from .prescribed_joints import BASE_SIZE as BASE_SIZE
 from .prescribed_joints import joint_table as joint_table
 from .prescribed_joints import prescribed_joint_dynamics as prescribed_joint_dynamics
 from .robot import AerobatRobot as AerobatRobot
+from .tables import kind_of_log as kind_of_log
+from .tables import needs_map as needs_map
 from .tables import read_log as read_log
 from .tables import table_record as table_record
 from .tables import write_csv as write_csv

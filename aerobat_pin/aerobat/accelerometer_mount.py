@@ -32,11 +32,7 @@ class Mount:
 
     @classmethod
     def of_parts(cls, values: Mapping[str, Array]) -> Mount:
-        """Return the mount of what `parts` gave.
-
-        Raises:
-            CalibrationError: something is missing, or cannot be.
-        """
+        """Return the mount of what `parts` gave. Raises CalibrationError if something is missing, or cannot be."""
         if not set(MOUNT_PARTS) <= values.keys():
             raise CalibrationError("raw samples: a calibration learnt from raw samples was expected, or none")
         place, turn, covariance = (values[part] for part in MOUNT_PARTS)

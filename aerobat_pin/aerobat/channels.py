@@ -141,12 +141,8 @@ def is_unit(text: str, unit: str) -> bool:
 def checked_channels(data: xr.Dataset, table: Mapping[str, ChannelSpec], name: str, *, complete: bool) -> xr.Dataset:
     """Return a dataset whose channels are those of a table, with columns in the order of `LABELS`.
 
-    Args:
-        data: the dataset.
-        table: channels that are allowed, by name.
-        name: what error messages call the dataset.
-        complete: whether every axis must have labels and every channel its unit, as in a file. Else the labels and
-            units that are missing are added, and units are not checked: arithmetic on a Dataset does not keep them.
+    If it is `complete`, as in a file, every axis must have labels and every channel its unit. Else labels and units
+    that are missing are added, and units are not checked: arithmetic on a Dataset does not keep them.
 
     Raises:
         LogError: a channel or label is unknown, doubled or missing, or a dimension, a unit, a type or a value is
@@ -202,11 +198,7 @@ def _check_form(values: xr.Variable, row: ChannelSpec, where: str, *, complete: 
 
 
 def _columns_in_order(dim: str, data: xr.Dataset, name: str, *, complete: bool) -> list[int] | None:
-    """Return the columns of an axis in the order of `LABELS`, or None if they stand in this order already.
-
-    Raises:
-        LogError: a label is unknown, missing or doubled.
-    """
+    """Return the columns of an axis in the order of `LABELS`, or None if they stand in it. Raises LogError."""
     expected = LABELS.get(dim)
     if expected is None:
         return None
@@ -270,13 +262,7 @@ def _sample_name(variable: xr.Variable, data: xr.Dataset, row: int) -> str:
 
 
 def angle_fault(time: Array, crank: Array | None, joints: Array | None) -> str | None:
-    """Return which angles are in degrees, in words: a crank that turns too fast, or a joint that turns too far.
-
-    Args:
-        time: (n,) times of the samples [s].
-        crank: (n,) crank angle, if it is known.
-        joints: (n, 4) joint angles, if they are known.
-    """
+    """Return which angles, crank (n,) or joints (n, 4), are in degrees, in words: they turn too fast, or too far."""
     if crank is not None:
         steps = np.diff(time)
         turned = np.abs(np.diff(crank))[steps > 0.0] / steps[steps > 0.0]

@@ -137,13 +137,10 @@ def closed_state(
 
 @guarded()
 def bar_placements(robot: Aerobat, crank_angle: float) -> dict[str, pin.SE3]:
-    """Return the frames, in `base_link`, of the bars L1, L2, L4, L5 and L6 of both wings, named `left_L1` and so on.
+    """Return the frames, in `base_link`, of the bars L1, L2, L4, L5 and L6 of both wings at an absolute t1 [rad].
 
-    A frame has its origin at the bar's first pin and its y axis along the bar; right frames mirror left frames.
-
-    Args:
-        robot: the robot with the linkage.
-        crank_angle: absolute t1 [rad].
+    A frame, such as `left_L1`, has its origin at the bar's first pin and its y axis along the bar; right frames mirror
+    left frames.
 
     Raises:
         LinkageError: the linkage cannot close.

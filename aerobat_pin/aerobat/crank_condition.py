@@ -18,24 +18,17 @@ from types import MappingProxyType
 import numpy as np
 
 from aerobat_pin.aerobat.aerobat import Aerobat
-from aerobat_pin.aerobat.motion import Motion
+from aerobat_pin.aerobat.motion import Motion, spread_crank_torque
 from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
-from aerobat_pin.aerobat.torque import spread_crank_torque
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import rotations
 from aerobat_pin.records import Condition
 
 STATES = MappingProxyType(
-    {
-        "speed": "m",
-        "side": "m",
-        "climb": "m",
-        "roll_rate": "rad",
-        "pitch_rate": "rad",
-        "yaw_rate": "rad",
-        "frequency": "Hz",
-    }
+    dict.fromkeys(("speed", "side", "climb"), "m")
+    | dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), "rad")
+    | {"frequency": "Hz"}
 )
 WINGS = ((0, 1, 2), (3, 4, 5), (6, 8), (7, 9))  # rows whose errors are of one size: body, shoulders, elbows
 DOUBTED_FORCES = ("aerodynamic",)  # known force of which the error of a belief may be a share
@@ -95,11 +88,7 @@ class CrankCondition(Condition):
 
 
 def crank_condition(moved: Motion, robot: Aerobat, kind: str) -> CrankCondition:
-    """Return phase and state of a flight of which a kind of torque is known.
-
-    Raises:
-        CalibrationError: the crank is not recorded, or hardly turns.
-    """
+    """Return phase and state of a flight of which a kind of torque is known. Raises CalibrationError if it has none."""
     if moved.crank is None:
         raise CalibrationError(
             "flight log: no channel named crank_angle: a calibration follows the phase of the crank, and needs it"

@@ -1,4 +1,4 @@
-"""Estimate the unknown forces from a flight log, simulated or recorded.
+"""Open whatever was recorded as a record, and estimate the unknown forces of a flight log, simulated or recorded.
 
 What the observers assume about a flight (robot, air, gravity, settings) is called a belief; it has the form of a
 scenario.
@@ -7,8 +7,10 @@ scenario.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from aerobat_description.reading import did_you_mean
@@ -16,11 +18,13 @@ from aerobat_pin.aerobat.aerobat import Aerobat, believed_robot, load_morphology
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.flight_record import flight_record, noted_air
 from aerobat_pin.aerobat.robot import AerobatRobot
-from aerobat_pin.errors import CalibrationError, ScenarioError
+from aerobat_pin.aerobat.tables import read_log
+from aerobat_pin.errors import CalibrationError, LogError, ScenarioError
 from aerobat_pin.estimation import Calibration, Result, estimate
 from aerobat_pin.numerics import guarded
 from aerobat_pin.observers import OBSERVERS
-from aerobat_pin.scenario import RawSection, Scenario, name_for, parse_scenario, with_settings
+from aerobat_pin.records import Map, PlainRobot, Record, open_by_map
+from aerobat_pin.scenario import RawSection, Scenario, name_for, parse_scenario, scenario_of_run, with_settings
 
 BELIEF_TABLES, GRAVITY = ("robot", "air", "observers"), "flight.gravity"  # tables and key of a belief that can be set
 
@@ -77,10 +81,7 @@ def belief_about(
 def describe_belief(belief: Scenario, morphology: str | None, settings: Iterable[str]) -> str:
     """Return a line with the assumed robot, its mass, and where the choice of this robot comes from.
 
-    Args:
-        belief: belief that `belief_about` returned.
-        morphology: the argument given to `belief_about`.
-        settings: the argument given to `belief_about`.
+    The morphology and the settings are those that `belief_about` was given.
 
     Raises:
         MorphologyFileError: the robot cannot be loaded.
@@ -140,3 +141,47 @@ def check_names(names: Sequence[str]) -> None:
     """Raise ScenarioError if no name is given, or if there is no observer of one of the names."""
     if wrong := [name for name in names if name not in OBSERVERS] or [""] * (not names):
         raise ScenarioError(f"observers.names = {list(names)}: {did_you_mean(wrong[0], OBSERVERS, 'choose from')}")
+
+
+@guarded()
+def open_record(
+    path: Path | str,
+    chosen: Map | Path | str | None = None,
+    folder: Path | str | None = None,
+    robot: PlainRobot | None = None,
+) -> Record:
+    """Open a recording by its map; without one, a flight of Aerobat: the folder of a run, its `flight.nc`, or a table.
+
+    What is believed of a run is what its scenario says; of a log, what it notes.
+
+    Args:
+        path: the recording.
+        chosen: the map, or its file; None for a flight of Aerobat.
+        folder: where relative paths of the map begin; at its file, or here, when omitted.
+        robot: a robot that knows more than the map says; the map's own when omitted.
+
+    Raises:
+        LogError, MapError: log or map lack something, do not fit together, or only a map explains the log.
+        ScenarioError: the scenario of a run cannot be read.
+    """
+    if chosen is not None:
+        return open_by_map(path, chosen, folder, robot)
+    log, belief = read_flight(Path(path))
+    return flight_record(log, robot_of_belief(belief), belief.observers, str(path))
+
+
+def read_flight(path: Path, morphology: str | None = None, settings: Iterable[str] = ()) -> tuple[FlightLog, Scenario]:
+    """Read the folder of a run, or a log, with the belief about it.
+
+    Raises:
+        LogError: it is neither, or a morphology is given for a run, whose scenario names it.
+        ScenarioError: a setting breaks its rule.
+    """
+    if not os.path.isdir(path):  # unlike `path.is_dir()`, takes names of any length
+        log = read_log(path)
+        return log, belief_about(log, path.stem, morphology, [], settings)
+    if not (path / "scenario.toml").is_file() or not (path / "flight.nc").is_file():
+        raise LogError(f"{path} is not the folder of a run: scenario.toml and flight.nc were expected in it")
+    if morphology is not None:
+        raise LogError(f"{path}: --morphology says which robot is believed to have flown a log; a log was expected")
+    return read_log(path / "flight.nc"), scenario_of_run(path, settings)

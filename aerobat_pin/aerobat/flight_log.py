@@ -68,9 +68,6 @@ class FlightLog:
         """Put labelled columns in their order, and raise LogError for what an observer could misread.
 
         Labels and units may be missing as a whole; the columns are then those of `channels.LABELS`, in SI units.
-
-        Args:
-            name: what error messages call the log.
         """
         measured = checked_channels(self.measured, MEASURED, name, complete=False)
         object.__setattr__(self, "measured", measured)

@@ -20,10 +20,9 @@ import pinocchio as pin
 from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat
 from aerobat_pin.aerobat.channels import KNOWN
 from aerobat_pin.aerobat.flight_log import FlightLog, truth_of
-from aerobat_pin.aerobat.motion import Motion
+from aerobat_pin.aerobat.motion import RECORDED, Motion, Torque
 from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
 from aerobat_pin.aerobat.robot import AerobatRobot
-from aerobat_pin.aerobat.torque import RECORDED, Torque
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.forces import KnownForces, KnownInputs, inputs_of
 from aerobat_pin.numerics import Array, guarded

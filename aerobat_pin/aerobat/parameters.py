@@ -63,15 +63,9 @@ SUSPECTS = {
 
 
 def changed_belief(robot: Aerobat, air: AirSection, values: Mapping[str, float]) -> tuple[Aerobat, AirSection]:
-    """Return robot and air with changed parameters.
+    """Return robot and air with changed parameters; those not named, and `thruster_scale`, change nothing here.
 
-    Args:
-        robot: the believed robot.
-        air: the believed air.
-        values: parameter -> change; parameters that are not named, and `thruster_scale`, change nothing here.
-
-    Raises:
-        MorphologyFileError: no robot can have these values.
+    Raises MorphologyFileError if no robot can have these values.
     """
     get = values.get
     slope = 1.0 + get("lift_slope", 0.0)

@@ -18,17 +18,18 @@ from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat
 from aerobat_pin.aerobat.air.believed_air import reconstructed_air
 from aerobat_pin.aerobat.channels import angle_fault
 from aerobat_pin.aerobat.crank_condition import CrankCondition, crank_condition
-from aerobat_pin.aerobat.motion import Motion, completed
-from aerobat_pin.aerobat.parameters import PARAMETERS, SUSPECTS, carrying, changed_belief, crank_turned, flexed
-from aerobat_pin.aerobat.prescribed_joints import joint_table
-from aerobat_pin.aerobat.torque import (
+from aerobat_pin.aerobat.motion import (
     RECORDED,
     ROWS_OF_TORQUE,
+    Motion,
     Torque,
+    completed,
     crank_halfway,
     modelled_torque,
     spread_crank_torque,
 )
+from aerobat_pin.aerobat.parameters import PARAMETERS, SUSPECTS, carrying, changed_belief, crank_turned, flexed
+from aerobat_pin.aerobat.prescribed_joints import joint_table
 from aerobat_pin.errors import CalibrationError, LogError
 from aerobat_pin.estimation import TORQUE
 from aerobat_pin.numerics import Array
@@ -143,10 +144,9 @@ class AerobatRobot(PlainRobot):
         return replace(self, mount=Mount.of_parts(values))
 
     def fault(self, channels: Mapping[str, Channel]) -> str | None:
-        """Return why the motion cannot follow from the channels of a log, in words; None if it can.
+        """Return why the motion cannot follow from a log's channels, in words; None if it can.
 
-        Args:
-            channels: key -> channel; with an encoder they are raw samples.
+        With an encoder the channels are raw samples.
         """
         if f"{EXTRA}encoder" in channels:
             few = [channel for channel in channels.values() if len(channel.time) < FEWEST_RAW_SAMPLES]

@@ -51,10 +51,7 @@ class Wing:
 
     @guarded(y=[(), ("n",)])
     def attach(self, y: ArrayLike) -> tuple[NDArray[np.intp], Array]:
-        """Return the link and the point on it that belong to each arc coordinate.
-
-        Args:
-            y: arc coordinates (n,) [m].
+        """Return the link and the point on it that belong to each arc coordinate (n,) [m].
 
         Returns:
             Indices into `LINKS` (n,), and points (n, 3) [m] in the frames of these links, at x = 0 of the wing frame.
@@ -81,9 +78,6 @@ class Wing:
 
         The body between the shoulders counts as a panel with the edges of the wing root. The membrane ends in a point
         at the tip, whereas `chord` never falls below a minimum.
-
-        Args:
-            link: one of `LINKS`.
 
         Raises:
             FrameNotFoundError: `link` is not one of `LINKS`.

@@ -161,8 +161,7 @@ class LiftingLine:
     def state_space(self, airspeed: ArrayLike) -> StateSpace:
         """Return A, B, C, D; the input is the normal velocity (N,) [m/s], the output the lift per span (N,) [N/m].
 
-        Args:
-            airspeed: one number or (N,) [m/s], not negative: flow from behind would make the modes grow.
+        The airspeed is one number or (N,) [m/s], not negative: flow from behind would make the modes grow.
 
         Raises:
             ShapeError: the airspeed is negative or not finite.
@@ -191,8 +190,7 @@ class LiftingLine:
     def steady_circulation(self, normal_velocity: ArrayLike) -> Array:
         """Return the circulation (N,) [m2/s] of steady flow, Gamma = a0 b (w_n - D Gamma), which holds at any airspeed.
 
-        Args:
-            normal_velocity: normal velocity of the air at the 3/4 chord, one number or (N,) [m/s].
+        The normal velocity of the air at the 3/4 chord is one number or (N,) [m/s].
 
         Raises:
             ShapeError: the normal velocity is not finite, or its shape is not one of these two.
@@ -205,8 +203,7 @@ class LiftingLine:
     def steady_coefficients(self, incidence: ArrayLike) -> tuple[float, float]:
         """Return lift coefficient and induced drag coefficient of steady flow, after Prandtl, per planform area.
 
-        Args:
-            incidence: small angle, one number or (N,) [rad].
+        The incidence is a small angle, one number or (N,) [rad].
 
         Raises:
             ShapeError: the incidence is not finite, or its shape is not one of these two.

@@ -93,13 +93,7 @@ def _function(values: float | ArrayLike, y: Array, span: float, name: str) -> Ca
 
 
 def added_mass_factor(chord: Callable[[Array], Array], span: float, y: Array) -> Array:
-    """Return the added mass per span, divided by pi rho b^2, at stations of a planform.
-
-    Args:
-        chord: function from spanwise coordinates (n,) to the chord there [m].
-        span: length of the wing from tip to tip [m].
-        y: stations (n,) [m].
-    """
+    """Return the added mass per span, divided by pi rho b^2, at stations y (n,) [m] of a planform."""
     edge_y, centre = _edges_and_centres(PANELS[1])
     factor = _factor_of_chords(span, *(tuple(chord(0.5 * span * at).tolist()) for at in (centre, edge_y)))
     # mu vanishes at the tips as a square root: interpolating over the angle of the cosine follows it.

@@ -80,12 +80,7 @@ def write_results(
 ) -> None:
     """Estimate, write the results into a folder, whole or not at all, and print the scores and what was written.
 
-    Args:
-        estimated: function that estimates, given one that shows its progress.
-        target: the folder.
-        force: take a folder that is not empty.
-        pages: draw figures, report and replay.
-        also: writes what belongs elsewhere.
+    `estimated` is given a function that shows its progress; `also` writes what belongs elsewhere.
     """
     from aerobat_pin import experiments
 
@@ -112,8 +107,7 @@ def write_results(
 def picture_files(out: Path, name: str, *, force: bool) -> list[Path]:
     """Return the picture files to write: `out` itself if it is a file name, else `name`.png and `name`.pdf in `out`.
 
-    Raises:
-        OutputError: the ending is not .png, .pdf or .svg, or a file cannot be written or exists (without `force`).
+    Raises OutputError if the ending is not .png, .pdf or .svg, or a file cannot be written or exists (without `force`).
     """
     if os.path.isdir(out) or not out.suffix:
         files = [out / f"{name}.png", out / f"{name}.pdf"]

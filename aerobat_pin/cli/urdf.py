@@ -28,7 +28,7 @@ def urdf_command(
     force: Force = False,
 ) -> None:
     """Convert a morphology to URDF, SRDF and meshes, or to MJCF and meshes, for other tools."""
-    from aerobat_description.export import export, shipped_text
+    from aerobat_description.generate import export, shipped_text
     from aerobat_pin.aerobat import load_morphology
     from aerobat_pin.errors import OutputError, check_file, write_files
 

@@ -101,13 +101,9 @@ class Law(NamedTuple):
 def law_wrench(memory: Array, since: float, q: Array, v: Array, crank_angle: float, out: Array) -> None:
     """Write the wrench that is wanted for a sample, before lead and steering; integrals and nose move on.
 
-    Args:
-        memory: see `Law`; `disturbance` is what acts now, `unrealised` what was left of the last wrench.
-        since: time since the begin of the flight [s].
-        q: (nq,) configuration as the sensors show it; the base counts.
-        v: (nv,) velocity likewise.
-        crank_angle: as its sensor shows it [rad].
-        out: (6,) written, at the body's centre of mass and in body axes [N, N m].
+    In `Law`, `disturbance` is what acts now, `unrealised` what was left of the last wrench. Configuration q (nq,) and
+    velocity v (nv,), whose bases count, and the crank's angle are as the sensors show them `since` seconds after the
+    begin. The wrench `out` (6,) is at the body's centre of mass, in body axes [N, N m].
     """
     law = fields_of(memory, Law)
     gains, force, nominal, centre, reference = law.gains, law.force, law.nominal, law.centre, law.reference

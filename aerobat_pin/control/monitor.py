@@ -121,15 +121,10 @@ class Monitor:
         watch(self._memory, sensed.q, sensed.error, sensed.beyond, command, unrealised)
 
     @property
-    def word(self) -> str:
-        """The word of the flight so far."""
-        worst = int(self._fields.word[0])
-        return STATE_WORDS[max(worst, 1) if self._sensed.faults.any() else worst]
-
-    @property
     def state(self) -> LoopState:
         """What is said of the flight so far."""
-        fields, word = self._fields, self.word
+        fields, worst = self._fields, int(self._fields.word[0])
+        word = STATE_WORDS[max(worst, 1) if self._sensed.faults.any() else worst]
         since = float(fields.at[0]) * self._dt if word not in ("OK", "DEGRADED") else 0.0
         unused = {
             channel: {fault: int(n) for fault, n in zip(FAULTS, row, strict=True) if n}

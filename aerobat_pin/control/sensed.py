@@ -29,23 +29,13 @@ from aerobat_pin.aerobat import Aerobat
 from aerobat_pin.control.law import add_waves
 from aerobat_pin.control.nominal_wrench import Nominal
 from aerobat_pin.control.sensed_channels import (
-    ANCHOR,
     ATTITUDE,
     CHANNELS,
     CRANK,
-    DOUBTED,
     GYRO_CHANNEL,
     JOINT_CHANNEL,
-    LEAST_ATTITUDE_NOISE,
-    MOST_DEVIATIONS,
     POSITION,
-    RATE_POLES,
     RATES,
-    REACH,
-    SLACK,
-    SPEED_POLES,
-    SURE_OF_SAMPLE,
-    UNKNOWN_SPIN,
     VELOCITY,
     Senses,
     add_channel,
@@ -64,6 +54,25 @@ from aerobat_pin.control.sensed_channels import (
 from aerobat_pin.linkage import joint_series, joints_at
 from aerobat_pin.numerics import Array, copy_values, fields_of, inner, kernel, new_state
 from aerobat_pin.scenario import Scenario, SensorSection
+
+ANCHOR = 0.02  # [s]
+RATE_POLES, SPEED_POLES = 50.0, 80.0  # [rad/s]
+DOUBTED, SLACK, SURE_OF_SAMPLE = 0.01, 0.05, 5.0  # [s], [rad/s], deviations: gyro and attitude agree in the mean
+UNKNOWN_SPIN = 20.0  # [rad/s2]: what the body rate may gain beside what is known, before the gyro is on trial
+LEAST_ATTITUDE_NOISE = 1e-3  # [rad] of the attitude
+MOST_DEVIATIONS = 8.0  # standard deviations of a sensor's noise that a sample may be off
+# Beside the noise, a sample may be off by the first from where it must be; by the second per second between samples
+# (a blow of 10 ms and 25 mN s on a wing turns the body by 200 rad/s2 more than is known, and one of five times that is
+# a blow, too); by the third per second without any.
+REACH = {
+    "position": (0.03, 0.0, 1.0),  # [m]
+    "attitude": (0.06, 0.0, 1.0),  # [rad]
+    "velocity": (0.05, 60.0, 3.0),  # [m/s]
+    "gyro": (0.05, 1000.0, 10.0),  # [rad/s]
+    "joint_angle": (0.2, 0.0, 0.0),  # [rad]
+    "joint_rate": (5.0, 0.0, 0.0),  # [rad/s]
+    "crank_angle": (0.3, 0.0, 3.0),  # [rad]
+}
 
 
 class SensedMotion:

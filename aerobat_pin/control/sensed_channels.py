@@ -12,25 +12,7 @@ FAULTS = ("invalid", "held", "jumped")  # not finite or no rotation; not changed
 EDGES = (0, 3, 7, 10, 13, 17, 21, 22)  # where each channel begins in a row of all
 POSITION, ATTITUDE, VELOCITY, GYRO_CHANNEL, JOINT_CHANNEL, RATES, CRANK = range(7)
 JUMP_BELIEVED = 0.1  # [s]
-ANCHOR = 0.02  # [s]
-RATE_POLES, SPEED_POLES = 50.0, 80.0  # [rad/s]
-DOUBTED, SLACK, SURE_OF_SAMPLE = 0.01, 0.05, 5.0  # [s], [rad/s], deviations: gyro and attitude agree in the mean
 SURE_OF_RATE = 6.0  # logarithm of the odds at which a gyro that jumped, or what was expected, is taken for wrong
-UNKNOWN_SPIN = 20.0  # [rad/s2]: what the body rate may gain beside what is known, before the gyro is on trial
-LEAST_ATTITUDE_NOISE = 1e-3  # [rad] of the attitude
-MOST_DEVIATIONS = 8.0  # standard deviations of a sensor's noise that a sample may be off
-# Beside the noise, a sample may be off by the first from where it must be; by the second per second between samples
-# (a blow of 10 ms and 25 mN s on a wing turns the body by 200 rad/s2 more than is known, and one of five times that is
-# a blow, too); by the third per second without any.
-REACH = {
-    "position": (0.03, 0.0, 1.0),  # [m]
-    "attitude": (0.06, 0.0, 1.0),  # [rad]
-    "velocity": (0.05, 60.0, 3.0),  # [m/s]
-    "gyro": (0.05, 1000.0, 10.0),  # [rad/s]
-    "joint_angle": (0.2, 0.0, 0.0),  # [rad]
-    "joint_rate": (5.0, 0.0, 0.0),  # [rad/s]
-    "crank_angle": (0.3, 0.0, 3.0),  # [rad]
-}
 
 
 class Senses(NamedTuple):

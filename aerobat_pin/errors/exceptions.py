@@ -24,9 +24,7 @@ class LinkageError(AerobatError, ValueError):
 
     def __init__(self, message: str, dyad: str, crank_angle: float, nearest: dict[str, float]) -> None:
         super().__init__(message)
-        self.dyad = dyad
-        self.crank_angle = crank_angle
-        self.nearest = nearest
+        self.dyad, self.crank_angle, self.nearest = dyad, crank_angle, nearest
 
 
 class CrankError(AerobatError, ValueError):
@@ -47,9 +45,7 @@ class NearSingularWarning(UserWarning):
             f"the linkage is nearly singular at {dyad}: its bars make {math.degrees(transmission):.1f} deg at a crank "
             f"angle of {math.degrees(crank_angle):.1f} deg; it locks at 0 and 180"
         )
-        self.dyad = dyad
-        self.transmission = transmission
-        self.crank_angle = crank_angle
+        self.dyad, self.transmission, self.crank_angle = dyad, transmission, crank_angle
 
 
 class FrameNotFoundError(AerobatError, KeyError):
@@ -57,8 +53,7 @@ class FrameNotFoundError(AerobatError, KeyError):
 
     def __init__(self, name: str, known: list[str]) -> None:
         super().__init__(f"no frame named '{name}' in the model: {did_you_mean(name, known, 'it has')}")
-        self.name = name
-        self.known = known
+        self.name, self.known = name, known
 
     def __str__(self) -> str:
         """Return the message without the quotes that KeyError would add."""
@@ -132,8 +127,7 @@ class SimulationError(AerobatError, ArithmeticError):
 
     def __init__(self, message: str, diverged_at: float, kept: object = None) -> None:
         super().__init__(message)
-        self.diverged_at = diverged_at
-        self.kept = kept
+        self.diverged_at, self.kept = diverged_at, kept
 
 
 class TrimError(AerobatError, ArithmeticError):

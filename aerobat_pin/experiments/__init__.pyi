@@ -14,7 +14,6 @@ from .live.source import LIVE_OBSERVERS as LIVE_OBSERVERS
 from .live.source import LiveRow as LiveRow
 from .live.source import LiveSource as LiveSource
 from .live.standing_robot import LiveRobot as LiveRobot
-from .mcap_messages import check_mcap_file as check_mcap_file
 from .self_check import Check as Check
 from .self_check import check_record as check_record
 from .self_check import self_check as self_check
@@ -24,6 +23,7 @@ from .sweep.results import effects_text as effects_text
 from .sweep.results import sweep_effects as sweep_effects
 from .sweep.run_sweep import run_sweep as run_sweep
 from .sweep.sweep_file import shipped_sweeps as shipped_sweeps
+from .write_mcap import check_mcap_file as check_mcap_file
 from .write_mcap import force_columns as force_columns
 from .write_mcap import write_flight_mcap as write_flight_mcap
 from .write_mcap import write_mcap as write_mcap

@@ -211,10 +211,6 @@ def beside_pd(experiment: Experiment, progress: Progress | None = None) -> Exper
 
     The same flight is flown once more, in the same disturbance and with the same gains, without integral and observer;
     `metrics.json` has its errors as `pd_rms` under `control`. A flight that no controller flew is returned as it is.
-
-    Args:
-        experiment: the experiment.
-        progress: called with the name of the stage and the share of the stage that is done.
     """
     section, flight, control = experiment.scenario.control, experiment.flight, experiment.control
     if section is None or flight is None or flight.rms is None or control is None:

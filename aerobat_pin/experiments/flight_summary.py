@@ -56,12 +56,7 @@ class FlightSummary:
 
 @guarded(mass="positive")
 def flight_summary(log: FlightLog, mass: float) -> FlightSummary:
-    """Summarise a flight.
-
-    Args:
-        log: the flight log.
-        mass: mass of the robot [kg].
-    """
+    """Summarise a flight of a robot of some mass [kg]."""
     measured, truth = log.measured, log.truth
     q = (measured if truth is None or "q" not in truth else truth)["q"].values
     roll, pitch, yaw = (_range(angle) for angle in euler_angles(q).T)

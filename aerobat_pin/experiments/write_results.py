@@ -66,11 +66,7 @@ def read_run(folder: Path) -> tuple[Scenario, FlightLog, xr.Dataset]:
 
 
 def read_estimates(path: Path, log: FlightLog) -> xr.Dataset:
-    """Read the forces of `estimate.nc`, whose intervals must be those of the flight log.
-
-    Raises:
-        LogError: the file cannot be read, contains no forces in world axes, or belongs to another flight.
-    """
+    """Read the forces of `estimate.nc`. Raises LogError if it has none in world axes, or is of another flight."""
     name = f"estimates {path}"
     data = read_netcdf(path, "estimates")[""]
     force = data.variables.get("force_W")

@@ -7,17 +7,16 @@ from aerobat_pin.aerobat import read_log as read_log
 from aerobat_pin.aerobat import write_csv as write_csv
 from aerobat_pin.errors import old_names
 from aerobat_pin.flight.crank import ConstantRate, CrankDrive, RateControlledMotor, SpinUp
-from aerobat_pin.flight.log_channels import flight_log_of
 from aerobat_pin.flight.loop import ClosedLoop, LoopRecord, Pilot
 from aerobat_pin.flight.motion_and_wake import Wake, log_with_motion, wake_of
 from aerobat_pin.flight.mujoco_robot import MujocoRobot
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.flight.plant.plant_state import interval_means
 from aerobat_pin.flight.plant.simulated_elsewhere import SimulatedMotion, Simulator
 from aerobat_pin.flight.plant.tables import Trajectory
-from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.flight.sensors import Sensing
-from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.flight.simulate import flight_log_of, simulate
 from aerobat_pin.flight.thrusters import LaggedThrust, ThrusterSet, thrusters_of
 from aerobat_pin.flight.trim import Trim, find_trim
 

@@ -84,14 +84,10 @@ class AttitudeHold(NamedTuple):
 
 @kernel
 def hold_wrench(hold: AttitudeHold, world: Array, twist: Array, error_rotation: Array, wrench: Array) -> None:
-    """Write the attitude hold's wrench on the body, at its centre of mass and in body axes.
+    """Write the attitude hold's wrench (6,) [N, N m] on the body, at its centre of mass and in body axes.
 
-    Args:
-        hold: reference values, gains and limits, as views of a kernel's memory.
-        world: (12,) placement of the body's centre of mass: rotation by columns, then position.
-        twist: (6,) body twist in body axes.
-        error_rotation: (3, 3) written: R^T R_ref, the reference attitude as seen from the body.
-        wrench: (6,) written: force first [N, N m].
+    `world` (12,) is the placement of the body's centre of mass, rotation by columns, then position, `twist` (6,) is in
+    body axes; `error_rotation` (3, 3), R^T R_ref, the reference attitude as seen from the body, is written, too.
     """
     target, limit = hold.rotation, hold.torque_limit
     stiffness, damping = hold.attitude_stiffness, hold.attitude_damping

@@ -90,11 +90,7 @@ class SpinUp:
 
 
 def checked_motion(drive: CrankDrive, time: Array) -> CrankMotion:
-    """Evaluate a drive and check its result.
-
-    Args:
-        drive: any function of time.
-        time: (n,) rising [s].
+    """Evaluate a drive at rising times (n,) [s] and check its result.
 
     Raises:
         CrankError: the drive does not return three finite quantities at these times, or its rate is not the derivative

@@ -30,15 +30,10 @@ from aerobat_pin.scenario import AirSection
 def log_with_motion(
     log: FlightLog, q: Array | None = None, v: Array | None = None, crank: Array | None = None
 ) -> FlightLog:
-    """Return a log with q and v, and a crank angle in place of raw samples; a log that has q and v stays as it is.
+    """Return a log with q (m + 1, nq), v (m + 1, nv) and a crank angle (m + 1,) [rad] in place of raw samples.
 
-    The true motion of raw samples is shown where the log has it.
-
-    Args:
-        log: the flight log.
-        q: (m + 1, nq) estimated configurations.
-        v: (m + 1, nv) estimated velocities.
-        crank: (m + 1,) estimated crank angle [rad].
+    A log that has q and v stays as it is. The true motion of raw samples is shown where the log has it, the estimated
+    one that is given elsewhere.
     """
     if {"q", "v"} <= set(log.measured) or not (log.is_raw or (q is not None and v is not None)):
         return log
@@ -99,12 +94,7 @@ class Wake:
 
 @guarded()
 def wake_of(log: FlightLog, robot: Aerobat, air: AirSection) -> Wake:
-    """Read the wake from a simulated flight.
-
-    Args:
-        log: log of a simulated flight, with its truth.
-        robot: the robot that flew.
-        air: air settings of the flight; the number of strips and the wind are used.
+    """Read the wake from a simulated flight; of the air that it was flown in, strips and wind are used.
 
     Raises:
         LogError: the log has no truth, or its number of strips differs from `air.strips`.

@@ -30,11 +30,7 @@ from aerobat_pin.scenario import InertialSection, MotionCaptureSection, SampledS
 def measure_raw(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) -> FlightLog:
     """Return a log of raw samples; the exact q, v, crank angle and motor torque are moved to its truth.
 
-    Args:
-        log: a simulated flight with exact channels and a truth.
-        robot: the robot that flew.
-        sensors: settings of the sensors; each has its own stream of random numbers.
-        seed: seed of all random numbers.
+    Each sensor has its own stream of random numbers.
     """
     assert log.truth is not None
     exact, time = log.measured, log.time
@@ -82,15 +78,7 @@ def measure_raw(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: i
 
 
 def specific_force(time: Array, q: Array, v: Array, gravity: Array, place: Array) -> Array:
-    """Return the specific force (m, 3) [m/s2] at a place in the body, body axes, means over the intervals.
-
-    Args:
-        time: (m + 1,) [s].
-        q: (m + 1, nq) configurations.
-        v: (m + 1, nv) velocities.
-        gravity: (3,) acceleration of gravity, world axes.
-        place: (3,) from the body's COM, body axes [m].
-    """
+    """Return the specific force (m, 3) [m/s2], body axes, means over intervals, at a place from the body's COM [m]."""
     rate = np.diff(v[:, :6], axis=0) / np.diff(time)[:, None]
     w = v[:, 3:6]
     steady = np.cross(w, v[:, :3]) + np.cross(w, np.cross(w, place)) - np.einsum("mji,j->mi", rotations(q), gravity)

@@ -34,12 +34,6 @@ def measure(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) 
 
     Each sensor has its own stream of random numbers, seeded by the sensor's name, so adding one sensor does not change
     the errors of the others.
-
-    Args:
-        log: a simulated flight with exact channels and a truth.
-        robot: the robot that flew; it gives the places of the joints in q and v.
-        sensors: settings of the sensors.
-        seed: seed of all random numbers.
     """
     if sensors.raw:
         return measure_raw(log, robot, sensors, seed)
@@ -53,12 +47,11 @@ def measure(log: FlightLog, robot: Aerobat, sensors: SensorsSection, seed: int) 
         channel, columns = places.get(name, (name, slice(None)))
         table = measured[channel].values.reshape(len(measured[channel]), -1)  # a view of the channel
         rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
-        sense = sensed_attitude if name == "attitude" else sensed
         # In the truth, `airspeed` is the name of the strips' airspeeds.
         kept = "body_airspeed" if channel == "airspeed" else channel
         if kept not in truth:
             truth[kept] = log.measured[channel]
-        table[:, columns] = sense(table[:, columns], time[: len(table)], sensor, rng)
+        table[:, columns] = sensed(table[:, columns], time[: len(table)], sensor, rng, name == "attitude")
     return FlightLog(measured, truth)
 
 
@@ -75,20 +68,17 @@ def places_in_motion(robot: Aerobat) -> dict[str, tuple[str, ChannelColumns]]:
     }
 
 
-def sensed(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
-    """Return the readings (n, c) of a sensor at times (n,) [s], given the true values (n, c) of its channel."""
+def sensed(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator, attitude: bool = False) -> Array:
+    """Return a sensor's readings (n, c) at times (n,) [s] of true values (n, c), or of true quaternions xyzw (n, 4)."""
     taken = sampling_times(time, sensor.rate)
-    samples = true[taken] + sensor_errors(time[taken], true.shape[1], sensor, rng)
-    return np.asarray(quantised(samples, sensor.quantum)[last_arrived(time, taken, sensor, rng)])
-
-
-def sensed_attitude(true: Array, time: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
-    """Return the readings (n, 4) of an attitude sensor at times (n,) [s], given the true quaternions xyzw (n, 4)."""
-    taken = sampling_times(time, sensor.rate)
-    errors = sensor_errors(time[taken], 3, sensor, rng)
-    turns = [_quaternion_of(pin.exp3(error)) for error in errors]
-    rows = [attitude_sample(row, turn, sensor.quantum) for row, turn in zip(true[taken], turns, strict=True)]
-    samples = np.array(rows)
+    errors = sensor_errors(time[taken], 3 if attitude else true.shape[1], sensor, rng)
+    if attitude:
+        turns = [_quaternion_of(pin.exp3(error)) for error in errors]
+        samples = np.array(
+            [attitude_sample(*turned, sensor.quantum) for turned in zip(true[taken], turns, strict=True)]
+        )
+    else:
+        samples = quantised(true[taken] + errors, sensor.quantum)
     return np.asarray(samples[last_arrived(time, taken, sensor, rng)])
 
 

@@ -62,9 +62,8 @@ class Trim:
 def find_trim(scenario: Scenario) -> Trim:
     """Find the periodic flight nearest to a scenario's start.
 
-    Args:
-        scenario: robot, wind, horizontal velocity over ground, and first guesses of frequency, offset, pitch, vertical
-            speed and pitch rate.
+    The scenario has robot, wind, horizontal velocity over ground, and first guesses of frequency, offset, pitch,
+    vertical speed and pitch rate.
 
     Raises:
         TrimError: the crank does not turn steadily, the flight is not symmetric, or no periodic flight was found.

@@ -7,4 +7,4 @@ from .joint_series import joint_series as joint_series
 from .joint_series import joints_along as joints_along
 from .joint_series import joints_at as joints_at
 from .kinetic_sculpture import KineticSculpture as KineticSculpture
-from .sculpture_dynamics import SculptureDynamics as SculptureDynamics
+from .kinetic_sculpture import SculptureDynamics as SculptureDynamics

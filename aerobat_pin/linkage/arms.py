@@ -120,15 +120,7 @@ class Sensitivity:
 
 
 def sensitivities(bars: LinkageLengths, angles: Array) -> dict[str, Sensitivity]:
-    """Differentiate the closed linkage by L3b, L5a and L5b: J dt/dL = -d(gap)/dL at constant t1.
-
-    Args:
-        bars: bar lengths and pivots.
-        angles: (..., 7) angles of the closed linkage, in the order of `ANGLES` [rad].
-
-    Returns:
-        The derivatives, by the name of the length.
-    """
+    """Differentiate the closed linkage at angles (..., 7) by L3b, L5a and L5b: J dt/dL = -d(gap)/dL at constant t1."""
     jacobian = real_rows(loops(bars).by_angles(angles))
     dependent = -np.linalg.solve(jacobian[..., 1:], real_rows(loops_by_lengths(bars, angles)))
     by_length = np.concatenate([np.zeros_like(dependent[..., :1, :]), dependent], axis=-2)

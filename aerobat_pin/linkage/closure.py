@@ -90,14 +90,9 @@ def _solve_dots(u: Complex, w: Complex, a: Array, b: Array) -> Complex:
 
 
 def close_dyads(bars: LinkageLengths, crank_angle: Array) -> tuple[dict[str, Angle], dict[str, Pin]]:
-    """Close the dyads at J4, J7 and J10 one after the other.
+    """Close the dyads at J4, J7 and J10 one after the other; return the angles of the bars, and the pins.
 
-    Args:
-        bars: bar lengths and pivots.
-        crank_angle: absolute t1, any shape [rad].
-
-    Returns:
-        The angles of the bars, and the pins. If a dyad cannot close, its values and all that follow are NaN.
+    If a dyad cannot close, its values and all that follow are NaN.
     """
     arm = bent_arms(bars)
     t1 = Angle(crank_angle[()], np.ones_like(crank_angle)[()], np.zeros_like(crank_angle)[()])

@@ -16,6 +16,7 @@ from .cross_correlation import SHIFT_STEPS as SHIFT_STEPS
 from .cross_correlation import CrossCorrelation as CrossCorrelation
 from .cross_correlation import compare_rates as compare_rates
 from .cross_correlation import compare_series as compare_series
+from .cross_correlation import lost_samples as lost_samples
 from .foreign_robots import Packages as Packages
 from .foreign_robots import checked_robot as checked_robot
 from .jit import Integers as Integers
@@ -37,7 +38,6 @@ from .lie_runge_kutta import add_stage as add_stage
 from .lie_runge_kutta import lie_step as lie_step
 from .lie_runge_kutta import next_state as next_state
 from .lie_runge_kutta import next_tangent as next_tangent
-from .lost_samples import lost_samples as lost_samples
 from .matrix_products import add_product as add_product
 from .matrix_products import add_row_product as add_row_product
 from .matrix_products import factorise as factorise

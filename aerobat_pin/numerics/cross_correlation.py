@@ -1,8 +1,11 @@
-"""How a second series follows a first one, however late it is.
+"""How a second series follows a first one, however late it is, and what it lost on the way.
 
 The second series is shifted in time until it follows the first best, whatever the factors of its columns: Gauss-Newton
 from no shift, or, where that leaves too much, from the best of a row of shifts. Rates are compared by their integrals
 over windows, so that noise and a small bias do not count.
+
+Of values x with rates v, a step is r times as long as its stamps say where all columns moved on at once by r v dt. A
+logger that loses samples and stamps those that it has evenly leaves whole numbers r: mostly 1, and some 2, 3, ...
 """
 
 from __future__ import annotations
@@ -24,6 +27,12 @@ FEWEST_POINTS = 8  # at which two series are compared, for otherwise they say no
 MOST_POINTS = 4000  # at which two series are compared, and a tenth of them at each shift that is tried
 SHIFT_GAIN = 1.2  # a shift counts if it makes the mean square difference smaller by this factor
 EXPLAINED_BY_SHIFT = 0.25  # of the first's mean square, up to which what a shift leaves makes it certain
+QUARTILE = 0.3186  # of the magnitude of noise of deviation 1, below which a quarter is
+CLEAR_STEP = 15.0  # deviations of a step's noise by which its values move on, of the steps that count
+OF_OTHER_LENGTH = 0.9  # share of the squares of a step that its rates explain, if it is of another length only
+WHOLE_STEPS = 0.1  # median distance from whole numbers, of longer steps; those of any length are 0.25 away
+FEWEST_LONGER = 4  # steps that tell whether they are whole
+RIGHT_STEPS = 0.4  # share of the steps that are right, at least: else it is a unit that is wrong
 
 
 @dataclass(frozen=True)
@@ -159,3 +168,32 @@ def _divided(a: Array, b: Array) -> Array:
 
 def _root_mean_square(series: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(series**2, axis=-2)))
+
+
+def lost_samples(values: Array, rates: Array, time: Array) -> float:
+    """Return the share of the samples that are missing between values (m, c) with rates (m, c), at times (m,) [s].
+
+    It is 0 where nothing is missing, and where noise hides it. A step with fewer than none counts against the longer
+    ones, as values that wait for a slower sensor catch up.
+    """
+    expected = 0.5 * (rates[1:] + rates[:-1]) * np.diff(time)[:, None]
+    actual = np.diff(values, axis=0)
+    noise = np.quantile(np.abs(actual - expected), 0.25, axis=0) / QUARTILE
+    noise = np.maximum(noise, 1e-6 * np.abs(expected).max(axis=0, initial=0.0))
+    moved = noise > 0.0
+    expected, actual = expected[:, moved] / noise[moved], actual[:, moved] / noise[moved]
+    power = np.sum(expected**2, axis=1)
+    clear = power > CLEAR_STEP**2
+    expected, actual, power = expected[clear], actual[clear], power[clear]
+    if not len(power):
+        return 0.0
+    length = np.sum(actual * expected, axis=1) / power
+    explained = length**2 * power > OF_OTHER_LENGTH * np.sum(actual**2, axis=1)
+    steps = np.round(length)
+    longer, right = explained & (steps > 1.0), steps == 1.0
+    if longer.sum() < FEWEST_LONGER or right.mean() < RIGHT_STEPS:
+        return 0.0
+    if np.median(np.abs(length - steps)[longer]) > WHOLE_STEPS:
+        return 0.0
+    missing = float(np.sum(steps[longer] - 1.0) - np.sum(steps < 1.0))
+    return max(missing / (missing + len(steps)), 0.0)

@@ -95,37 +95,19 @@ def _multiply(
 
 
 def _add_product(C: Array, A: Array, B: Array, scale: float) -> None:
-    """Add scale A B to C.
-
-    Args:
-        C: (m, n) changes; must not overlap A or B.
-        A: (m, k) with any strides.
-        B: (k, n) with contiguous rows.
-        scale: factor.
-    """
+    """Add scale A B to C (m, n), which overlaps neither A (m, k), of any strides, nor B (k, n), of contiguous rows."""
     (m, n), k, c, a, b = C.shape, B.shape[0], C.ctypes.data, A.ctypes.data, B.ctypes.data
     _multiply(c, C.strides[0], a, A.strides[0], A.strides[1], b, B.strides[0], m, k, n, scale)
 
 
 def _add_row_product(c: Array, a: Array, B: Array, scale: float) -> None:
-    """Add scale a B to c.
-
-    Args:
-        c: (n,) contiguous, changes; must not overlap a or B.
-        a: (k,) with any stride.
-        B: (k, n) with contiguous rows.
-        scale: factor.
-    """
+    """Add scale a B to c (n,), contiguous, which overlaps neither a (k,), of any stride, nor B as above."""
     k, n = B.shape
     _multiply(c.ctypes.data, 0, a.ctypes.data, 0, a.strides[0], B.ctypes.data, B.strides[0], 1, k, n, scale)
 
 
 def _factorise(rows: Array) -> None:
-    """Replace [S, B] by L^-1 [S, B] with S = L L^T, by Cholesky's method; entries below the diagonal are undefined.
-
-    Args:
-        rows: (m, m + ...) the matrix [S, B], changes; S is symmetric positive definite.
-    """
+    """Replace rows [S, B] by L^-1 [S, B] with S = L L^T positive definite; below the diagonal they are undefined."""
     (m, n), stride, start = rows.shape, rows.strides[0], rows.ctypes.data
     for k in range(m):
         _multiply(start + stride * k, stride, start + DOUBLE * k, 0, stride, start, stride, 1, k, n, -1.0)

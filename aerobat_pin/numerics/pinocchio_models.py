@@ -27,9 +27,7 @@ IN_STEPS = (
 def read_robot(path: Path, read: Callable[[], Loaded]) -> Loaded:
     """Call a function of Pinocchio that reads a robot's file.
 
-    Args:
-        path: the file, for the message.
-        read: the function.
+    The path is for the message.
 
     Raises:
         LogError: with the parser's reasons, if it fails or leaves something out.

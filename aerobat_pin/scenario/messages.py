@@ -54,12 +54,9 @@ def explain(error: dict[str, Any], root: type[Section]) -> str:
 
 @guarded()
 def explain_plainly(error: dict[str, Any], where: str, known: Sequence[str]) -> str:
-    """Return the message for one of pydantic's errors in any table.
+    """Return the message for one of pydantic's errors in any table, at a dotted key.
 
-    Args:
-        error: pydantic's description of the error.
-        where: dotted key at which the error occurred.
-        known: keys that the table accepts, to suggest one for a misspelt key.
+    A misspelt key is likened to the known ones, which the table accepts.
     """
     if error["type"] == "extra_forbidden":
         return f"unknown key '{where}'; {did_you_mean(where.rpartition('.')[2], known)}"

@@ -33,10 +33,7 @@ SLOWER = 10.0  # the animated linkage turns slower than the real one by this fac
 def write_figures_and_pages(outcome: Experiment | Result, folder: Path, progress: Progress | None = None) -> None:
     """Write `figures/`, `report.html` and `replay.html` into an existing folder.
 
-    Args:
-        outcome: a flight of Aerobat, or what was estimated from any other record.
-        folder: folder to write into.
-        progress: called with the name of the stage and the share of the stage that is done.
+    Progress is called with the name of the stage and the share of the stage that is done.
     """
     show = progress or (lambda stage, share: None)
     show("laying out figures", 0.0)
@@ -86,12 +83,7 @@ def _gusts(scenario: Scenario) -> list[TrueEvent]:
 
 
 def report_html(outcome: Experiment | Result, images: Mapping[str, Path]) -> str:
-    """Return the report as HTML.
-
-    Args:
-        outcome: a flight of Aerobat, or what was estimated from any other record.
-        images: figure name -> PNG file; the pictures are embedded into the page.
-    """
+    """Return the report as HTML; pictures, figure name -> PNG file, are embedded into the page."""
     flown = outcome if isinstance(outcome, Experiment) else None
     result = outcome.scores if isinstance(outcome, Experiment) else outcome
     linkage = None

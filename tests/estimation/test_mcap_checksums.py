@@ -12,7 +12,7 @@ from support.walking_log import bag, bag_map, urdf, walk
 from aerobat_pin import open_record
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import estimate
-from aerobat_pin.experiments.mcap_messages import McapStretch, write_mcap_stretches
+from aerobat_pin.experiments.write_mcap import McapStretch, write_mcap_stretches
 from aerobat_pin.records import mcap_is_sealed, parse_map
 
 

@@ -14,7 +14,7 @@ from support.commands import call
 from aerobat_pin.errors import OutputError, WorkersLostError
 from aerobat_pin.experiments import effects_text, load_sweep, run_sweep, shipped_sweeps, sweep_effects
 from aerobat_pin.experiments.experiment import run
-from aerobat_pin.experiments.sweep.outcomes import RESERVED_NAMES
+from aerobat_pin.experiments.sweep.plan import RESERVED_NAMES
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
 from aerobat_pin.visualization import draw_sweep
 
@@ -266,7 +266,7 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
 
 def test_a_fault_of_ours_in_one_run_does_not_stop_the_rest(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Whatever is raised is a reason, with its name."""
-    from aerobat_pin.experiments.sweep import outcomes as worker
+    from aerobat_pin.experiments.sweep import plan as worker
 
     def faulty(scenario: Any, **more: Any) -> Any:
         if scenario.simulation.seed == 1:

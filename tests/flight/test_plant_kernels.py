@@ -26,7 +26,7 @@ from aerobat_pin.aerodynamics.strip_forces import strips_of
 from aerobat_pin.flight.attitude_hold import AttitudeHold, attitude_error, hold_wrench, rotation_vector
 from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.point_forces import interval_means
+from aerobat_pin.flight.plant.plant_state import interval_means
 from aerobat_pin.numerics import small_matrices
 
 SPATIAL = ("aerodynamic", "added_mass", "thrusters", "unknown", "link_wrench")

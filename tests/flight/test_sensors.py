@@ -10,7 +10,7 @@ import xarray as xr
 from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.flight_summary import flight_summary
-from aerobat_pin.flight.sensors import sensed, sensed_attitude
+from aerobat_pin.flight.sensors import sensed
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario.feedback_tables import AXES_OF_SENSOR, SensorSection
 from aerobat_pin.scenario.scenario import load_scenario
@@ -110,13 +110,13 @@ def test_attitude_errors_are_small_turns_about_body_axes() -> None:
     coefficients = np.array([one.coeffs() for one in true])
     sensor = SensorSection(noise=[0.01, 0.02, 0.03], bias=[0.0, 0.1, 0.0])
     time = np.arange(len(true)) * DT
-    found = sensed_attitude(coefficients, time, sensor, np.random.default_rng(2))
+    found = sensed(coefficients, time, sensor, np.random.default_rng(2), attitude=True)
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-12)
     assert np.all(np.sum(found * coefficients, axis=1) > 0.9)
     turns = np.array([pin.log3((a.inverse() * pin.Quaternion(b)).matrix()) for a, b in zip(true, found, strict=True)])
     assert turns.std(axis=0) == pytest.approx([0.01, 0.02, 0.03], rel=5.0 / np.sqrt(8000.0))
     assert turns.mean(axis=0) == pytest.approx([0.0, 0.1, 0.0], abs=5.0 * 0.03 / np.sqrt(4000.0))
-    rounded = sensed_attitude(coefficients, time, SensorSection(quantum=0.1), np.random.default_rng(2))
+    rounded = sensed(coefficients, time, SensorSection(quantum=0.1), np.random.default_rng(2), attitude=True)
     angles = np.array([pin.rpy.matrixToRpy(pin.Quaternion(one).matrix()) for one in rounded]) / 0.1
     np.testing.assert_allclose(angles, np.round(angles), atol=1e-6)
 

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.experiments import run, write
-from aerobat_pin.flight.point_forces import PointForce, interval_means
+from aerobat_pin.flight.plant.plant_state import PointForce, interval_means
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.scenario.scenario import Scenario, load_scenario, parse_scenario
 from aerobat_pin.scenario.toml import scenario_toml

@@ -17,7 +17,7 @@ from aerobat_pin.aerobat import (
     free_record,
     true_force,
 )
-from aerobat_pin.aerobat.torque import Torque
+from aerobat_pin.aerobat.motion import Torque
 from aerobat_pin.estimation import Calibration, CalibrationWatch, calibrate
 from aerobat_pin.forces import KnownForces, KnownInputs, inputs_of
 from aerobat_pin.records import Record

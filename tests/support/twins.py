@@ -17,9 +17,8 @@ from aerobat_pin.aerobat.prescribed_joints import joint_table
 from aerobat_pin.aerobat.wing import LINKS
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.plant.plant_state import Forces
+from aerobat_pin.flight.plant.plant_state import Forces, PointForce
 from aerobat_pin.flight.plant.tables import Trajectory
-from aerobat_pin.flight.point_forces import PointForce
 from support.observer_twins import point_jacobian
 from support.stepping import stage_mean, step
 

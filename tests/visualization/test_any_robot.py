@@ -10,7 +10,7 @@ import pytest
 from support.bad_robots import ARM, COLLADA, MOTIONS, PICTURE, ROBOTS, SECRET, SHAPE, stl
 
 from aerobat_description import PACKAGE_PATH
-from aerobat_description.export import shipped_text
+from aerobat_description.generate import shipped_text
 from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import AerobatError, LogError
 from aerobat_pin.visualization.replay.any_robot import load_any_robot, replay_table

@@ -36,17 +36,10 @@ LONGEST_GAP = 0.5  # [s]: the motion of the wings during a longer gap is unknown
 
 
 def reconstructed_air(robot: Aerobat, air: AirSection, moved: Motion) -> dict[str, Array]:
-    """Return the generalised aerodynamic forces along a recorded motion, as interval means.
+    """Return generalised forces (m, nv) along a motion, interval means: `aerodynamic`, and `added_mass` if it has any.
 
-    Args:
-        robot: the assumed robot.
-        air: the assumed air. Before the first sample, `warm_up_cycles` flapping cycles are simulated: the body stays
-            as it is at the first sample, and the crank turns at its first rate. The length of a cycle is that of the
-            median crank rate of the flight.
-        moved: the recorded motion.
-
-    Returns:
-        Name -> (m, nv) generalised force: `aerodynamic` and, if the air has added mass, `added_mass`.
+    Before the first sample, `warm_up_cycles` flapping cycles are simulated: the body stays as it is there, and the
+    crank turns at its first rate. The length of a cycle is that of the median crank rate of the flight.
 
     Raises:
         LogError: the log has a gap in time that is too long, or wings that move impossibly fast.
@@ -117,14 +110,9 @@ class AirAlongMotion:
         return self.in_air.warmed_up(*body, motion, duration / count)
 
     def fly(self, moved: Motion, inertia: Array | None = None) -> tuple[Array, Array]:
-        """Integrate the aerodynamic model along the motion.
+        """Return interval means (m, nv) of the aerodynamic force and of that of the added mass, along a motion.
 
-        Args:
-            moved: the recorded motion.
-            inertia: (m, nv, nv) written, if given: the inertia of the added mass in each interval.
-
-        Returns:
-            Interval means (m, nv) of the aerodynamic force and of the force of the added mass.
+        If `inertia` (m, nv, nv) is given, the inertia of the added mass in each interval is written there.
         """
         fields, steps = self.in_air.fields, self.steps(moved)
         fields.start[:] = fields.state[:] = self.start(moved)
@@ -133,16 +121,9 @@ class AirAlongMotion:
     def advance(
         self, motion: tuple[Array, Array, Array, Array], steps: Integers, dt: Array, inertia: Array | None = None
     ) -> tuple[Array, Array]:
-        """Integrate from the aerodynamic state in `in_air.fields`; the last one is left there.
+        """Do as `fly` from the aerodynamic state in `in_air.fields` on; the last one is left there.
 
-        Args:
-            motion: q, v, acceleration and wind, as `half_steps` returns them.
-            steps: (m,) number of integration steps of each interval.
-            dt: (m,) their length [s].
-            inertia: as in `fly`.
-
-        Returns:
-            As `fly`.
+        The motion is as `half_steps` returns it; each interval has `steps` (m,) of length `dt` (m,) [s].
         """
         model, data, memory, fields = self.robot.model, self.in_air.data, self.in_air.memory, self.in_air.fields
         nle, (q, v, a, wind) = pin.nonLinearEffects, motion

@@ -5,7 +5,7 @@ from .filter import JointFilter as JointFilter
 from .filter import JointSample as JointSample
 from .find_mount import find_mount as find_mount
 from .find_mount import mounted as mounted
-from .offsets import ClockOffset as ClockOffset
+from .linear import ClockOffset as ClockOffset
 from .results import smoothed_raw as smoothed_raw
 from .smoother import JointEstimate as JointEstimate
 from .smoother import JointSmoother as JointSmoother

@@ -56,12 +56,7 @@ class AirAboutNominal:
         return Motion(nominal.time, q, v, nominal.crank.T.copy(), self.wind.field(nominal.time))
 
     def fly(self, nominal: NominalMotion, by_twist: Array | None = None) -> AirForces:
-        """Return the air along a motion.
-
-        Args:
-            nominal: the motion.
-            by_twist: derivative by the twist, if it is known from an earlier motion; flown anew when omitted.
-        """
+        """Return the air along a motion; a derivative by the twist, from an earlier motion, is not flown anew."""
         moved, nv = self.motion(nominal), self.robot.model.nv
         inertia = np.zeros((len(nominal.time) - 1, nv, nv))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aerobat_pin.aerobat.aerobat import Aerobat
-from aerobat_pin.aerobat.torque import RECORDED, Torque
+from aerobat_pin.aerobat.motion import RECORDED, Torque
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import EXTRA, Channel, sampled
@@ -76,12 +76,7 @@ def raw_record(
 ) -> RawRecord:
     """Gather raw samples.
 
-    Args:
-        time: (m + 1,) knots [s].
-        measured: key of the record -> its channel.
-        robot: the believed robot.
-        torque: which joint torque is used.
-        settings: the table `observers.raw`.
+    The time (m + 1,) is that of the knots [s]; the settings are the table `observers.raw`.
 
     Raises:
         LogError: the record has no encoder, no gyro and accelerometer, or not the torque that is asked for.

@@ -66,18 +66,9 @@ def linear_dynamics(
     force: Array,
     data: pin.Data,
 ) -> LinearDynamics:
-    """Linearise the dynamics about a nominal motion.
+    """Linearise the dynamics about a nominal motion, with the air along it and other `known` forces (m, nv).
 
-    Args:
-        robot: the believed robot.
-        series: of its linkage, see `joint_series`.
-        frames: frames at whose origins the forces act.
-        layout: places of the states.
-        nominal: the motion.
-        air: the air along it.
-        known: (m, nv) other known generalised forces.
-        force: (m, points, 3) forces of the last iteration, world axes [N]; they turn with the Jacobians.
-        data: of the robot's model; changes.
+    The forces of the last iteration, `force` (m, points, 3) in world axes [N] at the frames, turn with the Jacobians.
     """
     dt = nominal.time[1:] - nominal.time[:-1]
     m, n, model = len(dt), layout.size, robot.model
@@ -159,10 +150,7 @@ def _crank_after(time: Array) -> Array:
 def wings_by_crank(wings: Array, rate: Array, bend: Array) -> Array:
     """Return the derivatives (m, 12, 3) of the joints' angles, rates and accelerations by those of the crank.
 
-    Args:
-        wings: (m, 4, 4) of `wing_angles`.
-        rate: (m, 1) of the crank [rad/s].
-        bend: (m, 1) acceleration of the crank [rad/s2].
+    `wings` are of `wing_angles`, `rate` and acceleration `bend` (m, 1) of the crank.
     """
     by_crank = np.zeros((len(wings), 3, 4, 3))
     _, first, second, third = wings.transpose(1, 0, 2)

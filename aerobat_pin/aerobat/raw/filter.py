@@ -18,6 +18,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from aerobat_pin.aerobat.motion import Torque
 from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
 from aerobat_pin.aerobat.raw.dynamics import LinearDynamics
 from aerobat_pin.aerobat.raw.layout import MOTION, first_prior
@@ -27,7 +28,6 @@ from aerobat_pin.aerobat.raw.recursion import advance, take_samples
 from aerobat_pin.aerobat.raw.rows import ROWS_BY_SENSOR, Sensed
 from aerobat_pin.aerobat.raw.smoother import JointSmoother
 from aerobat_pin.aerobat.raw.tuning import JUMP, LEAST_JUMP_GAIN, Tuning
-from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array
 

@@ -16,10 +16,10 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import PLACE_AXES, Mount
 from aerobat_pin.aerobat.aerobat import Aerobat
+from aerobat_pin.aerobat.motion import Torque
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.layout import MOUNT_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointSmoother
-from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.errors import CalibrationError
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Channel, Extras
@@ -85,12 +85,7 @@ def learn_mount(
     torque: Torque,
     settings: RawSection,
 ) -> Extras:
-    """Learn place and turn of the accelerometer from raw samples without unknown forces.
-
-    Raises:
-        CalibrationError: a record has no accelerometer.
-        LogError: a record lacks another channel.
-    """
+    """Learn place and turn of the accelerometer from raw samples without unknown forces; errors as of `find_mount`."""
     raw = [raw_record(time, channels, robot, torque, settings) for time, channels in free]
     mount = find_mount(raw, robot, air, tuple(points), settings)
     away = 1e3 * float(np.linalg.norm(mount.place - raw[0].channels["accelerometer"].place))

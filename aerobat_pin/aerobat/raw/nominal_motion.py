@@ -85,12 +85,7 @@ class NominalMotion(NamedTuple):
 
 
 def wing_angles(series: Array, angles: Array) -> Array:
-    """Return angle and first to third derivative by crank angle (m, 4, 4) of the four joints, left wing, right wing.
-
-    Args:
-        series: of the linkage, see `joint_series`.
-        angles: (m,) of the crank [rad].
-    """
+    """Return angle and first to third derivative by crank angle (m, 4, 4) of the four joints, left wing, right wing."""
     joints = np.empty((3, len(angles), 3, 2))
     joints_along(series, np.concatenate([angles, angles + CRANK_STEP, angles - CRANK_STEP]), joints.reshape(-1, 3, 2))
     third = (joints[1, :, 2:] - joints[2, :, 2:]) / (2.0 * CRANK_STEP)
@@ -104,11 +99,7 @@ def wing_motion(wings: Array, rate: Array, bend: Array | float) -> tuple[Array, 
 
 
 def first_guess(record: RawRecord) -> NominalMotion:
-    """Return a first guess: position by a spline, attitude by the gyro held to the poses, crank by a spline.
-
-    Raises:
-        LogError: too few samples.
-    """
+    """Return a first guess: position and crank by splines, attitude by the gyro held to the poses. Raises LogError."""
     channels, time = record.channels, record.time
     position, crank = channels["position"], channels["crank"]
     for channel in (position, crank):

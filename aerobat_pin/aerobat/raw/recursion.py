@@ -78,16 +78,9 @@ class Smoothed(NamedTuple):
 
 @kernel
 def take_samples(x: Array, P: Array, h: Array, e: Array, R: Array, gains: Array, innovations: Array) -> float:
-    """Update x (n,) and P (n, n) by samples; return their log-likelihood.
+    """Update x (n,) and P (n, n) by samples h, e, R as in `SampleRows`; return their log-likelihood.
 
-    Args:
-        x: (n,) state, changes.
-        P: (n, n) covariance, changes.
-        h: (k, n) rows of the samples.
-        e: (k,) samples less their prediction at x = 0.
-        R: (k,) variances of their noise.
-        gains: (k, n) written: P h.
-        innovations: (k, 2) written: innovation and its variance.
+    Written are `gains` (k, n), that is P h, and `innovations` (k, 2), each with its variance.
     """
     n, score = x.shape[0], 0.0
     for i in range(h.shape[0]):
@@ -141,16 +134,7 @@ def advance(x: Array, P: Array, F: Array, shift: Array, noise: Array, fresh: Int
 
 @kernel
 def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: SampleRows, filtered: Filtered) -> float:
-    """Filter a record of m intervals; return the log-likelihood of all samples.
-
-    Args:
-        F: (m, moving, n) transitions.
-        shift: (m, moving) shifts.
-        noise: (m, n) variances that each interval adds.
-        fresh: (2,) see `advance`.
-        rows: the samples.
-        filtered: written.
-    """
+    """Filter a record of m intervals, each with F, shift and noise as in `advance`; return the log-likelihood."""
     x, P, gains, innovations, states, covariances = filtered
     start, h, e, R, _ = rows
     m, score = F.shape[0], 0.0
@@ -167,15 +151,7 @@ def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: S
 
 @kernel
 def smooth_record(F: Array, fresh: Integers, block: Integers, rows: SampleRows, smoothed: Smoothed) -> None:
-    """Smooth a record that `filter_record` has filtered.
-
-    Args:
-        F: (m, moving, n) transitions.
-        fresh: (2,) states that are drawn anew.
-        block: (2,) first and last (excluded) state of the block.
-        rows: the samples.
-        smoothed: written, but for what is filtered.
-    """
+    """Smooth a record that `filter_record` has filtered; `block` (2,) are first and last (excluded) state of it."""
     (_, _, gains, innovations, filtered, covariances), states, blocks, pulls, informations, inside = smoothed
     start, h = rows.start, rows.h
     m, moving, n = F.shape[0], F.shape[1], states.shape[1]

@@ -11,13 +11,13 @@ import pinocchio as pin
 from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.aerobat.flight_log import SUM
+from aerobat_pin.aerobat.motion import ROWS_OF_TORQUE, Torque
 from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
 from aerobat_pin.aerobat.raw.channels import RawRecord, raw_record
 from aerobat_pin.aerobat.raw.filter import JointFilter
 from aerobat_pin.aerobat.raw.find_mount import mounted
 from aerobat_pin.aerobat.raw.layout import FORCE_PRIOR
 from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
-from aerobat_pin.aerobat.torque import ROWS_OF_TORQUE, Torque
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.forces import KnownInputs
 from aerobat_pin.numerics import Array
@@ -123,15 +123,9 @@ def smoothed_inputs(record: RawRecord, robot: Aerobat, smoother: JointSmoother, 
 def as_estimate(
     name: str, checked: Estimate, inputs: KnownInputs, robot: Aerobat, torque: Torque, found: JointEstimate
 ) -> Estimate:
-    """Return forces as an estimate; without any torque, their sum over the frames takes their place.
+    """Return the forces that smoother or filter found as an estimate; without torques, their sum over the frames.
 
-    Args:
-        name: of the observer.
-        checked: estimate of `force_level` along the smoothed motion: its identifiability and redundancy are kept.
-        inputs: the smoothed motion.
-        robot: the believed robot.
-        torque: which torque was used.
-        found: forces of smoother or filter, and what else they found.
+    Identifiability and redundancy are those that `force_level` checked along the smoothed motion.
     """
     (m, points, _), covariance, (total, count) = found.force.shape, found.force_covariance, found.innovation.T
     counted = count > 0.0

@@ -17,12 +17,12 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
+from aerobat_pin.aerobat.motion import Torque
 from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
 from aerobat_pin.aerobat.raw.dynamics import LinearDynamics, cross_matrices
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, POSE_ERROR, TWIST_ERROR, Layout
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion
 from aerobat_pin.aerobat.raw.recursion import SampleRows
-from aerobat_pin.aerobat.torque import Torque
 from aerobat_pin.numerics import Array, Integers
 
 TURNING = slice(9, 12)  # the states of the body's rate

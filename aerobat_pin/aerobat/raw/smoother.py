@@ -17,9 +17,8 @@ from aerobat_pin.aerobat.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.aerobat.raw.channels import RawRecord, RecordPart, part_of, stretches
 from aerobat_pin.aerobat.raw.dynamics import LinearDynamics, linear_dynamics
 from aerobat_pin.aerobat.raw.layout import MOTION, TWIST_ERROR, Layout, Prior, first_prior, prior_at
-from aerobat_pin.aerobat.raw.linear import LinearRecord
+from aerobat_pin.aerobat.raw.linear import TIMED, ClockOffset, LinearRecord, clock_offsets, corrected
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
-from aerobat_pin.aerobat.raw.offsets import TIMED, ClockOffset, clock_offsets, corrected
 from aerobat_pin.aerobat.raw.recursion import Smoothed
 from aerobat_pin.aerobat.raw.rows import sample_rows
 from aerobat_pin.aerobat.raw.tuning import (
@@ -251,9 +250,12 @@ class Solved:
 
     def kept(self, window: RecordPart) -> JointEstimate:
         """Return what is kept of the window, as copies: all else is ten times as large."""
-        layout, smoothed = self.linear.layout, self.smoothed
+        layout, smoothed, rows = self.linear.layout, self.smoothed, self.linear.rows
         a, b = window.first - window.start, window.last - window.start
         final, x, P = b if window.next is not None else b + 1, smoothed.states[-1], smoothed.filtered.P
+        innovation, variance = smoothed.filtered.innovations.T
+        ratio = innovation**2 / variance  # of each sample
+        total = np.concatenate([[0.0], np.cumsum(ratio)])[rows.start]
         return JointEstimate(
             nominal=self.motion.part(a, final - 1),
             force=layout.forces(smoothed.states[a:b]),
@@ -267,27 +269,11 @@ class Solved:
                 if sought
             },
             tuning=self.tuning,
-            nis=self.nis(),
-            innovation=self.innovation()[a:b].copy(),
+            nis={name: float(np.mean(ratio[rows.sensor == i])) for i, name in enumerate(self.linear.sensors)},
+            innovation=np.stack([np.diff(total)[:-1], np.diff(rows.start)[:-1]], axis=1)[a:b].copy(),
             iterations=self.iterations,
             settled=self.settled,
         )
-
-    @property
-    def ratios(self) -> Array:
-        """Innovation squared over its variance of each sample (k,)."""
-        innovation, variance = self.smoothed.filtered.innovations.T
-        return np.asarray(innovation**2 / variance)
-
-    def nis(self) -> dict[str, float]:
-        """Return the mean of innovation squared over variance, by sensor."""
-        ratio, sensor = self.ratios, self.linear.rows.sensor
-        return {name: float(np.mean(ratio[sensor == i])) for i, name in enumerate(self.linear.sensors)}
-
-    def innovation(self) -> Array:
-        """Return the sum of innovations squared over variance of each interval, and their number (m, 2)."""
-        total = np.concatenate([[0.0], np.cumsum(self.ratios)])[self.linear.rows.start]
-        return np.stack([np.diff(total)[:-1], np.diff(self.linear.rows.start)[:-1]], axis=1)
 
 
 def _change_of_twist(twist: Array) -> float:

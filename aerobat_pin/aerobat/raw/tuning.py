@@ -108,18 +108,10 @@ def white_variance(tuning: Tuning, dt: Array) -> Array:
 def likelier_tuning(
     tuning: Tuning, free: Flags, smoothed: Smoothed, dt: Array, layout: Layout, weight: float
 ) -> tuple[Tuning, float]:
-    """Return a tuning under which the samples are likelier, and about how much the log-likelihood gains by it.
+    """Return a tuning under which the samples are likelier, and how much the log-likelihood gains, to first order.
 
-    Args:
-        tuning: under which the record was smoothed.
-        free: (13,) which logarithms may change.
-        smoothed: the record, smoothed with scores.
-        dt: (m,) intervals [s].
-        layout: places of the states.
-        weight: of the robot [N].
-
-    Returns:
-        The next tuning, and the gain to first order.
+    The record was `smoothed` with scores; its intervals are `dt` (m,) [s], and `free` (13,) says which logarithms may
+    change.
     """
 
     def sums(states: slice, each: Array) -> Array:

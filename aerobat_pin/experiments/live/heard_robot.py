@@ -55,10 +55,7 @@ class LiveStream(LiveSource):
 class LiveRecording(LiveStream):
     """A recording, sample by sample.
 
-    Args:
-        log: a table, a bag, or an MCAP file.
-        chosen: its map.
-        folder: where relative paths of the map begin.
+    It is a table, a bag, or an MCAP file; relative paths of its map begin at the folder.
 
     Raises:
         LogError, MapError: they cannot be read, or need a whole record.

@@ -1,4 +1,4 @@
-"""Lay out a sweep: turn a sweep file into dimensions and the list of its runs."""
+"""The runs of a sweep: laid out from its file, in dimensions; each becomes an outcome, with columns in the results."""
 
 from __future__ import annotations
 
@@ -6,22 +6,38 @@ import itertools
 import json
 import math
 import os
-from dataclasses import dataclass
-from functools import cached_property
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from aerobat_pin.errors import SweepError
-from aerobat_pin.experiments.sweep.outcomes import RESERVED_NAMES
+from aerobat_description import MORPHOLOGIES
+from aerobat_pin.aerobat import Aerobat, load_aerobat
+from aerobat_pin.errors import AerobatError, SweepError
+from aerobat_pin.experiments.experiment import run
+from aerobat_pin.experiments.flight_summary import FlightSummary
 from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED, Draws, Factors, Span, SweepFile, read_sweep
+from aerobat_pin.forces import TRUTH_SCORES, Score
 from aerobat_pin.numerics import guarded
-from aerobat_pin.scenario import Scenario, assign, load_scenario, parse_scenario
+from aerobat_pin.scenario import RobotSection, Scenario, assign, load_scenario, parse_scenario
 
 MOST_RUNS, MOST_DAYS = 100_000, 30.0  # of a sweep, the days on one processor
 LONGEST_DIMENSION = 255  # bytes of a dimension's name
 DAY = 86400.0  # [s]
+SCORE_FIELDS = {item.name: item.metadata for item in fields(Score)}
+SCORES = {name: (SCORE_FIELDS[name]["unit"], SCORE_FIELDS[name]["meaning"]) for name in TRUTH_SCORES}
+JUDGED = {"rank": "of the equations for the forces", "condition": "of the equations for the forces"}
+CONTROL_UNITS = {"slew_rms": "N/s", "saturated_share": "1", "largest_ms": "1", "delay_margin": "s"}
+COURSE_UNITS = {f"rms_{axis}": "m" if axis in "xyz" else "rad" for axis in ("x", "y", "z", "roll", "pitch", "yaw")}
+FLIGHT_UNITS = {item.name: item.metadata["unit"] for item in fields(FlightSummary)} | CONTROL_UNITS | COURSE_UNITS
+LISTS: dict[int, tuple[str, list[str]]] = {2: ("bound", ["lowest", "highest"]), 3: ("axis", ["x", "y", "z"])}
+RESERVED_NAMES = frozenset(
+    {"run", "failed", "warnings", "observer", "point", "axis", "bound", *SCORES, *JUDGED, *FLIGHT_UNITS}
+)
 
 
 @dataclass(frozen=True)
@@ -87,10 +103,7 @@ class Sweep:
 
 @guarded()
 def load_sweep(source: str | Path) -> Sweep:
-    """Read a sweep file and lay out its runs.
-
-    Args:
-        source: name of a shipped sweep, or path of a TOML file.
+    """Read a sweep, a shipped name or the path of a TOML file, and lay out its runs.
 
     Raises:
         SweepError: the file is not found, is not TOML, or is not a sweep; the message names key, value and rule.
@@ -172,3 +185,49 @@ def _with_keys(scenario: Scenario, settings: list[dict[str, Any]], source: str) 
     for key, value in (item for chosen in settings for item in chosen.items()):
         assign(values, key, value)
     return parse_scenario(values, source)
+
+
+def flight_columns(metrics: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the numbers of a run's flight and of its control, without nested tables, as columns of the results."""
+    columns = dict(metrics["flight"])
+    columns |= {f"rms_{axis}": value for axis, value in columns.pop("rms", {}).items()}
+    control = metrics.get("control")
+    if control is not None:
+        margins = control["margins"].values()
+        columns |= {name: control[name] for name in ("slew_rms", "saturated_share")}
+        columns["largest_ms"] = max(margin["ms"] for margin in margins)
+        columns["delay_margin"] = min(margin["delay"] for margin in margins if margin["delay"] is not None)
+    return columns
+
+
+def outcome_of(scenario: Scenario) -> str:
+    """Simulate and score a scenario; a failure is returned, not raised.
+
+    The result is JSON text: `"observers"` and `"flight"` as in `metrics.json`, or the reason why it `"failed"`; and
+    `"warnings"` if there are any.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        try:
+            robots = _load_once(scenario.robot, scenario), _load_once(scenario.believed_robot, scenario)
+            metrics = run(scenario, robots=robots).metrics
+            outcome: dict[str, Any] = {"observers": metrics["observers"], "flight": flight_columns(metrics)}
+            json.dumps(outcome, allow_nan=False)
+        except AerobatError as error:
+            outcome = {"failed": str(error)}
+        except Exception as error:  # a bug that shows in one run must not end the others
+            outcome = {"failed": f"{type(error).__name__}: {error}"}
+    texts = dict.fromkeys(str(item.message) for item in caught if issubclass(item.category, UserWarning))
+    return json.dumps(outcome | ({"warnings": list(texts)} if texts else {}))
+
+
+def _load_once(section: RobotSection, scenario: Scenario) -> Aerobat:
+    from_file = section.morphology not in MORPHOLOGIES and os.path.isfile(section.morphology)
+    stamp = Path(section.morphology).stat().st_mtime_ns if from_file else 0
+    return _loaded(section.morphology, json.dumps(section.changes), scenario.flight.gravity, stamp)
+
+
+@lru_cache(maxsize=16)
+def _loaded(morphology: str, changes: str, gravity: float, stamp: int) -> Aerobat:
+    """Load a robot, with changes as JSON text; another `stamp`, the time of its file, loads a changed file again."""
+    return load_aerobat(morphology, json.loads(changes), gravity=gravity)

@@ -13,8 +13,7 @@ import xarray as xr
 
 from aerobat_pin.errors import SweepError
 from aerobat_pin.estimation import versions
-from aerobat_pin.experiments.sweep.outcomes import FLIGHT_UNITS, JUDGED, LISTS, SCORES
-from aerobat_pin.experiments.sweep.plan import Sweep
+from aerobat_pin.experiments.sweep.plan import FLIGHT_UNITS, JUDGED, LISTS, SCORES, Sweep
 from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED
 from aerobat_pin.forces import FORCE_AXES, ObserverScores
 from aerobat_pin.numerics import Array, guarded
@@ -27,10 +26,8 @@ THIRDS = ("lowest third", "middle third", "highest third")  # of the values that
 def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
     """Arrange outcomes, by run number, as `outcome_of` returns them, in a grid with an axis for each dimension.
 
-    Returns:
-        Scores over (*dimensions of the sweep, observer, point, axis); rank and condition over (*dimensions of the
-        sweep, observer); numbers of the flight over the dimensions of the sweep; `failed`, the reason why a run has no
-        numbers. Missing numbers are NaN.
+    Scores are over (*dimensions of the sweep, observer, point, axis), rank and condition over (*dimensions, observer),
+    numbers of the flight, and `failed`, why a run has none, over the dimensions. Missing numbers are NaN.
     """
     dims = tuple(dimension.name for dimension in sweep.dimensions)
     outcomes = dict(sorted(outcomes.items()))  # they end in any order

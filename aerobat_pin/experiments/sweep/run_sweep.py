@@ -19,8 +19,7 @@ import xarray as xr
 from aerobat_pin.errors import WorkersLostError, write_files
 from aerobat_pin.estimation import versions
 from aerobat_pin.experiments.sweep.checkpoint import GRID, TABLE, Checkpoint
-from aerobat_pin.experiments.sweep.outcomes import outcome_of
-from aerobat_pin.experiments.sweep.plan import Sweep
+from aerobat_pin.experiments.sweep.plan import Sweep, outcome_of
 from aerobat_pin.experiments.sweep.results import check_labels, results_csv, results_grid
 from aerobat_pin.numerics import guarded
 from aerobat_pin.records import netcdf_bytes
@@ -40,10 +39,7 @@ def in_this_process(runs: Mapping[int, Scenario]) -> Outcomes:
 def on_this_machine(runs: Mapping[int, Scenario], jobs: int) -> Outcomes:
     """Simulate runs in several processes; yields (run number, outcome) as each run ends.
 
-    When a process dies, new processes simulate the runs that are left.
-
-    Raises:
-        WorkersLostError: a process died before any of the runs that were left had finished.
+    When a process dies, new ones simulate the runs that are left; WorkersLostError if none of the last had finished.
     """
     from joblib import Parallel, delayed
     from joblib.externals.loky.process_executor import TerminatedWorkerError

@@ -160,11 +160,7 @@ def shipped_sweeps() -> dict[str, str]:
 
 
 def read_sweep(source: str) -> SweepFile:
-    """Read a sweep file, given as the name of a shipped sweep or as a path.
-
-    Raises:
-        SweepError: the file is not found, is not TOML, or is not a sweep; the message names key, value and rule.
-    """
+    """Read a sweep file, given as the name of a shipped sweep or as a path. Raises SweepError if it is none."""
     values = read_toml("sweep", source, SHIPPED_SWEEPS, SweepError)
     try:
         return SweepFile.model_validate(values)

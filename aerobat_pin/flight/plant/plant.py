@@ -30,11 +30,10 @@ from aerobat_pin.flight.attitude_hold import hold_about
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor, checked_motion, crank_drive
 from aerobat_pin.flight.plant.elastic_joints import ElasticJoints, as_measured, loaded
 from aerobat_pin.flight.plant.kernels import evaluate
-from aerobat_pin.flight.plant.plant_state import Forces, PlantState, unknown_forces
+from aerobat_pin.flight.plant.plant_state import Forces, PlantState, interval_means, point_forces, unknown_forces
 from aerobat_pin.flight.plant.simulated_elsewhere import FlightElsewhere, Simulator
 from aerobat_pin.flight.plant.stepping import SteppedFlight
 from aerobat_pin.flight.plant.tables import State, Trajectory
-from aerobat_pin.flight.point_forces import interval_means, point_forces
 from aerobat_pin.linkage import Closure, joint_series
 from aerobat_pin.numerics import Array, fields_of, fill, guarded, new_state, number, shaped
 from aerobat_pin.scenario import Scenario

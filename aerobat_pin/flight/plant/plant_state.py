@@ -1,19 +1,75 @@
-"""State of the plant's kernels: robot, air, unknown forces, hold, motor, integrator stages, results."""
+"""State of the plant's kernels: robot, air, unknown forces, hold, motor, integrator stages, results.
+
+Where unknown forces act and in which direction, this file reads from a scenario, which gives their size over time.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
+from aerobat_description.reading import did_you_mean
 from aerobat_pin.aerobat import LINKS, RobotState
+from aerobat_pin.errors import ScenarioError
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.crank import RateControlledMotor
-from aerobat_pin.flight.point_forces import PointForce
-from aerobat_pin.numerics import ELSEWHERE, Array, Integers, frame_id
+from aerobat_pin.numerics import ELSEWHERE, Array, Integers, frame_id, guarded
+from aerobat_pin.scenario import Axes, Scenario, UnknownForce
 
 DIRECTION_AXES = ("link", "body", "world")
+
+
+@dataclass(frozen=True)
+class PointForce:
+    """A force at the origin of a frame.
+
+    Attributes:
+        frame: name of the frame at whose origin the force acts.
+        direction: (3,) unit vector along the force.
+        axes: whether the direction is fixed in the frame's link, the body or the world.
+        signal: size of the force over time.
+    """
+
+    frame: str
+    direction: Array
+    axes: Axes
+    signal: UnknownForce
+
+
+def point_forces(model: pin.Model, scenario: Scenario) -> tuple[PointForce, ...]:
+    """Read a scenario's unknown forces. Raises ScenarioError if the model lacks a frame or a direction is zero."""
+    forces = []
+    for i, section in enumerate(scenario.unknown_force):
+        if not model.existFrame(section.frame) or model.frames[model.getFrameId(section.frame)].parentJoint == 0:
+            known = [frame.name for frame in model.frames if frame.parentJoint > 0]
+            hint = did_you_mean(section.frame, known, "the robot's frames are")
+            raise ScenarioError(f"unknown_force.{i}.frame = '{section.frame}': {hint}")
+        size = float(np.linalg.norm(section.direction))
+        if size == 0.0:
+            raise ScenarioError(f"unknown_force.{i}.direction = {section.direction}: a direction must not be zero")
+        forces.append(PointForce(section.frame, np.array(section.direction) / size, section.axes, section))
+    return tuple(forces)
+
+
+@guarded(edges=("2+",))
+def interval_means(forces: tuple[PointForce, ...], edges: Array, seed: int) -> Array:
+    """Average noise and signal of every force over intervals, between edges (n + 1,) [s].
+
+    Each force has its own stream of random numbers, from the seed and its index in the list.
+
+    Returns:
+        (2, forces, n) mean noise and mean noise-free force [N], without the part that depends on the elbow angle.
+
+    Raises:
+        ScenarioError: a recorded series cannot be read.
+    """
+    parts = np.zeros((2, len(forces), len(edges) - 1))
+    for i, force in enumerate(forces):
+        parts[:, i] = force.signal.interval_means(edges, np.random.default_rng([seed, i]))
+    return parts
 
 
 class UnknownForces(NamedTuple):

@@ -13,9 +13,8 @@ from aerobat_pin.aerobat import BASE_SIZE
 from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.crank import RateControlledMotor
 from aerobat_pin.flight.plant.kernels import advance_stage
-from aerobat_pin.flight.plant.plant_state import Forces, split_forces
+from aerobat_pin.flight.plant.plant_state import Forces, interval_means, split_forces
 from aerobat_pin.flight.plant.tables import HOPELESS, FlightTables, SimulatedPlant, State, Trajectory, checked_flight
-from aerobat_pin.flight.point_forces import interval_means
 from aerobat_pin.numerics import Array, checked, lie_step, shaped
 
 

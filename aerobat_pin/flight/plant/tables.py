@@ -17,8 +17,7 @@ from aerobat_pin.errors import SimulationError
 from aerobat_pin.flight.attitude_hold import AttitudeHold
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
 from aerobat_pin.flight.plant.elastic_joints import ElasticJoints
-from aerobat_pin.flight.plant.plant_state import Forces, split_forces
-from aerobat_pin.flight.point_forces import PointForce
+from aerobat_pin.flight.plant.plant_state import Forces, PointForce, split_forces
 from aerobat_pin.linkage import Closure
 from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import Scenario
@@ -167,11 +166,7 @@ class FlightTables:
 
 
 def checked_flight(tables: FlightTables, samples: int) -> Trajectory:
-    """Return the first samples of a flight, of which there are `samples`.
-
-    Raises:
-        SimulationError: the flight diverged; its attribute `kept` is the flight before that.
-    """
+    """Return the first `samples` of a flight. Raises SimulationError, whose `kept` is what came before it diverged."""
     air = BASE_SIZE + tables.plant.air.state_size
     states, loads = tables.states[:samples, :air], tables.loads[: samples - 1]
     parts = *np.split(states, [3, 6], axis=1), tables.states[:samples, tables.bent]

@@ -21,9 +21,7 @@ HIDDEN = 0.2  # of the largest error: smaller ones would be flat lines on its sc
 def thinned(count: int, read: Callable[[int, int], Lines]) -> Lines:
     """Return times (m,) and values (m, k) of a long series by the extremes of its stretches, of a short one as it is.
 
-    Args:
-        count: number of samples.
-        read: function that returns times (n,) and values (n, k) of the samples from one index to another (exclusive).
+    `read` returns times (n,) and values (n, k) of the samples from one index to another (exclusive).
     """
     if count <= MOST_DRAWN:
         return read(0, count)

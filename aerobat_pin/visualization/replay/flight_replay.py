@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import xarray as xr
 
 from aerobat_pin.aerobat import (
@@ -59,11 +58,6 @@ def replay_flight(robot: Aerobat, log: FlightLog, air: AirSection, estimates: xr
     """
     flown = flight_motion(log, robot, air)
     crank = None if flown.crank is None else flown.crank[0]
-
-    def move_bars(visual_model: pin.GeometryModel, row: int) -> None:
-        assert crank is not None
-        place_bars(robot, visual_model, float(crank[row]))
-
     replay = Replay(
         robot.model,
         robot.visual_model if crank is None else visual_model_with_bars(robot),
@@ -71,7 +65,7 @@ def replay_flight(robot: Aerobat, log: FlightLog, air: AirSection, estimates: xr
         flown.q,
         title=f"{log.measured.attrs.get('scenario', 'flight')}: {note}",
         floor=float(flown.q[:, 2].min()) - GROUND_BELOW,
-        move=None if crank is None else move_bars,
+        move=None if crank is None else lambda visual, row: place_bars(robot, visual, float(crank[row])),
     )
     replay.rate = SLOW_MOTION
     if estimates is not None:
@@ -167,12 +161,10 @@ def replay_result(outcome: Experiment | Result) -> Replay:
 
 
 def replay_log(file: Path, morphology: str | None = None) -> Replay:
-    """Prepare the replay of a flight log, with the forces that an observer estimates from it.
+    """Prepare the replay of a flight log, `.nc` or `.csv`, with the forces that an observer estimates from it.
 
-    Args:
-        file: flight log, `.nc` or `.csv`.
-        morphology: morphology of the robot that is assumed to have flown, a shipped name or a TOML file. When omitted,
-            the robot noted in the log, or the default robot if the log notes none.
+    The robot that is assumed to have flown is that of a morphology, a shipped name or a TOML file; when omitted, the
+    robot noted in the log, or the default robot if the log notes none.
 
     Raises:
         AerobatError: the log or the morphology cannot be read.

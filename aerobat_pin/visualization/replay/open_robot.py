@@ -78,9 +78,7 @@ class RobotView:
 def open_robot(robot: Aerobat, *, browser: bool = True) -> RobotView:
     """Open the robot in a browser, and return the view, through which Python moves it.
 
-    Args:
-        robot: the robot.
-        browser: open a browser; if False, open `url` of the view yourself.
+    If `browser` is False, open `url` of the view yourself.
     """
     view = RobotView(robot, meshcat.Visualizer())
     if browser:
