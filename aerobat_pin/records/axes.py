@@ -39,13 +39,14 @@ def sensor_turn(chosen: Map) -> Array:
 def has_world_axes(chosen: Map, key: str, names: Sequence[str]) -> bool:
     """Return whether a channel of the base, of columns of these names, is in world axes; else it is in the body's.
 
-    The twist of an Odometry topic is in body axes by its definition.
+    The twist of an Odometry topic is in body axes by its definition, unless the map says otherwise.
     """
     speed, rate = chosen.base.velocity, chosen.base.rate
     if key == "base.velocity":
-        return speed is not None and speed.axes == "world" and not names[0].startswith(f"{chosen.base.topic}.linear")
+        stated = None if speed is None else speed.axes
+        return stated == "world" if stated else speed is not None and not names[0].startswith(f"{chosen.base.topic}.")
     if key == "base.rate":
-        return rate is not None and bool(rate.columns) and rate.axes == "world"
+        return rate is not None and rate.axes == "world"
     return key == "base.position"
 
 

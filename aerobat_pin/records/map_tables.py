@@ -66,7 +66,9 @@ class QuaternionSection(ChannelSection):
 class VelocitySection(ChannelSection):
     """Velocity of the base's origin."""
 
-    axes: Literal["world", "body"] = Field("world", description="of the columns")
+    axes: Literal["world", "body"] | None = Field(
+        None, description="of the columns; left out: world, of an Odometry topic body"
+    )
     from_: Literal["pose"] | None = Field(None, alias="from", description="differentiated, in place of columns")
     window: Positive = Field(0.05, description="of the parabolas that differentiate (from) [s]")
 

@@ -181,3 +181,34 @@ def test_a_known_force_that_counts_the_other_way_is_told_so(tmp_path: Path) -> N
     }
     with pytest.raises(LogError, match=r"counts the other way \(its sign\)"):
         estimate(recorded(tmp_path / "log.csv", chosen), ["force_level"])
+
+
+@pytest.mark.parametrize("axes", ["frame", "world"])
+def test_a_known_force_in_its_other_axes_is_told_so(axes: str, tmp_path: Path) -> None:
+    """Thrust that carries a body explains most of its motion in either axes: 15 N were told where nothing pushed."""
+    time, rng = np.arange(2000) / 100.0, np.random.default_rng(1)
+    paces, sizes = np.array([1.7, 2.1, 1.3]), np.array([1.0, 0.8, 0.5])
+    angle = np.outer(time, paces)
+    turns = [pin.rpy.rpyToMatrix(0.2 * np.sin(0.6 * t), 0.15 * np.sin(0.8 * t), 2.8 * np.sin(0.3 * t)) for t in time]
+    thrust = 1.5 * (np.array([0.0, 0.0, 9.81]) - sizes * paces**2 * np.sin(angle))
+    if axes == "frame":
+        thrust = np.einsum("mji,mj->mi", turns, thrust)
+    noise = rng.standard_normal((2000, 9)) * np.repeat([1e-3, 5e-3, 0.03], 3)
+    parts = [sizes * np.sin(angle), sizes * paces * np.cos(angle), thrust]
+    table = np.column_stack([time, np.hstack(parts) + noise, [pin.Quaternion(turn).coeffs() for turn in turns]])
+    names = ["t", *(f"{part}{axis}" for part in "pvf" for axis in "xyz"), "qx", "qy", "qz", "qw"]
+    pd.DataFrame(table, columns=names).to_csv(tmp_path / "log.csv", index=False)
+    body = {"mass": 1.5, "inertia": [0.012, 0.012, 0.02]}
+    chosen: dict[str, Any] = {
+        "robot": {"body": body, "points": ["body"], "rows": {"ignore": ["base.Mx", "base.My", "base.Mz"]}},
+        "base": {
+            **{key: {"columns": [f"{key[0]}{axis}" for axis in "xyz"]} for key in ("position", "velocity")},
+            "quaternion": {"columns": ["qx", "qy", "qz", "qw"]},
+            "rate": {"from": "pose", "window": 0.1},
+        },
+    }
+    for mapped in ("frame", "world"):
+        thrust_of = {"columns": ["fx", "fy", "fz"], "unit": "N", "frame": "body", "axes": mapped}
+        told = estimate(recorded(tmp_path / "log.csv", {**chosen, "known": {"thrust": thrust_of}}), ["force_level"])
+        named = f'known.thrust in axes = "{axes}" leaves'
+        assert any(named in one.text for one in told.findings if one.warns) == (mapped != axes)

@@ -121,6 +121,25 @@ def test_each_channel_of_joints_can_have_a_topic_of_its_own(folder: Path) -> Non
         recorded(folder / "walk", edited(shared, {"joints.effort.topic": "/drives"}))
 
 
+def test_axes_that_the_map_states_count_for_an_odometry_topic_too(folder: Path) -> None:
+    """A twist is in the body's axes by its definition; where a driver has the world's, the map's key was ignored."""
+    pytest.importorskip("rosbags")
+    bag(walk(2.0), folder / "twists")
+    shared = bag_map(folder / "quadruped.urdf")
+    plain, body, world, turning = (
+        recorded(folder / "twists", edited(shared, changes)).block(0, 900).v
+        for changes in (
+            {},
+            {"base.velocity": {"axes": "body"}},
+            {"base.velocity": {"axes": "world"}},
+            {"base.rate.axes": "world"},
+        )
+    )
+    np.testing.assert_array_equal(plain, body)
+    assert np.max(np.abs(plain[:, :3] - world[:, :3])) > 0.01
+    assert np.max(np.abs(plain[:, 3:6] - turning[:, 3:6])) > 0.01
+
+
 def test_a_topic_of_a_bag_with_another_clock_is_named_with_its_delay(folder: Path) -> None:
     """A motion capture's computer 0.4 s ahead: beyond what any comparison of channels can find."""
     pytest.importorskip("rosbags")

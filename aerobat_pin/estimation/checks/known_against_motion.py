@@ -6,9 +6,9 @@ axes, a reading of the motion leaves
     E = mean over forces and moments, if any are known, of  |m - k|^2 / (|m|^2 + |k|^2),
 
 0 if known forces are all that moves the robot, 1 if the two have nothing to do with each other, 2 if they are
-opposite. What pushes at points adds to each reading. Where known forces explain less than half as mapped, they are read
-with the other sign, and the motion in axes turned by quarters: the body's alone, or the world's alike, as of a log
-whose z axes point down.
+opposite. What pushes at points adds to each reading. Each known wrench is read in its other axes, too. Where known
+forces explain less than half as mapped, they are read with the other sign, and the motion in axes turned by quarters:
+the body's alone, or the world's alike, as of a log whose z axes point down.
 """
 
 from __future__ import annotations
@@ -28,12 +28,14 @@ from aerobat_pin.forces import (
     FittedValues,
     FreeMotion,
     KnownForces,
+    KnownInputs,
     accelerations,
     column_rms,
     command_sum,
     expected_from,
     frame_wrench,
     inputs_between,
+    motion_of,
     points_of,
     required_torque,
     rows_of,
@@ -43,7 +45,7 @@ from aerobat_pin.forces import (
 )
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, Applications, low_passed, rotation_matrices, typical_step
-from aerobat_pin.records import Block, Record
+from aerobat_pin.records import Block, KnownSection, Record
 
 UPSIDE_DOWN = 1.5  # weights of mean force upward, about 2, from which a flight's known thrust points down
 FALLS = 0.25  # of the weight that motion needs at most, and of a free fall's height that is lost at least, in a fall
@@ -61,13 +63,14 @@ LEFT_BY_ORDER = 0.5  # of Q in the map's order, up to which another order is nam
 SIZES = 0.5 ** np.arange(7)  # s: sizes of forces over what is expected without a record
 
 
-def known_findings(record: Record, motion: FreeMotion | None, estimated: Array | None) -> Iterator[Finding]:
+def known_findings(forces: KnownForces, motion: FreeMotion | None, estimated: Array | None) -> Iterator[Finding]:
     """Yield the mean of all unknown forces over the weight, and other axes in which known ones are what motion needs.
 
     For a robot with a free base that nothing else holds; a record that is too short has no motion. The forces that are
     sought, of a mean `estimated` (3,), must carry it where known forces do not; of others, what is not known counts,
     whether or not points show it.
     """
+    record = forces.record
     robot, chosen = record.robot, record.map
     if motion is None or chosen.base.held or "base" in chosen.robot.rows.ignore:
         return
@@ -78,7 +81,9 @@ def known_findings(record: Record, motion: FreeMotion | None, estimated: Array |
         falls = fallen > 0.5 * FALLS * float(np.linalg.norm(robot.model.gravity.linear)) * motion.span**2
         yield _mean_force(record, estimated, mean, known, fallen if falls else 0.0)
     if motion.known[:, :6].any():
-        yield from _turned(record, motion)
+        [mapped] = _opposed(record, motion)
+        other_axes = [*_in_other_axes(forces, mapped)]
+        yield from other_axes or _turned(record, motion, mapped)
 
 
 def _needed(record: Record, motion: FreeMotion) -> tuple[Array, Array]:
@@ -114,9 +119,31 @@ def _mean_force(record: Record, estimated: Array | None, needed: Array, known: A
     return Finding("mean force", verdict, text, off, "1")
 
 
-def _turned(record: Record, motion: FreeMotion) -> Iterator[Finding]:
+def _in_other_axes(forces: KnownForces, mapped: float) -> Iterator[Finding]:
+    """Yield the other axes of a known wrench, if it then leaves far less than E as mapped."""
+    record, inputs = forces.record, inputs_between(forces.record, forces)
+    for name, section in record.map.known.items():
+        if section.powers:
+            continue
+        other = section.model_copy(update={"axes": "world" if section.axes == "frame" else "frame"})
+
+        def between(first: int, last: int, name: str = name, other: KnownSection = other) -> KnownInputs:
+            given = inputs(first, last)
+            block = Block(given.time, given.q, given.v, given.tau)
+            return replace(given, known={**given.known, name: forces.force_of(name, other, block)})
+
+        motion = motion_of(record, between)
+        left = mapped if motion is None else float(_opposed(record, motion)[0])
+        if left < LEFT_BY_TURN * mapped:
+            share = float(np.sqrt(left / mapped))
+            what = f"leaves {100.0 * share:.0f} % of what known forces leave of the motion as mapped"
+            yield Finding(
+                OTHER_AXES, "warning", f'known.{name} in axes = "{other.axes}" {what}: known.{name}.axes', share, "1"
+            )
+
+
+def _turned(record: Record, motion: FreeMotion, mapped: float) -> Iterator[Finding]:
     """Yield other axes of a motion, or another sign of known forces, if these then explain far more of it."""
-    [mapped] = _opposed(record, motion)
     if mapped < SAYS_NOTHING:
         return
     [against] = _opposed(record, replace(motion, known=-motion.known))

@@ -72,7 +72,7 @@ def result_findings(
     mean = None
     if estimate.head.are_world_forces and np.all(seen[2::3] > MOSTLY_SEEN * count):
         mean = sums.reshape(-1, 3).sum(axis=0) / max(count, 1)
-    known = [*known_findings(record, motion() if record.robot.free else None, mean)]
+    known = [*known_findings(forces, motion() if record.robot.free else None, mean)]
     yield from known
     if all(each.check != OTHER_AXES for each in known):
         yield from thrust_order_findings(record, forces)
