@@ -35,7 +35,7 @@ from aerobat_pin.observers import (
     low_passed,
     row_names,
 )
-from aerobat_pin.records import Map
+from aerobat_pin.records import Map, Record, typical_spacing
 
 DIFFERENCE = 6  # order of the differences in which a force that changes slowly leaves nothing, and noise everything
 GAUSSIAN = 1.4826  # standard deviation over median of the magnitude
@@ -101,6 +101,13 @@ def sample_noise(components: Array) -> Array:
         return np.zeros(components.shape[1])
     size = np.median(np.abs(np.diff(components, n=DIFFERENCE, axis=0)), axis=0)
     return np.asarray(GAUSSIAN * size / sqrt(comb(2 * DIFFERENCE, DIFFERENCE)))
+
+
+def between_samples(record: Record) -> int:
+    """Return how many common times the slowest velocity has a sample apart: what is interpolated hides its noise."""
+    velocities = [record.channels.get(key) for key in ("base.velocity", "base.rate", "joints.velocity")]
+    spacings = [typical_spacing(each.time) for each in velocities if each is not None]
+    return max(1, round(max(spacings, default=0.0) * record.rate))
 
 
 def local_noise(components: Array) -> Array:

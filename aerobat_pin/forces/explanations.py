@@ -2,11 +2,11 @@
 
     y = J^T f + X b + H h + e,    f ~ N(0, S^2),    b ~ N(0, B^2),    e ~ N(0, R)
 
-y are the rows at some instants behind the observer's low-pass, X b friction of each driven joint and a constant
-that stiction or a sensor may hold, H h what a change does. Its columns follow from motion and model, not from the
-efforts: noise of a regressor would make its factor too small. R is scaled row by row as makes y most likely (MacKay
-1992: squared errors over the share of them that no force takes up), with the change and without it; what that gains
-counts for as many instants as are independent.
+y are the rows at some instants behind the observer's low-pass, X b friction of each driven joint, the inertia of its
+rotor, and a constant that stiction or a sensor may hold, H h what a change does. Its columns follow from motion and
+model, not from the efforts: noise of a regressor would make its factor too small. R is scaled row by row as makes y
+most likely (MacKay 1992: squared errors over the share of them that no force takes up), with the change and without it;
+what that gains counts for as many instants as are independent.
 
 Where b was found and c is true, the rows are wrong by X (c - b), and the most likely forces, f = G (y - X b) with
 G = P J R^-1 (`momentum_equations.posterior`), by G X (c - b). With C the covariance of b, the diagonal of X C X^T
@@ -49,7 +49,7 @@ class EffortRows:
     needed: Array
     rates: Array  # (m, k) how fast the efforts change [N/s, N m/s]
     forces: Array  # (m, c, k) S J, of forces of the size expected, or so many times that
-    own: Array  # (m, k, p) friction and constants of the driven joints' rows
+    own: Array  # (m, k, p) friction, rotors and constants of the driven joints' rows
     prior: Array  # (p,) B^-2
     variance: Array  # (m, k) what is expected of R
     driven: Sequence[int]  # the rows of driven joints
@@ -102,11 +102,12 @@ def effort_rows(
     y, (coulomb, viscous, _, effort) = instants.rows[some][:, kept], instants.columns[:, some]
     J = forces * expected.force[:, None] * jacobians[:, :, kept]
     one = np.eye(len(kept))[:, driven]
-    own = np.concatenate([x[:, :, None] * one for x in (coulomb, viscous, np.ones_like(y))], axis=2)
+    bends = instants.around[1, some]  # a rotor left out of the model would hide each other change
+    own = np.concatenate([x[:, :, None] * one for x in (coulomb, viscous, bends, np.ones_like(y))], axis=2)
     rests = np.abs(instants.sliding[:, driven]).max(axis=0) < SLIDES_AT
     stiction = np.where(rests, expected.stiction[np.array(kept)[driven]], 0.0)
     held = np.maximum(np.maximum(OFFSET * column_rms(effort)[driven], stiction), 1e-9)
-    prior = np.concatenate([np.zeros(2 * len(driven)), held**-2.0])
+    prior = np.concatenate([np.zeros(3 * len(driven)), held**-2.0])
     variance = expected.row_deviation(instants.v[some])[:, kept] ** 2
     J = J if forces else J[:, :0]
     return EffortRows(y, effort, instants.around[0, some], instants.rates[some], J, own, prior, variance, driven)
@@ -155,7 +156,7 @@ def screened(rows: EffortRows, without: Explanation, columns: Sequence[Array], s
     n = len(rows.prior)
     gram[range(n), range(n)] += rows.prior
     own = _inverse_of_shown(gram[:n, :n])
-    gram = gram[n:, n:] - gram[n:, :n] @ own @ gram[:n, n:]  # what friction and constants leave
+    gram = gram[n:, n:] - gram[n:, :n] @ own @ gram[:n, n:]  # what these leave
     gains, at = [], 0
     for part in columns:
         chosen = slice(at, at + part.shape[2])

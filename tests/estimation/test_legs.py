@@ -132,6 +132,17 @@ def test_a_change_of_axes_is_no_force(folder: Path) -> None:
     assert not np.any(change_of_axes(model, model.createData(), q, v, v, 1e-3))
 
 
+@pytest.mark.parametrize("turn", [[0.0, 0.0, 90.0], [180.0, 0.0, 0.0]])
+def test_an_imu_that_is_mounted_otherwise_is_named(turn: list[float], folder: Path) -> None:
+    """By a quarter about the vertical no word was said of feet 30 deviations off; upside down efforts were reversed."""
+    mounted = pin.rpy.rpyToMatrix(*np.radians(turn)) @ pin.rpy.rpyToMatrix(*np.radians(TURN))
+    wrong = np.degrees(pin.rpy.matrixToRpy(mounted)).tolist()
+    chosen = mapped(folder, "imu", imu={"place": PLACE.tolist(), "turn": wrong, "tilt": 0.0})
+    told = [one for one in estimate(recorded(folder / "log.csv", chosen), trust=True).findings if one.warns]
+    assert "base.imu.turn = [10, -20, 90] leave" in next(one.text for one in told if one.check == "axes of the base")
+    assert not [one for one in told if one.check == "effort sign"]
+
+
 def test_a_tilt_turns_forces_in_world_axes() -> None:
     """10 mrad: 1 N along x and y of 100 N upward; upward 1 N, as an offset of so much of gravity, and .05 of 5 N."""
     force = np.array([[0.0, 0.0, 100.0, 3.0, 4.0, 0.0]])

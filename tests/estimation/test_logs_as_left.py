@@ -502,6 +502,10 @@ def test_efforts_that_never_change_are_said(swing: pd.DataFrame, tmp_path: Path)
     assert any(dead in text for text in said(opened(swing.assign(**dict.fromkeys(efforts, 0.0)), tmp_path)))
     one = said(opened(swing.assign(**{efforts[-1]: 0.0}), tmp_path))
     assert any(f"efforts of {JOINTS[-1]} never change although" in text and "joints.passive" in text for text in one)
+    stuck = swing[efforts[-1]].where(~swing.t.between(0.5, 1.3), 0.0)
+    name = f"the effort of {JOINTS[-1]} does not change for 0.80 s, from 0.50 s on, although it moves"
+    assert any(name in text for text in said(opened(swing.assign(**{efforts[-1]: stuck}), tmp_path)))
+    assert not any("although it moves" in text for text in said(opened(swing.round(1), tmp_path)))  # coarse
     still = pd.concat([swing.head(1)] * 50).assign(t=np.arange(50) / 500.0)
     assert not any(dead in text for text in [*said(opened(swing, tmp_path)), *said(opened(still, tmp_path))])
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,7 @@ FOLLOWS = 0.8  # correlation from which one series is taken to follow the other
 CONFUSED = 0.5  # correlation below which one does not follow the other
 FACTOR_OFF = 0.1  # deviation of a factor from 1 that counts, if the factor explains most of the difference
 LOST_SHARE = 5e-3  # share of samples that are missing under even stamps, from which it is said
+SAME_LAG = 0.5  # of a lag, by which that of half a record may differ
 LEAST_MOTION = 5e-4  # [rad, m] in a window: a column that moves less shows no factor
 SEEN_MOTION = 2e-3  # [rad, m] in a window: series that move less are not said to differ in kind
 UNIT_FACTORS = {  # second per first -> the slip that makes it
@@ -99,7 +101,19 @@ def exchanged(comparison: CrossCorrelation) -> list[tuple[int, int]]:
 
 
 def _late(pair: Agreement, comparison: CrossCorrelation) -> Iterator[Finding]:
+    """Yield that one series is late, if a half of the record alone says so, too, and none another lag.
+
+    A short or slow motion follows from itself at another time about as well.
+    """
     if comparison.certain and abs(comparison.lag) > pair.latest:
+        half = len(pair.time) // 2
+        halves = (
+            replace(pair, time=pair.time[part], first=pair.first[part], second=pair.second[part])
+            for part in (slice(half), slice(half, None))
+        )
+        alone = [each.lag for each in map(comparison_of, halves) if each is not None and each.certain]
+        if not alone or any(abs(lag - comparison.lag) > SAME_LAG * abs(comparison.lag) for lag in alone):
+            return
         early, late = pair.names if comparison.lag > 0.0 else pair.names[::-1]
         text = (
             f"{late} come{'s' if late[-1] != 's' else ''} {1e3 * abs(comparison.lag):.1f} ms after {early}, "

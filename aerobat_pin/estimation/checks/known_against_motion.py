@@ -149,9 +149,9 @@ def _turned(record: Record, motion: FreeMotion, mapped: float) -> Iterator[Findi
     [against] = _opposed(record, replace(motion, known=-motion.known))
     few = motion.every(-(-len(motion.v) // TRIED_AT))
     turns, worlds = np.repeat(QUARTER_TURNS, 2, axis=0), np.arange(2 * len(QUARTER_TURNS)) % 2 == 1
-    best = int(np.argmin(_opposed(record, _turned_back(few, turns, worlds), len(turns))))
+    best = int(np.argmin(_opposed(record, turned_back(few, turns, worlds), len(turns))))
     turn, world = turns[best], bool(worlds[best])
-    [least] = _opposed(record, _turned_back(motion, turn[None], worlds[best : best + 1]))
+    [least] = _opposed(record, turned_back(motion, turn[None], worlds[best : best + 1]))
     if min(against, least) > LEFT_BY_TURN * mapped:
         return
     share = float(np.sqrt(min(against, least) / mapped))
@@ -170,7 +170,7 @@ def _turned(record: Record, motion: FreeMotion, mapped: float) -> Iterator[Findi
     yield Finding(OTHER_AXES, "warning", text, share, "1")
 
 
-def _turned_back(motion: FreeMotion, turns: Array, worlds: Array) -> FreeMotion:
+def turned_back(motion: FreeMotion, turns: Array, worlds: Array) -> FreeMotion:
     """Return a motion of m instants n times: as if read with its body turned (n, 3, 3), and the world too (n,)."""
     attitude = rotation_matrices(motion.halfway[:, 3:7]) @ turns[:, None]
     attitude = np.where(worlds[:, None, None, None], turns.swapaxes(1, 2)[:, None] @ attitude, attitude)

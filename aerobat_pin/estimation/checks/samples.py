@@ -20,6 +20,8 @@ MOSTLY_HELD = 0.9  # share of repeats beyond which a channel counts as slow, not
 RUN = 16  # changes whose distances are even in a channel that is held; those of a rounded slow signal are not
 REGULAR = 0.5  # share of runs that must be even: one lost sample spoils a run
 STUCK = 0.5  # [s] without change, of a channel that otherwise changes
+OVER_USUAL = 10.0  # times as long as an effort else stays as it is at an instant: more than coarse steps
+MOVES = 0.1  # of a joint's range: it moves meanwhile
 MOVED_ON, STEPS_AFTER = 10.0, 10  # times the largest of so many steps afterwards, or one count: it moved on unseen
 CUT_OFF, OFTEN_CUT_OFF = 10.0, 0.01  # times as many samples as at the next value, and of all: more than a coarse peak
 FEWEST_LEVELS, MOVES_IN = 50, 10  # values of an effort that varies; samples within which an angle changes in motion
@@ -58,8 +60,10 @@ def sample_findings(record: Record) -> Iterator[Finding]:
         for begin, end, whose in channel.holes:
             if end > record.start and record.knots is None:
                 gaps.setdefault((begin, end), []).append(whose)
-    yield from _dead_efforts(record)
-    yield from _cut_off_efforts(record)
+    efforts, positions = (record.channels.get(f"joints.{part}") for part in ("effort", "position"))
+    if efforts is not None and positions is not None:
+        for finds in (_dead_efforts, _stuck_efforts, _cut_off_efforts):
+            yield from finds(record, efforts, positions)
     for (begin, end), keys in gaps.items():
         whose = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} other channels"
         what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
@@ -188,11 +192,8 @@ def rests_at_zero(key: str) -> bool:
     return key == "check.wrench" or key.startswith("known.") or key.endswith((".velocity", ".rate"))
 
 
-def _dead_efforts(record: Record) -> Iterator[Finding]:
+def _dead_efforts(record: Record, efforts: Channel, positions: Channel) -> Iterator[Finding]:
     """Yield efforts that never change although their joints move: a driver may fill in zeros for what it lacks."""
-    efforts, positions = (record.channels.get(f"joints.{part}") for part in ("effort", "position"))
-    if efforts is None or positions is None:
-        return
     moves = {joint for joint, rests in zip(record.joints, _constant(positions), strict=True) if not rests}
     moves -= {*record.map.robot.rows.ignore}
     dead = [joint for joint, rests in zip(record.driven, _constant(efforts), strict=True) if rests and joint in moves]
@@ -203,11 +204,27 @@ def _dead_efforts(record: Record) -> Iterator[Finding]:
         yield Finding("held channel", "warning", text, len(dead) / len(record.driven), "1")
 
 
-def _cut_off_efforts(record: Record) -> Iterator[Finding]:
+def _stuck_efforts(record: Record, efforts: Channel, positions: Channel) -> Iterator[Finding]:
+    """Yield efforts that do not change for long while their joints move, as those of others do not show."""
+    pieces = [efforts.values[first : first + EXTENT + 1] for first in range(0, len(efforts.values) - 1, EXTENT)]
+    changed = np.concatenate([np.diff(piece, axis=0) != 0.0 for piece in pieces])
+    ranges = dict(zip(record.joints, np.ptp(np.concatenate(positions.values.spread()), axis=0), strict=True))
+    for joint, changes in zip(record.driven, changed.T, strict=True):
+        edges = np.concatenate([[0], np.flatnonzero(changes) + 1, [len(changes)]])
+        lengths, longest = np.diff(edges), int(np.argmax(np.diff(edges)))
+        first, last = edges[longest : longest + 2].tolist()
+        begin, end = float(efforts.time[first]), float(efforts.time[last])
+        others = np.delete(lengths, longest)
+        lasts = end - begin > STUCK and last - first > OVER_USUAL * (others @ others) / (others.sum() + 1e-9)
+        if lasts and len(others) > FEWEST_CHANGES and changed[first + 1 : last - 1].any():
+            angle = positions.between(begin, end)[1][:, record.joints.index(joint)]
+            if np.ptp(angle) > MOVES * ranges[joint] > 0.0:
+                what = f"the effort of {joint} does not change for {end - begin:.2f} s, from {begin - record.start:.2f}"
+                yield Finding("held channel", "warning", f"{what} s on, although it moves; {EMPTY}", end - begin, "s")
+
+
+def _cut_off_efforts(record: Record, efforts: Channel, positions: Channel) -> Iterator[Finding]:
     """Yield efforts that stay at exactly their largest or least value while their joint moves, and else vary."""
-    efforts, positions = (record.channels.get(f"joints.{part}") for part in ("effort", "position"))
-    if efforts is None or positions is None:
-        return
     values, cut = efforts.values[:EXTENT], dict[str, float]()
     time = efforts.time[: len(values)]
     angles = dict(zip(record.joints, positions.values[:EXTENT].T, strict=True))
