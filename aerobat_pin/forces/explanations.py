@@ -2,9 +2,9 @@
 
     y = J^T f + X b + H h + e,    f ~ N(0, S^2),    b ~ N(0, B^2),    e ~ N(0, R)
 
-y are the rows at some instants behind the observer's low-pass, X b friction of each driven joint, the inertia of its
-rotor, and a constant that stiction or a sensor may hold, H h what a change does. Its columns follow from motion and
-model, not from the efforts: noise of a regressor would make its factor too small. R is scaled row by row as makes y
+y are the rows at some instants behind the observer's low-pass, X b friction of each driven joint, perhaps the inertia
+of its rotor, and a constant that stiction or a sensor may hold, H h what a change does. Its columns follow from motion
+and model, not from the efforts: noise of a regressor would make its factor too small. R is scaled row by row as makes y
 most likely (MacKay 1992: squared errors over the share of them that no force takes up), with the change and without it;
 what that gains counts for as many instants as are independent.
 
@@ -49,7 +49,7 @@ class EffortRows:
     needed: Array
     rates: Array  # (m, k) how fast the efforts change [N/s, N m/s]
     forces: Array  # (m, c, k) S J, of forces of the size expected, or so many times that
-    own: Array  # (m, k, p) friction, rotors and constants of the driven joints' rows
+    own: Array  # (m, k, p) friction and constants of the driven joints' rows, and rotors if they are sought
     prior: Array  # (p,) B^-2
     variance: Array  # (m, k) what is expected of R
     driven: Sequence[int]  # the rows of driven joints
@@ -91,23 +91,30 @@ def without_quarters(values: Array, quarters: range) -> Array:
 
 
 def effort_rows(
-    instants: Instants, expected: Expected, driven: Sequence[int], jacobians: Array, *, forces: float
+    instants: Instants,
+    expected: Expected,
+    driven: Sequence[int],
+    jacobians: Array,
+    *,
+    forces: float,
+    rotors: bool = False,
 ) -> EffortRows:
     """Return the rows at `WEIGHED` of some instants, of which some, `driven`, are those of driven joints.
 
     The Jacobians (m, c, nv) of the forces are those where the robot was as what the rows show happened. These may be
-    `forces` times as large as expected, at no cost; 0 times where nothing touches the robot.
+    `forces` times as large as expected, at no cost; 0 times where nothing touches the robot. `rotors` says whether each
+    joint has one that the model may lack.
     """
     kept, some = instants.kept, instants.weighed
     y, (coulomb, viscous, _, effort) = instants.rows[some][:, kept], instants.columns[:, some]
     J = forces * expected.force[:, None] * jacobians[:, :, kept]
     one = np.eye(len(kept))[:, driven]
-    bends = instants.around[1, some]  # a rotor left out of the model would hide each other change
-    own = np.concatenate([x[:, :, None] * one for x in (coulomb, viscous, bends, np.ones_like(y))], axis=2)
+    likely = (coulomb, viscous, *[instants.around[1, some]] * rotors)
+    own = np.concatenate([x[:, :, None] * one for x in (*likely, np.ones_like(y))], axis=2)
     rests = np.abs(instants.sliding[:, driven]).max(axis=0) < SLIDES_AT
     stiction = np.where(rests, expected.stiction[np.array(kept)[driven]], 0.0)
     held = np.maximum(np.maximum(OFFSET * column_rms(effort)[driven], stiction), 1e-9)
-    prior = np.concatenate([np.zeros(3 * len(driven)), held**-2.0])
+    prior = np.concatenate([np.zeros(len(likely) * len(driven)), held**-2.0])
     variance = expected.row_deviation(instants.v[some])[:, kept] ** 2
     J = J if forces else J[:, :0]
     return EffortRows(y, effort, instants.around[0, some], instants.rates[some], J, own, prior, variance, driven)

@@ -266,12 +266,10 @@ def _parts(
     least = LEAST_SAMPLES if knots is None else LEAST_OWN
     outside = set() if knots is None else {(-np.inf, start), (end, np.inf)}
     notes, missing = list[str](), list[tuple[float, float]]()
-    begins = {key: float(channel.time[0]) for key, channel in channels.items()}
-    ends = {key: -float(channel.time[-1]) for key, channel in channels.items()}
-    for where, at in (("first", begins), ("last", ends)):
-        last = max(at, key=lambda key, at=at: at[key])
-        if (cut := at[last] - min(at.values())) > chosen.log.longest_gap:
-            notes.append(f"the {where} {cut:.3g} s are left out: not all columns of {last} have samples there")
+    for where, side, row in (("first", 1.0, 0), ("last", -1.0, -1)):
+        edges = [(side * float(channel.time[row]), key) for key, channel in channels.items()]
+        if (cut := max(edges)[0] - min(edges)[0]) > chosen.log.longest_gap:
+            notes.append(f"the {where} {cut:.3g} s are left out: not all columns of {max(edges)[1]} have samples there")
     for key, channel in channels.items():
         if (usual := typical_spacing(channel.time)) > chosen.log.longest_gap:
             notes.append(f"{key}: a sample every {usual:.3g} s, beyond log.longest_gap: interpolated all the same")

@@ -81,7 +81,7 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         own = None if section is None else section.topic
         topic = own or table.topic
         columns = () if section is None else section.columns
-        whose, counts = joints, (len(joints),)
+        whose, counts = joints, (len(joints), len(joints))
         if part == "effort":  # a topic need not tell what is not believed, unless others are coupled to it
             whose, counts = sensed if columns or geared else driven, (len(sensed), len(driven))
         if columns:

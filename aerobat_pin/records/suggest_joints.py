@@ -37,8 +37,8 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
             f'topic = "{topic}"  # is its effort a torque in N m? Else effort = '
             f'{{unit = "A", torque_per_unit = {{...}}}}'
         )
-        if others := [one for one, kind in columns.kinds.items() if "JointState" in kind and one != topic]:
-            yield f"# or {', '.join(others)}? One is read: it has most of the positions and efforts"
+        if more := [one for one, kind in columns.kinds.items() if "JointState" in kind and one != topic]:
+            yield f"# or {', '.join(more)}? One is read: it has most of the positions and efforts"
         start = f"{topic}.position."
         heard = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
         if heard and not any(name.startswith(f"{topic}.effort.") for name in columns.names):
@@ -98,10 +98,10 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         lacking = ", ".join(name for name in driven if "effort" not in parts_of[name])
         found = ", ".join(f'"{parts_of[name]["effort"]}"' if "effort" in parts_of[name] else "..." for name in driven)
         yield f"# MISSING: what drives {lacking}? No column with numbers is called so; without, no row is believed:"
-        without = listed(name for name in driven if "effort" not in parts_of[name])
-        yield f"# passive = {without}  # or nothing at all?"
+        unknown = listed(name for name in driven if "effort" not in parts_of[name])
+        yield f"# passive = {unknown}  # or nothing at all?"
         yield f"# effort = {{columns = [{found}]{units['effort']}"
-        yield f"# Or nobody measures it: robot.rows = {{ignore = {without}}}, and the columns of the others"
+        yield f"# Or nobody measures it: robot.rows = {{ignore = {unknown}}}, and the columns of the others"
     for key, plain in (("factor", 1.0), ("offset", 0.0)):
         others = {name: value for name, mimic in following.items() if (value := getattr(mimic, key)) != plain}
         if others:

@@ -133,7 +133,7 @@ def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, wit
 
 
 def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
-    """Yield gravity of another direction, zeros of the joints, and loads beside the points."""
+    """Yield gravity of another direction, rotors, zeros of the joints, and loads beside the points."""
     model, kept = record.robot.model, instants.kept
     data, rest, pulls, pulling = model.createData(), np.zeros(model.nv), [], model.copy()
     q = instants.past[0][instants.weighed]
@@ -142,6 +142,8 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         pulls.append([pin.computeGeneralizedGravity(pulling, data, each)[kept] for each in q])
     yield Change(partial(_mounting, model), np.moveaxis(np.array(pulls), 0, -1), leaves=LEFT_BY_ROBOT)
     slopes = slopes_of_need(model, instants)[:, kept]
+    bends = instants.around[1, instants.weighed]
+    yield Change(no_names, bends[:, :, None] * np.eye(len(kept)))  # rotors are found beside the forces
     for joint, _ in driven_rows(record, instants) if sliding_rows(instants).any() else []:
         slope = slopes[:, :, [record.robot.v_index(joint)]]
         yield Change(partial(_zero, record.robot, joint), slope, leaves=LEFT_BY_ROBOT, large=LARGE_ZERO)
@@ -150,6 +152,11 @@ def changes_of_robot(record: Record, instants: Instants) -> Iterator[Change]:
         weighs = np.array([pin.computeJointTorqueRegressor(model, data, each, rest, rest).copy() for each in q])
         weighs = weighs.reshape(len(q), model.nv, -1)[:, kept, first : first + 4]
         yield Change(partial(_load, record.robot, name), weighs, leaves=LEFT_BY_ROBOT)
+
+
+def no_names(*_: object) -> Sequence[Finding]:
+    """Return nothing: what the map need not say."""
+    return ()
 
 
 def _common(record: Record, names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:

@@ -18,6 +18,7 @@ from aerobat_pin.estimation.checks.changes import (
     changes_of_efforts,
     changes_of_robot,
     driven_rows,
+    no_names,
     sliding_rows,
 )
 from aerobat_pin.estimation.checks.free_efforts import GOOD, UNEXPLAINED, left_unexplained, of_free
@@ -84,7 +85,7 @@ def effort_findings(
         instants = looked_at(record, inputs, FittedValues(), between=free) if free or instants is None else instants
         if instants is not None and len(instants.rows):
             expected = expected_of(record, instants, FittedValues()) if expected is None else expected
-            rows, instants = _effort_rows(record, instants, expected)
+            rows, _ = _effort_rows(record, instants, expected)
     if (
         instants is None
         or rows is None
@@ -95,13 +96,50 @@ def effort_findings(
         how = "" if free else "; use.free names a stretch without contact"
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{how}")
         return
+    explained = partial(_explained, record, inputs, instants, expected, beyond)
+    share, independent, told, hidden = explained()
+    text = f"forces and friction leave {100.0 * np.sqrt(share):.1f} % of what weight and motion need"
+    if beyond and share < GOOD:
+        text += ": they fit the angles as they are, also those of joints beyond their limits"
+    yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
+    if hidden:
+        told = explained(rotors=True)[2] or told
+    if told:
+        most = max(gain for gain, _ in told)
+        likeliest = [findings for gain, findings in told if gain > most - AS_LIKELY]
+        named = _as_likely(next((findings for findings in likeliest if findings), ()), likeliest)
+        yield from named if all(likeliest) else map(_in_doubt, named)
+        if named:
+            return
+    if beyond or share < UNEXPLAINED or independent > WHITE:
+        return
+    yield left_unexplained("no factors, delay or places", 100.0 * share**0.5)
+
+
+def _explained(
+    record: Record,
+    inputs: InputsBetween,
+    instants: Instants,
+    expected: Expected,
+    beyond: bool,
+    *,
+    rotors: bool = False,
+) -> tuple[float, float, list[tuple[float, Sequence[Finding]]], bool]:
+    """Return what forces and friction leave, and by how much each change that explains it makes the rows likelier.
+
+    The share of what is needed, in squares; that of the instants that are independent; changes with what they name; and
+    whether rotors alone, which every geared arm has, are far likelier than what else explains it: beside them, if they
+    are looked for, another change may be.
+    """
+    free = record.map.use.free
+    rows, instants = _effort_rows(record, instants, expected, rotors)
     without, scale = most_likely_with(rows), row_scale(record.robot.model)[instants.kept]
 
-    def formed(inputs: InputsBetween, expected: Expected = expected) -> tuple[EffortRows, Instants]:
+    def formed(inputs: InputsBetween) -> tuple[EffortRows, Instants]:
         """Return the rows of other inputs."""
         seen = looked_at(record, inputs, FittedValues(), between=free)
         assert seen is not None  # as the record was
-        return _effort_rows(record, seen, expected)
+        return _effort_rows(record, seen, expected, rotors)
 
     as_mapped = cache(lambda: formed(inputs)[0])  # the rows as mapped, at the instants of those of other inputs
     needed = max(float(np.sum((rows.needed / scale) ** 2)), 1e-300)
@@ -111,10 +149,6 @@ def effort_findings(
         return float(np.sum((explanation.errors / scale) ** 2)) / needed
 
     share = left(without)
-    text = f"forces and friction leave {100.0 * np.sqrt(share):.1f} % of what weight and motion need"
-    if beyond and share < GOOD:
-        text += ": they fit the angles as they are, also those of joints beyond their limits"
-    yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
     changes = list[Change]()
     if not beyond:  # whose efforts say nothing of factors or places before that is settled
         changes += [*changes_of_efforts(record, instants, rows, without), *changes_of_robot(record, instants)]
@@ -135,16 +169,10 @@ def effort_findings(
         for gain, findings, change in explaining
         if findings or max((by_name.get(case, 0.0) for case in change.cases[:1]), default=0.0) < MOST_OF_IT * gain
     ]
-    if told:
-        most = max(gain for gain, _ in told)
-        likeliest = [findings for gain, findings in told if gain > most - AS_LIKELY]
-        named = _as_likely(next((findings for findings in likeliest if findings), ()), likeliest)
-        yield from named if all(likeliest) else map(_in_doubt, named)
-        if named:
-            return
-    if beyond or share < UNEXPLAINED or without.independent > WHITE:
-        return
-    yield left_unexplained("no factors, delay or places", 100.0 * share**0.5)
+    most = max((gain for gain, _ in told), default=0.0)
+    rotating = any(change.told is no_names and gain > most - AS_LIKELY for gain, _, change in explaining)
+    hidden = rotating and not any(findings for gain, findings in told if gain > most - AS_LIKELY)
+    return share, without.independent, told, hidden
 
 
 def _as_likely(named: Sequence[Finding], likeliest: Sequence[Sequence[Finding]]) -> Sequence[Finding]:
@@ -177,11 +205,14 @@ def _in_motion(instants: Instants) -> Instants:
     return replace(instants, kept=kept, **series)
 
 
-def _effort_rows(record: Record, instants: Instants, expected: Expected) -> tuple[EffortRows, Instants]:
+def _effort_rows(
+    record: Record, instants: Instants, expected: Expected, rotors: bool = False
+) -> tuple[EffortRows, Instants]:
     instants = _in_motion(instants)
     driven = [place for _, place in driven_rows(record, instants)]
     J = Applications(record.robot.model, points_of(record.map)).jacobian(instants.past[0][instants.weighed])
-    return effort_rows(instants, expected, driven, J, forces=0.0 if record.map.use.free else ANY_FORCE), instants
+    forces = 0.0 if record.map.use.free else ANY_FORCE
+    return effort_rows(instants, expected, driven, J, forces=forces, rotors=rotors), instants
 
 
 def _likely(

@@ -92,7 +92,8 @@ def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings
         return
     if idle:
         return
-    other_axes = list(_turned_base(record, motion, share, min(LEFT_BY_TURN * share, SWAP * min(turned, without_zeros))))
+    most = min(LEFT_BY_TURN * share, SWAP * min(turned, without_zeros), RIGHT_PLACES)
+    other_axes = list(_turned_base(record, motion, share, most))
     if other_axes:
         yield from other_axes
         return
