@@ -53,7 +53,7 @@ def changed(log: FlightLog, name: str, columns: slice | list[int], values: objec
 @pytest.mark.parametrize("name", sorted(shipped_scenarios()))
 def test_no_shipped_flight_contradicts_itself_but_the_one_with_slow_and_late_sensors(name: str) -> None:
     """`noisy_sensors` has a pose of 200 Hz that is 5 ms late, which holding makes 7 ms, and an airspeed of 50 Hz."""
-    scenario = load_scenario(name, [] if name == "noisy_sensors" else ["simulation.duration=0.6"])
+    scenario = load_scenario(name, [] if name == "noisy_sensors" else ["simulation.duration=1.0"])
     pilot = Controller(scenario) if scenario.control is not None else None
     found = warned(simulate(scenario, pilot=pilot), believed_robot(scenario))
     if name != "noisy_sensors":

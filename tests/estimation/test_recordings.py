@@ -200,6 +200,7 @@ WRONG: dict[str, tuple[Change | None, dict[str, Any], str]] = {  # change of the
         {"joints.effort.columns": ["FL_HAA_ta", *TAU[1:]]},
         r"REFUSED.*no column 'FL_HAA_ta', which joints\.effort .* 'FL_HAA_tau'",
     ),
+    "gap of 0.5 s": (lambda frame: frame[(frame.t < 1.0) | (frame.t > 1.5)], {}, r"for 0\.50 s, from 1\.00 s on"),
     "file appended to itself": (lambda frame: pd.concat([frame, frame]), {}, r"1001 of 2002 samples go back"),
     "sensor's sign": (None, {"check.wrench.sign": -1}, r"-1 times the estimate.*sign"),
     "unknown unit": (None, {"base.rate.unit": "dps"}, r"REFUSED.*'dps': one of rad/s, deg/s"),
