@@ -86,8 +86,7 @@ def test_what_an_mjcf_file_says_beyond_the_model_is_noted(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("moments", "told"),
-    [((1e-4, 1e-4, 2e-4), False), ((1e-4, 1e-4, 3e-4), True), ((0.0,) * 3, True)],
+    ("moments", "told"), [((1e-4, 1e-4, 2e-4), False), ((1e-4, 1e-4, 3e-4), True), ((0.0,) * 3, True)]
 )
 def test_moments_of_inertia_that_no_body_has_are_noted(moments: tuple[float, ...], told: bool, tmp_path: Path) -> None:
     """A plate's are at the limit. iCub's file has none for legs of kilograms: nothing was said."""

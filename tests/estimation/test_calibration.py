@@ -11,16 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.calibrated import (
-    FREE,
-    SIX_ERRORS,
-    FreeFlight,
-    believed,
-    free_flight,
-    learnt,
-    seen_with,
-    with_six_errors,
-)
+from support.calibrated import FREE, SIX_ERRORS, FreeFlight, believed, free_flight, learnt, seen_with, with_six_errors
 from support.detection_bound import detectability, earliest
 from support.mismatch import NOISY, Seen, estimated, flown, made_up, scores
 
@@ -204,7 +195,8 @@ def test_a_flight_that_was_not_free_is_refused_or_doubted() -> None:
     exact = replace(free_flight("exact"), log=FlightLog(signal.measured)).record()
     with pytest.raises(CalibrationError, match="something pushed"):
         calibrate([exact], parameters=[])
-    assert learnt(QUASI_STEADY).warnings == learnt("exact").warnings == ()
+    right = replace(free_flight("exact"), log=part_of(free_flight("exact").log, 1.0))
+    assert learnt(QUASI_STEADY).warnings == calibrate([right.record()], parameters=[]).warnings == ()
     again = flight_record(part_of(free.log, 1.0), free.plugged())
     result, own = (estimate(again, ["force_level"], one) for one in (trusted, learnt(QUASI_STEADY)))
     assert any("something pushed, most from" in line for line in result.warnings)

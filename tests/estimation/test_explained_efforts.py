@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from support.further import further
 from support.recorded import recorded
 from support.robot_parts import channels, efforts
 
@@ -213,7 +214,7 @@ def test_what_a_motor_may_differ_by_is_no_wrong_unit(tmp_path: Path) -> None:
     assert not [one for one in told(tmp_path, 1, 0.3, [1.0, 1.0, 1.0, 1.18, 1.0, 1.0, 1.0]) if one.check in NAMED]
 
 
-@pytest.mark.parametrize(("joint", "off", "arm"), [(1, -90.0, PANDA), (1, 180.0, KINOVA)])
+@pytest.mark.parametrize(("joint", "off", "arm"), [(1, -90.0, PANDA), *further((1, 180.0, KINOVA))])
 def test_quite_another_zero_is_told_and_is_no_wrong_unit(joint: int, off: float, arm: Arm, tmp_path: Path) -> None:
     """A quarter or half a turn, as conventions differ, was silent or called a wrong unit; also beyond the limits."""
     [one] = told(tmp_path, 40 + joint, 0.3, zero=(joint, np.radians(off)), arm=arm)
@@ -221,7 +222,7 @@ def test_quite_another_zero_is_told_and_is_no_wrong_unit(joint: int, off: float,
     assert np.cos(one.value + np.radians(off)) > np.cos(np.radians(3.0))
 
 
-@pytest.mark.parametrize(("joint", "arm"), [(0, PANDA), (1, KINOVA)])
+@pytest.mark.parametrize(("joint", "arm"), [(0, PANDA), *further((1, KINOVA))])
 def test_a_joint_that_counts_the_other_way_is_told(joint: int, arm: Arm, tmp_path: Path) -> None:
     """Position, rate and effort together, also of a shoulder that turns about gravity."""
     [one] = told(tmp_path, 40 + joint, 0.3, other_way=joint, arm=arm)

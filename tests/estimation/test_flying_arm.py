@@ -137,12 +137,12 @@ def test_nothing_is_said_of_rotors_that_hover(seed: int, tmp_path: Path) -> None
     assert not told & {"swapped thrusts", "lag of command", "fit"}
 
 
-@pytest.mark.parametrize("seed", [32, *further(31)])
+@pytest.mark.parametrize("seed", [42, *further(41)])
 def test_a_faint_push_that_lasts_is_one_contact(seed: int, tmp_path: Path) -> None:
     """Its single samples pass a threshold only here and there: 0.8 N for 1.5 s were four contacts."""
     pushes = ((2.0, 4.0), (5.5, 7.0))
-    fly(seed)[0].to_csv(tmp_path / "free.csv", index=False)
-    fly(seed + 10, lambda t: np.array([1.5 * (2.0 < t < 4.0), -0.8 * (5.5 < t < 7.0), 0.0]))[0].to_csv(
+    fly(21)[0].to_csv(tmp_path / "free.csv", index=False)
+    fly(seed, lambda t: np.array([1.5 * (2.0 < t < 4.0), -0.8 * (5.5 < t < 7.0), 0.0]))[0].to_csv(
         tmp_path / "pushed.csv", index=False
     )
     chosen = flying_map(tmp_path, ["tip"])
@@ -154,7 +154,7 @@ def test_a_faint_push_that_lasts_is_one_contact(seed: int, tmp_path: Path) -> No
 
 def test_a_gyro_that_counts_the_other_way_about_an_axis_is_named_beside_the_quaternion(tmp_path: Path) -> None:
     """A hover turns about y alone: to it w, x, y, z is the same mistake, which was named alone, as certain."""
-    table = fly(13)[0].copy()
+    table = fly(21)[0].copy()
     table["wy"] *= -1.0
     table.to_csv(tmp_path / "log.csv", index=False)
     with pytest.raises(LogError, match=r"the columns seem to be w, x, y, z.*; or gyro counts the other way about y"):

@@ -1,5 +1,6 @@
 """A record to calibrate by is taken as free: what pushed in it all the same is found, or said to be untellable."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.records import parse_map
 
 HOSE = np.array([0.0, 0.0, -20.0])
+PULLED = r"something pushed at tool0.* (19|2[012])(\.\d)? N"
 
 
 def lasting(time: np.ndarray) -> np.ndarray:
@@ -37,11 +39,10 @@ def test_a_pull_is_not_learnt_as_friction(tmp_path: Path) -> None:
     for name, force in (("free", nothing), ("always", lasting), ("hose", for_a_while)):
         write_log(tmp_path / f"{name}.csv", 211, force, pace=1.6)
     assert not any("pushed" in line for line in calibrate([recorded(tmp_path / "free.csv", chosen)]).warnings)
-    for name in ("always", "hose"):
-        with pytest.raises(CalibrationError, match=r"something pushed at tool0.* (19|2[012])(\.\d)? N .*--trust"):
-            calibrate([recorded(tmp_path / f"{name}.csv", chosen)])
+    with pytest.raises(CalibrationError, match=rf"{PULLED} .*--trust"):
+        calibrate([recorded(tmp_path / "always.csv", chosen)])
     trusted = calibrate([recorded(tmp_path / "hose.csv", chosen)], trust=True)
-    assert any("something pushed at tool0" in line for line in trusted.warnings)
+    assert any(re.search(PULLED, line) for line in trusted.warnings)
 
 
 @pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aerobat-pinocchio[robots]' brings the UR5")
@@ -54,7 +55,7 @@ def test_a_pull_is_not_normal_where_no_joint_rubs(tmp_path: Path) -> None:
     assert calibrate([free]).warnings == ()
     unsought = recorded(tmp_path / "free.csv", edited(chosen, {"robot.points": []}))
     assert not any("learnt as friction" in line for line in calibrate([unsought]).warnings)
-    with pytest.raises(CalibrationError, match=r"something pushed at tool0.* (19|2[012])(\.\d)? N .*--trust"):
+    with pytest.raises(CalibrationError, match=rf"{PULLED} .*--trust"):
         calibrate([hose])
 
 

@@ -1,5 +1,6 @@
 """Legs without motion capture: a base by its IMU or by the joints alone, contacts, and what a tilt does."""
 
+import io
 import json
 import re
 from dataclasses import replace
@@ -26,6 +27,7 @@ from aerobat_pin.forces.expected_of_record import lifted_errors
 from aerobat_pin.forces.inputs import change_of_axes
 from aerobat_pin.observers import low_passed
 from aerobat_pin.records import base_requests, parse_map
+from aerobat_pin.visualization.figures.record import draw_contacts, draw_motion
 
 PLACE, TURN = np.array([0.12, -0.05, 0.08]), np.array([10.0, -20.0, 90.0])  # [m], [deg]
 HEAVIER = {"mass", "effort unit", "effort unit or mass"}  # what a push down may be taken for
@@ -62,12 +64,20 @@ def mapped(folder: Path, source: str, **more: Any) -> dict[str, Any]:
     return edited(table_map(Path("quadruped.urdf")), {"check": None, "log.time.column": "t", "base": base})
 
 
+@pytest.fixture(scope="module")
+def by_imu(folder: Path) -> Result:
+    """Return the estimate by the IMU."""
+    return estimate(recorded(folder / "log.csv", mapped(folder, "imu")))
+
+
 @pytest.mark.parametrize(("source", "least"), [("imu", 0.995), ("joints", 0.9)])
-def test_a_base_without_position_gives_the_forces_of_the_feet(folder: Path, source: str, least: float) -> None:
+def test_a_base_without_position_gives_the_forces_of_the_feet(
+    folder: Path, by_imu: Result, source: str, least: float
+) -> None:
     """By an IMU that is turned and off the origin, and by the joints' rows with the base's velocity taken for 0."""
-    record = recorded(folder / "log.csv", mapped(folder, source))
+    found = by_imu if source == "imu" else estimate(recorded(folder / "log.csv", mapped(folder, source)))
+    record = found.record
     assert "base.position" not in record.channels
-    found = estimate(record)
     assert not [one for one in found.findings if one.warns]
     force, true = found.estimates["force_level"].force[200:], walk().force[201 : 201 + 1300]
     force = force[:1300]
@@ -121,13 +131,11 @@ def test_a_lasting_push_at_the_trunk_is_no_certain_error_of_mass_or_units(folder
     assert "a load on the base link: the record does not tell which" in said.text
 
 
-def test_a_change_of_axes_is_no_force(folder: Path) -> None:
+def test_a_change_of_axes_is_no_force(by_imu: Result) -> None:
     """Where the velocity begins at zero again, nothing is seen of it; with the IMU elsewhere than said, much is."""
-    chosen = parse_map(mapped(folder, "imu"), "-")
-    right = estimate(recorded(folder / "log.csv", chosen)).estimates["force_level"].force
+    right, model = by_imu.estimates["force_level"].force, by_imu.record.robot.model
     steps = np.abs(np.diff(right, axis=0)).max(axis=(1, 2))
     assert steps[249:1400:250].max() < 1.5 * np.median(steps[200:])  # each half second
-    model = recorded(folder / "log.csv", chosen).robot.model
     q, v = pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)), np.linspace(-1.0, 1.0, model.nv)
     assert not np.any(change_of_axes(model, model.createData(), q, v, v, 1e-3))
 
@@ -216,7 +224,7 @@ def test_the_weight_tells_factors_of_efforts() -> None:
         assert sure.max() < 3e-3 if not together else sure.min() > 0.03
 
 
-def test_contacts_begin_and_end_where_the_weight_says(folder: Path) -> None:
+def test_contacts_begin_and_end_where_the_weight_says(by_imu: Result) -> None:
     """Above 4 % of 100 N, if it reaches 8 %; a contact goes on over the edge of a block."""
     up = np.array([0.0, 5.0, 9.0, 5.0, 4.5, 3.0, 5.0, 7.9, 8.1, 50.0])
     np.testing.assert_array_equal(touching(up, 100.0), [0, 1, 1, 1, 1, 0, 1, 1, 1, 1])
@@ -225,9 +233,8 @@ def test_contacts_begin_and_end_where_the_weight_says(folder: Path) -> None:
     assert contact_probability(np.array([3.0, 6.0]), np.array([1.0, 1.0]), 100.0) == pytest.approx(
         [0.5, 0.99865], abs=1e-5
     )
-    record = recorded(folder / "log.csv", mapped(folder, "imu"))
-    whole = estimate(record).stored["force_level"]
-    for weight, least in ((record.robot.weight, 1), (1e9, 0)):
+    whole = by_imu.stored["force_level"]
+    for weight, least in ((by_imu.record.robot.weight, 1), (1e9, 0)):
         blocks = [whole.between(0, 420), whole.between(420, 1400)]  # a foot is lifted at 403
         once, cut = (stances_of(one, weight) for one in ([whole.between(0, 1400)], blocks))
         for one, other in zip(once, cut, strict=True):
@@ -254,14 +261,17 @@ def test_a_base_by_its_imu_is_one_topic(folder: Path) -> None:
     assert side.scores()["Fz"].r2 > 0.99
 
 
-def test_the_results_show_the_gait(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.usefixtures("unrendered")
+def test_the_results_show_the_gait(folder: Path, by_imu: Result, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     Path("map.toml").write_text(tomli_w.dumps(mapped(folder, "joints")))
     assert call("estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0
     assert json.loads(Path("out/metrics.json").read_text())["contacts"]["force_level"]["RR_FOOT"]["share"] > 0.95
-    for name in ("contacts.png", "estimation.png", "motion.pdf"):
-        assert Path("out/figures", name).stat().st_size > 1000
+    assert {path.name for path in Path("out/figures").iterdir()} >= {"contacts.png", "estimation.png", "motion.pdf"}
     assert "its six rows are not believed" in Path("out/report.html").read_text()
+    for figure, kind in ((draw_contacts(by_imu), "png"), (draw_motion(by_imu.record), "pdf")):
+        figure.savefig(rendered := io.BytesIO(), format=kind)
+        assert rendered.tell() > 1000
 
 
 def test_what_needs_more_than_an_imu_is_refused_with_its_reason(folder: Path) -> None:

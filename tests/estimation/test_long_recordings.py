@@ -26,7 +26,7 @@ MAP = {
     | {"quaternion": {"columns": ["qx", "qy", "qz", "qw"]}},
     "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 20.0}},
 }
-SHORT, LONG = 2_000, 8_000  # rows
+SHORT, LONG = 2_000, 5_000  # rows
 
 
 @pytest.fixture

@@ -382,9 +382,9 @@ def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
     none = np.zeros(len(kinds))  # of friction, which the stream would else count among the errors of its rows
     told = FittedValues(joints=record.robot.joints, friction=JointFriction(none, none, none, none), scale=none + 1.0)
     online, found = OnlineEstimator(parse_map(few, "of the test"), here, values=told), []
-    for row in table.to_dict("records"):
+    for row in table.head(500).to_dict("records"):
         found += online.push(row["t"], row)
-    whole = estimate(recorded(here / "log.csv", few)).estimates["force_level"].components[-1]
+    whole = estimate(recorded(here / "log.csv", few)).estimates["force_level"].components[len(found) - 1]
     np.testing.assert_allclose(list(found[-1].components.values()), whole, atol=0.01)  # other expected sizes
 
 

@@ -201,34 +201,22 @@ def test_noise_of_a_flapping_robot_is_no_joint_of_another_zero(seed: int, tmp_pa
         made.joint("tail_root", "revolute", "torso", "tail", "-0.15 0 0"),
     ]
     (tmp_path / "bird.urdf").write_text(f'<robot name="bird">{"".join(parts)}</robot>')
-    model, rng, time = (
-        pin.buildModelFromXML((tmp_path / "bird.urdf").read_text(), pin.JointModelFreeFlyer()),
-        np.random.default_rng(seed),
-        np.arange(4000) / 1000.0,
-    )
-    data, pitch, flap = model.createData(), 0.1 * np.sin(0.7 * time), 0.6 * np.sin(8.0 * np.pi * time)
+    model = pin.buildModelFromXML((tmp_path / "bird.urdf").read_text(), pin.JointModelFreeFlyer())
+    data, rng, time = model.createData(), np.random.default_rng(seed), np.arange(4000) / 1000.0
+    pitch, flap = 0.1 * np.sin(0.7 * time)[:, None] * [0.0, 1.0, 0.0], 0.6 * np.sin(8.0 * np.pi * time)
     place = np.stack([0.3 * np.sin(time), 0.2 * np.sin(0.8 * time), 1.5 + 0.2 * np.sin(1.2 * time)], axis=1)
-    turns = Rotation.from_rotvec(pitch[:, None] * [0.0, 1.0, 0.0])
-    angles = np.stack([flap, -flap, 0.3 * np.sin(2.0 * time)], axis=1)
+    turns, angles = Rotation.from_rotvec(pitch), np.stack([flap, -flap, 0.3 * np.sin(2.0 * time)], axis=1)
     q = np.column_stack([place, turns.as_quat(), angles])
-    v = np.column_stack(
-        [
-            turns.inv().apply(np.gradient(place, time, axis=0)),
-            np.gradient(pitch[:, None] * [0.0, 1.0, 0.0], time, axis=0),
-            np.gradient(angles, time, axis=0),
-        ]
-    )
+    ahead, *rates = (np.gradient(values, time, axis=0) for values in (place, pitch, angles))
+    v = np.column_stack([turns.inv().apply(ahead), *rates])
     tau = np.array([pin.rnea(model, data, *each) for each in zip(q, v, np.gradient(v, time, axis=0), strict=True)])
     v += rng.standard_normal(v.shape) * [*3 * [2e-3], *3 * [5e-3], *3 * [0.02]]
     tau += 0.01 * rng.standard_normal(tau.shape)
     joints = ["left_root", "right_root", "tail_root"]
-    columns = dict(zip("x y z qx qy qz qw".split(), q[:, :7].T, strict=True)) | {"t": time}
-    columns |= dict(zip("vx vy vz wx wy wz".split(), v[:, :6].T, strict=True)) | dict(
-        zip("fx fy fz mx my mz".split(), tau[:, :6].T, strict=True)
-    )
+    names = "x y z qx qy qz qw vx vy vz wx wy wz fx fy fz mx my mz"
+    columns = {"t": time} | dict(zip(names.split(), np.hstack([q[:, :7], v[:, :6], tau[:, :6]]).T, strict=True))
     for k, name in enumerate(joints):
         columns |= {f"{name}_q": angles[:, k], f"{name}_v": v[:, 6 + k], f"{name}_e": tau[:, 6 + k]}
-    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
     chosen = {
         "robot": {"urdf": "bird.urdf", "root": "free_flyer", "points": ["left_tip", "right_tip"]},
         "log": {"time": {"column": "t"}},

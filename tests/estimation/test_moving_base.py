@@ -123,11 +123,7 @@ def ball_in_orbit(tumbles: bool = True, jets: float = 1.0) -> tuple[pd.DataFrame
     ("key", "value", "told"),
     [
         ("known.jets.sign", 1, []),
-        (
-            "known.jets.sign",
-            -1,
-            [r"known forces against motion: known forces of the other sign .*known.NAME.sign"],
-        ),
+        ("known.jets.sign", -1, [r"known forces against motion: known forces of the other sign .*known.NAME.sign"]),
         ("base.velocity.axes", "body", [r"position against velocity: velocity seems .*base\.velocity\.axes"]),
         ("base.rate.axes", "world", [r"gyro against attitude: gyro seems .*base\.rate\.axes"]),
     ],

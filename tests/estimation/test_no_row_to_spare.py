@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from support.further import further
 from support.recorded import recorded
-from support.robot_parts import channels, efforts
+from support.robot_parts import channels, efforts, joint, link
 
 from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.records import Record
@@ -18,21 +18,22 @@ from aerobat_pin.records import Record
 Vector = NDArray[np.float64]
 
 RATE, SECONDS = 250.0, 14.0  # [Hz], [s]
-LINK = (
-    '<link name="l{0}"><inertial><origin xyz="{1}"/><mass value="{2}"/>'
-    '<inertia ixx="{3}" iyy="{3}" izz="{3}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-    '<joint name="j{0}" type="{4}"><parent link="{5}"/><child link="l{0}"/><origin xyz="{6}"/><axis xyz="0 0 1"/>'
-    '<limit lower="-3" upper="3" effort="{7}" velocity="6"/></joint>'
+LINKS = (  # centre [m], mass [kg], moments of inertia [kg m2], kind of joint and its place; the last is a hand
+    ("0.15 0 0", 3.0, 0.03, "revolute", "0 0 0.4"),
+    ("0.12 0 0", 2.0, 0.016, "revolute", "0.3 0 0"),
+    ("0 0 -0.05", 0.8, 0.002, "prismatic", "0.25 0 0"),
+    ("0.1 0 0", 0.4, 0.001, "revolute", "0 0 0"),
 )
-SCARA = (
-    '<robot name="scara"><link name="base"/>'
-    + LINK.format(1, "0.15 0 0", 3.0, 0.03, "revolute", "base", "0 0 0.4", 40)
-    + LINK.format(2, "0.12 0 0", 2.0, 0.016, "revolute", "l1", "0.3 0 0", 20)
-    + LINK.format(3, "0 0 -0.05", 0.8, 0.002, "prismatic", "l2", "0.25 0 0", 60)
-    + '<link name="tool"/><joint name="end" type="fixed"><parent link="l{}"/><child link="tool"/>'
-    '<origin xyz="{} 0 -0.15"/></joint></robot>'
-)
-HAND = LINK.format(4, "0.1 0 0", 0.4, 0.001, "revolute", "l3", "0 0 0", 5)
+
+
+def scara(count: int, beside: float = 0.0) -> str:
+    """Return a SCARA of three or four joints, whose tool is so far beside its last axis [m]."""
+    parts, below = [link("base")], "base"
+    for k, (centre, mass, moment, kind, place) in enumerate(LINKS[:count], start=1):
+        parts += [link(f"l{k}", mass, centre, 3 * [moment]), joint(f"j{k}", kind, below, f"l{k}", place, "0 0 1", 3)]
+        below = f"l{k}"
+    parts += [link("tool"), joint("end", "fixed", below, "tool", f"{beside} 0 -0.15")]
+    return f'<robot name="scara">{"".join(parts)}</robot>'
 
 
 def swung(folder: Path, robot: str, seed: int, rubs: float, lasts: float) -> tuple[Record, Vector, Vector]:
@@ -75,7 +76,7 @@ def test_friction_that_nobody_knows_is_among_the_errors_where_no_row_is_to_spare
     Where its joints do not rub it loses nothing: the push moves least absolute errors so little. For half of a record
     it moved them as much as friction: 38 % or more were within two deviations.
     """
-    record, time, force = swung(tmp_path, SCARA.format(3, 0), seed, rubs, lasts)
+    record, time, force = swung(tmp_path, scara(3), seed, rubs, lasts)
     [found] = estimate(record).estimates.values()
     middle = 0.5 * (found.time[1:] + found.time[:-1])
     truth = np.column_stack([np.interp(middle, time, axis) for axis in force.T])
@@ -99,18 +100,13 @@ def test_a_row_to_spare_that_feels_none_of_a_force_tests_nothing_of_it(
     Other masses or a sign of the slide's effort would be a push. A tool beside the axis leaves two forces for three
     joints that turn about a vertical.
     """
-    robot = SCARA.format(4, beside).replace('<link name="tool"/>', f'{HAND}<link name="tool"/>')
+    robot = scara(4, beside)
     record, _, _ = swung(tmp_path, robot, 41, 0.0, 1.5)
     (tmp_path / "free").mkdir()
     free, _, _ = swung(tmp_path / "free", robot, 40, 0.0, 0.0)
     for calibration in (None, calibrate([free])):  # which tested it another day
-        check_untested(estimate(record, calibration=calibration).verdict, untested)
-
-
-def check_untested(verdict: str, untested: list[str]) -> None:
-    """Check that a verdict says which forces no row to spare tests."""
-    assert "finds a push at tool" in verdict
-    [words] = re.findall("nothing tests (.*?): a wrong sign", verdict)
-    assert re.findall(r"tool\.(F.) \(by ([\w, ]+) alone\)", words) == [
-        (axis, "j3" if axis == "Fz" else "j1, j2") for axis in untested
-    ]
+        verdict = estimate(record, calibration=calibration).verdict
+        assert "finds a push at tool" in verdict
+        [words] = re.findall("nothing tests (.*?): a wrong sign", verdict)
+        told = [(axis, "j3" if axis == "Fz" else "j1, j2") for axis in untested]
+        assert re.findall(r"tool\.(F.) \(by ([\w, ]+) alone\)", words) == told

@@ -153,7 +153,7 @@ LINKAGE: Mistakes = {
     "crank angle off, as if it were late": (off(CRANK, 0.1, 0), r"late channel: joint positions|joints off"),
 }
 KNOWN_AIR: Mistakes = {
-    "efforts 1.3 times": (times(EFFORTS, 1.3), r"all efforts .* 0\.7\d* .*or the forces that the robot knows itself"),
+    "efforts 1.3 times": (times(EFFORTS, 1.3), r"all efforts .* 0\.7\d* .*or the forces that the robot knows itself")
 }
 EFFORTS_APART: Mistakes = {
     "efforts late": (late(20e-3, EFFORTS), r"late efforts: joints\.effort comes (19|20|21) ms after the motion"),
@@ -162,14 +162,8 @@ EFFORTS_APART: Mistakes = {
         r"effort unit: the effort of shoulder2_joint shows nothing of what motion and weight need",
     ),
     "efforts all zero": (times(EFFORTS, 0.0), r"effort unit: all efforts show nothing"),
-    "zero of a shoulder off": (
-        off(ANGLES, 0.05, 1),
-        r"joint zero: shoulder2_joint seems .* -2\.[89] deg",
-    ),
-    "zero of a light joint off": (
-        off(ANGLES, 0.05, 5),
-        r"joint zero: wrist2_joint seems .* -2\.[89] deg",
-    ),
+    "zero of a shoulder off": (off(ANGLES, 0.05, 1), r"joint zero: shoulder2_joint seems .* -2\.[89] deg"),
+    "zero of a light joint off": (off(ANGLES, 0.05, 5), r"joint zero: wrist2_joint seems .* -2\.[89] deg"),
     "angles and rates late": (late(20e-3, ANGLES, RATES), r"late efforts: the motion comes (19|20|21) ms after"),
 }
 
@@ -356,7 +350,7 @@ def test_an_arm_that_is_mounted_otherwise_is_told_how(
         np.testing.assert_allclose([float(part) for part in told.groups()], [0.0, 0.0, -1.0], atol=within)
 
 
-@pytest.mark.parametrize(("noise", "friction"), [(0.0, 0.0), (0.02, 0.2)])
+@pytest.mark.parametrize(("noise", "friction"), [(0.02, 0.2), *further((0.0, 0.0))])
 def test_efforts_to_which_a_controller_adds_the_weight_are_told_so(
     noise: float, friction: float, tmp_path: Path
 ) -> None:

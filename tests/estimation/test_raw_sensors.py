@@ -189,31 +189,32 @@ def test_a_late_gyro_is_named_and_not_corrected_in_silence() -> None:
         assert line.endswith(told)
 
 
-def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:
-    """It starts with the eighth pose, then follows the forces; late and unknown samples are refused."""
-    log, _ = flight()
+@cache
+def followed() -> tuple[JointFilter, list[Any]]:
+    """Return a causal filter, and what it finds in the first 0.65 s."""
     smoother, record, found = smoothed("measured")
     stream = JointFilter(smoother, found.tuning, record.channels, "measured")
-    cut = RawRecord(record.time[:401], record.channels, record.known[:400], "measured")
-    samples = stream.run(cut)
+    return stream, stream.run(RawRecord(record.time[:651], record.channels, record.known[:650], "measured"))
+
+
+def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:
+    """It starts with the eighth pose, then follows the forces; late and unknown samples are refused."""
+    (log, _), (_, record, _), (stream, samples) = flight(), smoothed("measured"), followed()
     first = next(k for k, sample in enumerate(samples) if sample is not None)
     assert record.time[first] == pytest.approx(0.07, abs=2e-3)
-    force = np.array([sample.force for sample in samples[101:] if sample is not None])
+    force = np.array([sample.force for sample in samples[101:401] if sample is not None])
     assert np.all(worst_r2(force, truth(log)[100:400])[1:] > 0.97)
     with pytest.raises(ObserverError, match="no sensor 'sonar'"):
-        stream.update(0.401, {"sonar": [1.0]})
+        stream.update(0.651, {"sonar": [1.0]})
     with pytest.raises(ObserverError, match=r"gyro is stamped 0\.3 s"):
-        stream.update(0.401, {"gyro": (0.3, [0.0, 0.0, 0.0])})
+        stream.update(0.651, {"gyro": (0.3, [0.0, 0.0, 0.0])})
     with pytest.raises(ObserverError, match="a later one was expected"):
         stream.update(0.3, {})
 
 
 def test_the_causal_filter_lets_a_force_jump() -> None:
     """The step of 0.15 N at 0.6 s is there after 3 ms, within 20 mN."""
-    log, _ = flight()
-    smoother, record, found = smoothed("measured")
-    cut = RawRecord(record.time[:651], record.channels, record.known[:650], "measured")
-    samples = JointFilter(smoother, found.tuning, record.channels, "measured").run(cut)
+    (log, _), (_, record, _), (_, samples) = flight(), smoothed("measured"), followed()
     at = int(np.searchsorted(record.time, 0.6025))
     last = samples[at + 1]
     np.testing.assert_allclose(last.force, truth(log)[at], atol=0.02)
@@ -223,8 +224,6 @@ def test_the_causal_filter_lets_a_force_jump() -> None:
 def test_poses_may_come_late_to_the_causal_filter() -> None:
     """Ten milliseconds: carried along the filter's motion they say what they would have said at once."""
     smoother, record, found = smoothed("measured")
-    cut = RawRecord(record.time[:201], record.channels, record.known[:200], "measured")
-    at_once = JointFilter(smoother, found.tuning, record.channels, "measured").run(cut)
     stream, late, waiting = JointFilter(smoother, found.tuning, record.channels, "measured"), None, []
     for k in range(201):
         samples = {}
@@ -238,7 +237,7 @@ def test_poses_may_come_late_to_the_causal_filter() -> None:
         if stream.started and len(waiting) > 10:
             samples |= waiting[-11]
         late = stream.update(float(record.time[k]), samples, record.known[max(k - 1, 0)])
-    last = at_once[-1]
+    last = followed()[1][200]
     np.testing.assert_allclose(late.placement[:3], last.placement[:3], atol=1e-3)
     np.testing.assert_allclose(late.twist[:3], last.twist[:3], atol=5e-3)
     np.testing.assert_allclose(late.force, last.force, atol=0.01)

@@ -113,23 +113,24 @@ def hopper(folder: Path, moves: float = 0.0) -> None:
     pd.DataFrame(columns).to_csv(folder / "hopper.csv", index=False)
 
 
+HOPPER = {
+    "robot": {"urdf": "leg.urdf", "root": "fixed", "points": ["contact"]},
+    "joints": {
+        "names": ["hip", "knee"],
+        "held": {"rail": 0.0},
+        "position": {"columns": ["q_hip", "q_knee"]},
+        "velocity": {"from": "position", "window": 0.02},
+        "effort": {"columns": ["tau_hip", "tau_knee"], "unit": "N m"},
+    },
+    "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 30}},
+}
+RUBBING = edited(HOPPER, {"joints.friction": {"fit": [0, 4], "to": "check.wrench", "scale": True}})
+
+
 def test_friction_and_torque_scale_of_a_hopper(tmp_path: Path) -> None:
     """Fitted on the first half against the sensor, they hold on the second; the rail's row is not believed."""
     hopper(tmp_path)
-    values = {
-        "robot": {"urdf": "leg.urdf", "root": "fixed", "points": ["contact"]},
-        "joints": {
-            "names": ["hip", "knee"],
-            "held": {"rail": 0.0},
-            "position": {"columns": ["q_hip", "q_knee"]},
-            "velocity": {"from": "position", "window": 0.02},
-            "effort": {"columns": ["tau_hip", "tau_knee"], "unit": "N m"},
-        },
-        "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 30}},
-    }
-    plain = estimate(recorded(tmp_path / "hopper.csv", values))
-    values["joints"]["friction"] = {"fit": [0, 4], "to": "check.wrench", "scale": True}
-    fitted = estimate(recorded(tmp_path / "hopper.csv", values))
+    plain, fitted = (estimate(recorded(tmp_path / "hopper.csv", values)) for values in (HOPPER, RUBBING))
     before, after = (one.observers["force_level"].points["contact"] for one in (plain, fitted))
     assert before["Fz"].r2 < 0.97
     assert after["Fz"].r2_outside_fit > 0.995
@@ -137,7 +138,7 @@ def test_friction_and_torque_scale_of_a_hopper(tmp_path: Path) -> None:
     knee = fitted.forces.fits[1].values
     assert knee["effort times"] == pytest.approx(0.9, abs=0.02)
     assert knee["coulomb"] == pytest.approx(0.12, abs=0.02)
-    learnt = calibrate([recorded(tmp_path / "hopper.csv", values)])
+    learnt = calibrate([fitted.record])
     assert not np.any(learnt.fitted.friction.offset)  # which is also the sensor's tare
     assert learnt.fitted.fits[1].values == {**knee, "offset": 0.0}
     assert learnt.detection is None  # it was pushed all the time
@@ -150,22 +151,12 @@ def test_a_rail_that_moves_though_the_map_holds_it(tmp_path: Path) -> None:
     table = pd.read_csv(tmp_path / "hopper.csv")
     table[["q_hip", "q_knee"]] *= 180.0 / np.pi
     table.to_csv(tmp_path / "degrees.csv", index=False)
-    values = {
-        "robot": {"urdf": "leg.urdf", "root": "fixed", "points": ["contact"], "rows": {"ignore": ["rail"]}},
-        "joints": {
-            "names": ["rail", "hip", "knee"],
-            "position": {"columns": ["height", "q_hip", "q_knee"], "unit": "deg"},
-            "velocity": {"from": "position", "window": 0.02},
-            "effort": {"columns": ["tau_hip", "tau_knee"], "unit": "N m"},
-            "friction": {"fit": [0, 4], "to": "check.wrench", "scale": True},
-        },
-        "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 30}},
-    }
-    moving = estimate(recorded(tmp_path / "degrees.csv", values))
-    joints = values["joints"]
-    joints |= {"names": ["hip", "knee"], "held": {"rail": 0.0}}
-    joints["position"]["columns"] = ["q_hip", "q_knee"]
-    held = estimate(recorded(tmp_path / "degrees.csv", values))
+    values = edited(RUBBING, {"robot.rows": {"ignore": ["rail"]}, "joints.position.unit": "deg"})
+    seen = {"joints.names": ["rail", "hip", "knee"], "joints.position.columns": ["height", "q_hip", "q_knee"]}
+    moving, held = (
+        estimate(recorded(tmp_path / "degrees.csv", chosen))
+        for chosen in (edited(values, {**seen, "joints.held": None}), values)
+    )
     right, wrong = (one.observers["force_level"].points["contact"]["Fx"].rmse_outside_fit for one in (moving, held))
     assert right < 0.15
     assert wrong > 2.0 * right

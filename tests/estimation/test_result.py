@@ -72,6 +72,8 @@ def test_metrics_have_the_same_keys_for_every_source(paper: Experiment, tmp_path
     write(result, tmp_path / "out")
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert metrics == json.loads(json.dumps(result.metrics()))
+    assert " and 2 more; it is off the force sensor at FL_FOOT by " in result.verdict  # of four feet
+    assert metrics["verdict"] == result.verdict
     for found, point in ((metrics, "FL_FOOT"), (paper.metrics, "left")):
         assert set(found) >= EVERYWHERE
         assert found["version"] == 2

@@ -169,6 +169,7 @@ def test_a_short_push_is_the_only_contact_and_one_beside_the_point_is_said_with_
     assert not judged["at"].observers["force_level"].judgement[1]
     pd.read_csv(tmp_path / "at.csv").sample(frac=0.8, random_state=1).sort_values("t").to_csv(tmp_path / "thin.csv")
     judged["thin"] = estimate(opened(tmp_path / "thin.csv", ["tool0"]), calibration=learnt)
+    assert judged["at"].model.verdict == "unchanged"
     for name in ("at", "thin"):
         contacts = judged[name].observers["force_level"].events
         assert 1 <= len(contacts) <= 2
@@ -216,14 +217,9 @@ def test_the_close_up_shows_what_is_seen(plain: Result) -> None:
     assert np.nanmax(close_up) - np.nanmin(close_up) > 5.0
 
 
-def test_friction_that_was_found_is_no_fault_of_the_efforts(folder: Path, plain: Result, tmp_path: Path) -> None:
-    """Without it no factors would explain them; where a column is exchanged, that is still said."""
+def test_friction_that_was_found_is_no_fault_of_the_efforts(plain: Result) -> None:
+    """Without it no factors would explain them."""
     assert not [one for one in plain.findings if one.warns and one.check.startswith("effort")]
-    table = pd.read_csv(folder / "push.csv")
-    table[["tau1", "tau2"]] = table[["tau2", "tau1"]].to_numpy()
-    table.to_csv(tmp_path / "push.csv", index=False)
-    wrong = estimate(opened(tmp_path / "push.csv", ["tool0"]), trust=True)
-    assert [one for one in wrong.findings if one.warns and "effort" in one.check + one.text]
 
 
 def test_each_observer_says_of_the_belief_what_it_knows(folder: Path, plain: Result) -> None:
@@ -280,7 +276,8 @@ def test_a_calibration_that_knows_no_friction_makes_nothing_worse(folder: Path, 
     assert metrics["redundancy"]["words"] == found.observers["force_level"].judgement[0]
     assert limit > found.stored["force_level"].redundancy.belief
     assert unexplained_limit(plain, "force_level")[0] > plain.stored["force_level"].redundancy.belief
-    told = calibrate([free, free])
+    pd.read_csv(folder / "free.csv", nrows=1200).to_csv(folder / "short.csv", index=False)
+    told = calibrate(2 * [opened(folder / "short.csv", ["tool0"])])
     assert told.fitted.friction is None
     assert any("none was fitted" in line for line in told.warnings)
 
@@ -303,9 +300,8 @@ def test_an_arm_that_does_not_rub_is_not_said_to(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("seed", "change", "verdict"),
     [
-        (108, {}, "unchanged"),
         (107, {"load": LOAD}, "changed"),
-        *further((107, {"rubs": 1.3}, "changed"), (109, {"load": LOAD}, "changed"), (109, {"pace": 1.6}, "unchanged")),
+        *further((108, {}, "unchanged"), (107, {"rubs": 1.3}, "changed"), (109, {"pace": 1.6}, "unchanged")),
     ],
 )
 def test_rest_does_not_hide_that_a_robot_changed_after_its_calibration(
@@ -407,10 +403,11 @@ def test_bursts_are_no_push_unless_one_is_a_blow(seed: int, force: Callable[...,
     """400 bursts of 10 ms, as of gears: "a push of 34.7 +-34 N" was made of them, which its own deviation denied."""
     write_log(tmp_path / "log.csv", seed, force, rate=500.0, rubs=0.05)
     log, rng = pd.read_csv(tmp_path / "log.csv"), np.random.default_rng(seed)
+    efforts = [f"tau{k}" for k in range(6)]
+    values = log[efforts].to_numpy(copy=True)
     for at in rng.integers(2500, 12500, 400):
-        for k in range(6):
-            log.loc[at : at + 4, f"tau{k}"] += (5.0 if k < 3 else 0.8) * rng.standard_normal(5)
-    log.to_csv(tmp_path / "log.csv", index=False)
+        values[at : at + 5] += rng.standard_normal((6, 5)).T * [5.0, 5.0, 5.0, 0.8, 0.8, 0.8]
+    log.assign(**dict(zip(efforts, values.T, strict=True))).to_csv(tmp_path / "log.csv", index=False)
     chosen = edited(arm_map(["tool0"]), {"observer.gain": 100.0, "check": None})
     verdict = estimate(recorded(tmp_path / "log.csv", chosen)).verdict
     if force is nothing:

@@ -58,10 +58,7 @@ def test_what_stands_above_the_names_of_columns_is_no_header(above: str, tmp_pat
     ("upset", "told"),
     [
         (lambda t: t[::-1], r"has 1 samples: two or more were expected; \d+ rows go back in time"),
-        (
-            np.floor,
-            r"= 0.1 s was expected; \d+ rows repeat the stamp before \(log.time: are stamps rounded",
-        ),
+        (np.floor, r"= 0.1 s was expected; \d+ rows repeat the stamp before \(log.time: are stamps rounded"),
     ],
 )
 def test_stamps_that_do_not_rise_are_counted(upset: Callable[[Array], Array], told: str, tmp_path: Path) -> None:
