@@ -165,7 +165,7 @@ def test_many_states_at_once_equal_one_at_a_time() -> None:
             assert of(states) == pytest.approx(np.array([of(x) for x in states]), rel=1e-12)
 
 
-@pytest.mark.parametrize(("dt", "expected"), [(1e-3, 0.17), *further((5e-4, 0.011))])
+@pytest.mark.parametrize(("dt", "expected"), further((1e-3, 0.17), (5e-4, 0.011)))
 def test_accelerations_alone_drift_from_the_closed_linkage(dt: float, expected: float) -> None:
     """Absolute forearm angle t6 [deg] after 10 s of the paper's flapping: the drift that the closed form does not have.
 
