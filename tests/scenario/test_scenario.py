@@ -136,15 +136,9 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ("sensors.gyro.rate=1001", "sensors.gyro.rate = 1001 Hz: the log has 1000 samples a second"),
         ("sensors.gyr.noise=1", "unknown key 'sensors.gyr'; did you mean 'gyro'?"),
         ("sensors.gyr=none", "unknown key 'sensors.gyr'; did you mean 'gyro'?"),
-        (
-            "observers.kalman.sensor_noise=[0.1, 0.1]",
-            "kalman.sensor_noise = [0.1, 0.1]: 3 numbers were expected",
-        ),
+        ("observers.kalman.sensor_noise=[0.1, 0.1]", "kalman.sensor_noise = [0.1, 0.1]: 3 numbers were expected"),
         ("observers.kalman.misfit=0", "observers.kalman.misfit = 0: input should be greater than 0"),
-        (
-            "observers.kalman.known_error.aerodynamic=-1",
-            "known_error.aerodynamic = -1: input should be",
-        ),
+        ("observers.kalman.known_error.aerodynamic=-1", "known_error.aerodynamic = -1: input should be"),
     ],
 )
 def test_a_wrong_setting_names_key_value_and_rule(setting: str, message: str) -> None:
@@ -186,10 +180,7 @@ def test_a_robots_file_that_is_missing_or_wrong_is_named(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        (
-            "unknown_force.0.frame=left_tip",
-            "frame = 'left_tip': did you mean 'left_distal'? The robot's frames",
-        ),
+        ("unknown_force.0.frame=left_tip", "frame = 'left_tip': did you mean 'left_distal'? The robot's frames"),
         ("unknown_force.0.direction=[0, 0, 0]", "a direction must not be zero"),
         ("unknown_force.0.frame=universe", "unknown_force.0.frame = 'universe': the robot's frames are root_joint"),
         ("observers.frames=['universe']", "is fixed to the world"),

@@ -60,9 +60,4 @@ def faulty(
             yield at + shift, sent, kind
 
 
-BAD: dict[Fault, object] = {
-    Fault.NOT_A_NUMBER: np.nan,
-    Fault.INFINITE: np.inf,
-    Fault.HUGE: 1e300,
-    Fault.TEXT: "text",
-}
+BAD: dict[Fault, object] = {Fault.NOT_A_NUMBER: np.nan, Fault.INFINITE: np.inf, Fault.HUGE: 1e300, Fault.TEXT: "text"}
