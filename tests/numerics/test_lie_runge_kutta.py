@@ -140,16 +140,6 @@ def test_the_logged_configuration_moves_with_the_logged_velocity() -> None:
     assert np.max(miss[0]) < 1e-4  # m/s and rad/s, at 1 ms
 
 
-def test_a_flight_with_held_noise_does_not_depend_on_the_step() -> None:
-    """Noise and step live on their own clock of 1 ms: at 1 ms and 0.5 ms the same flight within 1 micrometre."""
-    logs = [simulate(load_scenario("paper", ["simulation.duration=0.2", f"simulation.dt={dt}"])) for dt in (1e-3, 5e-4)]
-    coarse, fine = (log.measured["q"].values[:, :3] for log in logs)
-    np.testing.assert_allclose(coarse, fine[::2], atol=1e-6, rtol=0)
-    for log in logs:
-        noise = log.truth["force_W"] - log.truth["force_noise_free_W"]
-        assert float(noise.std()) > 1e-3  # it was on
-
-
 def test_stage_outputs_average_to_the_change_of_the_vector_state() -> None:
     """Derivation: an output equal to y' has, as its stage mean, exactly (y1 - y0) / dt."""
 
