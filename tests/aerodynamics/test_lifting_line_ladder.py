@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from support.references import LATTICE_START, elliptic, jones, jones_harmonic, rectangular, theodorsen, wagner
 
-from aerobat_pin.aerobat.aerobat import load_aerobat
 from aerobat_pin.aerodynamics import LiftingLine
 
 ENDLESS = 1e9  # [m]
@@ -89,27 +88,3 @@ def test_impulsive_start_grows_as_the_vortex_lattice_says() -> None:
     lift = 2.0 * line.step_response(np.array(list(LATTICE_START)) / 2.0, 1.0, INCIDENCE) @ line.width / line.area
     ratio = lift / np.array(list(LATTICE_START.values())) - 1.0
     assert ratio == pytest.approx([0.11, 0.05, 0.02, 0.0, 0.0], abs=0.005)
-
-
-@pytest.mark.parametrize(
-    ("strips", "rectangle_error", "aerobat_error"), [(8, 3.1e-4, 8e-3), (16, 2.3e-5, 4e-3), (40, 1e-6, 1e-3)]
-)
-def test_sixteen_strips_are_enough_for_steady_lift(strips: int, rectangle_error: float, aerobat_error: float) -> None:
-    """Measured, against 200 strips: kinks of a planform, not its span, ask for strips."""
-    wing = load_aerobat().wing
-
-    def error(span: float, chord: Any) -> float:
-        lift = [LiftingLine(span, chord, strips=count).steady_coefficients(0.1)[0] for count in (strips, 200)]
-        return abs(lift[0] / lift[1] - 1.0)
-
-    assert error(0.4, 0.1) < rectangle_error
-    assert error(0.4, lambda y: 0.1 * np.sqrt(1.0 - (y / 0.2) ** 2)) < 1e-12
-    assert error(wing.span, wing.chord) < aerobat_error
-
-
-@pytest.mark.parametrize(("strips", "limit_ms"), [(16, 6.5), (40, 1.2)])
-def test_runge_kuttas_largest_stable_step_falls_with_the_square_of_the_strips(strips: int, limit_ms: float) -> None:
-    """Rectangle 0.40 m x 0.10 m at 4 m/s: the eigenvalues of A are near the real axis, whose limit is 2.785."""
-    values = np.linalg.eigvals(LiftingLine(0.4, 0.1, strips=strips).state_space(4.0).A)
-    assert 2785.0 / np.abs(values).max() == pytest.approx(limit_ms, abs=0.05)
-    assert np.all(values.real < 0.0)

@@ -116,9 +116,6 @@ def test_the_command_draws_and_prints(here: Path, capsys: pytest.CaptureFixture[
     names = ["aerobat_light.pdf", "aerobat_light.png", "one.svg", "two.PDF"]
     assert sorted(path.name for path in (here / "mine").iterdir()) == names
     assert (here / "mine" / "two.PDF").read_bytes().startswith(b"%PDF")
-    before = (here / "mine" / "one.svg").read_bytes()
-    assert call("linkage", "--out", "mine/one.svg", "--force") == 0
-    assert (here / "mine" / "one.svg").read_bytes() == before
 
 
 def test_the_command_line_warns_in_a_line_of_a_nearly_singular_linkage(tmp_path: Path) -> None:
