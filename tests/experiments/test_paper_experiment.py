@@ -72,6 +72,15 @@ def test_the_flight_says_what_holds_it(paper: Experiment) -> None:
     assert total == pytest.approx(1.0, abs=0.02)
 
 
+def test_the_unknown_force_along_the_wing_normal_has_a_small_fore_aft_part(paper: Experiment) -> None:
+    """Why an error floor that spares Fy and Fz can cost Fx its R2: its part of the force is ten times smaller."""
+    force, _ = true_force(paper.log, "left_force_point")
+    std = force.std(axis=0)
+    assert std[0] < 0.012
+    assert std[1] > 0.09
+    assert std[2] > 0.08
+
+
 def test_the_noise_of_the_two_wings_is_not_the_same(paper: Experiment) -> None:
     """Independent draws: 2000 samples of each correlate by less than four standard errors."""
     noise = (paper.log.truth["force_W"] - paper.log.truth["force_noise_free_W"]).values
