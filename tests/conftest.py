@@ -13,9 +13,10 @@ from typing import Any
 import pytest
 from hypothesis import settings
 from support.browser import opened, ready, started
+from support.shipped import flown
 
 from aerobat_pin.aerobat.aerobat import load_aerobat
-from aerobat_pin.experiments import Experiment, run, write
+from aerobat_pin.experiments import Experiment, write
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization import style
@@ -50,7 +51,7 @@ def optimized_programs() -> None:
 @pytest.fixture(scope="session")
 def paper() -> Experiment:
     """Return the paper's experiment, two seconds, seed 1."""
-    return run(load_scenario("paper"))
+    return flown("paper")
 
 
 @pytest.fixture(scope="session")

@@ -6,16 +6,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.closed import (
-    DOWN,
-    MJCF,
-    RATE,
-    closed_data,
-    exact_acceleration,
-    fly_prescribed,
-    miss,
-    symmetric,
-)
+from support.closed import DOWN, MJCF, RATE, closed_data, exact_acceleration, fly_prescribed, miss, symmetric
 from support.readers import ROBOTS
 from support.stepping import step
 

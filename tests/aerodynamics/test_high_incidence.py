@@ -21,20 +21,6 @@ from support.measurements import plates, plunging
 TOWED, CHANNEL, TUNNEL, STALLED = plates()
 
 
-def test_a_steady_law_has_the_lift_and_drag_of_its_closed_form() -> None:
-    """From wall to wall: Dickinson's coefficients, attached normal force, and no drag of potential flow."""
-    angle = np.array([10.0, 45.0, 80.0])
-    sine, cosine = np.sin(np.radians(angle)), np.cos(np.radians(angle))
-    lift, drag = steady(DICKINSON, None, angle)
-    np.testing.assert_allclose(lift, 0.225 + 1.58 * np.sin(np.radians(2.13 * angle - 7.2)), rtol=1e-9)
-    np.testing.assert_allclose(drag, 1.92 - 1.55 * np.cos(np.radians(2.04 * angle - 9.82)), rtol=1e-9)
-    lift, drag = steady(POTENTIAL, None, angle)
-    np.testing.assert_allclose(lift, 2.0 * np.pi * sine, rtol=1e-6)
-    np.testing.assert_allclose(drag, 0.0, atol=1e-6)
-    lift, drag = steady(ROBOT, None, angle)
-    np.testing.assert_allclose(lift * cosine + drag * sine, 2.0 * np.pi * sine * cosine + 0.03 * sine, rtol=1e-6)
-
-
 def test_on_a_steady_plate_beyond_stall_the_limit_of_one_is_nearest() -> None:
     """Rms error of the force coefficient at 15 to 40 degrees: less than half of the default's, on three plates.
 

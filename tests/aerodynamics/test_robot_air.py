@@ -15,9 +15,8 @@ from support.gliding import AIR, NO_DRAG, SHAPE, WING, evaluate, gliding, settle
 from support.kernel_cases import instant
 
 from aerobat_pin.aerobat import LINKS, Aerobat, RobotAir, RobotInAir, Wing, flown_robot, load_aerobat
-from aerobat_pin.errors import ScenarioError
 from aerobat_pin.flight import Plant, simulate
-from aerobat_pin.scenario import load_scenario, scenario_toml
+from aerobat_pin.scenario import load_scenario
 
 DRAGLESS = replace(SHAPE, aerodynamics=NO_DRAG)
 MIRRORED_LINKS = [0, 3, 4, 1, 2]
@@ -249,22 +248,3 @@ def test_a_gust_at_one_instant_is_the_wind_of_its_velocity_but_for_the_added_mas
     np.testing.assert_allclose(ours[2].aerodynamic, theirs[2].aerodynamic, atol=1e-14)
     np.testing.assert_allclose(ours[1], theirs[1], atol=1e-12)
     assert np.max(np.abs(ours[2].added_mass - theirs[2].added_mass)) > 1e-3
-
-
-def test_wind_and_gust_survive_writing_and_reading(tmp_path) -> None:  # type: ignore[no-untyped-def]
-    """A resolved scenario with a gust and a limit reads back; a gust that lasts no time is refused."""
-    scenario = load_scenario("paper", ["air.gust.amplitude=[1.0, 0.0, 0.0]", "air.lift_limit=1.4"])
-    file = tmp_path / "paper.toml"
-    file.write_text(scenario_toml(scenario), encoding="utf-8")
-    assert load_scenario(file) == scenario
-    with pytest.raises(ScenarioError, match=r"air\.gust\.duration = 0"):
-        load_scenario("paper", ["air.gust={amplitude = [1.0, 0.0, 0.0], duration = 0.0}"])
-
-
-def test_a_gust_lifts_the_robot_and_dies_down() -> None:
-    """Upward 1 m/s for half a second: higher than without while it blows; the log's airspeed knows of it."""
-    gust = "air.gust={amplitude = [0.0, 0.0, 1.0], start = 0.1, duration = 0.5}"
-    calm, blown = (simulate(load_scenario("paper", ["simulation.duration=0.6", *more])) for more in ([], [gust]))
-    rise = blown.measured["q"].values[:, 2] - calm.measured["q"].values[:, 2]
-    assert np.max(np.abs(rise[:100])) == 0.0
-    assert rise[450] > 0.01

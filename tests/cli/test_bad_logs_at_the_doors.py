@@ -101,9 +101,3 @@ def test_axes_in_another_order_are_played_alike(good: Path, tmp_path: Path) -> N
     shutil.copyfile(good / "estimate.nc", path)
     _changed(lambda data: data.isel(axis=slice(None, None, -1)).transpose())(path)
     xr.testing.assert_equal(read_estimates(path, log), straight)
-
-
-def test_names_that_no_file_can_have_are_refused(capsys: pytest.CaptureFixture[str], here: Path) -> None:
-    """A name of 300 letters is an error of the system's, not an answer."""
-    for words in (["estimate", "x" * 300], ["estimate", "x" * 300 + ".csv"], ["play", "x" * 300 + ".nc"]):
-        assert "there is no such file" in refused(capsys, *words)

@@ -63,10 +63,7 @@ def test_an_estimate_that_drowns_in_noise_is_told_what_helps(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One line, only where sensors err and an R2 is below 0."""
-    for name, settings, hints in (
-        ("noisy", ["sensors.gyro.noise=1.0"], 1),
-        ("fine", ["sensors.gyro.noise=1e-9"], 0),
-    ):
+    for name, settings, hints in (("noisy", ["sensors.gyro.noise=1.0"], 1), ("fine", ["sensors.gyro.noise=1e-9"], 0)):
         words = [word for one in settings for word in ("--set", one)]
         out = str(tmp_path / name)
         assert call("run", "paper", "--out", out, "--no-report", *SHORT, *words) == 0

@@ -205,12 +205,7 @@ def test_a_shell_completes_what_can_be_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("now", "before"),
-    [
-        ("crank --out", "crank --output"),
-        ("urdf -o", "urdf --output"),
-        ("linkage --out", None),
-    ],
+    ("now", "before"), [("crank --out", "crank --output"), ("urdf -o", "urdf --output"), ("linkage --out", None)]
 )
 def test_out_is_called_so_everywhere_and_makes_folders(
     now: str, before: str | None, here: Path, capsys: pytest.CaptureFixture[str]

@@ -113,7 +113,7 @@ def test_without_a_terminal_slow_work_is_told_in_lines(
             lines(label, share)
         lines.tick()
     assert capfd.readouterr().err.splitlines() == [
-        *("flying: 60 %", "drawing figures", "drawing figures, 5 s", "drawing figures, 100 s"),
+        *("flying: 60 %", "drawing figures", "drawing figures, 5 s", "drawing figures, 100 s")
     ]
 
 

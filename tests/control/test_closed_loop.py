@@ -57,6 +57,7 @@ def test_an_upward_gust_does_not_turn_the_robot() -> None:
     assert best["yaw"] < np.radians(1.0 / 15.0)
 
 
+@pytest.mark.evidence
 def test_a_gust_from_the_side_turns_and_pitches_nobody_more_for_the_observer() -> None:
     """It banks more, so that pitch of the flaps would show as yaw; the steering takes most of it away."""
     best, pd = rms("gust"), rms("gust", *PD)
@@ -131,16 +132,16 @@ def test_a_wrong_belief_about_the_thrusters_is_what_the_observer_is_told() -> No
 @pytest.mark.parametrize(
     "settings",
     [
-        ("thrusters.factor=0.7", "believed.thrusters.factor=1.0"),
-        ("thrusters.delay=0.02", "believed.thrusters.delay=0.001"),
         ("control.rate=100.0",),
         *further(
+            (("thrusters.factor=0.7", "believed.thrusters.factor=1.0"),),
+            (("thrusters.delay=0.02", "believed.thrusters.delay=0.001"),),
             (("thrusters.factor=3.0", "believed.thrusters.factor=1.0"),),
             (("thrusters.lag=0.03", "believed.thrusters.lag=0.045"),),
             (("thrusters.lag=0.1", "believed.thrusters.lag=0.045"),),
         ),
     ],
-    ids=["x0.7", "20 ms late", "100 Hz", "x3", "30 ms of lag", "100 ms of lag"],
+    ids=["100 Hz", "x0.7", "20 ms late", "x3", "30 ms of lag", "100 ms of lag"],
 )
 def test_what_the_margins_allow_flies(settings: tuple[str, ...]) -> None:
     """Weaker and stronger, later and slower thrusters than believed, and a slow law."""

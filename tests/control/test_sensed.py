@@ -125,7 +125,7 @@ def test_a_blow_is_not_taken_for_bad_samples(monkeypatch: pytest.MonkeyPatch) ->
 def test_a_channel_that_stays_silent_is_lost_after_a_quarter_of_a_second(channel: str) -> None:
     """NaN for ever; the law flies on with what it has."""
     q, pilot = flown(
-        ["simulation.duration=0.6"], lambda k, name, now, _: now * np.nan if name == channel and k > 200 else now
+        ["simulation.duration=0.5"], lambda k, name, now, _: now * np.nan if name == channel and k > 200 else now
     )
     assert pilot.state.line == f"LOST at {pilot.state.since:.3f} s: no good sample of {channel} for 0.25 s"
     assert pilot.state.since == pytest.approx(0.451, abs=0.003)

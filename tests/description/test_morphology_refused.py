@@ -38,14 +38,6 @@ def test_the_names_that_are_taken_are_those_of_the_tree() -> None:
     assert tree | set(model.names) | {frame.name for frame in model.frames} == BUILT_IN
 
 
-@pytest.mark.parametrize("name", sorted(BUILT_IN))
-def test_a_thruster_does_not_take_the_name_of_anything_else(name: str) -> None:
-    """Any link, joint or frame of the robot; two thrusters; and a thruster and another one's joint."""
-    rule = "another link, joint or frame has this name"
-    with pytest.raises(MorphologyError, match=rf"thrusters\[0\]\.name = '{name}': {rule}"):
-        Morphology.load("aerobat", {"thrusters": [thruster(name)]})
-
-
 @pytest.mark.parametrize(
     ("names", "message"),
     [
@@ -69,10 +61,7 @@ def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message
             {"wing": {"proximal_stations": [0, 0.1]}},
             r"wing\.proximal_stations = \(0\.0, 0\.1\): the last one is at the elbow",
         ),
-        (
-            {"wing": {"proximal_stations": [0, 0.046]}},
-            r"wing\.proximal_stations = .*, 0\.04879 m .*, to 5 %",
-        ),
+        ({"wing": {"proximal_stations": [0, 0.046]}}, r"wing\.proximal_stations = .*, 0\.04879 m .*, to 5 %"),
         (
             {"wing": {"distal_leading_edge": [0.2, 0.0807, 0.118, 0.101]}},
             r"wing\.distal_leading_edge = \(0\.2, .*\): it starts where the proximal one ends, at 0\.0765 m",
@@ -82,10 +71,7 @@ def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message
             r"wing\.distal_trailing_edge = .*: it starts where the proximal one ends, at -0\.112 m",
         ),
         ({"wing": {"minimum_chord": 3.0}}, r"wing\.minimum_chord = 3\.0: the wing's largest chord is 0\.1957 m"),
-        (
-            {"wing": {"force_point": [0.0, -0.01, 0.0]}},
-            r"wing\.force_point = .* x is -0\.115 to",
-        ),
+        ({"wing": {"force_point": [0.0, -0.01, 0.0]}}, r"wing\.force_point = .* x is -0\.115 to"),
         ({"wing": {"force_point": [0.0, 0.14, 0.0]}}, r"wing\.force_point = .*: .* y 0 to 0\.132 m"),
         ({"wing": {"force_point": [0.0, 0.1, 0.07]}}, r"wing\.force_point = .*: .* z is within half of that"),
         ({"wing": {"offset_x": 1.0}}, r"wing\.offset_x = 1\.0: it is not larger than the span, 0\.403 m"),
@@ -96,16 +82,10 @@ def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message
         ({"scale": {"span": -1.0}}, r"scale\.span = -1\.0: it must be positive"),
         ({"scale": {"spam": 1.0}}, r"unknown key 'scale\.spam'; did you mean 'span'"),
         ({"body": {"com": [0.0, 0.01, 0.0]}}, r"body\.com = .*: base_link has its origin at the centre of mass"),
-        (
-            {"body": {"inertia": [2e-4, 1e-4, 2e-4, 1e-6, 0, 0]}},
-            r"body\.inertia = .*: left and right mirror",
-        ),
+        ({"body": {"inertia": [2e-4, 1e-4, 2e-4, 1e-6, 0, 0]}}, r"body\.inertia = .*: left and right mirror"),
         ({"body": {"inertia": [2e-2, 1e-2, 2.1e-2, 0, 0, 0]}}, r"body\.inertia = .*: a radius of gyration of 0\.819 m"),
         ({"tail": {"position": [-0.1, 0.01, 0.0]}}, r"tail\.position = .*: left and right mirror each other"),
-        (
-            {"distal": {"com": [0.0, -0.05, 0.0]}},
-            r"distal\.com = .*: the centre of mass lies within the panel",
-        ),
+        ({"distal": {"com": [0.0, -0.05, 0.0]}}, r"distal\.com = .*: the centre of mass lies within the panel"),
         (
             {
                 "wing": {

@@ -1,8 +1,7 @@
 """Other people's tools take the description as it is: same mass, joints and places.
 
 The robot's own figures are worked out here from the published numbers, without any of the tools. Crocoddyl's and
-PlaCo's wheels want other releases of Pinocchio than this project; the description needs neither, so these tests also
-run in an environment of theirs: `python -m pytest --noconftest tests/test_other_tools.py`.
+PlaCo's wheels want other releases of Pinocchio than this project: `make tools` tries them.
 """
 
 import sys
@@ -74,63 +73,6 @@ def test_pink_moves_the_force_point_where_it_is_told() -> None:
         configuration.integrate_inplace(velocity, 0.1)
     reached = configuration.get_transform_frame_to_world("left_force_point").translation
     np.testing.assert_allclose(reached, force_point() + UP, atol=1e-6, rtol=0)
-
-
-def test_crocoddyl_finds_a_motion_that_reaches_a_point() -> None:
-    """Optimal control of the free robot over 20 ms: the force point ends 2 cm higher, and the cost at rest is known."""
-    need("crocoddyl")
-    import crocoddyl
-
-    model = pin.buildModelFromUrdf(description.URDF_PATH, pin.JointModelFreeFlyer())
-    state = crocoddyl.StateMultibody(model)
-    assert_is_aerobat(state.pinocchio)
-    actuation, frame = crocoddyl.ActuationModelFloatingBase(state), model.getFrameId("left_force_point")
-    goal = force_point() + UP
-    reach = crocoddyl.ResidualModelFrameTranslation(state, frame, goal, actuation.nu)
-
-    def node(weight: float, dt: float) -> crocoddyl.IntegratedActionModelEuler:
-        costs = crocoddyl.CostModelSum(state, actuation.nu)
-        costs.addCost("reach", crocoddyl.CostModelResidual(state, reach), weight)
-        if dt > 0.0:
-            effort = crocoddyl.ResidualModelControl(state, actuation.nu)
-            costs.addCost("effort", crocoddyl.CostModelResidual(state, effort), 1e-3)
-        dynamics = crocoddyl.DifferentialActionModelFreeFwdDynamics(state, actuation, costs)
-        return crocoddyl.IntegratedActionModelEuler(dynamics, dt)
-
-    start = np.concatenate([pin.neutral(model), np.zeros(model.nv)])
-    problem = crocoddyl.ShootingProblem(start, [node(0.0, 1e-3)] * 20, node(1e3, 0.0))
-    states, controls = [start] * 21, [np.zeros(actuation.nu)] * 20
-    assert problem.calc(states, controls) == pytest.approx(0.5 * 1e3 * 0.02**2, rel=1e-12, abs=0)
-    solver = crocoddyl.SolverFDDP(problem)
-    solver.solve(states, controls, 100)
-    data = model.createData()
-    pin.framesForwardKinematics(model, data, solver.xs[-1][: model.nq])
-    np.testing.assert_allclose(data.oMf[frame].translation, goal, atol=1e-3, rtol=0)
-
-
-def test_placo_moves_the_force_point_where_it_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    """PlaCo asks ROS's variable for packages, brings its own free base, and solves one position task."""
-    monkeypatch.setenv("ROS_PACKAGE_PATH", description.REPOSITORY_PATH)
-    need("placo")
-    import placo
-
-    robot = placo.RobotWrapper(description.URDF_PATH)
-    assert robot.total_mass() == pytest.approx(MASS, rel=1e-12, abs=0)
-    assert len(robot.state.q) == 11
-    assert set(robot.joint_names()) == JOINTS
-    for joint, angle in ANGLES.items():
-        robot.set_joint(joint, angle)
-    robot.update_kinematics()
-    start = robot.get_T_world_frame("left_force_point")[:3, 3]
-    np.testing.assert_allclose(start, force_point(0.3, -0.8), atol=1e-15, rtol=0)
-    goal = start + UP
-    solver = placo.KinematicsSolver(robot)
-    solver.add_position_task("left_force_point", goal)
-    solver.add_regularization_task(1e-6)
-    for _ in range(20):
-        solver.solve(True)
-        robot.update_kinematics()
-    np.testing.assert_allclose(robot.get_T_world_frame("left_force_point")[:3, 3], goal, atol=1e-6, rtol=0)
 
 
 class Loader:

@@ -152,16 +152,6 @@ def test_a_folder_of_figures_that_leads_elsewhere_is_refused(
     assert content(outside.parent) == before
 
 
-def test_a_folder_that_holds_no_earlier_result_is_not_replaced(here: Path) -> None:
-    """With `--force` too, so that a wrong name costs nothing; a file of a result's name is not yet a result."""
-    (here / "figures").mkdir()
-    (here / "figures" / "states.png").write_text("mine")
-    before = content(here)
-    with pytest.raises(OutputError, match=r"holds no earlier result \(a\.txt\) that --force could replace"):
-        result(here, force=True)
-    assert content(here) == before
-
-
 @ON_BOTH
 def test_links_beside_a_result_stay_and_what_they_lead_to(outside: Path, here: Path) -> None:
     """What a killed process left is removed, but not through a link; links in the old result are kept."""

@@ -8,6 +8,7 @@ import xarray as xr
 from support.arm import arm
 from support.further import further
 from support.kernel_cases import record
+from support.shipped import flown
 
 from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.experiments import Experiment, run
@@ -39,7 +40,7 @@ def test_every_axis_is_found_better_than_in_the_paper(paper: Experiment) -> None
         assert rmse < {"Fx": 0.3e-3, "Fy": 2.0e-3, "Fz": 2.0e-3}[axis]
 
 
-@pytest.mark.parametrize("seed", [2, *further(3)])
+@pytest.mark.parametrize("seed", further(2, 3))
 def test_other_seeds_tell_the_same_story(seed: int) -> None:
     """The figures are no luck of one noise sequence."""
     experiment = run(load_scenario("paper", [f"simulation.seed={seed}"]))
@@ -96,7 +97,8 @@ def test_the_observers_use_the_gravity_of_the_scenario() -> None:
 @pytest.fixture(scope="module", params=[1, *further(2)])
 def benchmark(request: pytest.FixtureRequest) -> Experiment:
     """Return the observer benchmark for a seed."""
-    return run(load_scenario("observer_benchmark", [f"simulation.seed={request.param}"]))
+    settings = [f"simulation.seed={request.param}"]
+    return flown("observer_benchmark") if request.param == 1 else run(load_scenario("observer_benchmark", settings))
 
 
 def rerun(experiment: Experiment, gain: float) -> dict[str, np.ndarray]:

@@ -23,7 +23,6 @@ import pytest
 from distributed import LocalCluster
 from support.bad_folders import FORGED
 from support.commands import aerobat
-from support.further import further
 
 from aerobat_pin.errors import OutputError, ScenarioError, SweepError
 from aerobat_pin.experiments import load_sweep, run_sweep
@@ -96,31 +95,52 @@ def same_tables(one: Path, other: Path) -> None:
         assert (one / name).read_bytes() == (other / name).read_bytes(), name
 
 
-def test_a_sweep_killed_twice_ends_as_if_it_had_not_been(file: Path, uninterrupted: Path, tmp_path: Path) -> None:
-    """`kill -9` at random moments of a sweep on two processes; no line that was finished is lost or flown again."""
+def interrupted(file: Path, folder: Path, count: int) -> None:
+    """Press Ctrl-C in a sweep on two processes when so many runs are finished; check what it says."""
+    command = [*PROGRAM, str(file), "--jobs", "2", "--out", str(folder)]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=False, start_new_session=True
+    )
+    while process.poll() is None and len(workers_of(psutil.Process(process.pid))) < 2:
+        time.sleep(0.05)  # to look costs much of a processor
+    wait_for(folder, count, process)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the workers too
+    _, said = process.communicate()
+    assert process.returncode == 130, said
+    told = rb"\d+ of %d runs are finished" % RUNS
+    progress = rb"((starting|" + told + rb")[^\n]*\n)*"
+    assert re.fullmatch(progress + rb"\ninterrupted: " + told + rb"; the same command goes on from there\n", said), said
+    assert count <= len(lines(folder)) < RUNS
+
+
+def test_a_sweep_interrupted_and_killed_ends_as_if_it_had_not_been(
+    file: Path, uninterrupted: Path, tmp_path: Path
+) -> None:
+    """Ctrl-C and `kill -9` at random moments on two processes; no line that was finished is lost or flown again.
+
+    After Ctrl-C: exit code 130, one line and no traceback of a worker; and it goes on.
+    """
     tmp_path = tmp_path / "out"
-    command = [*PROGRAM, str(file), "--jobs", "2", "--out", str(tmp_path)]
-    chance = random.Random(time.time_ns())
-    kept: list[str] = []
-    kills = 0
-    while kills < 2:
+    interrupted(file, tmp_path, 3)
+    chance, kept = random.Random(time.time_ns()), [line for line in lines(tmp_path) if line.endswith("\n")]
+    while True:
+        command = [*PROGRAM, str(file), "--jobs", "2", "--out", str(tmp_path)]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         wait_for(tmp_path, len(kept) + 1 + chance.randrange(5), process)
         time.sleep(chance.uniform(0.0, 0.05))
-        if process.poll() is not None:  # it was quicker than this process, on a busy machine: once more
-            assert process.returncode == 0
-            shutil.rmtree(tmp_path)
-            kept, kills = [], 0
-            continue
-        kills += 1
-        workers = psutil.Process(process.pid).children()
-        process.kill()
-        process.wait()
-        assert not psutil.wait_procs(workers, timeout=120.0)[1], "its workers outlive it"
-        now = lines(tmp_path)
-        assert now[: len(kept)] == kept
-        kept = [line for line in now if line.endswith("\n")]
-        assert not (tmp_path / "results.nc").exists()
+        if process.poll() is None:
+            break
+        assert process.returncode == 0  # it was quicker than this process, on a busy machine: once more
+        shutil.rmtree(tmp_path)
+        kept = []
+    workers = psutil.Process(process.pid).children()
+    process.kill()
+    process.wait()
+    assert not psutil.wait_procs(workers, timeout=120.0)[1], "its workers outlive it"
+    now = lines(tmp_path)
+    assert now[: len(kept)] == kept
+    kept = [line for line in now if line.endswith("\n")]
+    assert not (tmp_path / "results.nc").exists()
     done = aerobat("sweep", str(file), "--jobs", "1", "--out", str(tmp_path), cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert f"going on: {len(kept)} of {RUNS} runs are finished" in done.stdout
@@ -129,23 +149,11 @@ def test_a_sweep_killed_twice_ends_as_if_it_had_not_been(file: Path, uninterrupt
     same_tables(tmp_path, uninterrupted)
 
 
-@pytest.mark.parametrize("count", [3, *further(0)])
-def test_ctrl_c_says_how_to_go_on(count: int, file: Path, uninterrupted: Path, tmp_path: Path) -> None:
-    """Exit code 130, one line and no traceback of a worker, not even of one that is just starting; and it goes on."""
-    command = [*PROGRAM, str(file), "--jobs", "2", "--out", str(tmp_path)]
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=False, start_new_session=True
-    )
-    while process.poll() is None and len(workers_of(psutil.Process(process.pid))) < 2:
-        time.sleep(0.05)  # to look costs much of a processor
-    wait_for(tmp_path, count, process)
-    os.killpg(process.pid, signal.SIGINT)  # as a terminal does: the workers too
-    _, said = process.communicate()
-    assert process.returncode == 130, said
-    told = rb"\d+ of %d runs are finished" % RUNS
-    progress = rb"((starting|" + told + rb")[^\n]*\n)*"
-    assert re.fullmatch(progress + rb"\ninterrupted: " + told + rb"; the same command goes on from there\n", said), said
-    assert count <= len(lines(tmp_path)) < RUNS
+@pytest.mark.evidence
+def test_ctrl_c_says_how_to_go_on_while_workers_are_just_starting(
+    file: Path, uninterrupted: Path, tmp_path: Path
+) -> None:
+    interrupted(file, tmp_path, 0)
     run_sweep(load_sweep(file), tmp_path)
     same_tables(tmp_path, uninterrupted)
 

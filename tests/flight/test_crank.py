@@ -27,10 +27,7 @@ from aerobat_pin.scenario import Scenario, load_scenario, scenario_toml
 
 START, RATE = -0.5 * np.pi, 2.0 * np.pi * 4.75
 TIME = np.linspace(-0.2, 1.0, 2401)
-DRIVES: dict[str, CrankDrive] = {
-    "constant": ConstantRate(START, RATE),
-    "spin up": SpinUp(START, RATE, 0.5),
-}
+DRIVES: dict[str, CrankDrive] = {"constant": ConstantRate(START, RATE), "spin up": SpinUp(START, RATE, 0.5)}
 
 
 @pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)

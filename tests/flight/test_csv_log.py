@@ -87,6 +87,19 @@ def test_what_is_not_a_flight_is_refused_in_one_message(
         read_log(file)
 
 
+def test_no_cell_is_guessed_and_every_refusal_is_a_line(tmp_path: Path) -> None:
+    """What other readers take for a number, and files that are empty or full of zeros."""
+    words = ["nan", "inf", "²", "0x10", 5000 * "9", "1e999", "2020-01-01", "--1", "1 2", "1,5", "TRUE"]
+    good = write(tmp_path / "good.csv", HEADER, table()).read_text()
+    texts = [write(tmp_path / "odd.csv", HEADER, changed(4, 1, word)).read_text() for word in words]
+    for text in ["", "\n\n", good.partition("\n")[0] + "\n" + 500 * "\0", *texts]:
+        (tmp_path / "hall.csv").write_text(text)
+        with pytest.raises(LogError, match=r"hall\.csv") as told:
+            read_log(tmp_path / "hall.csv")
+        assert "\n" not in str(told.value)
+        assert len(str(told.value)) < 600
+
+
 def test_joints_in_degrees_and_files_that_are_not_tables_are_refused(tmp_path: Path) -> None:
     """An elbow at 40 is in degrees; a picture is not a table."""
     joints = ["left_shoulder", "left_elbow", "right_shoulder", "right_elbow"]

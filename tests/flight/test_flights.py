@@ -1,8 +1,7 @@
-"""All flights of the paper: drift, open loop, tumble; trim; and what must be known of the joint torques."""
+"""Trim of the open-loop flight, and what must be known of the joint torques."""
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.errors import TrimError
@@ -20,63 +19,11 @@ def fly(name: str, *settings: str) -> Experiment:
     return run(load_scenario(name, settings))
 
 
-def degrees(experiment: Experiment, angle: str) -> np.ndarray:
-    """Return the range of an angle [deg]."""
-    return np.degrees(experiment.metrics["flight"][f"{angle}_range"])
-
-
 def r2(experiment: Experiment, observer: str, wing: str = "left") -> np.ndarray:
     """Return R2 of Fx, Fy, Fz."""
     return np.array(
         [one["r2"] for one in experiment.metrics["observers"][observer][wing].values() if isinstance(one, dict)]
     )
-
-
-def test_a_force_on_the_left_wing_alone_drifts_the_robot_to_the_right() -> None:
-    """The paper's Fig. 5: a steady shift toward negative Y while it flies on."""
-    flight = fly("paper_left")
-    assert -0.9 < flight.metrics["flight"]["position_end"][1] < -0.3
-    y = flight.log.measured["q"].sel(q_axis="y").values
-    assert y[500] > y[1000] > y[1600] > y[2000]
-    for angle in ("roll", "yaw"):
-        assert np.all(np.abs(degrees(flight, angle)) < 6.0)
-    assert r2(flight, "force_level").min() > 0.999
-    right = flight.metrics["observers"]["force_level"]["right"]
-    assert all(one["r2"] is None and one["rmse"] < 1e-3 for one in right.values())
-
-
-def test_the_open_loop_flight_stays_up_and_its_forces_are_found() -> None:
-    """Trimmed, nothing held: small roll and yaw, bounded pitch and height, through noise and step.
-
-    Nothing holds roll and yaw either: what the noise starts doubles in 0.44 s, and reaches 8 deg in 2 s.
-    """
-    flight = fly("paper_open_loop")
-    assert flight.metrics["note"] == "free flight, nothing held"
-    for angle in ("roll", "yaw"):
-        assert np.all(np.abs(degrees(flight, angle)) < 10.0)
-    assert np.all(np.abs(degrees(flight, "pitch")) < 15.0)
-    assert np.max(np.abs(flight.metrics["flight"]["z_range"])) < 0.5
-    decay = np.exp(-2000.0 * 1e-3)
-    for i, frame in enumerate(("left_force_point", "right_force_point")):
-        truth, _ = true_force(flight.log, frame)
-        filtered = lfilter([1.0 - decay], [1.0, -decay], truth, axis=0)  # the truth behind the observer's own lag
-        for observer, estimate in flight.estimates.items():
-            beyond = np.sqrt(np.mean((estimate.force[:, i] - filtered) ** 2, axis=0))
-            for axis in range(3):
-                score = flight.metrics["observers"][observer][("left", "right")[i]][("Fx", "Fy", "Fz")[axis]]
-                if truth[:, axis].std() > 0.020:
-                    assert score["r2"] >= 0.999
-                else:
-                    assert beyond[axis] < 0.5e-3
-
-
-def test_a_tumbling_robot_is_observed_as_well_as_a_flying_one() -> None:
-    """It turns over, and R2 stays above 0.999 on every axis of both wings."""
-    flight = fly("tumble")
-    assert np.max(np.abs(degrees(flight, "roll"))) > 90.0
-    for observer in flight.estimates:
-        for wing in ("left", "right"):
-            assert r2(flight, observer, wing).min() >= 0.999
 
 
 def test_a_trimmed_flight_repeats_itself_every_flap() -> None:

@@ -17,7 +17,7 @@ from aerobat_pin.records import netcdf_bytes, read_netcdf
 
 SEAL_SIZE = 12  # bytes at the end of a file
 
-# In a process of its own, because the library brings another HDF5 than h5py. Prints group -> what it holds.
+# In a process of its own, as the library brings another HDF5 than h5py. Prints of each file group -> what it holds.
 READER = """
 import json, sys
 import netCDF4, numpy as np
@@ -36,13 +36,14 @@ def told(group):
     notes = {key: np.asarray(group.getncattr(key)).tolist() for key in group.ncattrs()}
     return [found, notes, {name: len(size) for name, size in group.dimensions.items()}]
 
-with netCDF4.Dataset(sys.argv[1]) as file:
-    assert file.file_format == "NETCDF4"
-    found = {"": told(file)} | {name: told(group) for name, group in file.groups.items()}
-with netCDF4.Dataset(sys.argv[1], "a") as file:
-    file.setncattr("seen", "by another library")
-    file.renameVariable(next(iter(file.variables)), "renamed")
-print(json.dumps(found))
+for path in sys.argv[1:]:
+    with netCDF4.Dataset(path) as file:
+        assert file.file_format == "NETCDF4"
+        found = {"": told(file)} | {name: told(group) for name, group in file.groups.items()}
+    with netCDF4.Dataset(path, "a") as file:
+        file.setncattr("seen", "by another library")
+        file.renameVariable(next(iter(file.variables)), "renamed")
+    print(json.dumps(found))
 """
 
 
@@ -79,11 +80,12 @@ def test_the_netcdf_library_reads_the_same(tmp_path: Path, paper_folder: Path) -
     (tmp_path / "kinds.nc").write_bytes(netcdf_bytes(*parts()))
     for name in ("flight.nc", "estimate.nc"):
         (tmp_path / name).write_bytes((paper_folder / name).read_bytes())
-    for name in ("kinds.nc", "flight.nc", "estimate.nc"):
-        expected = read_netcdf(tmp_path / name, "log", ["truth"])
-        run = subprocess.run([sys.executable, "-c", READER, str(tmp_path / name)], capture_output=True, check=False)
-        assert run.returncode == 0, run.stderr.decode()
-        found = json.loads(run.stdout)
+    paths = [tmp_path / name for name in ("kinds.nc", "flight.nc", "estimate.nc")]
+    written = [read_netcdf(path, "log", ["truth"]) for path in paths]
+    run = subprocess.run([sys.executable, "-c", READER, *map(str, paths)], capture_output=True, check=False)
+    assert run.returncode == 0, run.stderr.decode()
+    for expected, told in zip(written, run.stdout.splitlines(), strict=True):
+        found = json.loads(told)
         assert set(found) == set(expected)
         sizes = {}
         for part, data in expected.items():

@@ -138,11 +138,7 @@ def drift(states: np.ndarray) -> np.ndarray:
     """Return the largest distance from the closed form of shoulder, elbow and absolute forearm [deg]."""
     closed = PAPER.sculpture.solve(states[:, 0])
     shoulder, forearm = (states[:, ANGLES.index(name)] for name in ("t5", "t6"))
-    misses = (
-        shoulder - closed.theta_s,
-        forearm - shoulder - closed.theta_e,
-        forearm - closed.theta_s - closed.theta_e,
-    )
+    misses = (shoulder - closed.theta_s, forearm - shoulder - closed.theta_e, forearm - closed.theta_s - closed.theta_e)
     return np.array([np.degrees(np.max(np.abs(miss))) for miss in misses])
 
 
@@ -169,7 +165,7 @@ def test_many_states_at_once_equal_one_at_a_time() -> None:
             assert of(states) == pytest.approx(np.array([of(x) for x in states]), rel=1e-12)
 
 
-@pytest.mark.parametrize(("dt", "expected"), [(1e-3, 0.17), *further((5e-4, 0.011))])
+@pytest.mark.parametrize(("dt", "expected"), further((1e-3, 0.17), (5e-4, 0.011)))
 def test_accelerations_alone_drift_from_the_closed_linkage(dt: float, expected: float) -> None:
     """Absolute forearm angle t6 [deg] after 10 s of the paper's flapping: the drift that the closed form does not have.
 
@@ -179,14 +175,6 @@ def test_accelerations_alone_drift_from_the_closed_linkage(dt: float, expected: 
     states = march(PAPER, dt, 10.0)
     assert drift(states)[2] == pytest.approx(expected, rel=0.02)
     assert np.max(PAPER.gap(states)) > 1e-6
-
-
-def test_stabilised_accelerations_stay_on_the_closed_linkage() -> None:
-    """Baumgarte's terms at 30 1/s and a step of 1 ms: after nine flaps no angle is off by 1e-5 deg."""
-    stabilised = SculptureDynamics(stabilisation=30.0)
-    states = march(stabilised, 1e-3, 2.0)
-    assert np.all(drift(states) < 1e-5)
-    assert np.max(stabilised.gap(states)) < 1e-8
 
 
 def test_stabilisation_shuts_an_open_loop_at_its_rate_and_leaves_a_closed_one_alone() -> None:
@@ -201,15 +189,3 @@ def test_stabilisation_shuts_an_open_loop_at_its_rate_and_leaves_a_closed_one_al
         k1 = stabilised.f_k(x)
         x = x + dt * stabilised.f_k(x + 0.5 * dt * k1)
     assert stabilised.gap(x) / before == pytest.approx(3.0 * np.exp(-2.0), rel=1e-3)
-
-
-def test_the_crank_pin_moves_on_its_circle() -> None:
-    """J2 at t1 = 0: velocity L1 t1' upward, acceleration L1 t1'^2 inward and L1 t1'' upward. Pivots rest."""
-    closed = LINKAGE.solve(0.0, 30.0, 400.0)
-    assert pair(closed.rate(closed.points["J2"])) == pytest.approx([0.0, 7.5e-3 * 30.0], abs=1e-15)
-    assert pair(closed.acceleration(closed.points["J2"])) == pytest.approx([-7.5e-3 * 900.0, 7.5e-3 * 400.0], abs=1e-14)
-    for pivot in ("J1", "J5", "J8"):
-        assert np.all(closed.rate(closed.points[pivot]) == 0.0)
-        assert np.all(closed.acceleration(closed.points[pivot]) == 0.0)
-    assert closed.rate(closed.bars["t1"]) == 30.0
-    assert closed.acceleration(closed.bars["t1"]) == 400.0

@@ -142,21 +142,20 @@ np.savez(sys.argv[1], compiled=not numba.config.DISABLE_JIT, **found)
 """
 
 
-def test_kernels_that_are_not_compiled_give_the_same_numbers(tmp_path: Path) -> None:
+@compiled_only
+def test_kernels_that_are_not_compiled_give_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """NUMBA_DISABLE_JIT=1, for debugging and coverage: a short flight and every observer, batch and stream."""
-    results = []
-    for disabled in ("0", "1"):
-        path = tmp_path / f"disabled_{disabled}.npz"
-        done = subprocess.run(
-            [sys.executable, "-c", INTERPRETED, str(path)],
-            env={**os.environ, "NUMBA_DISABLE_JIT": disabled, "PYTHONPATH": str(PACKAGE.parent)},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr[-2000:]
-        results.append(dict(np.load(path)))
-    compiled, interpreted = results
+    done = subprocess.run(
+        [sys.executable, "-c", INTERPRETED, str(tmp_path / "interpreted.npz")],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(PACKAGE.parent)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    monkeypatch.setattr(sys, "argv", ["", str(tmp_path / "compiled.npz")])
+    exec(INTERPRETED, {})
+    compiled, interpreted = (dict(np.load(tmp_path / f"{name}.npz")) for name in ("compiled", "interpreted"))
     assert compiled.pop("compiled")
     assert not interpreted.pop("compiled")
     for name, expected in compiled.items():
@@ -203,14 +202,14 @@ def test_a_record_that_cannot_be_written_costs_no_compilation() -> None:
 
 
 @compiled_only
-def test_what_was_compiled_before_changes_no_digit() -> None:
+def test_what_was_compiled_before_changes_no_digit(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Other callers of the same kernels come first, and their copies of them are then everybody's: design note 4."""
-    command = [sys.executable, "-c", AFTER]
-    found = [
-        subprocess.run([*command, before], capture_output=True, text=True, check=True).stdout
-        for before in ("nothing", "compiled")
-    ]
-    assert found[0] == found[1]
+    done = subprocess.run([sys.executable, "-c", AFTER, "compiled"], capture_output=True, text=True, check=True)
+    monkeypatch.setattr(sys, "argv", ["", "nothing"])
+    exec(AFTER, {})
+    assert done.stdout == capsys.readouterr().out
 
 
 def test_every_file_that_kernels_are_made_of_is_in_the_cache_stamp() -> None:

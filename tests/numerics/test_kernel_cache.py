@@ -21,19 +21,23 @@ def nothing_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernel_cache, "_told", [])
 
 
+@pytest.fixture(scope="module")
+def kernels(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder of a kernel that each test damages and compiles again."""
+    return tmp_path_factory.mktemp("kernels")
+
+
 @pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize("how", DAMAGES)
 def test_a_damaged_kernel_is_compiled_again(
-    how: str, end: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    how: str, end: str, kernels: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Without the checksum, bad machine code ends the process ("Aborted.") and a bad index is an unpickling error."""
-    path = damage(tmp_path, end, how, np.random.default_rng(1))
-    again = small_kernel(tmp_path)
-    assert again(np.ones(4), 0.5) == 2.0
-    assert again(np.ones(4, np.float32), 0.5) == 2.0
+    path = damage(kernels, end, how, np.random.default_rng(1))
+    assert small_kernel(kernels)(np.ones(4), 0.5) == 2.0
     told = capsys.readouterr().err
     assert told == f"the compiled kernel {path} is damaged, another's or of another version: it is compiled again\n"
-    whole = small_kernel(tmp_path)
+    whole = small_kernel(kernels)
     assert whole(np.ones(4), 0.5) == 2.0
     assert sum(whole.stats.cache_hits.values()) == 1
     assert capsys.readouterr().err == ""

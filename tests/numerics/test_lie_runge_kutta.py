@@ -140,33 +140,6 @@ def test_the_logged_configuration_moves_with_the_logged_velocity() -> None:
     assert np.max(miss[0]) < 1e-4  # m/s and rad/s, at 1 ms
 
 
-def test_a_flight_with_held_noise_does_not_depend_on_the_step() -> None:
-    """Noise and step live on their own clock of 1 ms: at 1 ms and 0.5 ms the same flight within 1 micrometre."""
-    logs = [simulate(load_scenario("paper", ["simulation.duration=0.2", f"simulation.dt={dt}"])) for dt in (1e-3, 5e-4)]
-    coarse, fine = (log.measured["q"].values[:, :3] for log in logs)
-    np.testing.assert_allclose(coarse, fine[::2], atol=1e-6, rtol=0)
-    for log in logs:
-        noise = log.truth["force_W"] - log.truth["force_noise_free_W"]
-        assert float(noise.std()) > 1e-3  # it was on
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_stage_mean_integrates_a_cubic_exactly(seed: int) -> None:
-    """Simpson's rule: with the stages at 0, 1/2, 1/2 and 1 of the step it is exact up to degree three, not four."""
-    cubic = np.polynomial.Polynomial(np.random.default_rng(seed).standard_normal(4))
-    t, dt = 0.3, 0.7
-
-    def mean(f: np.polynomial.Polynomial) -> float:
-        return float(stage_mean((f(t), f(t + dt / 2.0), f(t + dt / 2.0), f(t + dt))))
-
-    def exact(f: np.polynomial.Polynomial) -> float:
-        return float((f.integ()(t + dt) - f.integ()(t)) / dt)
-
-    assert mean(cubic) == pytest.approx(exact(cubic), abs=1e-14)
-    quartic = cubic + np.polynomial.Polynomial([0.0, 0.0, 0.0, 0.0, 1.0])
-    assert abs(mean(quartic) - exact(quartic)) > 1e-4
-
-
 def test_stage_outputs_average_to_the_change_of_the_vector_state() -> None:
     """Derivation: an output equal to y' has, as its stage mean, exactly (y1 - y0) / dt."""
 
@@ -177,15 +150,3 @@ def test_stage_outputs_average_to_the_change_of_the_vector_state() -> None:
     q, y, dt = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]), np.array([1.0, 0.5]), 0.1
     _, y_next, outputs = step(rates, SE3.integrate, 0.2, q, y, dt)
     np.testing.assert_allclose(stage_mean(outputs), (y_next - y) / dt, atol=1e-14)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_a_constant_twist_is_integrated_exactly(seed: int) -> None:
-    """Lie group: with constant k the stages agree and the two half steps make exp(dt k), for a step of any size."""
-    rng = np.random.default_rng(seed)
-    quaternion = rng.standard_normal(4)
-    q = np.concatenate([rng.standard_normal(3), quaternion / np.linalg.norm(quaternion)])
-    twist, dt = rng.standard_normal(6), 1.5
-    moved, _, _ = step(lambda t, q, y: (twist, np.zeros(1), None), SE3.integrate, 0.0, q, np.zeros(1), dt)
-    expected = pin.XYZQUATToSE3(q) * pin.exp6(dt * twist)
-    np.testing.assert_allclose(pin.XYZQUATToSE3(moved).homogeneous, expected.homogeneous, atol=1e-14)

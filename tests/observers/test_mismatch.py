@@ -126,7 +126,7 @@ def test_noise_alone_is_no_wrong_belief_and_no_redundancy_is_blind() -> None:
     assert redundancy_of(time, noise, 6, 0, 1.0, []).verdict == "blind"
 
 
-SHARES = [1.0, 0.0, *further(-0.5)]  # of the left wing's force on the right one
+SHARES = [1.0, *further(0.0, -0.5)]  # of the left wing's force on the right one
 
 
 @pytest.mark.parametrize("share", SHARES)

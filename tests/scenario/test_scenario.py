@@ -29,7 +29,8 @@ from aerobat_pin.scenario import (
 
 def test_a_shipped_scenario_survives_writing_and_reading(tmp_path: Path) -> None:
     """The resolved scenario holds every default and gives the same scenario again."""
-    scenario = load_scenario("observer_benchmark", ["simulation.seed=7", "robot.changes.wing.offset_x=-0.05"])
+    more = ["air.gust.amplitude=[1.0, 0.0, 0.0]", "air.lift_limit=1.4"]
+    scenario = load_scenario("observer_benchmark", ["simulation.seed=7", "robot.changes.wing.offset_x=-0.05", *more])
     file = tmp_path / "scenario.toml"
     file.write_text(scenario_toml(scenario), encoding="utf-8")
     assert load_scenario(file) == scenario
@@ -110,6 +111,7 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ("sensors.gyro.delay=1e300", "sensors.gyro.delay = 1e+300"),
         ("name=my paper", "name = 'my paper': letters, digits, '.', '_' and '-' without spaces were expected"),
         ("simulation.duration=[1]", "simulation.duration"),
+        ("air.gust={amplitude = [1.0, 0.0, 0.0], duration = 0.0}", "air.gust.duration = 0"),
         ("air.wind=[1,0]", "air.wind = [1, 0]: 3 numbers were expected"),
         ("air.wind=1,0,0", "air.wind = '1,0,0': input should be a valid list, such as [1, 0, 0]"),
         ("flight.velocity=4", "flight.velocity = 4: input should be a valid list, such as [4, 0.0, 0.0]"),
@@ -136,15 +138,9 @@ def test_settings_reach_numbers_words_lists_and_list_entries() -> None:
         ("sensors.gyro.rate=1001", "sensors.gyro.rate = 1001 Hz: the log has 1000 samples a second"),
         ("sensors.gyr.noise=1", "unknown key 'sensors.gyr'; did you mean 'gyro'?"),
         ("sensors.gyr=none", "unknown key 'sensors.gyr'; did you mean 'gyro'?"),
-        (
-            "observers.kalman.sensor_noise=[0.1, 0.1]",
-            "kalman.sensor_noise = [0.1, 0.1]: 3 numbers were expected",
-        ),
+        ("observers.kalman.sensor_noise=[0.1, 0.1]", "kalman.sensor_noise = [0.1, 0.1]: 3 numbers were expected"),
         ("observers.kalman.misfit=0", "observers.kalman.misfit = 0: input should be greater than 0"),
-        (
-            "observers.kalman.known_error.aerodynamic=-1",
-            "known_error.aerodynamic = -1: input should be",
-        ),
+        ("observers.kalman.known_error.aerodynamic=-1", "known_error.aerodynamic = -1: input should be"),
     ],
 )
 def test_a_wrong_setting_names_key_value_and_rule(setting: str, message: str) -> None:
@@ -186,10 +182,7 @@ def test_a_robots_file_that_is_missing_or_wrong_is_named(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        (
-            "unknown_force.0.frame=left_tip",
-            "frame = 'left_tip': did you mean 'left_distal'? The robot's frames",
-        ),
+        ("unknown_force.0.frame=left_tip", "frame = 'left_tip': did you mean 'left_distal'? The robot's frames"),
         ("unknown_force.0.direction=[0, 0, 0]", "a direction must not be zero"),
         ("unknown_force.0.frame=universe", "unknown_force.0.frame = 'universe': the robot's frames are root_joint"),
         ("observers.frames=['universe']", "is fixed to the world"),

@@ -1,28 +1,23 @@
-"""Every shipped scenario flies and shows what its description says; those of the paper are in `test_flights`."""
+"""Every shipped scenario flies and shows what its description says."""
 
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from support.commands import call
+from support.shipped import flown
 
 from aerobat_pin.aerobat.aerobat import believed_robot
 from aerobat_pin.aerobat.estimate import belief_about, estimate_flight
 from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.aerobat.tables import read_log, write_csv
-from aerobat_pin.experiments.experiment import Experiment, run
+from aerobat_pin.experiments.experiment import run
 from aerobat_pin.forces.scores import point_label, r_squared
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
 
 SHIPPED = shipped_scenarios()
-
-
-@cache
-def flown(name: str) -> Experiment:
-    """Run a shipped scenario as it is; of `raw_sensors`, whose smoother has tests of its own, the first 0.6 s."""
-    return run(load_scenario(name, ["simulation.duration=0.6"] if name == "raw_sensors" else []))
 
 
 def r2(name: str, observer: str, wing: str = "left") -> np.ndarray:
@@ -63,6 +58,52 @@ def test_no_shipped_flight_has_joints_or_efforts_that_are_misread() -> None:
     joints = ("joint", "swapped joints", "effort", "known force", "mass", "late efforts")
     told = [one for name in SHIPPED for one in flown(name).metrics["warnings"] if one.startswith(joints)]
     assert told == []
+
+
+def degrees(name: str, angle: str) -> np.ndarray:
+    """Return the range of an angle [deg]."""
+    return np.degrees(flown(name).metrics["flight"][f"{angle}_range"])
+
+
+def test_a_force_on_the_left_wing_alone_drifts_the_robot_to_the_right() -> None:
+    """The paper's Fig. 5: a steady shift toward negative Y while it flies on."""
+    flight = flown("paper_left")
+    assert -0.9 < flight.metrics["flight"]["position_end"][1] < -0.3
+    y = flight.log.measured["q"].sel(q_axis="y").values
+    assert y[500] > y[1000] > y[1600] > y[2000]
+    for angle in ("roll", "yaw"):
+        assert np.all(np.abs(degrees("paper_left", angle)) < 6.0)
+    assert r2("paper_left", "force_level").min() > 0.999
+    right = flight.metrics["observers"]["force_level"]["right"]
+    assert all(one["r2"] is None and one["rmse"] < 1e-3 for one in right.values())
+
+
+def test_the_open_loop_flight_stays_up_and_its_forces_are_found() -> None:
+    """Trimmed, nothing held: small roll and yaw, bounded pitch and height, through noise and step.
+
+    Nothing holds roll and yaw either: what the noise starts doubles in 0.44 s, and reaches 8 deg in 2 s.
+    """
+    flight = flown("paper_open_loop")
+    assert flight.metrics["note"] == "free flight, nothing held"
+    for angle, most in (("roll", 10.0), ("yaw", 10.0), ("pitch", 15.0)):
+        assert np.all(np.abs(degrees("paper_open_loop", angle)) < most)
+    assert np.max(np.abs(flight.metrics["flight"]["z_range"])) < 0.5
+    decay = np.exp(-2000.0 * 1e-3)
+    for i, wing in enumerate(("left", "right")):
+        truth, _ = true_force(flight.log, f"{wing}_force_point")
+        filtered = lfilter([1.0 - decay], [1.0, -decay], truth, axis=0)  # the truth behind the observer's own lag
+        strong = truth.std(axis=0) > 0.020
+        for observer, estimate in flight.estimates.items():
+            beyond = np.sqrt(np.mean((estimate.force[:, i] - filtered) ** 2, axis=0))
+            assert np.all(np.where(strong, r2("paper_open_loop", observer, wing) >= 0.999, beyond < 0.5e-3))
+
+
+def test_a_tumbling_robot_is_observed_as_well_as_a_flying_one() -> None:
+    """It turns over, and R2 stays above 0.999 on every axis of both wings."""
+    assert np.max(np.abs(degrees("tumble", "roll"))) > 90.0
+    for observer in flown("tumble").estimates:
+        for wing in ("left", "right"):
+            assert r2("tumble", observer, wing).min() >= 0.999
 
 
 def test_a_gust_that_is_not_believed_is_found_as_the_load_it_makes() -> None:

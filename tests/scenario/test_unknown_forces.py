@@ -189,17 +189,3 @@ def test_a_recorded_series_is_found_beside_its_scenario_and_travels_with_the_res
     again = run(load_scenario(out / "scenario.toml"))
     assert again.metrics == first.metrics
     assert np.ptp(true_force(again.log, FRAME)[0]) > 0.05
-
-
-def test_the_step_of_the_integrator_is_felt_by_its_square() -> None:
-    """A sine of 20 Hz on one wing: half the step, a quarter of the way from the flight at an eighth of it."""
-    force = "unknown_force=[{frame='left_force_point', signal='sine', amplitude=0.2, frequency=20.0, axes='world'}]"
-
-    def end(dt: float) -> np.ndarray:
-        settings = [force, "simulation.duration=0.2", f"simulation.dt={dt}", "air.warm_up_cycles=1"]
-        return simulate(load_scenario("paper", settings)).measured["q"].values[-1, :3]
-
-    fine = end(2.5e-4)
-    coarse, middle = (np.linalg.norm(end(dt) - fine) for dt in (2e-3, 1e-3))
-    assert 3.0 < coarse / middle < 6.0
-    assert coarse < 1e-6

@@ -84,27 +84,15 @@ METRICS = (  # that are no scores of a run
 
 
 def bad_comparison(rng: Rng, place: Path, run: Path) -> list[str]:
-    """Damage the scores or a figure of a run that is compared with a good one; arguments as of `bad_run`."""
+    """Damage the scores of a run that is compared with a good one; arguments as of `bad_run`."""
     for name in ("run", "good"):
         shutil.copytree(run, place / name)
-    scores, figure = place / "run" / "metrics.json", place / "run" / "figures" / "states.png"
-    (place / "private.png").write_bytes(b"\x89PNG private")
-    figure.parent.mkdir(exist_ok=True)
-    choice = rng.integers(8)
-    if choice < 3:
+    scores = place / "run" / "metrics.json"
+    if rng.integers(4):
         scores.write_bytes(METRICS[rng.integers(len(METRICS))])
-    elif choice == 3:
+    else:
         scores.unlink()
         no_file(rng, scores)
-    elif choice == 4:
-        figure.symlink_to(place / "private.png")
-    elif choice == 5:
-        os.mkfifo(figure)
-    elif choice == 6:
-        figure.write_bytes(rng.bytes(100))
-    else:
-        with figure.open("wb") as file:
-            file.truncate(int(10.0 ** rng.uniform(6.7, 12.0)))
     runs = ["run", "good"]
     return ["compare", *(runs if rng.integers(2) else runs[::-1]), "--out", "out"]
 

@@ -9,10 +9,8 @@
 | 11 | read it, and warn; the name of the warning is the name of the kind |
 """
 
-import csv
 import io
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +22,6 @@ from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.tables import write_csv
 
 Rng = np.random.Generator
-Cells = list[list[str]]
 HARMLESS = ("columns in another order", "dimensions in another order")
 AXES = ("q_axis", "v_axis")
 WRONG_NAMES = ("crank_angel", "angle", "²")  # of a crank angle
@@ -36,8 +33,7 @@ class Kind(NamedTuple):
     """One kind of bad log: its class, its name, what is changed of a good log, and a function that changes it.
 
     That is the `file`, as h5py opens it, or its `bytes`; the `channels`, before they are written as they are, or by the
-    log itself to a file that is otherwise whole (`.nc`, `.csv`); the `cells` of a table, of which row 0 is the header,
-    or its `text`. Bytes and text are returned, channels may be.
+    log itself to a file that is otherwise whole (`.nc`, `.csv`). Bytes are returned, channels may be.
     """
 
     number: int
@@ -55,7 +51,7 @@ def write_kind(kind: Kind, rng: Rng, log: FlightLog, folder: Path) -> Path:
         log: a good simulated log of half a second or more, with its truth and exact sensors.
         folder: existing folder for the file.
     """
-    suffix = ".csv" if kind.part in ("text", "cells", ".csv") else ".nc"
+    suffix = ".csv" if kind.part == ".csv" else ".nc"
     path = folder / f"bad_{kind.number}_{rng.integers(10**9)}{suffix}"
     if kind.part in ("channels", ".nc", ".csv"):
         data = log.measured.copy(deep=True)
@@ -67,17 +63,12 @@ def write_kind(kind: Kind, rng: Rng, log: FlightLog, folder: Path) -> Path:
         FlightLog(data).save(path)
     elif kind.part == ".csv":
         write_csv(FlightLog(data), path)
-    elif kind.part == "cells":
-        rows = table(log, path)
-        kind.change(rng, rows)
-        with path.open("w", newline="") as file:
-            csv.writer(file, lineterminator="\n").writerows(rows)
     elif kind.part == "file":
         save(log, path)
         with h5py.File(path, "r+") as file:
             kind.change(rng, file)
     else:
-        (table if kind.part == "text" else save)(log, path)
+        save(log, path)
         path.write_bytes(kind.change(rng, path.read_bytes()))
     return path
 
@@ -91,13 +82,6 @@ def save(log: FlightLog, path: Path) -> None:
         log.save(path)
         _SAVED[:] = [(log, path.read_bytes())]
     path.write_bytes(_SAVED[0][1])
-
-
-def table(log: FlightLog, path: Path) -> Cells:
-    """Write a good log as a table, and return its cells."""
-    write_csv(replace(log, truth=None), path)
-    with path.open(newline="") as file:
-        return list(csv.reader(file))
 
 
 def some(rng: Rng, names: Any) -> str:
@@ -199,45 +183,6 @@ def _attribute(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     return data.assign_attrs({key: wrong[rng.integers(len(wrong))]})
 
 
-def _other_table(rng: Rng, text: bytes) -> bytes:
-    first = text.splitlines()[0]
-    others = [b"", b"\n\n", first + b"\n", bytes(range(256)) * 20, text.decode().encode("utf-16")]
-    others += [b"time," * 100_000, b'"' + text, first + b"\n" + b"\0" * 500]
-    return others[rng.integers(len(others))]
-
-
-def _cell(rng: Rng, rows: Cells) -> None:
-    words = ("", "far", "nan", "inf", "²", "1,5", "0x10", "9" * 5000, "1e999", "2020-01-01", "--1", "1 2", "TRUE")
-    rows[rng.integers(1, len(rows))][rng.integers(len(rows[0]))] = some(rng, words)
-
-
-def _row(rng: Rng, rows: Cells) -> None:
-    k = rng.integers(1, len(rows))
-    rows[k] = rows[k][:-1] if rng.random() < 0.5 else [*rows[k], "0"]
-
-
-def _time_cell(rng: Rng, rows: Cells) -> None:
-    k = rng.integers(2, len(rows))
-    rows[k][0] = some(rng, (rows[k - 1][0], "-1"))
-
-
-def _degrees_cells(rng: Rng, rows: Cells) -> None:
-    names = [cell.partition(" ")[0] for cell in rows[0]]
-    k = names.index(some(rng, ("crank_angle", "left_elbow", "right_elbow")))
-    for row in rows[1:]:
-        row[k] = repr(float(row[k]) * 180.0 / np.pi)
-
-
-def _length_cells(rng: Rng, rows: Cells) -> None:
-    row = rows[rng.integers(1, len(rows))]
-    row[4:8] = some(rng, ("0 0 0 0", "1 1 1 1", "0 0 0 0.5")).split()
-
-
-def _milliseconds(rng: Rng, rows: Cells) -> None:
-    for row in rows[1:]:
-        row[0] = repr(float(row[0]) * 1000.0)
-
-
 def _unknown_label(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     word, dim = some(rng, ("joint_5", "", "Ä", "LEFT_SHOULDER", "x" * 300)), some(rng, AXES)
     labels = [*map(str, data[dim].values)]
@@ -273,26 +218,6 @@ def _no_unit(rng: Rng, data: xr.Dataset) -> None:
 
 def _number_unit(rng: Rng, data: xr.Dataset) -> None:
     data[some(rng, data.data_vars)].attrs["units"] = [1.0, np.array([1, 2]), 7][rng.integers(3)]
-
-
-def _unknown_column(rng: Rng, rows: Cells) -> None:
-    rows[0][rng.integers(len(rows[0]))] = some(rng, ("height", "²", "", "q" * 500, "x[", "X [m]"))
-
-
-def _doubled_column(rng: Rng, rows: Cells) -> None:
-    k = rng.integers(1, len(rows[0]))
-    rows[0][k] = rows[0][k - 1]
-
-
-def _missing_column(rng: Rng, rows: Cells) -> None:
-    k = rng.integers(8)  # time, position and quaternion are required
-    for row in rows:
-        del row[k]
-
-
-def _wrong_column_unit(rng: Rng, rows: Cells) -> None:
-    k = rng.integers(len(rows[0]))
-    rows[0][k] = f"{rows[0][k].partition('[')[0].strip()} [{some(rng, ('mm', 'deg', '°', 'furlong', ''))}]"
 
 
 def off_the_linkage(rng: Rng, data: xr.Dataset) -> None:
@@ -374,13 +299,6 @@ KINDS = [
     Kind(2, "no configuration", "channels", lambda rng, data: data.drop_vars(["q", "q_axis"])),
     Kind(2, "wrong attribute", "channels", _attribute),
     Kind(2, "huge attribute", "channels", lambda rng, data: data.assign_attrs(notes=np.zeros(200_000))),
-    Kind(2, "other kind of table", "text", _other_table),
-    Kind(2, "cell without a number", "cells", _cell),
-    Kind(2, "row of another length", "cells", _row),
-    Kind(2, "time that does not rise", "cells", _time_cell),
-    Kind(2, "degrees in a table", "cells", _degrees_cells),
-    Kind(2, "quaternion of another length in a table", "cells", _length_cells),
-    Kind(2, "milliseconds", "cells", _milliseconds),
     Kind(1, HARMLESS[0], "channels", lambda rng, data: data[{dim: rng.permutation(data.sizes[dim]) for dim in AXES}]),
     Kind(1, HARMLESS[1], "channels", lambda rng, data: data.transpose("v_axis", "q_axis", "interval", "time")),
     Kind(1, "unknown label", "channels", _unknown_label),
@@ -392,9 +310,5 @@ KINDS = [
     Kind(1, "no unit", "channels", _no_unit),
     Kind(1, "unit that is no text", "channels", _number_unit),
     Kind(1, "unit of time", "channels", lambda rng, data: data["time"].attrs.update(units=some(rng, TIME_UNITS))),
-    Kind(1, "unknown column", "cells", _unknown_column),
-    Kind(1, "doubled column", "cells", _doubled_column),
-    Kind(1, "missing column", "cells", _missing_column),
-    Kind(1, "wrong unit of a column", "cells", _wrong_column_unit),
     *(Kind(11, name, suffix, change) for name, change in CONTRADICTIONS.items() for suffix in (".nc", ".csv")),
 ]

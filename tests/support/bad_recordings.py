@@ -2,16 +2,11 @@
 
 import shutil
 from pathlib import Path
-from typing import Any
 
 import tomli_w
 
 from support.bad_texts import SHORT, WITH_MAP, Kind, Rng
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
-
-WRONG: tuple[Any, ...] = ("", "²", 300 * "n", -1, 0, True, [], [[]], {}, ["px"], {"columns": "px"}, 1e300, "/", "../x")
-MJCF = """<mujoco model="leg"><worldbody><body name="trunk"><freejoint/><geom size=".1" mass="1"/></body></worldbody>
-</mujoco>"""
 
 
 def write_good(place: Path) -> None:
@@ -39,14 +34,6 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
         calibration: what `aerobat calibrate` learnt from it.
     """
 
-    def mapped(rng: Rng, place: Path) -> list[str]:
-        """Damage one entry of a map."""
-        copied(good, place, "robot.urdf", "log.csv")
-        read = table_map(Path("robot.urdf"))
-        _damage(rng, read)
-        (place / "map.toml").write_text(tomli_w.dumps(read))
-        return ["estimate", "log.csv", *WITH_MAP]
-
     def map_text(rng: Rng, place: Path) -> list[str]:
         """Give a map that is none."""
         copied(good, place, "robot.urdf", "log.csv")
@@ -61,24 +48,6 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
             ["live", "log.csv", "--map", "map.toml"],
         )
         return list(doors[rng.integers(3)])
-
-    def robot(rng: Rng, place: Path) -> list[str]:
-        """Give a robot that is none, or another one than the map's."""
-        copied(good, place, "log.csv")
-        text = (good / "robot.urdf").read_text()
-        broken = (
-            b"",
-            b"<robot",
-            rng.bytes(400),
-            text[: len(text) // 2].encode(),
-            text.replace('"trunk"', '""').encode(),
-        )
-        broken += (text.replace("<mass value=", "<mass value2=").encode(), MJCF.encode(), 9000 * b"<b>")
-        broken += (text.replace("FL_FOOT", "FL_TOE").encode(), text.replace("<axis xyz=", "<axis xyz2=").encode()[:900])
-        name = str(rng.choice(["robot.urdf", "robot.xml"]))
-        (place / name).write_bytes(broken[rng.integers(len(broken))])
-        (place / "map.toml").write_text((good / "map.toml").read_text().replace("robot.urdf", name))
-        return ["estimate", "log.csv", *WITH_MAP]
 
     def rows(rng: Rng, place: Path) -> list[str]:
         """Damage the table that a map reads."""
@@ -160,25 +129,9 @@ def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
         return ["calibrate", *chosen, "--out", "out.nc"]
 
     return {
-        "map": mapped,
         "text for a map": map_text,
-        "robot of a map": robot,
         "table of a map": rows,
         "bag": messages,
         "calibration": learnt,
         "flights to calibrate": calibrated,
     }
-
-
-def _damage(rng: Rng, values: dict[str, Any]) -> None:
-    """Remove, rename or replace one entry that the map needs, somewhere down its tables."""
-    needed = {"robot": ("urdf", "points"), "base": ("position", "quaternion"), "joints": ("names", "position")}
-    table_name = str(rng.choice(list(needed)))
-    entries, key = values[table_name], str(rng.choice(needed[table_name]))
-    choice = rng.integers(3)
-    if choice == 0:
-        entries["more"] = 1
-    elif choice == 1:
-        entries[f"{key}s"] = entries.pop(key)
-    else:
-        entries[key] = WRONG[rng.integers(len(WRONG))]

@@ -121,14 +121,6 @@ def _pipe(rng: Rng, place: Path) -> list[str]:
     return [*words[:2], "--suggest"] if name.startswith("log") and rng.integers(2) else words
 
 
-def _header(rng: Rng, place: Path) -> list[str]:
-    """Give a table with a cell or a number of columns that no header has."""
-    line = (200_000 * "x" + ",t", ",".join(f"c{k}" for k in range(20_000)), 3_000_000 * "x,")[rng.integers(3)]
-    words = _mapped(place)
-    (place / "log.csv").write_text(f"{line}\n0,0\n1,0\n")
-    return words if rng.integers(2) else ["estimate", "log.csv", "--suggest"]
-
-
 def chain(count: int, *, star: bool = False) -> str:
     """Return a URDF of links in a row, or all on the first."""
     joints = "".join(HINGE.format(k, 0 if star else k, k + 1) for k in range(count))
@@ -178,32 +170,10 @@ def _impossible(rng: Rng, place: Path) -> list[str]:
     return _robot(place, _mapped(place), impossible(rng))
 
 
-def _foreign(rng: Rng, place: Path) -> list[str]:
-    """Give a robot that names files of others, parts in other files, or a class that nobody defined."""
-    asset = '<mujoco model="m"><asset><mesh name="m" file="{}"/></asset>'
-    texts = (
-        ARM_MJCF.replace('class="main"', 'class="none"'),
-        ARM_MJCF.replace('<body name="bar"', '<body name="bar" childclass="none"'),
-        ARM_MJCF.replace('<mujoco model="arm">', asset.format("/etc/passwd")),
-        ARM_MJCF.replace("<worldbody>", '<include file="robot.mjcf"/><worldbody>'),
-        urdf().replace(
-            '<link name="trunk">',
-            '<link name="trunk"><visual><geometry><mesh filename="/etc/passwd"/></geometry></visual>',
-        ),
-        urdf().replace(
-            '<link name="trunk">',
-            '<link name="trunk"><visual><geometry><mesh filename="file:///etc/passwd"/></geometry></visual>',
-        ),
-    )
-    return _robot(place, _mapped(place), texts[rng.integers(len(texts))])
-
-
 STRANGERS: dict[str, Kind] = {
     "bag that unpacks": _unpacks,
     "endless bag": _endless,
     "pipe": _pipe,
-    "header": _header,
     "large robot": _large,
     "robot that cannot be": _impossible,
-    "robot of others' files": _foreign,
 }

@@ -70,25 +70,6 @@ def _lists(rng: Rng, door: str) -> str:
     return f"{FORMATS[door][0]}\nmore = {depth * '['}{rng.choice(['', depth * ']'])}\n"
 
 
-def _tables(rng: Rng, door: str) -> str:
-    depth = _deep(rng)
-    return str(
-        rng.choice(
-            [
-                f"{FORMATS[door][0]}\n[{'.'.join(depth * 'a')}]\n",
-                f"{'.'.join(depth * 'a')} = 1\n{FORMATS[door][0]}",
-                f"a = {depth * '{b = '}1{depth * '}'}\n{FORMATS[door][0]}",
-            ]
-        )
-    )
-
-
-def _word(rng: Rng, door: str) -> str:
-    sign = str(rng.choice(["9", "k", "0x" + "f", "1_"]))
-    key, value = (int(rng.integers(256, 5000)) * sign, "1") if rng.integers(2) else ("more", 5000 * sign + "1")
-    return f"{key} = {value}\n{FORMATS[door][0]}"
-
-
 def _encoding(rng: Rng, door: str) -> bytes:
     good = FORMATS[door][0]
     at = int(rng.integers(len(good.encode())))
@@ -194,34 +175,9 @@ def _path(rng: Rng, place: Path) -> list[str]:
     return list(words[rng.integers(len(words))])
 
 
-def _recorded(rng: Rng, place: Path) -> list[str]:
-    """Give a scenario a recorded force that is no table of a force."""
-    texts = (
-        "",
-        "a,b\n1,2\n",
-        "time,force\n0,0\n",
-        "time,force\n0,0\n0,1\n",
-        "time,force\n1,0\n0,1\n",
-        "time,force\n0,x\n1,1\n",
-    )
-    texts += (
-        "time,force\n0,nan\n1,1\n",
-        "time;force\n0;1\n1;1\n",
-        "time,force\n0,1,2\n1,1\n",
-        "time,force\n0,1e999\n1,1\n",
-    )
-    (place / "force.csv").write_bytes(texts[rng.integers(len(texts))].encode() if rng.integers(4) else rng.bytes(300))
-    force = '[{signal="recorded", frame="left_distal", file="force.csv"}]'
-    return ["run", "paper", "--out", "out", *SHORT, "--set", f"unknown_force={force}"]
-
-
 CHANGES: dict[str, Callable[[Rng, str], str | bytes]] = {
     "nested lists": _lists,
-    "nested tables": _tables,
-    "long word": _word,
     "not UTF-8": _encoding,
-    "other bytes": lambda rng, door: b"\x80" + rng.bytes(int(rng.integers(1, 5000))),
-    "too large": lambda rng, door: FORMATS[door][0] + "\n#" + int(rng.integers(1_000_000, 3_000_000)) * "x",
     "unknown key": _unknown,
     "wrong value": _value,
     "missing key": _missing,
@@ -229,7 +185,7 @@ CHANGES: dict[str, Callable[[Rng, str], str | bytes]] = {
     "wrong name": _name,
 }
 TEXT: dict[str, Kind] = {name: _written(change) for name, change in CHANGES.items()}
-TEXT |= {"setting": _setting, "path": _path, "recorded force": _recorded}
+TEXT |= {"setting": _setting, "path": _path}
 
 
 def _flight(rng: Rng, place: Path) -> list[str]:
@@ -262,19 +218,6 @@ def _runs(rng: Rng, place: Path) -> list[str]:
     return words_for("sweep", "s.toml")
 
 
-def _dimension(rng: Rng, place: Path) -> list[str]:
-    """Vary a quantity whose name or labels no table can hold."""
-    name = str(rng.choice(["a/b", "/", "", " ", ".", "..", "a\\n", 256 * "é", "r2", "observer", "a\\u0000"]))
-    texts = (
-        f'[variants."{name}"]\nc = {{}}',
-        f'[factors."{name}"]\nvalues = [1]\nof = {{"observers.gain" = 1}}',
-        '[set]\n"simulation.seed" = 1' + int(rng.integers(20, 200)) * "0",
-        '[variants.a]\n"x\\u0000" = {}',
-    )
-    (place / "s.toml").write_text('name = "s"\nbase = "paper"\n' + texts[rng.integers(len(texts))])
-    return words_for("sweep", "s.toml")
-
-
 def _table(rng: Rng, place: Path) -> list[str]:
     """Give a table of hundreds of megabytes, which is sparse here."""
     with (place / "log.csv").open("wb") as file:
@@ -294,9 +237,4 @@ def _table(rng: Rng, place: Path) -> list[str]:
     return list(doors[rng.integers(len(doors))])
 
 
-SIZES: dict[str, Kind] = {
-    "long or fine flight": _flight,
-    "many runs": _runs,
-    "name or label of a dimension": _dimension,
-    "large table": _table,
-}
+SIZES: dict[str, Kind] = {"long or fine flight": _flight, "many runs": _runs, "large table": _table}

@@ -175,12 +175,7 @@ def record(model: pin.Model, count: int = 40, seed: int = 3) -> tuple[Any, ...]:
 
 
 def streamed(
-    observer: Observer,
-    time: np.ndarray,
-    q: np.ndarray,
-    v: np.ndarray,
-    tau: np.ndarray,
-    known: Mapping[str, np.ndarray],
+    observer: Observer, time: np.ndarray, q: np.ndarray, v: np.ndarray, tau: np.ndarray, known: Mapping[str, np.ndarray]
 ) -> Iterator[Sample]:
     """Yield what an observer finds in a record that comes sample by sample."""
     observer.reset(q[0], v[0], time[0])

@@ -1,5 +1,6 @@
 """The vortex lattice's cases, flown with the lifting line and with the section law of the robot's strips."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ def stroke_of(name: str) -> Stroke:
     return Stroke(4.0, frequency=5.0, pitch_axis=-0.25 * CHORD, **angles)
 
 
+@cache
 def flown(name: str, strips: int = 16, *, robot: bool = False) -> LatticeCase:
     """Fly a case and return it as the lattice does: through `fly`, or through the robot's kernel."""
     stroke, line = stroke_of(name), wing(strips)

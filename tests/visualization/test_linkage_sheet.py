@@ -10,7 +10,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.image import imread
 from matplotlib.text import Annotation
 from support.commands import aerobat, call
-from support.further import further
 
 from aerobat_pin.linkage import KineticSculpture
 from aerobat_pin.visualization import style
@@ -85,7 +84,7 @@ def test_a_bars_name_stands_on_the_bar_of_its_lengths() -> None:
         assert sorted(np.linalg.norm(a - b) for a, b in itertools.combinations(ends, 2)) == pytest.approx(sides), name
 
 
-@pytest.mark.parametrize(("kind", "begin"), [("svg", b"<?xml"), *further(("png", b"\x89PNG"), ("pdf", b"%PDF"))])
+@pytest.mark.parametrize(("kind", "begin"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("pdf", b"%PDF")])
 def test_the_same_linkage_gives_the_same_files(kind: str, begin: bytes) -> None:
     first, second = (style.render_figure(linkage_sheet.draw_linkage(LINKAGE), kind) for _ in range(2))
     assert first == second
@@ -117,9 +116,6 @@ def test_the_command_draws_and_prints(here: Path, capsys: pytest.CaptureFixture[
     names = ["aerobat_light.pdf", "aerobat_light.png", "one.svg", "two.PDF"]
     assert sorted(path.name for path in (here / "mine").iterdir()) == names
     assert (here / "mine" / "two.PDF").read_bytes().startswith(b"%PDF")
-    before = (here / "mine" / "one.svg").read_bytes()
-    assert call("linkage", "--out", "mine/one.svg", "--force") == 0
-    assert (here / "mine" / "one.svg").read_bytes() == before
 
 
 def test_the_command_line_warns_in_a_line_of_a_nearly_singular_linkage(tmp_path: Path) -> None:

@@ -12,14 +12,14 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from support.browser import needs_browser, opened
 from support.further import further
+from support.shipped import flown
 
 from aerobat_pin.aerobat.flight_log import true_force
-from aerobat_pin.experiments import Experiment, run, write
+from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.figures.estimation import draw_estimation
-from aerobat_pin.visualization.figures.flight import draw_states
+from aerobat_pin.visualization.figures.flight import draw_states, draw_stick_diagram
 from aerobat_pin.visualization.result_pages import draw_all, report_html
-from aerobat_pin.visualization.style import save_figure
 
 
 def test_the_papers_figures_are_drawn_as_png_and_pdf(paper_folder: Path) -> None:
@@ -58,8 +58,7 @@ def test_the_figures_show_the_channels_they_name(paper: Experiment, drawn: dict[
 
 def test_a_force_that_acts_on_no_wing_is_not_said_to() -> None:
     """The title of the figure follows the frames at which the observers look."""
-    guard = run(load_scenario("guard", ["simulation.duration=0.1"]))
-    figure = draw_estimation(guard.scores)
+    figure = draw_estimation(flown("guard").scores)
     assert "Unknown force at each point" in figure.get_suptitle()
     assert figure.axes[0].get_title() == "thruster_1"
 
@@ -79,7 +78,7 @@ def test_the_close_up_looks_where_something_happens(
     name: str, row: int, span: tuple[float, float], legend: list[str]
 ) -> None:
     """The axis and the time of the first event, of a step its onset; boxes are explained, and hide no line."""
-    made = run(load_scenario(name))
+    made = flown(name)
     figure = draw_all(made)["estimation"]
     columns = len(made.estimates["momentum"].frames)
     close, looked_at = figure.axes[6 * columns], figure.axes[2 * row * columns]
@@ -125,7 +124,7 @@ def test_a_noisy_estimate_does_not_hide_the_truth_and_shows_its_deviation() -> N
 @pytest.fixture(scope="module")
 def tumble() -> Experiment:
     """Return a flight in which the robot turns over."""
-    return run(load_scenario("tumble"))
+    return flown("tumble")
 
 
 def test_an_angle_that_wraps_leaves_a_gap(tumble: Experiment) -> None:
@@ -139,7 +138,7 @@ def test_an_angle_that_wraps_leaves_a_gap(tumble: Experiment) -> None:
 def test_the_stick_diagram_fills_its_picture(name: str, drawn: float, request: pytest.FixtureRequest) -> None:
     """A straight flight wide and stretched, one that turns away in its true shape; either over most of the width."""
     made = request.getfixturevalue(name)
-    figure = draw_all(made)["stick_diagram"]
+    figure = draw_stick_diagram(made.robot, made.drawn)
     figure.draw_without_rendering()
     [axis] = figure.axes
     assert axis.get_aspect() == drawn
@@ -149,23 +148,9 @@ def test_the_stick_diagram_fills_its_picture(name: str, drawn: float, request: p
     assert np.ptp(made.log.measured["q"].values[:, 0]) > 0.8 * (high - low)
 
 
-def test_the_same_run_draws_the_same_figures(
-    paper: Experiment, drawn: dict[str, Figure], paper_folder: Path, tmp_path: Path
-) -> None:
-    """Byte for byte: no date, no random order. Two of the figures, as all are saved alike and that takes seconds."""
-    write(paper, tmp_path)
-    (tmp_path / "figures").mkdir()
-    for name in ("estimation", "stick_diagram"):
-        save_figure(drawn[name], tmp_path / "figures" / name)
-    again = [path for path in tmp_path.rglob("*") if path.suffix in (".png", ".pdf", ".json", ".toml")]
-    assert len(again) == 4 + 2
-    for path in again:
-        assert path.read_bytes() == (paper_folder / path.relative_to(tmp_path)).read_bytes(), path.name
-
-
-def test_the_figures_of_the_air_show_its_force_and_power(paper: Experiment) -> None:
+def test_the_figures_of_the_air_show_its_force_and_power(paper: Experiment, drawn: dict[str, Figure]) -> None:
     """Lift and thrust against an own rotation to world axes, weight, power; the colours hold every strip."""
-    truth, drawn = paper.log.truth, draw_all(paper)
+    truth = paper.log.truth
     lift, thrust, strips = drawn["aerodynamics"].axes[:3]
     force = (truth["aerodynamic"] + truth["added_mass"]).values
     for k in (0, 700, 1999):

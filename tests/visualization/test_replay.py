@@ -47,7 +47,10 @@ def newtons_per_centimetre(page: Any) -> float:
 
 @needs_browser
 def test_it_plays_from_disk_as_long_as_the_flight_and_pauses(page: Any) -> None:
-    """Offline, without an error; a click on the button stops it, the time bar seeks."""
+    """Offline, without an error; a click on the button stops it, the time bar seeks, and buttons choose its speed.
+
+    From 1/50 to real time; the one that holds is marked.
+    """
     assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0, abs=1e-3)
     assert page.evaluate("viewer.animator.mixer.timeScale") == SLOW_MOTION
     page.get_by_role("button", name="pause").click()
@@ -59,11 +62,6 @@ def test_it_plays_from_disk_as_long_as_the_flight_and_pauses(page: Any) -> None:
     page.locator("#time").fill("1.25")
     page.wait_for_function("document.getElementById('clock').textContent === '1.250 s'")
     assert page.evaluate("viewer.animator.actions[0].time") == pytest.approx(1.25)
-
-
-@needs_browser
-def test_its_speed_is_chosen_by_a_button(page: Any) -> None:
-    """From 1/50 to real time; the one that holds is marked."""
     buttons = page.locator("#speeds button[data-rate]")
     assert buttons.evaluate_all("(all) => all.map((one) => Number(one.dataset.rate))") == [
         0.02,

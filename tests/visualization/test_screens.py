@@ -41,7 +41,10 @@ def overlaps(found: list[tuple[str, Any]]) -> list[tuple[str, str]]:
 @needs_browser
 @pytest.mark.parametrize("size", [SIZES[0], SIZES[2], *further((SIZES[1],))])
 def test_the_replays_controls_cover_nothing(paper_folder: Path, browser: Any, size: tuple[int, int]) -> None:
-    """Folded or not, all of it is on the screen; on a phone the legend begins folded and buttons fit a finger."""
+    """Folded or not, all of it is on the screen; on a phone the legend begins folded and buttons fit a finger.
+
+    Where a window becomes as small as a phone, upright and across, no panel covers another; the robot is seen.
+    """
     with opened(browser, (paper_folder / "replay.html").as_uri(), size=size) as page:
         ready(page)
         page.evaluate("animator.pause()")
@@ -59,22 +62,19 @@ def test_the_replays_controls_cover_nothing(paper_folder: Path, browser: Any, si
             for name, box in boxes(page, ("#controls button", "#legend summary")):
                 assert np.all(box[2:] - box[:2] >= FINGER - 0.01), name
         assert page.locator(".dg:visible").count() == 0, "meshcat's own strip of controls"
+        for width, height in () if small else (SIZES[2], SIZES[1]):
+            resized(page, width, height)
+            page.wait_for_function("(width) => viewer.camera.view.fullWidth === width", arg=width)
+            assert overlaps(boxes(page, TOUCHED)) == []
+            assert page.evaluate("seen()")
 
 
 @needs_browser
-def test_a_phone_that_is_turned_keeps_everything_in_its_place(page: Any) -> None:
-    """To portrait and to landscape without loading the page again: no panel covers another one, the robot is seen."""
-    page.evaluate("animator.pause()")  # the camera is placed for the moment of turning
-    for width, height in (SIZES[2], SIZES[1]):
-        resized(page, width, height)
-        page.wait_for_function("(width) => viewer.camera.view.fullWidth === width", arg=width)
-        assert overlaps(boxes(page, TOUCHED)) == []
-        assert page.evaluate("seen()")
+def test_the_time_bar_follows_the_arrow_keys_and_the_replay_is_dark_by_night(page: Any) -> None:
+    """Even right after the bar was used; one estimate is shown at a time, the keys are named, the report is linked.
 
-
-@needs_browser
-def test_the_time_bar_follows_the_arrow_keys_and_the_observer_can_be_chosen(page: Any) -> None:
-    """Even right after the bar was used; one estimate is shown at a time, the keys are named, the report is linked."""
+    By night panels and sky are dark, also when it falls while the page is open; the true force is then light.
+    """
     node = 'viewer.scene_tree.find(["meshcat", "world", "force", `estimated force (${name})`])'
     shown = f"(name) => {node}.object.visible"
     page.locator("#time").fill("1.25")
@@ -91,11 +91,6 @@ def test_the_time_bar_follows_the_arrow_keys_and_the_observer_can_be_chosen(page
     assert page.evaluate("viewer.animator.actions[0].time") < before
     assert "space: play or pause; arrow keys" in page.inner_text("#legend")
     assert page.locator("#legend a").get_attribute("href") == "report.html"
-
-
-@needs_browser
-def test_the_replay_is_dark_by_night(page: Any) -> None:
-    """Panels and sky, also when night falls while it is open; the true force is then light, and dark again by day."""
     true = """(() => { let colour; viewer.scene_tree.find(["meshcat", "world", "force", "true force"]).object.traverse(
         (one) => { if (one.isMesh) colour = one.material.color.getHexString(); }); return colour; })()"""
     at(page, 0.5)
