@@ -195,6 +195,21 @@ def test_kinetic_and_potential_energy_written_out_equal_pinocchio(robot: Aerobat
 
 
 @pytest.mark.parametrize("seed", range(5))
+def test_mass_matrix_of_the_written_out_kinetic_energy_equals_crba(robot: Aerobat, seed: int) -> None:
+    """Polarisation: M_ij = T(e_i + e_j) - T(e_i) - T(e_j), T being quadratic in the velocities."""
+    q, _, _ = random_motion(seed)
+
+    def T(v: np.ndarray) -> float:
+        return float(paper_energy(robot, paper_bodies_of(robot, q, v))[0])
+
+    E = np.eye(10)
+    M = np.array([[T(a + b) - T(a) - T(b) for b in E] for a in E])
+    expected = pin.crba(robot.model, robot.model.createData(), q)
+    np.testing.assert_allclose(M, expected, atol=EXACT, rtol=0)
+    np.testing.assert_allclose(TIE.T @ M @ TIE, TIE.T @ expected @ TIE, atol=EXACT, rtol=0)
+
+
+@pytest.mark.parametrize("seed", range(5))
 def test_h_of_the_written_out_lagrangian_is_minus_coriolis_minus_gravity(robot: Aerobat, seed: int) -> None:
     """Paper, equation of motion: h_d = -(C v + g) stands on the right; with the other sign it fails."""
     q, v, _ = random_motion(seed)
@@ -207,6 +222,26 @@ def test_h_of_the_written_out_lagrangian_is_minus_coriolis_minus_gravity(robot: 
     np.testing.assert_allclose(h, -bias, atol=EXACT * max(1.0, scale), rtol=0)
     for wrong in (bias, -bias + 2.0 * g, bias - 2.0 * g):  # both signs turned, gravity alone, Coriolis alone
         assert np.max(np.abs(h - wrong)) > 0.1 * scale
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_forward_dynamics_obeys_euler_lagrange_and_the_wrong_sign_of_h_does_not(robot: Aerobat, seed: int) -> None:
+    """Paper, M_d a_d = h_d + u_a + u_m + u_f; its Euler-Lagrange equation judges the acceleration of `pin.aba`."""
+    q, v, _ = random_motion(seed)
+    u = np.random.default_rng([0, seed]).standard_normal(10) * np.array([0.5] * 3 + [0.02] * 7)
+    data = robot.model.createData()
+    nle = pin.nonLinearEffects(robot.model, data, q, v).copy()
+    M = pin.crba(robot.model, data, q).copy()
+
+    def missing(a: np.ndarray) -> float:
+        R, x, x_dot, x_ddot, P = chart(q, v, a)
+        return float(np.max(np.abs(euler_lagrange(robot, R, x, x_dot, x_ddot) - P.T @ u)))
+
+    right = pin.aba(robot.model, data, q, v, u).copy()
+    scale = max(1.0, np.max(np.abs(nle)))
+    np.testing.assert_allclose(M @ right, -nle + u, atol=EXACT * scale, rtol=0)
+    assert missing(right) < EXACT * scale
+    assert missing(np.linalg.solve(M, nle + u)) > 0.1
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -8,10 +8,14 @@ import pytest
 from support import twins
 from support.kernel_cases import instant, plant_of
 
+from aerobat_pin.aerobat.flight_log import true_force
+from aerobat_pin.aerobat.flight_record import known_inputs
 from aerobat_pin.aerobat.wing import LINKS
 from aerobat_pin.aerodynamics.planform import added_mass_factor
+from aerobat_pin.experiments.experiment import run
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.observers import ForceLevelObserver
 from aerobat_pin.scenario.scenario import load_scenario
 
 LOCAL = pin.ReferenceFrame.LOCAL
@@ -108,6 +112,18 @@ def test_the_force_is_minus_mass_times_the_rate_of_each_strips_normal_velocity(
         np.testing.assert_allclose(found[rows], expected[rows], rtol=0.0, atol=1e-6 * np.abs(expected[rows]).max())
 
 
+def test_what_the_added_mass_takes_is_its_kinetic_energy() -> None:
+    """Over a flap the work of its force is the fall of v M_a v / 2: power means from the stages, energy at the ends."""
+    log = simulate(load_scenario("paper", ["simulation.dt=0.0005", "simulation.duration=0.2"]))
+    plant = plant_of("paper", COLD)
+    q, v = (log.measured[name].values for name in ("q", "v"))
+    energy = link_energy(plant, q, v)
+    force = log.truth["added_mass"].values
+    # The force varies little within a step: its mean times the mean velocity is its work to second order.
+    work = np.cumsum(np.sum(force * 0.5 * (v[1:] + v[:-1]), axis=1)) * 5e-4
+    np.testing.assert_allclose(work, energy[0] - energy[1:], rtol=0.0, atol=2e-4 * energy.max())
+
+
 def test_wings_lighter_than_their_air_fly_without_trouble() -> None:
     """Ten times the air's mass on 42 g of robot: as an explicit force this would diverge within a few steps."""
     log = simulate(load_scenario("paper", ["air.added_mass=10.0", "simulation.duration=0.3", "simulation.dt=0.002"]))
@@ -147,3 +163,18 @@ def test_the_logged_channel_is_the_change_of_momentum_and_asks_for_no_accelerati
     found = logs[0].truth["added_mass"].values
     scale = np.abs(expected).max(axis=0) + 1e-6
     assert np.max(np.abs(found - expected) / scale) < 1e-4
+
+
+def test_an_observer_that_is_not_told_of_the_added_mass_sees_it_as_a_force() -> None:
+    """The channel matters: without it the residual is wrong by tens of millinewton, several times the noise."""
+    experiment = run(load_scenario("paper", ["simulation.duration=0.5"]))
+    inputs, frames = known_inputs(experiment.log, experiment.robot), experiment.scenario.observers.frames
+    ignorant = {name: value for name, value in inputs.known.items() if name != "added_mass"}
+    truth = np.stack([true_force(experiment.log, frame)[0] for frame in frames], axis=1)
+    missed = []
+    for known in (inputs.known, ignorant):
+        observer = ForceLevelObserver(experiment.robot.model, frames, 2000.0)
+        force = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, known).force
+        missed.append(float(np.sqrt(np.mean((force - truth) ** 2))))
+    assert missed[0] < 2e-3
+    assert missed[1] > 10.0 * missed[0]

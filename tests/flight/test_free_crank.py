@@ -188,6 +188,13 @@ def test_a_stiff_motor_flies_the_prescribed_flight() -> None:
     assert 1e-3 < gap(1.0, "q") < 0.1
 
 
+def test_a_stiff_controller_keeps_the_rate() -> None:
+    """Gain instead of inertia: a hundred times the gain, a twentieth of the ripple, through a blow."""
+    stiff = ["crank.motor.gain=1.0", "crank.motor.lag=5e-4", "crank.motor.torque_limit=10", "simulation.dt=1e-4"]
+    ripples = [np.ptp(rate(flown(*settings))[-1000:]) for settings in ((), stiff)]
+    assert ripples[1] < 0.05 * ripples[0]
+
+
 def test_the_torque_keeps_its_limit_and_the_rate_does_not_overshoot_after_it() -> None:
     """From rest: long at the limit, the integral does not wind up."""
     constants = {"start_frequency": 0.0, "rotor_inertia": 1e-3, "gain": 0.1, "integral_gain": 1.0}
@@ -226,3 +233,13 @@ def test_a_motor_of_ones_own_replaces_the_scenarios_drive() -> None:
     assert log.measured["crank_angle"].values[0] == -1.0
     replaced = simulate(scenario("simulation.duration=0.02"), drive=SpinUp(-1.0, 30.0, 0.5))
     assert "crank_rate" not in replaced.truth
+
+
+def test_a_blow_against_the_stroke_slows_the_crank_and_one_along_it_speeds_it_up() -> None:
+    """5 mN s upward on a wing that goes down, within 10 ms; half of it comes from the body, which moves as well."""
+    after = round((BLOW + 0.01) / 1e-3)
+    undisturbed, against, along = (rate(flown(blow(impulse)))[after] for impulse in (0.0, 5e-3, -5e-3))
+    assert flown().measured["v"].sel(v_axis="left_shoulder").values[round(BLOW / 1e-3)] < -15.0
+    assert against < undisturbed - 1.0
+    assert along > undisturbed + 1.0
+    np.testing.assert_array_equal(rate(flown())[: after - 10], rate(flown(blow(0.0)))[: after - 10])
