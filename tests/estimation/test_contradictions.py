@@ -15,8 +15,10 @@ from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.tables import write_csv
 from aerobat_pin.control import Controller
 from aerobat_pin.estimation import record_findings
+from aerobat_pin.estimation.checks.agreement import agreement_findings
 from aerobat_pin.experiments.experiment import NO_MAP, Experiment, run_recorded
 from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.records import Agreement
 from aerobat_pin.scenario import AirSection
 from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
 
@@ -166,3 +168,18 @@ def test_a_short_or_uneven_log_is_no_reason_to_fail(recorded: FlightLog) -> None
     wrong = measured.isel(time=np.r_[0:100, 200:300]).copy(deep=True)
     height_in_millimetres(np.random.default_rng(1), wrong)
     assert kinds(warned(FlightLog(wrong), robot)) == ["position against velocity"]
+
+
+@pytest.mark.parametrize(
+    ("seed", "late", "size", "pace", "seconds"),
+    [(6, 0.0, 0.05, 0.21, 1), (51, 0.0, 0.05, 0.21, 1), (1, 0.04, 0.5, 1.0, 10)],
+)
+def test_a_slow_turn_is_no_late_gyro(seed: int, late: float, size: float, pace: float, seconds: int) -> None:
+    """It follows from itself at another time about as well: of a second of a quiet flight 105 ms were named."""
+    rng, time, alone = np.random.default_rng(seed), np.arange(100 * seconds) / 100.0, np.array([0.0, 0.0, 1.0])
+    phase = rng.uniform(0.0, 6.0, 3)[2]
+    turned = size / pace * np.sin(pace * time + phase)[:, None] * alone
+    turned += 1e-6 * rng.standard_normal((len(time), 3)) * alone
+    gyro = size * np.cos(pace * (time - late) + phase)[:, None] * alone + 3e-3 * rng.standard_normal((len(time), 3))
+    pair = Agreement("-", ("attitude", "gyro"), time, turned, gyro, "rates", ("x", "y", "z"), "rad", 0.02, "-")
+    assert ("late channel" in [one.check for one in agreement_findings(pair)]) == (late > 0.0)

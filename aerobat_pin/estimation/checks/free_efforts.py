@@ -17,10 +17,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.checks.known_against_motion import LEFT_BY_TURN, QUARTER_TURNS, TRIED_AT, turned_back
+from aerobat_pin.estimation.checks.known_against_motion import turned_base
 from aerobat_pin.estimation.checks.readings import (
     LEFT_BY_JOINTS,
     JointReading,
@@ -86,16 +85,12 @@ def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
     turned = balance.imbalance(signs=signs)
     zeros, without_zeros = zeros_of_free(record, motion, balance, _left_by_one_number)
-    late = late_efforts(record, balance, min(turned, float(least @ least) / balance.size, without_zeros))
-    if late is not None:
-        yield late
-        return
-    if idle:
-        return
-    most = min(LEFT_BY_TURN * share, SWAP * min(turned, without_zeros), RIGHT_PLACES)
-    other_axes = list(_turned_base(record, motion, share, most))
-    if other_axes:
-        yield from other_axes
+    found = late_efforts(record, balance, min(turned, float(least @ least) / balance.size, without_zeros))
+    if found is None and not idle:
+        found = turned_base(record, motion, share, min(SWAP * min(turned, without_zeros), RIGHT_PLACES))
+    if found is not None:
+        yield found
+    if found is not None or idle:
         return
     by_factors = float(least @ least) / (SWAP * balance.size)
     exchanged = share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors, without_zeros)
@@ -136,25 +131,6 @@ def _read_otherwise(
         if left < min(enough, RIGHT_PLACES, turned, NO_NUMBERS * factors, most):
             unsure = " (so much that it may be other joints, or a push)" if left > GOOD else ""
             yield from reading.told(record, _share_words(left, share) + unsure)
-
-
-def _turned_base(record: Record, motion: FreeMotion, share: float, most: float) -> Iterator[Finding]:
-    """Yield that the base's axes are turned by quarters, if the motion then leaves less than `most`, in squares."""
-
-    def left_by(motion: FreeMotion, turn: Array) -> float:
-        balance = balance_of(record, turned_back(motion, turn[None], np.zeros(1, bool)))
-        return np.inf if balance is None else balance.imbalance()
-
-    few = motion.every(-(-len(motion.v) // TRIED_AT))
-    best = min(QUARTER_TURNS, key=lambda turn: left_by(few, turn))
-    if (left := left_by(motion, best)) < most:
-        turn = best.T @ pin.rpy.rpyToMatrix(*np.radians(record.map.base.imu.turn))
-        angles = ", ".join(f"{x:.0f}" for x in np.degrees(pin.rpy.matrixToRpy(turn)).round() + 0.0)
-        what = (
-            f"attitude and rates of a sensor with base.imu.turn = [{angles}] leave {_share_words(left, share)}: how is "
-            "it mounted, or has the body whose pose it is other axes (base.axes)?"
-        )
-        yield Finding("axes of the base", "warning", what, left, "1")
 
 
 def _left_by_one_number(balance: Balance) -> float:

@@ -30,6 +30,7 @@ from aerobat_pin.forces import (
     KnownForces,
     KnownInputs,
     accelerations,
+    balance_of,
     column_rms,
     command_sum,
     expected_from,
@@ -149,9 +150,9 @@ def _turned(record: Record, motion: FreeMotion, mapped: float) -> Iterator[Findi
     [against] = _opposed(record, replace(motion, known=-motion.known))
     few = motion.every(-(-len(motion.v) // TRIED_AT))
     turns, worlds = np.repeat(QUARTER_TURNS, 2, axis=0), np.arange(2 * len(QUARTER_TURNS)) % 2 == 1
-    best = int(np.argmin(_opposed(record, turned_back(few, turns, worlds), len(turns))))
+    best = int(np.argmin(_opposed(record, _turned_back(few, turns, worlds), len(turns))))
     turn, world = turns[best], bool(worlds[best])
-    [least] = _opposed(record, turned_back(motion, turn[None], worlds[best : best + 1]))
+    [least] = _opposed(record, _turned_back(motion, turn[None], worlds[best : best + 1]))
     if min(against, least) > LEFT_BY_TURN * mapped:
         return
     share = float(np.sqrt(min(against, least) / mapped))
@@ -170,7 +171,7 @@ def _turned(record: Record, motion: FreeMotion, mapped: float) -> Iterator[Findi
     yield Finding(OTHER_AXES, "warning", text, share, "1")
 
 
-def turned_back(motion: FreeMotion, turns: Array, worlds: Array) -> FreeMotion:
+def _turned_back(motion: FreeMotion, turns: Array, worlds: Array) -> FreeMotion:
     """Return a motion of m instants n times: as if read with its body turned (n, 3, 3), and the world too (n,)."""
     attitude = rotation_matrices(motion.halfway[:, 3:7]) @ turns[:, None]
     attitude = np.where(worlds[:, None, None, None], turns.swapaxes(1, 2)[:, None] @ attitude, attitude)
@@ -179,6 +180,29 @@ def turned_back(motion: FreeMotion, turns: Array, worlds: Array) -> FreeMotion:
     for rates in (motion.v, motion.a):
         rates[:, :6] = (rates[:, :6].reshape(len(turns), -1, 2, 3) @ turns[:, None]).reshape(-1, 6)
     return motion
+
+
+def turned_base(record: Record, motion: FreeMotion, share: float, most: float) -> Finding | None:
+    """Return that the base's axes are turned by quarters, if the motion then leaves far less, and less than `most`.
+
+    What is left is in squares: a `share` of what is needed as mapped. What pushes at points is taken off.
+    """
+
+    def left_by(motion: FreeMotion, turn: Array) -> float:
+        balance = balance_of(record, _turned_back(motion, turn[None], np.zeros(1, bool)))
+        return np.inf if balance is None else balance.imbalance()
+
+    few = motion.every(-(-len(motion.v) // TRIED_AT))
+    best = min(QUARTER_TURNS, key=lambda turn: left_by(few, turn))
+    if (left := left_by(motion, best)) >= min(LEFT_BY_TURN * share, most):
+        return None
+    turn = best.T @ pin.rpy.rpyToMatrix(*np.radians(record.map.base.imu.turn))
+    angles = ", ".join(f"{x:.0f}" for x in np.degrees(pin.rpy.matrixToRpy(turn)).round() + 0.0)
+    what = (
+        f"attitude and rates of a sensor with base.imu.turn = [{angles}] leave {100.0 * left**0.5:.1f} %, as mapped "
+        f"{100.0 * share**0.5:.1f} %: how is it mounted, or has the body whose pose it is other axes (base.axes)?"
+    )
+    return Finding("axes of the base", "warning", what, left, "1")
 
 
 def _opposed(record: Record, motion: FreeMotion, readings: int = 1) -> Array:
