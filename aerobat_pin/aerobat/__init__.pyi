@@ -44,6 +44,8 @@ from .flight_record import flight_motion as flight_motion
 from .flight_record import flight_record as flight_record
 from .flight_record import free_record as free_record
 from .flight_record import known_inputs as known_inputs
+from .kind_of_log import kind_of_log as kind_of_log
+from .kind_of_log import needs_map as needs_map
 from .link_kernels import Tree as Tree
 from .link_kernels import chain as chain
 from .link_kernels import climb as climb
@@ -55,8 +57,6 @@ from .prescribed_joints import BASE_SIZE as BASE_SIZE
 from .prescribed_joints import joint_table as joint_table
 from .prescribed_joints import prescribed_joint_dynamics as prescribed_joint_dynamics
 from .robot import AerobatRobot as AerobatRobot
-from .tables import kind_of_log as kind_of_log
-from .tables import needs_map as needs_map
 from .tables import read_log as read_log
 from .tables import table_record as table_record
 from .tables import write_csv as write_csv

@@ -17,7 +17,6 @@ from .analysis.noise_and_lag import gain_for_lag as gain_for_lag
 from .analysis.noise_and_lag import predict as predict
 from .applications import Application as Application
 from .applications import Applications as Applications
-from .applications import Identifiability as Identifiability
 from .estimate import Estimate as Estimate
 from .estimate import Innovation as Innovation
 from .estimate import Sample as Sample
@@ -39,6 +38,7 @@ from .friction import JointFriction as JointFriction
 from .friction import as_others_rub as as_others_rub
 from .friction import effort_limits as effort_limits
 from .friction import fit_friction as fit_friction
+from .identifiability import Identifiability as Identifiability
 from .kalman.kalman import KalmanObserver as KalmanObserver
 from .kalman.kalman import SmootherObserver as SmootherObserver
 from .momentum import ForceLevelObserver as ForceLevelObserver

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.observers.applications import Identifiability
 from aerobat_pin.observers.expected import SHOWN
+from aerobat_pin.observers.identifiability import Identifiability
 from aerobat_pin.observers.redundancy import Redundancy, redundancy_of
 
 if TYPE_CHECKING:

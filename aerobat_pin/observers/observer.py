@@ -32,9 +32,10 @@ from aerobat_pin.numerics import (
     placements,
     rebuilt,
 )
-from aerobat_pin.observers.applications import Application, Applications, judge
+from aerobat_pin.observers.applications import Application, Applications
 from aerobat_pin.observers.estimate import Estimate, Sample
 from aerobat_pin.observers.expected import Expected
+from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.kernels import residual as kernels
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState

@@ -122,7 +122,7 @@ def test_sizes_are_checked_before_anything_is_read(
     with pytest.raises(LogError, match=r"its values take .* GB: at most 2 GB are read"):
         FlightLog.load(tmp_path / "log.nc")
     write_csv(replace(log, truth=None), tmp_path / "log.csv")
-    monkeypatch.setattr(sys.modules["aerobat_pin.aerobat.tables"], "LARGEST_TABLE", 10e3)
+    monkeypatch.setattr(sys.modules["aerobat_pin.aerobat.kind_of_log"], "LARGEST_TABLE", 10e3)
     with pytest.raises(LogError, match=r"log\.csv: \d+ bytes: at most 10000\.0 were expected"):
         read_log(tmp_path / "log.csv")
     monkeypatch.undo()

@@ -7,7 +7,8 @@ import pytest
 
 from aerobat_pin.aerobat.aerobat import JOINTS
 from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.tables import STATE_TABLE, read_log, table_units, write_csv
+from aerobat_pin.aerobat.kind_of_log import STATE_TABLE, table_units
+from aerobat_pin.aerobat.tables import read_log, write_csv
 from aerobat_pin.errors import LogError, OutputError
 from aerobat_pin.experiments.experiment import Experiment
 from aerobat_pin.flight.simulate import simulate

@@ -20,7 +20,8 @@ from aerobat_pin.observers import (
     Tie,
     tie_joints,
 )
-from aerobat_pin.observers.applications import Applications, judge
+from aerobat_pin.observers.applications import Applications
+from aerobat_pin.observers.identifiability import judge
 from aerobat_pin.observers.rows import BelievedRows
 
 WINGS = ["left_force_point", "right_force_point"]

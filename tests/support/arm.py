@@ -5,7 +5,7 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.aerobat import Aerobat
 from aerobat_pin.observers import Identifiability, MomentumObserver, Observer, Rows, Sample
-from aerobat_pin.observers.applications import judge
+from aerobat_pin.observers.identifiability import judge
 from support.observer_twins import point_jacobian
 
 ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from aerobat_pin.errors import ObserverError, ShapeError
 from aerobat_pin.numerics import Array, checked, guarded
-from aerobat_pin.observers.applications import RANK_TOLERANCE, judge
+from aerobat_pin.observers.identifiability import RANK_TOLERANCE, judge
 from aerobat_pin.observers.kernels.filters import RISE
 from aerobat_pin.observers.observer import Observer
 from aerobat_pin.observers.rows import BASE_ROWS, has_free_base
