@@ -96,11 +96,14 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         whose = whose if len(names) == len(whose) else driven
         factor = np.full(len(names), factor_of(key, unit, kind))
         given = {*coupled, *(table.effort.torque_per_unit if table.effort and part == "effort" else ())}
-        others = _of_other_kind(part, unit, robot, whose, given)
+        slide_unit = getattr(section, "slide_unit", None)
+        others = [False] if slide_unit else _of_other_kind(part, unit, robot, whose, given)
         if part == "effort":
             if table.effort is not None:
                 _check_torques(table.effort, whose, sensed)
             factor[:] = [torque_per_unit(table.effort, joint) for joint in whose]
+        elif slide_unit:
+            factor[[robot.slides(joint) for joint in whose]] = factor_of(key, slide_unit, kind)
         else:
             factor[others] = 1.0
         units = () if any(map(robot.slides, whose)) else units_of(unit, kind, len(names))

@@ -17,7 +17,7 @@ PART_WORDS = {  # what a joint's column may be -> words beside the joint's name,
     "effort": {"tau", "torque", "trq", "effort", "efforts", "eff", "current", "cur", "i", "moment"},
     "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
 }
-FORCE_WORDS = {"", "f", "force"}  # beside a joint's name: its effort, if no other column is
+FORCE_WORDS = {"", "f", "force", "n"}  # beside a joint's name: its effort, if no other column is
 CURRENT_WORDS = {"current", "cur", "i"}
 WANTED_WORDS = {"target", "desired", "des", "cmd", "command", "commanded", "setpoint", "goal", "ref", "reference"}
 OTHER_WORDS = {"voltage", "volt", "temp", "temperature", "acc", "accel", "acceleration", "ext", "external", "error"}

@@ -66,9 +66,7 @@ class QuaternionSection(ChannelSection):
 class VelocitySection(ChannelSection):
     """Velocity of the base's origin."""
 
-    axes: Literal["world", "body"] | None = Field(
-        None, description="of the columns; left out: world, of an Odometry topic body"
-    )
+    axes: Literal["world", "body"] | None = Field(None, description="of columns; left out: world, of Odometry body")
     from_: Literal["pose"] | None = Field(None, alias="from", description="differentiated, in place of columns")
     window: Positive = Field(0.05, description="of the parabolas that differentiate (from) [s]")
 
@@ -118,10 +116,13 @@ class BaseTable(Section):
 class JointPositionSection(ChannelSection):
     """Angles or places of joints, as `names`; a unit of angles leaves slides in SI, one of lengths leaves hinges so."""
 
+    slide_unit: Literal["m", "mm"] | None = Field(None, description="of those that slide, beside others that turn")
+
 
 class JointVelocitySection(ChannelSection):
     """Rates of joints, as `names`; a unit of angles leaves slides in SI, one of lengths leaves hinges so."""
 
+    slide_unit: Literal["m/s", "mm/s"] | None = Field(None, description="of those that slide, beside others that turn")
     from_: Literal["position"] | None = Field(None, alias="from", description="differentiated, in place of columns")
     window: Positive = Field(0.02, description="of the parabolas that differentiate (from) [s]")
 

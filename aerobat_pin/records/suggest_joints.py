@@ -177,7 +177,10 @@ def _units(
         stated = of_turn if turning else of_slide
         if turning and slides and of_turn == SI_UNITS[part][0]:
             stated = of_slide if of_slide != SI_UNITS[part][1] else ""
-        unit = f', unit = "{stated}"}}' if stated else "}"
+        unit = f', unit = "{stated}"' if stated else ""
+        if turning and stated == of_turn and part != "effort" and of_slide in ("mm", "mm/s"):
+            unit += f', slide_unit = "{of_slide}"'
+        unit += "}"
         if turning and slides:
             unit += (
                 f"  # {of_turn} of {', '.join(turning)}; {of_slide} of {', '.join(slides)} (a unit leaves others in SI)"

@@ -160,6 +160,28 @@ def test_a_unit_is_that_of_the_joints_that_can_have_it(tmp_path: Path) -> None:
         np.testing.assert_allclose(record.block(0, 500).q, table[["q", "q1"]].to_numpy()[:501], atol=1e-6)
 
 
+def test_slides_and_hinges_can_each_have_a_unit(tmp_path: Path) -> None:
+    """In mm beside deg no map could say it: each of two refusals named the other's unit. `--suggest` writes both."""
+    table = robot_table(tmp_path, "prismatic", "revolute", motors=2)
+    names = {"q": "slide_pos_mm", "v": "slide_vel_mm_s", "tau": "slide_force_N"}
+    names |= {"q1": "hinge1_pos_deg", "v1": "hinge1_vel_deg_s", "tau1": "hinge1_torque_Nm"}
+    factors = {"q": 1e3, "v": 1e3, "q1": 180.0 / np.pi, "v1": 180.0 / np.pi}
+    for name, factor in factors.items():
+        table[name] *= factor
+    table = table.rename(columns=names)
+    table.to_csv(tmp_path / "log.csv", index=False)
+    values = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "few.urdf"))
+    assert (values["joints"]["position"]["unit"], values["joints"]["position"]["slide_unit"]) == ("deg", "mm")
+    values["robot"]["points"] = ["tip"]
+    record = recorded(tmp_path / "log.csv", values)
+    for part, columns in (("position", ("q", "q1")), ("velocity", ("v", "v1")), ("effort", ("tau", "tau1"))):
+        expected = table[[names[name] for name in columns]] / [factors.get(name, 1.0) for name in columns]
+        np.testing.assert_allclose(record.channels[f"joints.{part}"].values[:], expected, rtol=1e-12, atol=1e-15)
+    del values["joints"]["position"]["slide_unit"]
+    with pytest.raises(LogError, match=r'slide_unit = "mm" for joints\.position would leave all within them'):
+        estimate(recorded(tmp_path / "log.csv", values))
+
+
 @pytest.mark.parametrize(
     ("kinds", "expected"),
     [

@@ -285,7 +285,7 @@ def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:
         where = f"{joint} is at {least:.3g} to {most:.3g} {unit}, its limits are {low:.3g} to {high:.3g} {unit}"
         beyond.append((excess / span, joint, where, unit))
         certain |= excess > (A_TURN if unit == "rad" else TEN_RANGES * span)
-        in_force = SMALLER[unit][0] == (None if section is None else section.unit)  # what is in force is not proposed
+        in_force = section is not None and SMALLER[unit][0] in (section.unit, section.slide_unit)  # is not proposed
         zero = 2.0 * joints.offset.get(joint, 0.0)  # which the encoder's factor does not turn
         turned &= low <= zero - most and zero - least <= high and joint not in joints.coupling
         smaller = SMALLER[unit][1] * np.array([least, most])  # zero is within any limits
@@ -296,7 +296,8 @@ def limit_findings(record: Record, positions: Array) -> Iterator[Finding]:
     others = ", ".join(joint for _, joint, _, _ in beyond if joint != first)
     back = ", ".join(f"{joint} = {-joints.factor.get(joint, 1.0):g}" for _, joint, _, _ in beyond)
     cause = f"factor = {{{back}}} under [joints] would leave all within them, or " if turned and not meant else ""
-    cause += f'unit = "{SMALLER[unit][0]}" for joints.position would leave all within them, or ' if meant else ""
+    key = "unit" if unit == "rad" else "slide_unit"
+    cause += f'{key} = "{SMALLER[unit][0]}" for joints.position would leave all within them, or ' if meant else ""
     cause += (
         'another zero or gear (joints.offset, joints.factor), order or robot, or it turns on and on (type="continuous")'
     )
