@@ -198,7 +198,10 @@ def _check_form(values: xr.Variable, row: ChannelSpec, where: str, *, complete: 
 
 
 def _columns_in_order(dim: str, data: xr.Dataset, name: str, *, complete: bool) -> list[int] | None:
-    """Return the columns of an axis in the order of `LABELS`, or None if they stand in it. Raises LogError."""
+    """Return the columns of an axis in the order of `LABELS`, or None if they stand in it.
+
+    Raises LogError for labels that are missing or others.
+    """
     expected = LABELS.get(dim)
     if expected is None:
         return None
@@ -262,7 +265,7 @@ def _sample_name(variable: xr.Variable, data: xr.Dataset, row: int) -> str:
 
 
 def angle_fault(time: Array, crank: Array | None, joints: Array | None) -> str | None:
-    """Return which angles, crank (n,) or joints (n, 4), are in degrees, in words: they turn too fast, or too far."""
+    """Return which angles at times (n,) [s], crank (n,) or joints (n, 4), are in degrees: they turn too fast or far."""
     if crank is not None:
         steps = np.diff(time)
         turned = np.abs(np.diff(crank))[steps > 0.0] / steps[steps > 0.0]

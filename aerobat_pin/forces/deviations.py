@@ -103,11 +103,19 @@ def sample_noise(components: Array) -> Array:
     return np.asarray(GAUSSIAN * size / sqrt(comb(2 * DIFFERENCE, DIFFERENCE)))
 
 
-def between_samples(record: Record) -> int:
-    """Return how many common times the slowest velocity has a sample apart: what is interpolated hides its noise."""
-    velocities = [record.channels.get(key) for key in ("base.velocity", "base.rate", "joints.velocity")]
-    spacings = [typical_spacing(each.time) for each in velocities if each is not None]
-    return max(1, round(max(spacings, default=0.0) * record.rate))
+def noise_of_rows(rows: Array, record: Record) -> Array:
+    """Return `sample_noise` (nv,) of rows or velocities (m, nv) at common times.
+
+    Where a free base is slower than these, what is interpolated hides its noise: its six columns are taken as far apart
+    as its samples.
+    """
+    noise = sample_noise(rows)
+    base = [record.channels.get(f"base.{part}") for part in ("velocity", "rate", "position", "quaternion")]
+    spacings = [typical_spacing(each.time) for each in base if each is not None]
+    step = max(1, round(max(spacings, default=0.0) * record.rate))
+    if record.robot.free and step > 1:
+        noise[:6] = np.maximum(noise[:6], sample_noise(rows[::step, :6]))
+    return noise
 
 
 def local_noise(components: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.forces.deviations import between_samples, sample_noise
+from aerobat_pin.forces.deviations import noise_of_rows
 from aerobat_pin.forces.inputs import KnownInputs
 from aerobat_pin.forces.inverse_dynamics import accelerations, mean_in, required_torque
 from aerobat_pin.forces.known_forces import FittedValues, mean_motion
@@ -97,7 +97,7 @@ def looked_at(
         (v, a), step = mean_motion(record, stretch.time, stretch.v), typical_step(stretch.time)
         share = -np.expm1(-gain * step)
         y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
-        noise.append(sample_noise(y[:: between_samples(record)]))
+        noise.append(noise_of_rows(y, record))
         sliding, coulomb = np.tanh(v / stiction_rate), np.tanh(v / (stiction_rate if law is None else law.rate))
         chosen = settled_instants(stretch.time, gain)[::every]
         table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, -a, stretch.tau))])

@@ -120,7 +120,10 @@ class Sensitivity:
 
 
 def sensitivities(bars: LinkageLengths, angles: Array) -> dict[str, Sensitivity]:
-    """Differentiate the closed linkage at angles (..., 7) by L3b, L5a and L5b: J dt/dL = -d(gap)/dL at constant t1."""
+    """Differentiate the closed linkage at angles (..., 7) [rad], as `ANGLES`, by L3b, L5a and L5b, its keys.
+
+    J dt/dL = -d(gap)/dL at constant t1.
+    """
     jacobian = real_rows(loops(bars).by_angles(angles))
     dependent = -np.linalg.solve(jacobian[..., 1:], real_rows(loops_by_lengths(bars, angles)))
     by_length = np.concatenate([np.zeros_like(dependent[..., :1, :]), dependent], axis=-2)

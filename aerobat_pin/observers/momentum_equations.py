@@ -171,7 +171,7 @@ class Projection(NamedTuple):
         The mean of two rank-deficient Jacobians has nearly, but not exactly, deficient rank, and least squares with it
         would magnify the patterns that leave no trace. They are therefore found with the exact Jacobian at the end of
         the interval, and the result contains nothing of them. J (m, c, nv) and v (m, nv), the direction of the row of
-        power, are those in mid-interval.
+        power, are those in mid-interval, J_end and v_end those at its end.
         """
         B = rows.of(J, v)
         A, c = B @ np.swapaxes(B, 1, 2), J.shape[1]

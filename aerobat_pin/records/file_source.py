@@ -127,9 +127,9 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
     if missing and not robot.moves_joints:
         hint = "name their columns"
         following = [f"{name} mimics {robot.mimics[name].leader}" for name in missing if name in robot.mimics]
-        hint += f" ({', '.join(following)}, and moves with it)" if following else ""
-        if beside := [topic for topic, kind in columns.kinds.items() if "JointState" in kind and topic != table.topic]:
-            hint = f"has {beside[0]} them? Columns can be of several topics (joints.position = {{columns = [...]}} ...)"
+        hint += f" ({', '.join(following)}, and moves with it)" * bool(following)
+        told = [name for name, kind in columns.kinds.items() if "JointState" in kind and name != table.topic]
+        hint = f"has {told[0]} them (columns can be of several topics)" if told and not following else hint
         if strangers:
             alike = as_names(nearest_joints(strangers, missing) or {"NAME": missing[0]})
             hint = f"{table.topic} has {', '.join(strangers)}: if one of them is meant, write {alike}"

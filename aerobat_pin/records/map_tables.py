@@ -66,7 +66,7 @@ class QuaternionSection(ChannelSection):
 class VelocitySection(ChannelSection):
     """Velocity of the base's origin."""
 
-    axes: Literal["world", "body"] | None = Field(None, description="of columns; left out: world, of Odometry body")
+    axes: Literal["world", "body"] | None = Field(None, description="left out: world; of the twist of base.topic, body")
     from_: Literal["pose"] | None = Field(None, alias="from", description="differentiated, in place of columns")
     window: Positive = Field(0.05, description="of the parabolas that differentiate (from) [s]")
 

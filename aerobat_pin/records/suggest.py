@@ -261,10 +261,7 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         else:
             yield 'velocity = {from = "pose", window = 0.05}'
         if "rate" in groups:
-            size = float(np.nanstd(np.stack([columns.sample(name) for name in groups["rate"]])))
-            unit = named_unit("rate", groups["rate"]) or ("deg/s" if size > 8.0 else "rad/s")
-            names = listed(groups["rate"])
-            yield f'rate = {{columns = {names}, unit = "{unit}", axes = "body"}}  # its scatter is {size:.3g}'
+            yield _rate(columns, groups["rate"])
         else:
             yield 'rate = {from = "pose", window = 0.05}'
         yield ""
@@ -275,10 +272,23 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         if imu:
             yield f'# topic = "{imu}"'
         else:
-            yield from (
-                f"# {part} = {{columns = {listed(groups[part])}}}" for part in ("quaternion", "rate", "acceleration")
-            )
+            yield f"# quaternion = {{columns = {listed(groups['quaternion'])}}}"
+            yield f"# {_rate(columns, groups['rate'])}"
+            yield f"# acceleration = {_felt(columns, groups['acceleration'])}"
         yield ""
+
+
+def _rate(columns: Columns, names: tuple[str, ...]) -> str:
+    size = float(np.nanstd(np.stack([columns.sample(name) for name in names])))
+    unit = named_unit("rate", names) or ("deg/s" if size > 8.0 else "rad/s")
+    return f'rate = {{columns = {listed(names)}, unit = "{unit}", axes = "body"}}  # its scatter is {size:.3g}'
+
+
+def _felt(columns: Columns, names: tuple[str, ...]) -> str:
+    felt = np.stack([columns.sample(name) for name in names])
+    size = float(np.nanmedian(np.linalg.norm(felt, axis=0)))
+    unit = named_unit("acceleration", names) or ("g" if 0.5 < size < 2.0 else "m/s2")
+    return f'{{columns = {listed(names)}, unit = "{unit}"}}  # its median is {size:.3g}'
 
 
 def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
@@ -286,11 +296,7 @@ def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iter
     if imu:
         yield f'specific_force = {{topic = "{imu}"}}'
     elif "acceleration" in groups:
-        felt = np.stack([columns.sample(name) for name in groups["acceleration"]])
-        size = float(np.nanmedian(np.linalg.norm(felt, axis=0)))
-        unit = named_unit("acceleration", groups["acceleration"]) or ("g" if 0.5 < size < 2.0 else "m/s2")
-        names = listed(groups["acceleration"])
-        yield f'specific_force = {{columns = {names}, unit = "{unit}"}}  # its median is {size:.3g}'
+        yield f"specific_force = {_felt(columns, groups['acceleration'])}"
     asked = 'force on the robot (1) or on the sensor (-1)? In its own axes: axes = "frame".'
     if wrench:
         yield f'wrench = {{topic = "{wrench}", sign = 1}}  # {asked} At which point?'

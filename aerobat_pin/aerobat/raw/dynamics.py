@@ -150,7 +150,7 @@ def _crank_after(time: Array) -> Array:
 def wings_by_crank(wings: Array, rate: Array, bend: Array) -> Array:
     """Return the derivatives (m, 12, 3) of the joints' angles, rates and accelerations by those of the crank.
 
-    `wings` are of `wing_angles`, `rate` and acceleration `bend` (m, 1) of the crank.
+    `wings` are of `wing_angles`; rate [rad/s] and acceleration `bend` [rad/s2] (m, 1) are those of the crank.
     """
     by_crank = np.zeros((len(wings), 3, 4, 3))
     _, first, second, third = wings.transpose(1, 0, 2)

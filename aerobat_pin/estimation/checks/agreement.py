@@ -20,7 +20,6 @@ FOLLOWS = 0.8  # correlation from which one series is taken to follow the other
 CONFUSED = 0.5  # correlation below which one does not follow the other
 FACTOR_OFF = 0.1  # deviation of a factor from 1 that counts, if the factor explains most of the difference
 LOST_SHARE = 5e-3  # share of samples that are missing under even stamps, from which it is said
-SAME_LAG = 0.5  # of a lag, by which that of half a record may differ
 LEAST_MOTION = 5e-4  # [rad, m] in a window: a column that moves less shows no factor
 SEEN_MOTION = 2e-3  # [rad, m] in a window: series that move less are not said to differ in kind
 UNIT_FACTORS = {  # second per first -> the slip that makes it
@@ -101,7 +100,7 @@ def exchanged(comparison: CrossCorrelation) -> list[tuple[int, int]]:
 
 
 def _late(pair: Agreement, comparison: CrossCorrelation) -> Iterator[Finding]:
-    """Yield that one series is late, if a half of the record alone says so, too, and none another lag.
+    """Yield that one series is late, if a half of the record alone says so, too, and none the other way.
 
     A short or slow motion follows from itself at another time about as well.
     """
@@ -112,7 +111,7 @@ def _late(pair: Agreement, comparison: CrossCorrelation) -> Iterator[Finding]:
             for part in (slice(half), slice(half, None))
         )
         alone = [each.lag for each in map(comparison_of, halves) if each is not None and each.certain]
-        if not alone or any(abs(lag - comparison.lag) > SAME_LAG * abs(comparison.lag) for lag in alone):
+        if not alone or any(lag * np.sign(comparison.lag) <= pair.latest for lag in alone):
             return
         early, late = pair.names if comparison.lag > 0.0 else pair.names[::-1]
         text = (

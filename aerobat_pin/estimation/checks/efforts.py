@@ -103,7 +103,7 @@ def effort_findings(
         text += ": they fit the angles as they are, also those of joints beyond their limits"
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
     if hidden:
-        told = explained(rotors=True)[2] or told
+        told = explained(rotors=True, before=share)[2] or told
     if told:
         most = max(gain for gain, _ in told)
         likeliest = [findings for gain, findings in told if gain > most - AS_LIKELY]
@@ -124,12 +124,13 @@ def _explained(
     beyond: bool,
     *,
     rotors: bool = False,
+    before: float | None = None,
 ) -> tuple[float, float, list[tuple[float, Sequence[Finding]]], bool]:
     """Return what forces and friction leave, and by how much each change that explains it makes the rows likelier.
 
     The share of what is needed, in squares; that of the instants that are independent; changes with what they name; and
     whether rotors alone, which every geared arm has, are far likelier than what else explains it: beside them, if they
-    are looked for, another change may be.
+    are looked for, another change may be; then `before` is what was left without them.
     """
     free = record.map.use.free
     rows, instants = _effort_rows(record, instants, expected, rotors)
@@ -159,7 +160,7 @@ def _explained(
     explaining = []
     for gain, found, change, lasts in _likely(rows, without, changes):
         after = left(found)
-        leaves = f"{100.0 * after**0.5:.3g} % of what is needed, as mapped {100.0 * share**0.5:.3g} %"
+        leaves = f"{100.0 * after**0.5:.3g} % of what is needed, as mapped {100.0 * (before or share) ** 0.5:.3g} %"
         findings = change.told(found, leaves) if lasts else []
         if findings is not None and after < change.enough(found) * share:
             explaining.append((gain, findings, change))

@@ -86,8 +86,8 @@ def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings
     turned = balance.imbalance(signs=signs)
     zeros, without_zeros = zeros_of_free(record, motion, balance, _left_by_one_number)
     found = late_efforts(record, balance, min(turned, float(least @ least) / balance.size, without_zeros))
-    if found is None and not idle:
-        found = turned_base(record, motion, share, min(SWAP * min(turned, without_zeros), RIGHT_PLACES))
+    if found is None and not idle and share > WORTH and not record.map.base.held:
+        found = turned_base(record, motion, share, min(SWAP * min(turned, without_zeros, least_share), RIGHT_PLACES))
     if found is not None:
         yield found
     if found is not None or idle:

@@ -205,22 +205,27 @@ def _dead_efforts(record: Record, efforts: Channel, positions: Channel) -> Itera
 
 
 def _stuck_efforts(record: Record, efforts: Channel, positions: Channel) -> Iterator[Finding]:
-    """Yield efforts that do not change for long while their joints move, as those of others do not show."""
-    pieces = [efforts.values[first : first + EXTENT + 1] for first in range(0, len(efforts.values) - 1, EXTENT)]
-    changed = np.concatenate([np.diff(piece, axis=0) != 0.0 for piece in pieces])
-    ranges = dict(zip(record.joints, np.ptp(np.concatenate(positions.values.spread()), axis=0), strict=True))
-    for joint, changes in zip(record.driven, changed.T, strict=True):
-        edges = np.concatenate([[0], np.flatnonzero(changes) + 1, [len(changes)]])
-        lengths, longest = np.diff(edges), int(np.argmax(np.diff(edges)))
-        first, last = edges[longest : longest + 2].tolist()
-        begin, end = float(efforts.time[first]), float(efforts.time[last])
-        others = np.delete(lengths, longest)
-        lasts = end - begin > STUCK and last - first > OVER_USUAL * (others @ others) / (others.sum() + 1e-9)
-        if lasts and len(others) > FEWEST_CHANGES and changed[first + 1 : last - 1].any():
-            angle = positions.between(begin, end)[1][:, record.joints.index(joint)]
-            if np.ptp(angle) > MOVES * ranges[joint] > 0.0:
-                what = f"the effort of {joint} does not change for {end - begin:.2f} s, from {begin - record.start:.2f}"
-                yield Finding("held channel", "warning", f"{what} s on, although it moves; {EMPTY}", end - begin, "s")
+    """Yield efforts that do not change for long in a used part while their joints move, and other efforts change."""
+    ranges = np.ptp(np.concatenate(positions.values.spread()), axis=0)
+    firsts = range(0, len(efforts.values) - 1, EXTENT)
+    whole = np.concatenate([np.diff(efforts.values[at : at + EXTENT + 1], axis=0) != 0.0 for at in firsts])
+    for part in record.parts:
+        low, high = (record.times(edge, edge)[0] for edge in part)
+        begin, stop = efforts.time.index(low), efforts.time.index(high, "right")
+        time, changed = efforts.time[begin:stop], whole[begin : stop - 1]
+        for joint, changes in zip(record.driven, changed.T, strict=True):
+            edges = np.concatenate([[0], np.flatnonzero(changes) + 1, [len(changes)]])
+            at = int(np.argmax(np.diff(edges)))
+            (first, last), others = edges[at : at + 2].tolist(), np.delete(np.diff(edges), at)
+            usual = (others @ others) / max(others.sum(), 1)
+            if len(others) <= FEWEST_CHANGES or last - first <= OVER_USUAL * usual or time[last] - time[first] <= STUCK:
+                continue
+            k, end = record.joints.index(joint), time[last] - time[first]
+            angle = positions.between(time[first], time[last])[1][:, k]
+            moves = len(angle) and np.ptp(angle) > MOVES * ranges[k] > 0.0
+            if moves and changed[first + 1 : last - 1].any() and joint not in record.map.robot.rows.ignore:
+                what = f"the effort of {joint} does not change for {end:.2f} s, from {time[first] - record.start:.2f}"
+                yield Finding("held channel", "warning", f"{what} s on, although it moves; {EMPTY}", end, "s")
 
 
 def _cut_off_efforts(record: Record, efforts: Channel, positions: Channel) -> Iterator[Finding]:
