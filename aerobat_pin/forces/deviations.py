@@ -37,6 +37,7 @@ from aerobat_pin.observers import (
 )
 from aerobat_pin.records import Map, Record, typical_spacing
 
+JOINTS_APART = 0.01  # [s]: in sixth differences so far apart, 8 Hz are no noise
 DIFFERENCE = 6  # order of the differences in which a force that changes slowly leaves nothing, and noise everything
 GAUSSIAN = 1.4826  # standard deviation over median of the magnitude
 NOISE_STRETCH = 32  # samples in which noise is told from that of other stretches
@@ -106,15 +107,16 @@ def sample_noise(components: Array) -> Array:
 def noise_of_rows(rows: Array, record: Record) -> Array:
     """Return `sample_noise` (nv,) of rows or velocities (m, nv) at common times.
 
-    Where a free base is slower than these, what is interpolated hides its noise: its six columns are taken as far apart
-    as its samples.
+    Where a free base is slower than these, what is interpolated hides its noise: samples are taken as far apart as its
+    own, of joints, whose motion is fast and whose rows feel the base, by at most `JOINTS_APART`.
     """
     noise = sample_noise(rows)
     base = [record.channels.get(f"base.{part}") for part in ("velocity", "rate", "position", "quaternion")]
-    spacings = [typical_spacing(each.time) for each in base if each is not None]
-    step = max(1, round(max(spacings, default=0.0) * record.rate))
-    if record.robot.free and step > 1:
-        noise[:6] = np.maximum(noise[:6], sample_noise(rows[::step, :6]))
+    spacing = max((typical_spacing(each.time) for each in base if each is not None), default=0.0)
+    for columns, most in ((slice(6), np.inf), (slice(6, None), JOINTS_APART)):
+        step = round(min(spacing, most) * record.rate)
+        if record.robot.free and step > 1:
+            noise[columns] = np.maximum(noise[columns], sample_noise(rows[::step, columns]))
     return noise
 
 
