@@ -129,7 +129,7 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
         following = [f"{name} mimics {robot.mimics[name].leader}" for name in missing if name in robot.mimics]
         hint += f" ({', '.join(following)}, and moves with it)" * bool(following)
         told = [name for name, kind in columns.kinds.items() if "JointState" in kind and name != table.topic]
-        hint = f"has {told[0]} them (columns can be of several topics)" if told and not following else hint
+        hint = f"does {told[0]} have them? Columns can be of several topics" if told and not following else hint
         if strangers:
             alike = as_names(nearest_joints(strangers, missing) or {"NAME": missing[0]})
             hint = f"{table.topic} has {', '.join(strangers)}: if one of them is meant, write {alike}"

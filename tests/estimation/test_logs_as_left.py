@@ -387,6 +387,7 @@ def joint_states(path: Path, swing: pd.DataFrame, names: dict[str, str], apart: 
                 values = (np.array([row[f"{joint}_{part}"] for joint in group]) for part in "qvi")
                 message = make[kind](header, [names.get(joint, joint) for joint in group], *values)
                 writer.write(connection, whole, store.serialize_cdr(message, kind))
+        writer.add_connection("/gripper", kind, typestore=store)
         broken = writer.add_connection("/broken", "sensor_msgs/msg/Imu", typestore=store)
         writer.write(broken, whole, b"\0\1\0\0")
 
@@ -402,6 +403,9 @@ def test_messages_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path)
         record.channels["joints.effort"].values[:], swing[[f"{joint}_i" for joint in record.joints]][:100]
     )
     assert any("100 of 200 samples have the stamp of the one before, and are merged" in text for text in said(record))
+    some = {"topic": "/joint_states", "names": ["turn", "lift"]}
+    with pytest.raises(MapError, match=r"bend have no channel; does /gripper have them\? Columns can be of several"):
+        recorded(tmp_path / "apart", {"robot": ROBOT, "joints": some})
 
 
 def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -> None:

@@ -20,8 +20,7 @@ MOSTLY_HELD = 0.9  # share of repeats beyond which a channel counts as slow, not
 RUN = 16  # changes whose distances are even in a channel that is held; those of a rounded slow signal are not
 REGULAR = 0.5  # share of runs that must be even: one lost sample spoils a run
 STUCK = 0.5  # [s] without change, of a channel that otherwise changes
-OVER_USUAL = 10.0  # times as long as an effort else stays as it is at an instant: more than coarse steps
-MOVES = 0.1  # of a joint's range: it moves meanwhile
+OVER_USUAL, MOVES = 10.0, 0.1  # times as long as an effort else stays as it is; of its joint's range, meanwhile
 MOVED_ON, STEPS_AFTER = 10.0, 10  # times the largest of so many steps afterwards, or one count: it moved on unseen
 CUT_OFF, OFTEN_CUT_OFF = 10.0, 0.01  # times as many samples as at the next value, and of all: more than a coarse peak
 FEWEST_LEVELS, MOVES_IN = 50, 10  # values of an effort that varies; samples within which an angle changes in motion
@@ -220,12 +219,13 @@ def _stuck_efforts(record: Record, efforts: Channel, positions: Channel) -> Iter
             usual = (others @ others) / max(others.sum(), 1)
             if len(others) <= FEWEST_CHANGES or last - first <= OVER_USUAL * usual or time[last] - time[first] <= STUCK:
                 continue
-            k, end = record.joints.index(joint), time[last] - time[first]
-            angle = positions.between(time[first], time[last])[1][:, k]
+            k, since, end = record.joints.index(joint), float(time[first]), float(time[last])
+            angle = positions.between(since, end)[1][:, k]
             moves = len(angle) and np.ptp(angle) > MOVES * ranges[k] > 0.0
             if moves and changed[first + 1 : last - 1].any() and joint not in record.map.robot.rows.ignore:
-                what = f"the effort of {joint} does not change for {end:.2f} s, from {time[first] - record.start:.2f}"
-                yield Finding("held channel", "warning", f"{what} s on, although it moves; {EMPTY}", end, "s")
+                what = f"the effort of {joint} does not change for {end - since:.2f} s, from {since - record.start:.2f}"
+                text = f"{what} s on, although it moves: a motor at its limit, or {EMPTY}"
+                yield Finding("held channel", "warning", text, end - since, "s")
 
 
 def _cut_off_efforts(record: Record, efforts: Channel, positions: Channel) -> Iterator[Finding]:
