@@ -8,9 +8,9 @@ come first, by regressing the efforts on what the motion needs,
 
 with i the effort of a row as the map gives it, Y the regressor of n, pi_L the payload's parameters and 1/g the factor
 of the effort. The reverse, n on i, makes factors too small by the noise of the efforts. Errors of the links are fitted
-beside them and then left out: they widen the deviations. Then comes friction, joint by joint. The mass is common to all
-believed rows: what friction can explain of a row is taken out of it and of n first, and rows count by what is left over
-of each.
+beside them and then left out: they widen the deviations. Then comes friction, joint by joint, behind two low-passes, as
+noise of accelerations makes inertias too small. The mass, too, which is common to all believed rows: what friction can
+explain of a row is taken out of it and of n first, and rows count by what is left over of each.
 """
 
 from __future__ import annotations
@@ -30,13 +30,14 @@ from aerobat_pin.forces.gain_regression import (
     friction_columns,
     link_errors,
     regression,
+    regression_gain,
     rms_or_nan,
 )
 from aerobat_pin.forces.inverse_dynamics import SMOOTHING, accelerations, required_torque
 from aerobat_pin.forces.known_forces import Fit, FittedValues, KnownForces
 from aerobat_pin.forces.run_observers import ignored_rows
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import FRICTION_COEFFICIENTS, SMOOTH_RATE, AllBut, fit_friction
+from aerobat_pin.observers import FRICTION_COEFFICIENTS, SMOOTH_RATE, AllBut, fit_friction, repeats, twice_low_passed
 from aerobat_pin.records import FrictionSection, PayloadSection, Record
 
 FACTOR_ERROR = 0.2  # expected of each effort's factor, where a record tells nothing [-]
@@ -178,7 +179,7 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
         )
     rows = [record.robot.v_index(joint) for joint in joints]
     inside, outside = _fitted_samples(record, forces, rows, section.fit)
-    rate, plain = _coulomb_rate(section, inside), outside
+    rate, plain = _coulomb_rate(section, inside, _share_taken(record)), outside
     forces = replace(forces, values=replace(forces.values, joints=joints, scale=np.ones(len(joints))))
     deviations, untold = dict[str, float](), dict[str, str]()
     if section.scale or (payload is not None and payload.com is None):
@@ -186,14 +187,14 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
         inside, outside = _fitted_samples(forces.record, forces, rows, section.fit)
     try:
         residual = inside.needed - inside.given - inside.tau
-        friction = fit_friction(inside.q, inside.v, _rotor(section, inside), residual, rate)
+        friction = fit_friction(inside.q, inside.v, _rotor(section, inside), residual, rate, _share_taken(record))
     except ObserverError as error:
         raise MapError(f"map: joints.friction.fit = {list(section.fit)}: {error}") from error
     residuals = [
         part.needed - part.given - part.tau - friction.torque(part.v, _rotor(section, part))
         for part in (inside, outside)
     ]
-    fits = []
+    fits, reach = list[Fit](), max(1, round(SMOOTHING * record.rate))  # samples that accelerations tie together
     for k, joint in enumerate(joints):
         before = rms_or_nan((plain.needed - plain.given - plain.tau)[:, k])
         coefficients = {name: float(getattr(friction, name)[k]) for name in FRICTION_COEFFICIENTS} | {"rate": rate}
@@ -203,6 +204,8 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
             coefficients |= {"deviation of the factor": deviations[joint]}
         unit = "N" if record.robot.slides(joint) else "N m"
         within, beyond = (rms_or_nan(residual[:, k]) for residual in residuals)
+        changes = residuals[1][reach:, k] - residuals[1][:-reach, k]
+        coefficients |= {"noise": rms_or_nan(changes) / 2**0.5} if len(changes) else {}
         words = untold.get(joint, "")
         fits.append(Fit(f"friction of {joint}", coefficients, unit, before, within, beyond, untold=words))
     values = replace(forces.values, friction=friction, fits=(*forces.values.fits, *fits))
@@ -229,12 +232,17 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
     rows = AllBut(*ignored_rows(record)).kept(robot.model)
     joint_rows = {robot.v_index(joint) for joint in record.joints}
     inside, outside = _fitted_samples(record, forces, rows, stretch)
-    along, power, lines = 0.0, 0.0, []
+    along, power, lines, share = 0.0, 0.0, [], _share_taken(record)
     for k, row in enumerate(rows):
-        needed, target = inside.needed[:, k], (inside.tau + inside.given - inside.needed)[:, k]
+        needed, given, tau = twice_low_passed(
+            np.stack([inside.needed, inside.given, inside.tau], axis=2)[:, k], share
+        ).T
+        target = tau + given - needed
         if section is not None and row in joint_rows:
-            columns = friction_columns(section.law, inside.v[:, k], inside.a[:, k], SMOOTH_RATE)
-            columns = np.column_stack([columns, inside.tau[:, k]]) if section.scale else columns
+            columns = twice_low_passed(
+                friction_columns(section.law, inside.v[:, k], inside.a[:, k], SMOOTH_RATE), share
+            )
+            columns = np.column_stack([columns, tau]) if section.scale else columns
             explained = np.linalg.lstsq(columns, np.column_stack([needed, target]), rcond=None)[0]
             needed, target = (np.column_stack([needed, target]) - columns @ explained).T
         square = float(needed @ needed)
@@ -244,8 +252,7 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
         variance = max(float(residual @ residual), 1e-12 * square) / len(target)
         along, power = along + float(needed @ target) / variance, power + square / variance
         lines.append(k)
-    repeats = max(1.0, SMOOTHING * record.rate)  # samples that the window of the accelerations ties together
-    change, deviation = (along / power, (repeats / power) ** 0.5) if power else (0.0, np.inf)
+    change, deviation = (along / power, (repeats(share) / power) ** 0.5) if power else (0.0, np.inf)
     if deviation > UNSURE_MASS:
         raise MapError(
             f"calibrate: the record does not show the mass (standard deviation {deviation:.2g}, {UNSURE_MASS:g} was "
@@ -264,7 +271,12 @@ def fit_mass(record: Record, forces: KnownForces, stretch: tuple[float, float]) 
     return Fit("mass", {"times": 1.0 + change, "deviation": deviation}, "N, N m", before, inside_rms, outside_rms)
 
 
-def _coulomb_rate(section: FrictionSection, rows: _Rows) -> float:
+def _share_taken(record: Record) -> float:
+    """Return the share of a new interval in the low-passes behind which rows are regressed."""
+    return float(-np.expm1(-regression_gain(record) * record.dt))
+
+
+def _coulomb_rate(section: FrictionSection, rows: _Rows, share: float) -> float:
     """Return the rate at which Coulomb friction sets in: the one whose fit predicts what it did not see best.
 
     Where friction sets in too early, noise of the rate makes it a coin; too late, and a viscous part stands in for it,
@@ -275,7 +287,7 @@ def _coulomb_rate(section: FrictionSection, rows: _Rows) -> float:
     for (i, rate), k in product(enumerate(COULOMB_RATES), range(needed.shape[1])):
         target = [needed[:, k], rows.tau[:, k]] if section.scale else [needed[:, k] - rows.tau[:, k]]
         table = np.column_stack([friction_columns(section.law, rows.v[:, k], rows.a[:, k], rate), *target])
-        squares = np.stack([part.T @ part for part in np.array_split(table, FOLDS)])
+        squares = np.stack([part.T @ part for part in np.array_split(twice_low_passed(table, share), FOLDS)])
         for fold in squares:
             others = squares.sum(axis=0) - fold
             coefficients = np.append(np.linalg.lstsq(others[:-1, :-1], others[:-1, -1], rcond=None)[0], -1.0)

@@ -72,6 +72,11 @@ def explained(record: Record, forces: KnownForces, block: Block) -> Array:
     return given + contact_torque(record, block) if fits_to_sensor(record.map) else given
 
 
+def regression_gain(record: Record) -> float:
+    """Return the gain [1/s] of the low-pass behind which rows are regressed."""
+    return min(float(record.map.observer.gain), REGRESSED)
+
+
 def rms_or_nan(values: Array) -> float:
     """Return the root mean square of values (m,); NaN if there are none."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
@@ -242,7 +247,7 @@ def regression(
         known = {record.robot.v_index(joint): size for joint, size in zip(forces.values.joints, sizes, strict=True)}
     friction = 3 * bool(known) if section is None else 4  # rotors have inertia, whether or not the law has
     p, at = errors.shape[1], errors.shape[1] + carrier.stop - carrier.start
-    gain = min(float(record.map.observer.gain), REGRESSED)
+    gain = regression_gain(record)
     settling = round(TIME_CONSTANTS_TO_SETTLE / gain * record.rate)
     begin = fit[0] + settling * record.dt
     length = min(LASTS, max((fit[1] - begin) / FEWEST_BLOCKS, record.dt))

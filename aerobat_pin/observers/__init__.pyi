@@ -51,7 +51,9 @@ from .redundancy import Redundancy as Redundancy
 from .redundancy import force_size as force_size
 from .redundancy import low_passed as low_passed
 from .redundancy import redundancy_of as redundancy_of
+from .redundancy import repeats as repeats
 from .redundancy import slow_part as slow_part
+from .redundancy import twice_low_passed as twice_low_passed
 from .redundancy import typical_step as typical_step
 from .rows import MOMENT_ARM as MOMENT_ARM
 from .rows import AllBut as AllBut

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.observers.redundancy import repeats, twice_low_passed
 
 SMOOTH_RATE = 0.02  # [rad/s, m/s]: where Coulomb friction has reached 76 %
 BOUNDLESS = 1.0e6  # [N m, N]: a larger limit of an effort is none
@@ -64,8 +65,10 @@ class JointFriction:
         return [f"{FRICTION_COEFFICIENTS[k]} of joint {joint}" for joint, k in np.argwhere(np.isinf(self.deviation))]
 
 
-@guarded(q=("m", "n"), v=("m", "n"), a=("m", "n"), residual_torque=("m", "n"), rate="positive")
-def fit_friction(q: Array, v: Array, a: Array, residual_torque: Array, rate: float = SMOOTH_RATE) -> JointFriction:
+@guarded(q=("m", "n"), v=("m", "n"), a=("m", "n"), residual_torque=("m", "n"), rate="positive", share="positive")
+def fit_friction(
+    q: Array, v: Array, a: Array, residual_torque: Array, rate: float = SMOOTH_RATE, share: float = 1.0
+) -> JointFriction:
     """Fit friction to a record in which no unknown force acts, by least squares for each joint.
 
     Coulomb and viscous friction and inertia are not negative. What the motion does not show is zero with an infinite
@@ -79,6 +82,8 @@ def fit_friction(q: Array, v: Array, a: Array, residual_torque: Array, rate: flo
         residual_torque: (m, n) torque that the model leaves unexplained, interval means: the rows of these joints in an
             observer's generalised residual.
         rate: see `JointFriction`.
+        share: of a new interval, in two low-passes before both sides of the fit; 1 for none. Noise of the accelerations
+            makes the inertia too small.
 
     Raises:
         ObserverError: there are fewer than ten intervals.
@@ -92,11 +97,12 @@ def fit_friction(q: Array, v: Array, a: Array, residual_torque: Array, rate: flo
     for joint in range(count):
         regressors = -np.column_stack([np.tanh(v[:, joint] / rate), v[:, joint], a[:, joint], np.ones(len(v))])
         seen = [3] if np.ptp(q[:, joint]) < STILL else _independent(regressors)
-        columns, target = regressors[:, seen], residual_torque[:, joint]
+        slow = twice_low_passed(np.column_stack([regressors, residual_torque[:, joint]]), share)
+        columns, target = slow[:, seen], slow[:, -1]
         lowest = np.where(np.array(seen) == 3, -np.inf, 0.0)
         coefficients[joint, seen] = lsq_linear(columns, target, (lowest, np.inf), method="bvls").x
-        residual = target - regressors @ coefficients[joint]
-        variance = float(np.sum(residual**2)) / max(len(v) - len(seen), 1)
+        residual = target - slow[:, :-1] @ coefficients[joint]
+        variance = float(np.sum(residual**2)) / max(len(v) - len(seen), 1) * repeats(share)
         deviation[joint, seen] = np.sqrt(variance * np.diag(np.linalg.inv(columns.T @ columns)))
     coulomb, viscous, inertia, offset = coefficients.T
     return JointFriction(coulomb, viscous, inertia, offset, rate, deviation)

@@ -145,10 +145,17 @@ def low_passed(values: Array, share: float | Array) -> Array:
 
 def slow_part(time: Array, values: Array) -> Array:
     """Return values (m, k) of the intervals of `time` (m + 1,) behind two low-passes of `SLOW_TIME`, from zero on."""
-    share = -np.expm1(-typical_step(time) / SLOW_TIME)
-    for _ in range(2):
-        values = low_passed(values, share)
-    return values
+    return twice_low_passed(values, -np.expm1(-typical_step(time) / SLOW_TIME))
+
+
+def twice_low_passed(values: Array, share: float) -> Array:
+    """Return values (m, k) behind two low-passes that take on this share of a new value, from zero on."""
+    return low_passed(low_passed(values, share), share)
+
+
+def repeats(share: float) -> float:
+    """Return how many values behind two low-passes count as one, where white noise was before them."""
+    return (2.0 - share) ** 3 / (share * (1.0 + (1.0 - share) ** 2))
 
 
 def typical_step(time: Array) -> float:

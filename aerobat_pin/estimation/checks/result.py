@@ -92,6 +92,8 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
     """Yield fits that do not hold on the part of the record that they did not use, or explain hardly anything there."""
     efforts = _effort_sizes(forces.record) if forces.fits else {}
     for fit in forces.fits:
+        noise = fit.values.get("noise", 0.0)
+        smooth = [max(size**2 - noise**2, 0.0) ** 0.5 for size in (fit.outside, fit.before)]
         if fit.untold:
             yield Finding("fit", "note", fit.untold)
         if np.isnan(fit.outside) and not fit.name.endswith(BESIDE):  # which k tests
@@ -103,7 +105,7 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
                 f"{fit.before:.3g} without"
             )
             yield Finding("fit", "warning", f"{fit.name} does not hold: it {sizes}", fit.outside, fit.unit)
-        elif fit.outside > HARDLY * fit.before and fit.outside > LARGE * efforts.get(fit.name, np.inf):
+        elif smooth[0] > HARDLY * smooth[1] and smooth[0] > LARGE * efforts.get(fit.name, np.inf):
             text = (
                 f"{fit.name} explains hardly anything: {fit.outside:.3g} of {fit.before:.3g} {fit.unit} are left on "
                 "the rest; sign, order, zero or gear of a joint may be wrong, or the mass"
