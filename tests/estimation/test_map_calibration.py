@@ -165,6 +165,13 @@ def test_noise_of_rates_changes_neither_mass_nor_rotors(folder: Path) -> None:
     np.testing.assert_allclose(found.friction.inertia, ROTOR, atol=0.004)
 
 
+def test_a_rotor_heavier_than_the_robot_is_doubted(folder: Path, learnt: Calibration) -> None:
+    """As positions and rates that are read as degrees, and are radians, make it."""
+    assert not [line for line in learnt.warnings if "rotor" in line]
+    warnings = calibrated(folder, "free", edited(arm_map(), {"joints.factor": {"turn": 0.0174}})).warnings
+    assert [line for line in warnings if line.startswith("fit: the rotor of turn would have")]
+
+
 def test_a_self_check_takes_a_calibration(folder: Path, learnt: Calibration) -> None:
     """In place of a fit of which the map does not say where; without either it is refused."""
     record = recorded(folder / "pushed.csv", arm_map())

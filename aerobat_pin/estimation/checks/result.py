@@ -27,13 +27,14 @@ from aerobat_pin.forces import (
     unit_direction,
 )
 from aerobat_pin.numerics import Array, compare_series, frame_id, runs_of_true
-from aerobat_pin.observers import AllBut, Applications, Expected, moving_weight
+from aerobat_pin.observers import AllBut, Applications, Expected, moving_weight, robot_length
 from aerobat_pin.records import Record
 
 LATE_COMMAND = 5.0e-3  # [s]
 FIT_HARMS = 1.02  # times what is left without a fit, from which it does harm elsewhere; of one of next to nothing 1
 FIT_WORSE = 3.0  # times what a fit leaves where it was fitted, from which it does not hold elsewhere
 HARDLY, LARGE = 0.8, 0.2  # of what is left without a fit of friction, and of the effort, from which it explains nothing
+HUGE = 10.0  # times the robot's own inertia, from which that of a rotor is doubted
 STANDS = 0.05  # [m/s] rms of a point that carries force, up to which it may stand
 ALWAYS_SEEN = 0.95  # share of the time from which a component counts as always seen
 MOST_WEIGHTS = 10.0  # rms of a force, from which units are doubted
@@ -91,6 +92,7 @@ def result_findings(
 def fit_findings(forces: KnownForces) -> Iterator[Finding]:
     """Yield fits that do not hold on the part of the record that they did not use, or explain hardly anything there."""
     efforts = _effort_sizes(forces.record) if forces.fits else {}
+    yield from _rotor_findings(forces)
     for fit in forces.fits:
         noise = fit.values.get("noise", 0.0)
         smooth = [max(size**2 - noise**2, 0.0) ** 0.5 for size in (fit.outside, fit.before)]
@@ -111,6 +113,21 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
                 "the rest; sign, order, zero or gear of a joint may be wrong, or the mass"
             )
             yield Finding("fit", "warning", text, fit.outside, fit.unit)
+
+
+def _rotor_findings(forces: KnownForces) -> Iterator[Finding]:
+    """Yield rotors that fits take for far heavier than all of the robot, as motion in other units makes them."""
+    robot, friction = forces.record.robot, forces.values.friction
+    if friction is None:
+        return
+    mass = sum(inertia.mass for inertia in robot.model.inertias.tolist()[1:])
+    for joint, inertia in zip(forces.values.joints, friction.inertia.tolist(), strict=True):
+        unit, own = ("kg", mass) if robot.slides(joint) else ("kg m2", mass * robot_length(robot.model) ** 2)
+        if inertia > HUGE * own:
+            text = (
+                f"the rotor of {joint} would have {inertia:.3g} {unit}, all of the robot has {own:.3g}: are units and "
+            )
+            yield Finding("fit", "warning", f"{text}factors of its positions, rates and efforts right?", inertia, unit)
 
 
 def _effort_sizes(record: Record) -> dict[str, float]:
