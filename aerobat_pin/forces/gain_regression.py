@@ -1,6 +1,6 @@
 """The regression of efforts on what the motion needs, as products of its columns, summed over blocks of time.
 
-All columns are taken behind a low-pass: noise of accelerations, which are differences of rates, makes
+All columns are taken behind two low-passes: noise of accelerations, which are differences of rates, makes
 masses too small (Gautier 1997). What is left over lasts longer than a sample: sums over blocks say by how much, and
 each row counts the less. A joint at rest counts little, as friction there is anything up to Coulomb's.
 """
@@ -18,7 +18,7 @@ from aerobat_pin.forces.inverse_dynamics import accelerations, contact_torque, h
 from aerobat_pin.forces.known_forces import KnownForces
 from aerobat_pin.forces.stored_estimate import TIME_CONSTANTS_TO_SETTLE
 from aerobat_pin.numerics import Array, frame_id
-from aerobat_pin.observers import SMOOTH_RATE, low_passed, typical_step
+from aerobat_pin.observers import SMOOTH_RATE, twice_low_passed, typical_step
 from aerobat_pin.records import Block, Map, Record
 
 MOST_FITTED = 200_000  # samples of a fit; a longer record is thinned
@@ -29,7 +29,7 @@ GYRATION = 0.05  # [m]: radius of gyration of a payload, and of what each link's
 FRICTION_ERROR = 0.1  # expected of friction that another record showed, of Coulomb's for the offset [-]
 LEAST_ERROR = 0.01  # of what is expected of the links, however exact they seem
 LIKELY = 0.05  # mass of a payload over the robot's, to begin with [-]
-REGRESSED = 20.0  # [1/s] of the low-pass, at most: it lets motions of joints through
+REGRESSED = 20.0  # [1/s] of the low-passes, at most: it lets motions of joints through
 REST = 0.1  # [rad/s, m/s] up to which a joint counts as at rest
 NOTHING_LEFT = 1e-200  # square sum of a row that never moved
 NEWTON_ROUNDS = 12  # of Gauss and Newton, each with weights from the last
@@ -73,7 +73,7 @@ def explained(record: Record, forces: KnownForces, block: Block) -> Array:
 
 
 def regression_gain(record: Record) -> float:
-    """Return the gain [1/s] of the low-pass behind which rows are regressed."""
+    """Return the gain [1/s] of both low-passes behind which rows are regressed."""
     return min(float(record.map.observer.gain), REGRESSED)
 
 
@@ -267,7 +267,7 @@ def regression(
             elif row in known:
                 columns = friction_columns("coulomb", v[:, row], a[:, row], rate)
                 table[k, :, at + 1 : -1] = FRICTION_ERROR * known[row] * columns
-            table[k] = low_passed(table[k], -np.expm1(-gain * typical_step(block.time)))
+            table[k] = twice_low_passed(table[k], -np.expm1(-gain * typical_step(block.time)))
             if row in driven:
                 table[k] *= np.tanh(np.abs(v[:, [row]]) / REST)
         settled = _settled(chosen[0] | chosen[1], settling)
