@@ -136,7 +136,8 @@ def _channels(log: FlightLog, robot: Aerobat) -> Iterator[tuple[str, str, Array,
         if name in EXTRA_CHANNELS or name.startswith(KNOWN):
             key = RECORDED + name.removeprefix(KNOWN) if name.startswith(KNOWN) else name
             means = log.measured[name].dims[0] == "interval"
-            yield f"extra.{key}", name, values.reshape(len(values), -1), means
+            table = values.reshape(len(values), -1)
+            yield f"extra.{key}", name, np.unwrap(table, axis=0) if name == "crank_angle" else table, means
 
 
 def flight_channels(log: FlightLog, robot: Aerobat, knots: Series | None = None) -> dict[str, Channel]:

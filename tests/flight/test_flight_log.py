@@ -50,6 +50,15 @@ def test_an_observer_is_fed_from_the_measured_side_alone(paper: Experiment) -> N
     assert blind.source["aerodynamic"] == "reconstructed"
 
 
+def test_a_crank_that_jumps_by_full_turns_is_the_same_crank(paper: Experiment) -> None:
+    """As an encoder of one turn shows it; the air's force takes its rate and acceleration."""
+    jumping = paper.log.measured.copy(deep=True)
+    jumping["crank_angle"].values[:] = (jumping["crank_angle"] + np.pi) % (2.0 * np.pi) - np.pi
+    smooth, jumps = (known_inputs(FlightLog(each), paper.robot).known for each in (paper.log.measured, jumping))
+    for name, force in smooth.items():
+        np.testing.assert_allclose(jumps[name], force, atol=1e-6)
+
+
 def test_what_is_not_a_flight_is_refused(paper: Experiment, tmp_path: Path) -> None:
     """Missing channels, missing or backward time, intervals that do not fit, and files of another kind."""
     measured = paper.log.measured
