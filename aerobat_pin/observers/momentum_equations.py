@@ -8,9 +8,9 @@ The paper's observer r = K (p - int(u + C^T v - g + r) - p0) is a low-pass of J^
 sample this needs no integral: the mean of J^T f over an interval follows from the momenta at its ends, and the low-pass
 of a constant is known exactly.
 
-    phi = (p_1 - p_0) / dt - (b_0 + b_1) / 2 - u,   b = C^T v - g       `mean_residual`
-    r   = phi + exp(-K dt) (r - phi)                                    `low_pass`
-    f   = argmin |L^T (r - J^T f)|^2,   L: the weighted rows in use     `project`, or `posterior` with expected sizes
+    phi = (p_1 - p_0) / dt - (b_0 + b_1) / 2 - u,   b = C^T v - g       `mean_residuals`
+    r   = phi + exp(-K dt) (r - phi)                                    `filter_means`
+    f   = argmin |L^T (r - J^T f)|^2,   L: the weighted rows in use     `Projection`, or `posterior` with expected sizes
 
 `momentum` filters phi, then projects; all others project, then filter f. This is the path of every record. A stream
 takes the compiled kernels of `kernels/`, which compute the same a sample at a time; the tests hold the two together.
