@@ -49,6 +49,7 @@ from aerobat_pin.records import (
     listed_joints,
     robot_of_map,
     stamp,
+    with_held_joints,
 )
 
 K_EVERY = 50  # estimates: after so many filters expect errors of the size that others see
@@ -86,7 +87,8 @@ class OnlineEstimator:
         values: FittedValues | None = None,
     ) -> None:
         self.robot: PlainRobot = robot_of_map(chosen.robot, folder)
-        self._map, self._heard = chosen, heard
+        self._map = chosen = with_held_joints(chosen, self.robot)
+        self._heard = heard
         self._values = values or FittedValues()
         if calibration is not None:
             self._values = replace(calibration.fitted, row_noise=calibration.row_noise)

@@ -40,7 +40,8 @@ class Contact:
     @property
     def unit(self) -> str:
         """N m of a row's residual that is a moment, such as `elbow.M`; else N."""
-        return "N m" if self.point.rpartition(".")[2][:1] == "M" else "N"
+        body, _, axis = self.point.rpartition(".")
+        return "N m" if body and axis[:1] == "M" else "N"
 
     def __str__(self) -> str:
         return self.told(0.0)

@@ -48,6 +48,7 @@ FEWEST_INSTANTS = 50  # that are weighed
 EXPECTATION_ROUNDS = 30  # of expectation and maximisation; what a record tells has settled by then
 UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: something else explains the rows
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
+NEGLIGIBLE = 1e-6  # of what forces are expected to make of the rows
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
 HARDLY_MOVES = (
     "it hardly moves: it is taken to rub as the others do, in proportion to the efforts that joints can bear, and up "
@@ -140,9 +141,11 @@ def with_blows(force: Array, y: Array, J: Array) -> Array:
     It would pass for an error of the rows, for that of all times. Before anything else is known, errors are as large as
     the rows (m, k). The arguments are those of `most_likely`.
     """
+    least = LEAST_SIZE + NEGLIGIBLE * np.max(force[..., None] * np.abs(J))  # of a robot in a plane some rows are 0
+    size = np.maximum(column_rms(y), least)
     for _ in range(BLOW_ROUNDS):
         B = force[..., None] * J
-        cov = np.swapaxes(B, 1, 2) @ B + np.diag(np.maximum(column_rms(y), LEAST_SIZE) ** 2)
+        cov = np.swapaxes(B, 1, 2) @ B + np.diag(size**2)
         found = np.abs(force * (B @ np.linalg.solve(cov, y[..., None]))[..., 0])
         force = np.where(found > BLOW * force, found, force)
     return force

@@ -20,9 +20,18 @@ from aerobat_pin.errors import MapError
 from aerobat_pin.forces.fit_joint_friction import fit_gains, fit_joint_friction
 from aerobat_pin.forces.gain_regression import MOST_FITTED, rms_or_nan
 from aerobat_pin.forces.inverse_dynamics import mean_in
-from aerobat_pin.forces.known_forces import Fit, FittedValues, KnownForces, command_sum, frame_wrench, unit_direction
+from aerobat_pin.forces.known_forces import (
+    CALIBRATION,
+    FRICTION,
+    Fit,
+    FittedValues,
+    KnownForces,
+    command_sum,
+    frame_wrench,
+    unit_direction,
+)
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import KnownSection, PayloadSection, Record
+from aerobat_pin.records import KnownSection, PayloadSection, Record, body_turn
 
 ONE_WAY = 0.7  # cosine of the angle between thrusts from which they count as rotors of one kind
 FEWEST_SAMPLES = 10  # for each coefficient
@@ -67,8 +76,13 @@ def _refuse_the_untellable(record: Record, payload: PayloadSection) -> None:
 
 
 def given_forces(record: Record) -> KnownForces:
-    """Return the known forces without any fit. Raises MapError where a stretch without force has no sample."""
+    """Return the known forces without any fit.
+
+    Raises MapError where a stretch without force has no sample, or a name is that of a force that is learnt.
+    """
     known = record.map.known
+    if taken := {CALIBRATION, FRICTION}.intersection(known):
+        raise MapError(f"map: known.{taken.pop()}: another name was expected, this is that of a force that is learnt")
     coefficients = {name: np.array(section.coefficients, float) for name, section in known.items() if section.powers}
     tare = {
         name: mean_in(record, f"known.{name}", section.tare)
@@ -150,7 +164,7 @@ def _thrust_samples(
     commands: dict[str, list[Array]] = {name: [] for name in thrusts}
     for first, last in record.spread(MOST_FITTED):
         block = record.block(first, last)
-        target = record.robot.mass * record.means("check.specific_force", block.time)
+        target = record.robot.mass * record.means("check.specific_force", block.time) @ body_turn(record.map).T
         for name, section in record.map.known.items():
             if name in thrusts:
                 unit = np.zeros((len(block.tau), 6))

@@ -84,12 +84,12 @@ def turned(wrench: Array, turn: Array) -> Array:
 
 
 def frame_axes(record: Record, block: Block, frame: str) -> Array:
-    """Return the axes (m, 3, 3) of a frame in the world at the start of each interval."""
+    """Return the axes (m, 3, 3) of a frame in the world in the middle of each interval."""
     model = record.robot.model
     data, index = model.createData(), frame_id(model, frame)
     axes = np.empty((len(block.tau), 3, 3))
-    for k in range(len(axes)):
-        pin.framesForwardKinematics(model, data, block.q[k])
+    for k, q in enumerate(halfway(record, block)):
+        pin.framesForwardKinematics(model, data, q)
         axes[k] = data.oMf[index].rotation
     return axes
 
@@ -127,6 +127,6 @@ def contact_torque(record: Record, block: Block) -> Array:
     assert section is not None
     axes = frame_axes(record, block, point) if section.axes == "frame" else None
     force = sensor_force(record, block.time, axes)
-    jacobians = frame_jacobians(model, block.q[:-1], frame_id(model, point))
+    jacobians = frame_jacobians(model, halfway(record, block), frame_id(model, point))
     torque = [J[: force.shape[1]].T @ f for J, f in zip(jacobians, force, strict=True)]
     return np.array(torque).reshape(-1, model.nv)

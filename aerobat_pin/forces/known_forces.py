@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import MapError
-from aerobat_pin.forces.inverse_dynamics import frame_jacobians, turned
+from aerobat_pin.forces.inverse_dynamics import frame_jacobians, halfway, turned
 from aerobat_pin.forces.learnt_error import LearntError
 from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.observers import SMOOTH_RATE, JointFriction, as_others_rub, effort_limits
@@ -206,5 +206,5 @@ def frame_wrench(record: Record, section: KnownSection, block: Block, wrench: Ar
     axes = pin.ReferenceFrame.LOCAL if section.axes == "frame" else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     if record.robot.free and model.frames[frame].parentJoint == 1 and section.axes == "frame":
         return wrench @ next(frame_jacobians(model, block.q[:1], frame, axes))  # the same at every configuration
-    jacobians = frame_jacobians(model, block.q[:-1], frame, axes)
+    jacobians = frame_jacobians(model, halfway(record, block), frame, axes)
     return np.array([J.T @ w for J, w in zip(jacobians, wrench, strict=True)]).reshape(-1, model.nv)

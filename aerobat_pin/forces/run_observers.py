@@ -25,6 +25,7 @@ from aerobat_pin.forces.known_forces import KnownForces
 from aerobat_pin.forces.stored_estimate import ROWS_READ, TIME_CONSTANTS_TO_SETTLE, StoredEstimate, some_intervals
 from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.observers import (
+    MEMORY_OF_K,
     OBSERVERS,
     AllBut,
     Application,
@@ -39,6 +40,7 @@ from aerobat_pin.observers import (
 from aerobat_pin.records import Map, PlainRobot, Record, Spool
 
 BLOCK = 30_000  # intervals that are estimated at once
+REMEMBERED = 4.0  # times `MEMORY_OF_K`, by which it begins yet earlier: errors of the rows last
 LEAD = 15.0  # time constants 1/K by which a block begins before its first result: what is left of its start is e^-15
 LEAST_EXPECTED = 5.0e-4  # of the robot's weight, per spare row: no belief, and no step of a record, is more exact
 ADDED_MISFIT = 2.0e-4  # the same that a filter assumes of its model beside errors that a calibration states
@@ -129,7 +131,7 @@ def rows_of(
     if robot.free and not chosen.base.held and chosen.base.from_ == "joints" and "base" not in ignored:
         ignored.append("base")
         notes.append("the base's motion is not measured, its velocity counts as 0: its six rows are not believed")
-    if robot.free and chosen.base.held and not any(row.startswith("base") for row in ignored):
+    if robot.free and chosen.base.held and not any(f"{row}.".startswith("base.") for row in ignored):
         plate = any(not known.powers for known in chosen.known.values())
         frames = (*chosen.robot.points, *chosen.robot.wrenches)
         model = robot.model
@@ -164,10 +166,11 @@ def run_observers(
     wait = max(wait, LEAD * NOISE_STRETCH / record.rate)
     lead, spool = int(np.ceil(wait * record.rate)) + 1, Spool()
     estimates = {observer.name: StoredEstimate(spool) for observer in observers}
+    memory = round(REMEMBERED * MEMORY_OF_K * record.rate)
     total, done = len(observers) * sum(last - first for first, last in record.parts), 0
     for first, last in record.parts:
         for begin, end in blocks_of(first, last) if not record.robot.remembers else [(first, last)]:
-            early, late = max(first, begin - lead), min(last, end + lead)
+            early, late = max(first, begin - lead - memory), min(last, end + lead)
             inputs, kept = inputs_at(early, late), slice(begin - early, end - early)
             if watch is not None:
                 watch.take(record, inputs, kept, ends=end == last)

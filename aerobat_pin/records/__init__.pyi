@@ -18,6 +18,7 @@ from .columns import Clock as Clock
 from .columns import Columns as Columns
 from .csv_columns import header_of as header_of
 from .file_source import open_by_map as open_by_map
+from .file_source import with_held_joints as with_held_joints
 from .joint_channels import encoder_words as encoder_words
 from .joint_channels import joint_requests as joint_requests
 from .joint_channels import requests_of as requests_of

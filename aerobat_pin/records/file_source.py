@@ -52,7 +52,7 @@ def open_by_map(
         chosen = load_map(Path(chosen))
     folder = folder or Path()
     robot = (robot or robot_of_map(chosen.robot, folder)).carrying(chosen.payload)
-    chosen = _with_held(chosen, robot)
+    chosen = with_held_joints(chosen, robot)
     asked = [*base_requests(chosen), *further_requests(chosen)]
     wanted = {name for request in asked for name in request.names} | named_columns(chosen)
     columns = read_columns(path, chosen.log, wanted)
@@ -84,16 +84,16 @@ def open_by_map(
     return Record(chosen, robot, channels, joints, driven, start, rate, parts, notes, knots, log, folder)
 
 
-def _with_held(chosen: Map, robot: PlainRobot) -> Map:
+@guarded()
+def with_held_joints(chosen: Map, robot: PlainRobot) -> Map:
     """Return a map in which `held = {"*" = 0.0}` stands for every joint that `joints.names` does not name."""
     fixed = chosen.joints.held
     if "*" not in fixed:
         return chosen
     names = {*listed_joints(chosen.joints.names), *renamed_joints(chosen.joints.names).values()}
     unnamed = {name: fixed["*"] for name in robot.joints if name not in names}
-    named = {name: place for name, place in fixed.items() if name != "*"}
-    joints = chosen.joints.model_copy(update={"held": {**unnamed, **named}})
-    return chosen.model_copy(update={"joints": joints})
+    held = {**unnamed, **{name: place for name, place in fixed.items() if name != "*"}}
+    return chosen.model_copy(update={"joints": chosen.joints.model_copy(update={"held": held})})
 
 
 def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tuple[str, ...], tuple[str, ...]]:

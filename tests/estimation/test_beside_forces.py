@@ -74,6 +74,13 @@ def test_a_blow_is_no_error_of_the_rows() -> None:
     np.testing.assert_allclose(size, 1.0, rtol=0.25)
 
 
+def test_a_robot_in_a_plane_has_rows_that_are_zero() -> None:
+    """More of them than forces reach one by one, as of a simulation that is exact: no matrix is singular."""
+    J = np.broadcast_to([[1.0, 0.0, 0.0], [0.0, 3.0, 3.0]], (20, 2, 3))
+    y = np.array([1.0, 0.0, 0.0]) * np.random.default_rng(1).standard_normal((20, 1))
+    np.testing.assert_array_equal(with_blows(np.full((20, 2), 30.0), y, J), 30.0)
+
+
 @pytest.mark.parametrize("root", ["fixed", "free_flyer"])
 def test_rows_are_known_to_a_share_of_what_they_move(root: Literal["fixed", "free_flyer"]) -> None:
     """An arm of a humanoid whose other joints are held, by its URDF's masses; of a free one the legs carry it all.

@@ -191,3 +191,8 @@ def test_contacts_at_one_point_that_overlap_are_one() -> None:
     last = Contact("tip", 6.0, 6.1, None)
     found = [(each.point, each.onset, each.end) for each in joined_contacts([last, late, other, tip])]
     assert found == [("tip", 4.25, 4.9), ("arm", 4.3, None), ("tip", 6.0, None)]
+
+
+@pytest.mark.parametrize(("point", "unit"), [("Mtip", "N"), ("M.arm", "N"), ("elbow.M", "N m"), ("tip.Mx", "N m")])
+def test_a_contact_is_a_moment_by_its_component_and_not_by_its_name(point: str, unit: str) -> None:
+    assert Contact(point, 6.0, 6.1, None).unit == unit

@@ -8,7 +8,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from support.recorded import recorded
+from support import six_joints
+from support.recorded import edited, recorded
+from support.six_joints import six_map, swing
 
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.experiments import write
@@ -47,6 +49,7 @@ def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
         for name in ("run_observers", "stored_estimate", "against_reference")
     )
     monkeypatch.setattr(observed, "BLOCK", 500)
+    monkeypatch.setattr(observed, "REMEMBERED", 0.0)  # a block is far longer than its beginning, not a tenth of it
     for module in (stored, observed):
         monkeypatch.setattr(module, "ROWS_READ", 500)
     monkeypatch.setattr(beside, "MOST_LAGGED", 500)
@@ -122,6 +125,27 @@ def test_pieces_give_what_the_whole_gives(tmp_path: Path, request: pytest.Fixtur
         xr.testing.assert_allclose(first.drop_vars("redundancy"), second.drop_vars("redundancy"), atol=1e-5)
     tables = [pd.read_csv(tmp_path / name / "estimate.csv") for name in ("whole", "pieces")]
     pd.testing.assert_frame_equal(*tables, atol=1e-5)
+
+
+def test_errors_that_last_are_remembered_over_the_border_of_a_block(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A push on a link of which nobody asks ends just before it: what is believed afterwards is as in one block."""
+    monkeypatch.setattr(six_joints, "RATE", 500.0)
+    monkeypatch.setattr(six_joints, "SECONDS", 36.0)
+    swing(tmp_path / "six.csv", 3)
+    log = pd.read_csv(tmp_path / "six.csv")
+    log.loc[(log.t > 28.0) & (log.t < 29.9), ["pan_i", "elbow_i", "wrist_2_i"]] += [30.0, -40.0, 20.0]
+    log.to_csv(tmp_path / "six.csv", index=False)
+    record = recorded(tmp_path / "six.csv", edited(six_map(), {"joints.friction": None}))
+    found = []
+    for block in (15_000, 18_000):
+        monkeypatch.setattr(import_module("aerobat_pin.forces.run_observers"), "BLOCK", block)
+        found.append(estimate(record, ["force_level", "kalman"], trust=True).estimates)
+    for name, whole in found[1].items():
+        off = np.abs(found[0][name].components - whole.components) / whole.standard_deviation
+        assert off.max() < 0.1
+        assert (found[0][name].standard_deviation / whole.standard_deviation).min() > 0.9
 
 
 @pytest.mark.usefixtures("in_small_pieces")

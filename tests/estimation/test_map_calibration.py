@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import tomli_w
+from scipy.spatial.transform import Rotation
 from support.commands import call
 from support.drone import MAP as DRONE
 from support.drone import flight
@@ -170,6 +171,20 @@ def test_a_rotor_heavier_than_the_robot_is_doubted(folder: Path, learnt: Calibra
     assert not [line for line in learnt.warnings if "rotor" in line]
     warnings = calibrated(folder, "free", edited(arm_map(), {"joints.factor": {"turn": 0.0174}})).warnings
     assert [line for line in warnings if line.startswith("fit: the rotor of turn would have")]
+
+
+def test_a_thrust_is_fitted_in_axes_of_a_body_with_z_down(tmp_path: Path) -> None:
+    """As PX4 writes logs: the thrust pointed down where the accelerometer was taken as it came."""
+    flown, half = flight(20.0), np.diag([1.0, -1.0, -1.0])
+    attitude = Rotation.from_quat(flown[["qx", "qy", "qz", "qw"]].to_numpy()).as_matrix()
+    for names in ("p{}", "v{}", "imu_gyro_{}", "imu_acc_{}"):
+        flown[[names.format(axis) for axis in "xyz"]] @= half
+    flown[["qx", "qy", "qz", "qw"]] = Rotation.from_matrix(half @ attitude @ half).as_quat()
+    flown.to_csv(tmp_path / "frd.csv", index=False)
+    result = estimate(recorded(tmp_path / "frd.csv", edited(DRONE, {"log.world": "ned", "base.axes": "frd"})))
+    [fit] = result.fits
+    assert fit.outside < 0.1 * fit.before
+    assert np.all(np.abs(result.estimates["force_level"].force[50:, 0].mean(axis=0)) < 0.01 * 0.27)  # [N] of its weight
 
 
 def test_a_self_check_takes_a_calibration(folder: Path, learnt: Calibration) -> None:

@@ -12,20 +12,22 @@ import pandas as pd
 import pinocchio as pin
 import pytest
 import tomli_w
+from support import swinging_arm
 from support.commands import call
 from support.further import further
 from support.recorded import edited, recorded
-from support.robot_parts import channels, joint, link
-from support.swinging_arm import JOINTS, arm, arm_map, recording
+from support.robot_parts import ALIGNED, channels, joint, link
+from support.swinging_arm import CONSTANT, JOINTS, arm, arm_map, recording
 from support.without_coriolis import LEG
 
 from aerobat_pin import load_robot
-from aerobat_pin.errors import AerobatError, CalibrationError, LogError
+from aerobat_pin.errors import AerobatError, CalibrationError, LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, calibrate, estimate, record_findings
 from aerobat_pin.estimation.checks.readings import joint_pairs
 from aerobat_pin.experiments import check_record
 from aerobat_pin.forces.known_forces import FittedValues
-from aerobat_pin.observers import JointFriction
+from aerobat_pin.forces.run_observers import rows_of
+from aerobat_pin.observers import AllBut, JointFriction
 from aerobat_pin.records import parse_map, robot_of_map, suggested_map
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
@@ -46,6 +48,62 @@ AT_MOTORS: dict[str, Any] = {
 def changed(**joints: Any) -> dict[str, Any]:
     """Return the map of the arm without a fit, with changed entries of its joints."""
     return edited(arm_map(), {"joints.friction": None, **{f"joints.{key}": value for key, value in joints.items()}})
+
+
+def test_every_joint_that_is_not_named_is_held_in_a_stream_too(folder: Path) -> None:
+    """A star for it; the stream took it for a joint of that name."""
+    columns = {
+        f"joints.{key}.columns": [f"turn_{part}", f"lift_{part}"]
+        for key, part in zip(("position", "velocity", "effort"), "qvi", strict=True)
+    }
+    parts, values = [], edited(changed(names=["turn", "lift"]), columns)
+    rows = pd.read_csv(folder / "joints.csv").head(100).to_dict("records")
+    for held in ({"bend": 0.0}, {"*": 0.0}):
+        stream = OnlineEstimator(parse_map(edited(values, {"joints.held": held}), "of the test"), folder)
+        parts.append([list(one.components.values()) for row in rows for one in stream.push(row["t"], row)])
+    assert len(parts[1]) == 99
+    np.testing.assert_array_equal(*parts)
+
+
+@pytest.mark.parametrize("name", ["hip_yaw", "base_yaw"])
+def test_a_held_base_is_not_believed_whatever_its_joints_are_called(name: str, tmp_path: Path) -> None:
+    """Nothing measures what holds it; a held joint whose name begins with `base` was taken for its rows."""
+    parts = [link("trunk", 6.0), link("hip", 0.5), link("shank", 0.4, "0 0 -0.1"), link("foot")]
+    parts += [joint(name, "revolute", "trunk", "hip", "0 0 0", "0 0 1"), joint("knee", "revolute", "hip", "shank")]
+    parts.append(joint("sole", "fixed", "shank", "foot", "0 0 -0.2"))
+    (tmp_path / "leg.urdf").write_text(f'<robot name="leg">{"".join(parts)}</robot>')
+    robot = {"urdf": "leg.urdf", "root": "free_flyer", "points": ["foot"]}
+    chosen = parse_map({"robot": robot, "base": {"held": True}, "joints": {"held": {name: 0.0}}}, "of the test")
+    rows, _ = rows_of(chosen, robot_of_map(chosen.robot, tmp_path), ("knee",), ["joints.effort"])
+    assert rows == AllBut(name, "base")
+
+
+def test_a_known_force_may_not_have_the_name_of_what_is_learnt(folder: Path) -> None:
+    """Fitted friction took its place without a word."""
+    known = {"friction": {"columns": ["fx", "fy", "fz"], "frame": "tool", "axes": "world"}}
+    with pytest.raises(MapError, match=r"known\.friction: another name was expected"):
+        estimate(recorded(folder / "joints.csv", edited(changed(), {"known": known})))
+
+
+def test_a_known_force_acts_in_the_middle_of_its_interval(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some 60 N at a tool that moves, seen by a sensor at 50 Hz: at its beginning 0.2 N m of them were left."""
+    for name in ("COULOMB", "VISCOUS", "OFFSET", "ROTOR"):
+        monkeypatch.setattr(swinging_arm, name, np.zeros(3))
+    monkeypatch.setattr(swinging_arm, "HEAVIER", 1.0)
+    (tmp_path / "arm.urdf").write_text(arm())
+    recording(tmp_path, "known", pushed=True, seed=2, seconds=6.0)
+    log, model = pd.read_csv(tmp_path / "known.csv").iloc[::10], pin.buildModelFromXML(arm())
+    data, tool = model.createData(), model.getFrameId("tool")
+    levers = [
+        pin.computeFrameJacobian(model, data, q, tool, ALIGNED)[2] for q in log[[f"{j}_q" for j in JOINTS]].values
+    ]
+    log[[f"{j}_i" for j in JOINTS]] += 60.0 / CONSTANT * np.array(levers)
+    log["fz"] -= 60.0
+    log.to_csv(tmp_path / "known.csv", index=False)
+    known = {"sensor": {"columns": ["fx", "fy", "fz"], "frame": "tool", "axes": "world"}}
+    values = edited(changed(), {"robot.points": [], "known": known})
+    left = next(iter(estimate(recorded(tmp_path / "known.csv", values), trust=True).estimates.values())).components
+    assert np.all(np.sqrt(np.mean(left[20:] ** 2, axis=0)) < 0.03)
 
 
 @pytest.fixture(scope="module")

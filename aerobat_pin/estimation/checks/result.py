@@ -28,7 +28,7 @@ from aerobat_pin.forces import (
 )
 from aerobat_pin.numerics import Array, compare_series, frame_id, runs_of_true
 from aerobat_pin.observers import AllBut, Applications, Expected, moving_weight, robot_length
-from aerobat_pin.records import Record
+from aerobat_pin.records import Record, body_turn
 
 LATE_COMMAND = 5.0e-3  # [s]
 FIT_HARMS = 1.02  # times what is left without a fit, from which it does harm elsewhere; of one of next to nothing 1
@@ -164,12 +164,13 @@ def _check_commands(record: Record, forces: KnownForces) -> Iterator[Finding]:
     if "check.specific_force" not in record.channels:
         return
     time = record.times(*checked_part(record))
+    felt = record.means("check.specific_force", time) @ body_turn(record.map).T
     alike: dict[tuple[float, ...], list[str]] = {}
     for name, section in record.map.known.items():
         if section.powers:
             alike.setdefault((section.delay, *unit_direction(section).tolist()), []).append(name)
     for (delay, *direction), names in alike.items():
-        measured = (record.means("check.specific_force", time) @ np.array(direction))[:, None]
+        measured = (felt @ np.array(direction))[:, None]
         commands = np.sum([command_sum(record, name, time) for name in names], axis=0)
         comparison = compare_series(commands[:, None], measured, time[:-1])
         if comparison is None or comparison.correlation[0] < FOLLOWS:
