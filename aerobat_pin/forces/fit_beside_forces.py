@@ -48,7 +48,7 @@ FEWEST_INSTANTS = 50  # that are weighed
 EXPECTATION_ROUNDS = 30  # of expectation and maximisation; what a record tells has settled by then
 UNLIKELY_FACTOR = 0.5  # error of an effort's factor that nobody believes: something else explains the rows
 UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
-NEGLIGIBLE = 1e-6  # of what forces are expected to make of the rows
+NEXT_TO_NOTHING = 1e-6  # of what forces are expected to make of the rows
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
 HARDLY_MOVES = (
     "it hardly moves: it is taken to rub as the others do, in proportion to the efforts that joints can bear, and up "
@@ -141,7 +141,7 @@ def with_blows(force: Array, y: Array, J: Array) -> Array:
     It would pass for an error of the rows, for that of all times. Before anything else is known, errors are as large as
     the rows (m, k). The arguments are those of `most_likely`.
     """
-    least = LEAST_SIZE + NEGLIGIBLE * np.max(force[..., None] * np.abs(J))  # of a robot in a plane some rows are 0
+    least = LEAST_SIZE + NEXT_TO_NOTHING * np.max(force[..., None] * np.abs(J))  # of a robot in a plane some rows are 0
     size = np.maximum(column_rms(y), least)
     for _ in range(BLOW_ROUNDS):
         B = force[..., None] * J

@@ -17,7 +17,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.estimation.checks.result import fit_findings
 from aerobat_pin.forces.fit_known_forces import fitted_forces
-from aerobat_pin.forces.known_forces import Fit, KnownForces
+from aerobat_pin.forces.known_forces import Fit, FittedValues, KnownForces
 
 
 def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
@@ -57,7 +57,7 @@ def test_a_fit_of_next_to_nothing_does_no_harm(outside: float, told: bool, tmp_p
     flight().to_csv(tmp_path / "flight.csv", index=False)
     record = recorded(tmp_path / "flight.csv", MAP)
     fit = Fit("friction of elbow", {}, "N m", before=1.0, inside=1.0, outside=outside)
-    forces = cast(KnownForces, SimpleNamespace(record=record, fits=(fit,)))
+    forces = cast(KnownForces, SimpleNamespace(record=record, fits=(fit,), values=FittedValues()))
     assert any("does not hold" in one.text for one in fit_findings(forces)) == told
 
 
