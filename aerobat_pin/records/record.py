@@ -21,7 +21,7 @@ from aerobat_pin.records.resample import line_means, neighbour_rates, sampled, s
 from aerobat_pin.records.robots import FREE_NQ, FREE_NV, PlainRobot
 from aerobat_pin.records.spool import Series, spread_stretches
 
-BLOCK_MARGIN = 0.5  # [s] around a block, for windows that differentiate
+BLOCK_MARGIN = 0.5  # [s] around a block, half of the longest window that differentiates
 ZEROED = 0.4999  # [s] after which a velocity that an IMU gives begins at zero again
 ROUNDED = 1e-3  # of a step, by which a sample is beside a common time at most where they coincide
 

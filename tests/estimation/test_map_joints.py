@@ -78,6 +78,12 @@ def test_a_held_base_is_not_believed_whatever_its_joints_are_called(name: str, t
     assert rows == AllBut(name, "base")
 
 
+def test_a_window_that_differentiates_ends_within_the_margin_of_a_block() -> None:
+    """Beyond it rates at a block's border were those of a cut window, 0.24 rad/s off."""
+    with pytest.raises(MapError, match=r"joints\.velocity\.window = 1\.6: input should be less than or equal to 1"):
+        parse_map(changed(velocity={"from": "position", "window": 1.6}), "of the test")
+
+
 def test_a_known_force_may_not_have_the_name_of_what_is_learnt(folder: Path) -> None:
     """Fitted friction took its place without a word."""
     known = {"friction": {"columns": ["fx", "fy", "fz"], "frame": "tool", "axes": "world"}}
