@@ -83,8 +83,9 @@ class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasiu
         self.scenario = load_scenario(scenario, [f"simulation.dt={dt}", *settings])
         control_of(self.scenario)
         self.render_mode, self._draw = render_mode, dict(draw or {})
-        self._plant = Plant(flown_robot(self.scenario), self.scenario)
-        self._thrusters = thrusters_of(self._plant.robot.morphology)
+        self._robot = flown_robot(self.scenario)
+        self._plant = Plant(self._robot, self.scenario)
+        self._thrusters = thrusters_of(self._robot.morphology)
         nominal = nominal_flight(self.scenario, believed_robot(self.scenario))
         self._trim = Allocation(self._thrusters).thrusts(nominal.wrench)
         self._course = pin.Quaternion(nominal.quaternion)
@@ -148,8 +149,9 @@ class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasiu
             assign(values, key, drawn.tolist() if whole or low.ndim else float(drawn), f"draw: {key}")
         scenario, flown = parse_scenario(values, "draw"), self._plant.scenario
         if scenario != flown:
-            same = (scenario.robot, scenario.flight.gravity) == (flown.robot, flown.flight.gravity)
-            self._plant = Plant(self._plant.robot if same else flown_robot(scenario), scenario)
+            if (scenario.robot, scenario.flight.gravity) != (flown.robot, flown.flight.gravity):
+                self._robot = flown_robot(scenario)
+            self._plant = Plant(self._robot, scenario)
         return scenario
 
     def _observation(self) -> tuple[Array, dict[str, Any]]:

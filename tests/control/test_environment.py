@@ -10,6 +10,7 @@ from aerobat_pin.errors import ScenarioError, ShapeError, SimulationError
 
 gymnasium = pytest.importorskip("gymnasium")
 COARSE = ["air.strips=8", "simulation.duration=0.3"]
+QUICK = ["air.strips=4", "air.warm_up_cycles=1", "simulation.duration=0.1"]
 
 
 def test_the_checker_of_gymnasium_has_nothing_to_say() -> None:
@@ -95,6 +96,17 @@ def test_starts_wind_and_parameters_are_drawn_anew_at_each_reset() -> None:
             env.reset(options={"draw": wrong})
     with pytest.raises(ScenarioError, match="draw was expected"):
         env.reset(options={"start": 1})
+
+
+def test_a_payload_is_carried_once_however_often_something_is_drawn() -> None:
+    """The robot weighs the same in each episode."""
+    payload = ["plant.payload.mass=0.005", "plant.payload.position=[0.02, 0, 0]"]
+    env = AerobatEnv(settings=[*QUICK, *payload], draw={"flight.roll_deg": (-1.0, 1.0)})
+    masses = [env._plant.robot.mass]
+    for seed in (1, 2, 3):
+        env.reset(seed=seed)
+        masses.append(env._plant.robot.mass)
+    np.testing.assert_allclose(masses, masses[0], rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", sorted(ENVIRONMENTS))
