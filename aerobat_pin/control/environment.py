@@ -87,7 +87,7 @@ class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasiu
         self._plant = Plant(self._robot, self.scenario)
         self._thrusters = thrusters_of(self._robot.morphology)
         nominal = nominal_flight(self.scenario, believed_robot(self.scenario))
-        self._trim = Allocation(self._thrusters).thrusts(nominal.wrench)
+        self._trim = Allocation(self._thrusters, self.scenario.believed_thrusters.factor).thrusts(nominal.wrench)
         self._course = pin.Quaternion(nominal.quaternion)
         self.neutral: Array = 2.0 * self._trim / self._thrusters.limit - 1.0
         self._edges = np.arange(self.scenario.simulation.count + 1) * self.scenario.simulation.dt
@@ -155,11 +155,12 @@ class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasiu
         return scenario
 
     def _observation(self) -> tuple[Array, dict[str, Any]]:
-        """Return what the sensors show, and in `info` the time [s] and the configuration q and velocity v they make."""
+        """Return what the sensors show, and in `info` the time [s] and q, v and crank angle that they make."""
         k, flight = self._done, self.scenario.flight
         time = float(self._edges[k])
         q, v, crank = self._plant.as_measured()
         q, v = self._sensing.read(k, q, v)
+        crank = self._sensing.crank(k, crank)
         attitude = pin.Quaternion(q[3:7])
         error = (self._course.conjugate() * attitude).coeffs()
         seen = np.concatenate(

@@ -98,6 +98,24 @@ def test_starts_wind_and_parameters_are_drawn_anew_at_each_reset() -> None:
         env.reset(options={"start": 1})
 
 
+def test_the_crank_is_where_its_sensor_shows_it() -> None:
+    """A wrong zero of 0.5 rad is in the observation and in `info`."""
+    env = AerobatEnv(settings=[*QUICK, "sensors={crank_angle={bias=0.5}}"])
+    seen, info = env.reset(seed=1)
+    shown = np.radians(env.scenario.crank.start_deg) + 0.5
+    assert info["crank_angle"] == pytest.approx(shown, abs=1e-12)
+    np.testing.assert_allclose(seen[12:14], [np.sin(shown), np.cos(shown)], atol=1e-12)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.7])
+def test_the_neutral_action_makes_the_nominal_lift(factor: float) -> None:
+    """Of weak thrusters, too, as their controller's first command does."""
+    env = AerobatEnv(settings=[*QUICK, f"thrusters.factor={factor}"])
+    nominal = Controller(env.scenario).nominal.wrench
+    wrench = factor * env._thrusters.map @ (0.5 * (env.neutral + 1.0) * env._thrusters.limit)
+    assert wrench[2] == pytest.approx(nominal[2], rel=0.01)
+
+
 def test_a_payload_is_carried_once_however_often_something_is_drawn() -> None:
     """The robot weighs the same in each episode."""
     payload = ["plant.payload.mass=0.005", "plant.payload.position=[0.02, 0, 0]"]
