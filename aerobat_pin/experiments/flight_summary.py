@@ -69,7 +69,7 @@ def flight_summary(log: FlightLog, mass: float) -> FlightSummary:
 
     x, y, z = q[-1, :3].tolist()
     return FlightSummary(
-        duration=float(log.time[-1]),
+        duration=float(log.time[-1] - log.time[0]),
         position_end=(x, y, z),
         z_range=_range(q[:, 2]),
         roll_range=roll,

@@ -12,10 +12,12 @@ from aerobat_pin import open_record
 from aerobat_pin.errors import ObserverError, ScenarioError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.experiments import LIVE_OBSERVERS, LiveFlight, LiveRecording, LiveRobot, LiveRow
+from aerobat_pin.experiments.live import flight
 from aerobat_pin.records import parse_map
 from aerobat_pin.scenario import load_scenario
 
 LONG = 1e3  # [s] of work that a test allows
+WAVE = "{amplitude=[0.0, 0.6, 0.3], frequency=0.7}"  # of the wind
 
 
 def errors(rows: list[LiveRow]) -> np.ndarray:
@@ -67,6 +69,22 @@ def test_what_was_flown_is_a_run(hovering: LiveFlight) -> None:
     batch = made.estimates["momentum"].components[-200:-1].reshape(-1, 2, 3)
     live = np.array([row.estimate for row in rows[-199:]])
     np.testing.assert_allclose(batch, live, rtol=0.0, atol=1e-4)
+
+
+def test_what_was_flown_later_is_estimated_in_the_wind_of_its_own_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing pushes in a wind that is known: nothing is found, also after the first seconds that are kept."""
+    monkeypatch.setattr(flight, "KEPT", 0.5)
+    monkeypatch.setattr(flight, "LEAST_SAVED", 0.2)
+    settings = ["air.strips=4", "air.warm_up_cycles=1", "sensors={}", "observers.gain=1000"]
+    live = LiveFlight(load_scenario("hover_closed_loop", [*settings, f"air.wave=[{WAVE}]"]))
+    live.advance(0.6, LONG)
+    first = live.result(lambda *_: None)  # too little of the second window yet
+    live.advance(0.3, LONG)
+    second = live.result(lambda *_: None)
+    largest = [np.abs(made.estimates["force_level"].force[100:]).max() for made in (first, second)]
+    assert max(largest) < 2e-4, largest
+    assert [made.log.time[0] for made in (first, second)] == pytest.approx([0.0, 0.5])
+    assert second.flight.duration == pytest.approx(0.399)
 
 
 def test_every_observer_lives(hovering: LiveFlight) -> None:

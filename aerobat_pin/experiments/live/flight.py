@@ -80,7 +80,7 @@ class LiveFlight(LiveSource):
         self._loop = ClosedLoop(self.plant, self._pilot, endless=True)
         self._air = AirStream(self._believed, self.scenario.believed_air, self.dt)
         self._pilot.samples = np.zeros((self._count, len(self.q) + self.model.nv + 1))
-        self._past: tuple[Trajectory, LoopRecord, Array] | None = None
+        self._past: tuple[Array, Trajectory, LoopRecord, Array] | None = None
         self._before, self._true, self._started = self.time, None, False
         self.changed(tuned=True)
 
@@ -116,10 +116,11 @@ class LiveFlight(LiveSource):
             return self._lost()
         return rows
 
-    def _window(self, samples: int) -> tuple[Trajectory, LoopRecord, Array]:
-        """Return the first samples of the window: the flight, what happened in the loop, what the sensors showed."""
+    def _window(self, samples: int) -> tuple[Array, Trajectory, LoopRecord, Array]:
+        """Return the window's samples up to now: times, flight, what happened in the loop, what the sensors showed."""
         loop = self._loop
-        return loop.flight.trajectory(samples), loop.record(samples - 1), self._pilot.samples[:samples]
+        time = (loop.done - samples + np.arange(samples)) * self.dt  # since the flight began, as the wind has it
+        return time, loop.flight.trajectory(samples), loop.record(samples - 1), self._pilot.samples[:samples]
 
     def _step(self) -> list[LiveRow]:
         loop, pilot = self._loop, self._pilot
@@ -160,10 +161,9 @@ class LiveFlight(LiveSource):
         if count * self.dt >= LEAST_SAVED or self._past is None:
             if count < 10:
                 raise SimulationError("nothing has been flown yet that could be saved", self.time)
-            trajectory, record, shown = self._window(count)
+            time, trajectory, record, shown = self._window(count)
         else:
-            trajectory, record, shown = self._past
-        time = np.arange(len(shown)) * self.dt
+            time, trajectory, record, shown = self._past
         exact = flight_log_of(self.plant, time, trajectory, record)
         assert exact.truth is not None
         measured, truth = exact.measured.copy(deep=True), exact.truth.copy()
@@ -172,7 +172,7 @@ class LiveFlight(LiveSource):
             truth[name] = truth.get(name, exact.measured[name])
             measured[name].values[:] = values
         section = self.scenario.observers.model_copy(update={"names": (self.observer,), "gain": self.gain})
-        settings = self.scenario.simulation.model_copy(update={"duration": float(time[-1])})
+        settings = self.scenario.simulation.model_copy(update={"duration": (len(time) - 1) * self.dt})
         belief = self.scenario.model_copy(update={"observers": section, "simulation": settings})
         log = FlightLog(measured, truth)
         experiment, summary = run_recorded(log, belief, show), flight_summary(log, self.robot.mass)
