@@ -114,6 +114,8 @@ def test_only_a_scenario_that_keeps_its_robot_up_can_live() -> None:
     """And only observers that need no future."""
     with pytest.raises(ScenarioError, match="no table control"):
         LiveFlight(load_scenario("paper"))
+    with pytest.raises(ScenarioError, match=r"observer smoother corrects .* \['kalman'\] is its half"):
+        LiveFlight(load_scenario("hover_closed_loop", ["observers.names=['smoother']"]))
     live = LiveRobot("double_pendulum")
     for force in (float("nan"), "much", [1.0], None):
         with pytest.raises((TypeError, ValueError)):

@@ -13,7 +13,7 @@ from aerobat_pin.control import Controller
 from aerobat_pin.errors import AerobatError, ScenarioError, SimulationError
 from aerobat_pin.experiments.experiment import Experiment, Progress, run_recorded
 from aerobat_pin.experiments.flight_summary import flight_summary
-from aerobat_pin.experiments.live.source import KEPT, PUSH_SHARE, LiveRow, LiveSource
+from aerobat_pin.experiments.live.source import KEPT, LIVE_OBSERVERS, PUSH_SHARE, LiveRow, LiveSource
 from aerobat_pin.flight import ClosedLoop, LoopRecord, Plant, Sensing, Trajectory, flight_log_of
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import OBSERVERS
@@ -45,7 +45,7 @@ class LiveFlight(LiveSource):
         scenario: it has a table `control`.
 
     Raises:
-        ScenarioError: it has none, or too many forces for a page.
+        ScenarioError: it has none, too many forces for a page, or an observer that needs the future.
     """
 
     knobs: ClassVar[tuple[str, ...]] = ("noise", "wind")
@@ -58,6 +58,11 @@ class LiveFlight(LiveSource):
                 "expected, such as hover_closed_loop"
             )
         section = scenario.observers
+        if section.names[-1] not in LIVE_OBSERVERS:
+            raise ScenarioError(
+                f"scenario {scenario.name}: observer {section.names[-1]} corrects every estimate by what comes later, "
+                "so it cannot live; observers.names = ['kalman'] is its half that runs forward"
+            )
         axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
         forces = tuple(
             SineForce(signal="sine", frame=frame, direction=axis, axes="world", amplitude=0.0)
