@@ -115,6 +115,13 @@ class Scenario(Section):
         return _laid_over(self.sensors, self.believed.sensors)
 
     @property
+    def files(self) -> list[str]:
+        """The files that a flight reads: of morphologies that are not shipped, and of recorded forces."""
+        robots = [self.robot.morphology, self.believed_robot.morphology]
+        forces = [force.file for force in self.unknown_force if isinstance(force, RecordedForce)]
+        return [name for name in robots if name not in MORPHOLOGIES] + forces
+
+    @property
     def size(self) -> FlightSize:
         """What the flight would take, estimated from constants that were measured."""
         times, frequency = self.simulation, self.crank.frequency
@@ -234,9 +241,8 @@ def scenario_of_run(folder: Path, settings: Iterable[str] = ()) -> Scenario:
     """
     source = str(folder / "scenario.toml")
     stored = load_scenario(source)
-    forces = (force.file for force in stored.unknown_force if isinstance(force, RecordedForce))
-    for name in (stored.robot.morphology, stored.believed_robot.morphology, *forces):
-        if name not in MORPHOLOGIES and not Path(name).is_relative_to(os.path.realpath(folder)):
+    for name in stored.files:
+        if not Path(name).is_relative_to(os.path.realpath(folder)):
             raise ScenarioError(f"scenario {source}: names {name}, outside the folder of its run; a copy was expected")
     return load_scenario(source, settings)
 

@@ -278,6 +278,18 @@ def test_a_forged_line_is_refused_and_named(name: str, swept: Path) -> None:
         path.write_bytes(good)
 
 
+def test_a_sweep_whose_recorded_force_has_changed_is_another_sweep(tmp_path: Path) -> None:
+    """Its finished runs were flown with the force of before."""
+    force, pushed = tmp_path / "force.csv", 'frame = "left_force_point"\nsignal = "recorded"\nfile = "force.csv"\n'
+    (tmp_path / "base.toml").write_text('name = "mine"\n[[unknown_force]]\n' + pushed)
+    force.write_text("time,force\n0,0.1\n1,0.1\n")
+    sweep = load_sweep(written(tmp_path, SHORT.replace('"paper"', '"base.toml"')))
+    run_sweep(sweep, tmp_path / "out")
+    force.write_text("time,force\n0,5.0\n1,5.0\n")
+    with pytest.raises(OutputError, match="another sweep: a scenario or a file that it reads differ"):
+        run_sweep(sweep, tmp_path / "out")
+
+
 def test_what_is_no_file_of_ours_is_not_read(tmp_path: Path) -> None:
     """A pipe has no end, a link leads elsewhere, and a file can be larger than all memory; likewise `sweep.json`."""
     sweep = load_sweep(written(tmp_path, SHORT))

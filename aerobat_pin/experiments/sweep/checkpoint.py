@@ -20,8 +20,8 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from aerobat_description import MORPHOLOGIES
 from aerobat_pin.errors import (
+    LARGEST_TABLE,
     OutputError,
     claimed,
     cleaned,
@@ -107,13 +107,14 @@ class Checkpoint:
 
 
 def _manifest(sweep: Sweep) -> dict[str, Any]:
-    """Return what identifies a sweep: its file, the package versions, and a hash of all scenarios and morphologies."""
+    """Return what identifies a sweep: its file, the package versions, and a hash of all scenarios and their files."""
     digest = hashlib.sha256()
     for scenario in sweep.scenarios:
         digest.update(scenario.model_dump_json().encode())
-    named = {name for run in sweep.scenarios for name in (run.robot.morphology, run.believed_robot.morphology)}
-    for name in sorted(named - set(MORPHOLOGIES)):
-        digest.update(Path(name).read_bytes() if Path(name).is_file() else b"")
+    for name in sorted({name for run in sweep.scenarios for name in run.files}):
+        if Path(name).is_file():
+            with open(name, "rb") as content:
+                digest.update(content.read(LARGEST_TABLE))  # a run refuses what is larger
     file = sweep.file.model_dump(mode="json", by_alias=True, exclude_none=True)
     return {**file, "runs": len(sweep.scenarios), "versions": dict(versions()), "sha256": digest.hexdigest()}
 
@@ -125,7 +126,7 @@ def _refuse_other(path: Path, manifest: dict[str, Any]) -> None:
         raise OutputError(f"output {path}: cannot be read: {error}; {ADVICE}") from error
     other = [key for key in manifest if stored.get(key) != manifest[key] and key != "description"]
     if other:
-        named = [key for key in other if key not in ("sha256", "runs")] or ["a scenario or a robot"]
+        named = [key for key in other if key not in ("sha256", "runs")] or ["a scenario or a file that it reads"]
         differ = f"holds another sweep: {', '.join(named)} differ"
         raise OutputError(f"output folder {path.parent} {differ}; --out chooses another folder, {ADVICE} in this one")
 
