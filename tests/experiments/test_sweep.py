@@ -181,6 +181,14 @@ def test_draws_are_the_same_for_every_seed_and_another_key_does_not_change_them(
             '[ranges]\n"observers.gain" = [1, 2]\n[variants.a]\nb = {"observers.gain" = 3}',
             "'observers.gain' is varied by two dimensions",
         ),
+        (
+            '[ranges]\n"crank.frequency" = [3, 6]\n[variants.a]\nb = {crank = {drive = "constant"}}',
+            "'crank.frequency' is varied by two dimensions, of which 'a' sets 'crank'",
+        ),
+        (
+            '[ranges]\n"unknown_force.*.noise" = [0.1]\n"unknown_force.0.noise" = [0.2]',
+            "'unknown_force.*.noise' is varied by two dimensions",
+        ),
         ("[variants.observer]\na = {}", "'observer' is a name in the results"),
         ("[factors.noise]\nvalues = [1]", "missing key 'factors.noise.of'"),
         ('[factors.noise]\nvalues = ["a"]\nof = {"air.density" = 1}', "factors.noise.values.0 = 'a': "),

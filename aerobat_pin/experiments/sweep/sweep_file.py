@@ -6,6 +6,7 @@ are the same in all combinations.
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -139,19 +140,36 @@ class SweepFile(_Table):
         """The sizes as text, such as `5 crank.frequency x 3 seed`."""
         return " x ".join(f"{size} {name}" for name, size in self.sizes.items())
 
+    @property
+    def _varied(self) -> dict[str, list[str]]:
+        """Dotted keys that each dimension sets, in the order in which a run's dimensions set them."""
+        ranges = {key: [key] for key in self.ranges}
+        factors = {name: list(factors.of) for name, factors in self.factors.items()}
+        variants = {name: [key for keys in sets.values() for key in keys] for name, sets in self.variants.items()}
+        return {**ranges, **factors, **variants, **({DRAW: list(self.draws.values)} if self.draws else {})}
+
     @model_validator(mode="after")
     def _distinct(self) -> SweepFile:
         names = [*self.ranges, *self.factors, *self.variants, DRAW, SEED]
         for name in (name for name in names if names.count(name) > 1):
             raise ValueError(f"'{name}' is the name of two dimensions")
-        varied = [*self.ranges, *(self.draws.values if self.draws else {})]
-        varied += [key for factors in self.factors.values() for key in factors.of]
-        varied += [key for sets in self.variants.values() for key in {key for keys in sets.values() for key in keys}]
-        if "simulation.seed" in varied:
+        varied = list(self._varied.items())
+        if any("simulation.seed" in keys for _, keys in varied):
             raise ValueError("simulation.seed is counted up by `seeds`; give their number there")
-        for key in (key for key in varied if varied.count(key) > 1):
-            raise ValueError(f"'{key}' is varied by two dimensions; one was expected")
+        for (_, before), (name, after) in itertools.combinations(varied, 2):
+            for key, last in itertools.product(before, after):
+                if _overwrites(last, key):
+                    both = f"two dimensions, of which '{name}' sets '{last}'"
+                    raise ValueError(f"'{key}' is varied by {both}; one was expected")
         return self
+
+
+def _overwrites(last: str, key: str) -> bool:
+    """Return whether setting a dotted key sets another anew: itself, or a table or list (`*`: each item) above it."""
+    above, parts = last.split("."), key.split(".")
+    return len(above) <= len(parts) and all(
+        one == other or "*" in (one, other) for one, other in zip(above, parts, strict=False)
+    )
 
 
 def shipped_sweeps() -> dict[str, str]:
