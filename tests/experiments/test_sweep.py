@@ -14,7 +14,7 @@ from support.commands import call
 from aerobat_pin.errors import OutputError, WorkersLostError
 from aerobat_pin.experiments import effects_text, load_sweep, run_sweep, shipped_sweeps, sweep_effects
 from aerobat_pin.experiments.experiment import run
-from aerobat_pin.experiments.sweep.plan import RESERVED_NAMES
+from aerobat_pin.experiments.sweep.plan import RESERVED_NAMES, outcome_of
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
 from aerobat_pin.visualization import draw_sweep
 
@@ -215,6 +215,14 @@ def test_a_wrong_sweep_costs_one_message_exit_code_2_and_leaves_nothing(
     assert message in printed.err
     assert "Traceback" not in printed.err
     assert [one.name for one in tmp_path.iterdir()] == ["short.toml"]
+
+
+def test_each_run_of_a_robot_has_the_warnings_of_its_loading(tmp_path: Path) -> None:
+    """The second one, too, for which the robot of the first is taken."""
+    sweep = load_sweep(written(tmp_path, SHORT + '"robot.changes.linkage.L1" = 0.0086\n'))
+    said = [json.loads(outcome_of(scenario))["warnings"] for scenario in sweep.scenarios]
+    assert "nearly singular at J4" in said[0][0]
+    assert said[0] == said[1]
 
 
 def test_a_folder_keeps_to_its_sweep(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

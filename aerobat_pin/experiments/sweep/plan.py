@@ -222,12 +222,21 @@ def outcome_of(scenario: Scenario) -> str:
 
 
 def _load_once(section: RobotSection, scenario: Scenario) -> Aerobat:
+    """Return a robot of a scenario, kept from a run before if it can be; what loading it warned of is said anew."""
     from_file = section.morphology not in MORPHOLOGIES and os.path.isfile(section.morphology)
     stamp = Path(section.morphology).stat().st_mtime_ns if from_file else 0
-    return _loaded(section.morphology, json.dumps(section.changes), scenario.flight.gravity, stamp)
+    robot, said = _loaded(section.morphology, json.dumps(section.changes), scenario.flight.gravity, stamp)
+    for warning in said:
+        warnings.warn(warning.message, warning.category, stacklevel=2)
+    return robot
 
 
 @lru_cache(maxsize=16)
-def _loaded(morphology: str, changes: str, gravity: float, stamp: int) -> Aerobat:
-    """Load a robot, with changes as JSON text; another `stamp`, the time of its file, loads a changed file again."""
-    return load_aerobat(morphology, json.loads(changes), gravity=gravity)
+def _loaded(morphology: str, changes: str, gravity: float, stamp: int) -> tuple[Aerobat, list[warnings.WarningMessage]]:
+    """Load a robot, with changes as JSON text; another `stamp`, the time of its file, loads a changed file again.
+
+    With it are the warnings of loading, so that they do not depend on which runs a process has flown before.
+    """
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("default")
+        return load_aerobat(morphology, json.loads(changes), gravity=gravity), said
