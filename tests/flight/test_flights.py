@@ -69,9 +69,11 @@ def test_a_trim_in_the_wind_is_that_in_still_air_seen_from_the_ground() -> None:
 
 
 def test_a_trim_that_cannot_be_found_says_so() -> None:
-    """A crank that stands still has no flap; and at a meter a second nothing carries the robot."""
+    """A crank that stands still has no flap, elastic joints are refused; at a meter a second nothing carries."""
     with pytest.raises(TrimError, match="only a flapping flight"):
         find_trim(load_scenario("paper_open_loop", ["crank.frequency=0.0", "air.warm_up_cycles=0"]))
+    with pytest.raises(TrimError, match=r"plant\.elbow: only a robot with rigid joints"):
+        find_trim(load_scenario("paper_open_loop", [*COARSE, "plant.elbow.stiffness=0.5"]))
     slow = [*COARSE, "crank.frequency=1.0", "flight.velocity=[1.0, 0.0, 0.0]"]
     with pytest.raises(TrimError, match=r"no periodic flight found near 1\.00 Hz"):
         find_trim(load_scenario("paper_open_loop", slow))
