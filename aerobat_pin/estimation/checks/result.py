@@ -124,10 +124,9 @@ def _rotor_findings(forces: KnownForces) -> Iterator[Finding]:
     for joint, inertia in zip(forces.values.joints, friction.inertia.tolist(), strict=True):
         unit, own = ("kg", mass) if robot.slides(joint) else ("kg m2", mass * robot_length(robot.model) ** 2)
         if inertia > HUGE * own:
-            text = (
-                f"the rotor of {joint} would have {inertia:.3g} {unit}, all of the robot has {own:.3g}: are units and "
-            )
-            yield Finding("fit", "warning", f"{text}factors of its positions, rates and efforts right?", inertia, unit)
+            text = f"the rotor of {joint} would have {inertia:.3g} {unit}, all of the robot has {own:.3g}"
+            asked = "are units and factors of its positions, rates and efforts right?"
+            yield Finding("fit", "warning", f"{text}: {asked}", inertia, unit)
 
 
 def _effort_sizes(record: Record) -> dict[str, float]:
