@@ -273,11 +273,15 @@ def close_for_crank(s: Senses, at: Array) -> None:
 
 @inner
 def turn_on(s: Senses, at: Array, thrust: Array, push: Array) -> None:
-    """Add to the carrier of the body rate what the moments have done since the last sample."""
+    """Add to the carrier of the body rate what the moments have done since the last sample.
+
+    The push is seen in this very rate, so once a second sample of the gyro is missing it would only feed itself.
+    """
+    seen = 1.0 if s.age[GYRO_CHANNEL] <= 2 * s.period[GYRO_CHANNEL] else 0.0
     steered = s.steering[0] * cos(s.estimate[21]) + s.steering[1] * sin(s.estimate[21])
     for i in range(3):
         if s.ticks[0] > 0:
-            moment = thrust[3 + i] - s.wrench[3 + i] - (steered if i == 1 else 0.0) + push[3 + i]
+            moment = thrust[3 + i] - s.wrench[3 + i] - (steered if i == 1 else 0.0) + seen * push[3 + i]
             s.turned[i] += s.tick[()] * moment / s.inertia[i]
         else:
             s.turned[i] = 0.0

@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from aerobat_pin.errors import AerobatError, SimulationError
 from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.tables import Trajectory
 from aerobat_pin.flight.sensors import Sensing
@@ -121,13 +122,29 @@ class ClosedLoop:
         self.done = k + 1
 
     def fly(self, count: int, progress: Callable[[float], None] | None = None) -> Trajectory:
-        """Fly n intervals and return the flight, as `Plant.fly` does."""
+        """Fly n intervals and return the flight, as `Plant.fly` does.
+
+        Raises SimulationError also where the pilot fails in flight; its `kept` is the flight until then.
+        """
         every = max(1, count // 100)
         for k in range(count):
-            self.step()
+            try:
+                self.step()
+            except SimulationError:
+                raise
+            except AerobatError as error:
+                if k == 0:  # nothing has flown: the pilot does not fit
+                    raise
+                raise self._lost(error) from error
             if progress is not None and k % every == 0:
                 progress((k + 1) / count)
         return self.flight.trajectory()
+
+    def _lost(self, error: AerobatError) -> SimulationError:
+        """Return the end of a flight whose pilot failed; a flight that diverged before raises that instead."""
+        flown, when = self.flight.trajectory(), self.done * self.dt
+        title = f"scenario {self.plant.scenario.name}: the controller failed at t = {when:.4f} s"
+        return SimulationError(f"{title}: {error}", when, flown)
 
     def record(self, intervals: int | None = None) -> LoopRecord:
         """Return what happened so far, or in the first intervals."""

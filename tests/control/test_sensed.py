@@ -14,8 +14,8 @@ from aerobat_pin.aerobat import flown_robot
 from aerobat_pin.control import FAILED, Controller
 from aerobat_pin.control.monitor import AT_LIMITS, Monitor
 from aerobat_pin.control.sensed_channels import CHANNELS
-from aerobat_pin.errors import SimulationError
-from aerobat_pin.flight import ClosedLoop, Plant
+from aerobat_pin.errors import ShapeError, SimulationError
+from aerobat_pin.flight import ClosedLoop, Plant, simulate
 from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import load_scenario
 
@@ -193,3 +193,35 @@ def test_samples_that_were_not_used_are_said_and_the_flight_is_a_success(tmp_pat
     control = json.loads((tmp_path / "runs/paper_left_closed_loop/metrics.json").read_text())["control"]
     assert (control["state"], control["state_since"]) == ("DEGRADED", 0.0)
     assert control["unused_samples"]["velocity"]["jumped"] > 50
+
+
+def test_a_violent_tumble_is_a_lost_flight_and_no_runaway_estimate() -> None:
+    """30 N on a wing turn the body by hundreds of rad/s: what is sensed stays as large as that, and it flies on."""
+    push = ["unknown_force.0.signal=step", "unknown_force.0.height=30.0", "unknown_force.0.start=0.2"]
+    scenario = load_scenario("hover_closed_loop", ["simulation.duration=0.5", "air.strips=4", *push])
+    pilot = Controller(scenario)
+    loop = ClosedLoop(Plant(flown_robot(scenario), scenario), pilot)
+    loop.fly(scenario.simulation.count)
+    assert pilot.state.word == "LOST"
+    assert np.abs(pilot.sensed.v[3:6]).max() < 1e3
+
+
+def test_a_controller_that_fails_in_flight_ends_it_with_what_was_flown() -> None:
+    """From the 21st sample on, its commands cannot be made: 21 samples are kept; at the first one nothing has flown."""
+    scenario = load_scenario("hover_closed_loop", ["simulation.duration=0.1", "air.strips=4", "air.warm_up_cycles=1"])
+    pilot = Controller(scenario)
+    command, fails_at = pilot.command, 20
+
+    def failing(time: float, q: Array, v: Array, crank_angle: float) -> Array:
+        if time > (fails_at - 0.5) * scenario.simulation.dt:
+            raise ShapeError("command: no such thrust")
+        return command(time, q, v, crank_angle)
+
+    pilot.command = failing  # type: ignore[method-assign]
+    with pytest.raises(SimulationError, match=r"failed at t = 0\.0200 s: command: no such thrust") as raised:
+        simulate(scenario, pilot=pilot)
+    kept: Any = raised.value.kept
+    assert len(kept.time) == 21
+    fails_at = 0
+    with pytest.raises(ShapeError, match="no such thrust"):
+        simulate(scenario, pilot=pilot)
