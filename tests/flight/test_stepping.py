@@ -12,6 +12,7 @@ from support.kernel_cases import plant_of
 from aerobat_pin.aerobat import FlightLog, flown_robot
 from aerobat_pin.errors import CrankError, ShapeError, SimulationError
 from aerobat_pin.flight import Plant, Sensing, interval_means, simulate
+from aerobat_pin.flight.plant.stepping import SteppedFlight
 from aerobat_pin.flight.sensors import measure
 from aerobat_pin.scenario import load_scenario
 
@@ -83,6 +84,18 @@ def test_an_endless_flight_goes_on_in_the_same_memory(elastic: tuple[str, ...]) 
     plant.step()
     with pytest.raises(SimulationError, match="the flight has ended after 2 steps"):
         plant.step()
+
+
+def test_a_crank_may_have_turned_two_thousand_times() -> None:
+    """12,571 rad, as after seven minutes of flapping, are no divergence; and rows never flown are not returned."""
+    flights = []
+    for turns in (0, 2000):
+        plant = plant_of("paper", 'crank.drive="motor"', f"crank.start_deg={270 + 360 * turns}")
+        flights.append(plant.fly(STEPS, DT, held_of(plant)))
+    np.testing.assert_allclose(flights[1].q, flights[0].q, rtol=0.0, atol=1e-9)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(SteppedFlight, "is_hopeless", True)
+        assert len(plant.fly(STEPS, DT, held_of(plant)).q) == 2
 
 
 def test_a_motor_on_the_crank_follows_a_commanded_rate() -> None:

@@ -265,7 +265,7 @@ class Plant:
                     break
                 if progress is not None:
                     progress((k + 1) / count)
-        return flight.trajectory(count + 1)
+        return flight.trajectory()
 
     def as_measured(self) -> tuple[Array, Array, float]:
         """Return what exact sensors show now of q (nq,), v (nv,) and crank angle [rad], see `as_measured`."""

@@ -79,8 +79,13 @@ class SteppedFlight:
 
     @property
     def is_hopeless(self) -> bool:
-        """Whether the state has left all limits; the flight can end; `trajectory` says where it left the first one."""
-        return not np.all(np.abs(self.plant.fields.start) <= HOPELESS)
+        """Whether the state has left all limits; the flight can end; `trajectory` says where it left the first one.
+
+        A crank may turn as far as it likes.
+        """
+        state, air = self.plant.fields.start, BASE_SIZE + self.plant.air.state_size
+        parts = state[:air], state[self.tables.bent]
+        return not all(np.all(np.abs(part) <= HOPELESS) for part in parts)
 
     def push(self, wrench: Array) -> None:
         """Replace the attitude hold by a wrench (6,) on the body, at its centre of mass and in body axes."""

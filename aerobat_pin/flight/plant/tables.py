@@ -30,7 +30,7 @@ LIMITS = {
     "deflection of an elastic joint": (np.pi, "rad"),
     "airspeed of a strip": (LARGEST_AIRSPEED, "m/s"),
 }
-HOPELESS = max(limit for limit, _ in LIMITS.values())  # no number of a state within the limits is larger
+HOPELESS = max(limit for limit, _ in LIMITS.values())  # nothing that has a limit is larger within it
 
 
 class SimulatedPlant(Protocol):
