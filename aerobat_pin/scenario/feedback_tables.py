@@ -10,6 +10,7 @@ from aerobat_pin.scenario.tables import NonNegative, Number, PerAxis, Positive, 
 
 Tilt = Annotated[Number, Field(gt=0.0, le=60.0)]
 Delay = Annotated[NonNegative, Field(le=1.0)]
+LawRate = Annotated[Number, Field(ge=0.1)]
 
 
 class ThrusterFaultSection(Section):
@@ -38,7 +39,9 @@ class ControlSection(Section):
     It replaces the attitude hold. It keeps the course of the start: the start's velocity, height and heading.
     """
 
-    rate: Positive | None = Field(None, description="of the law [Hz]; at every time of the log, when left out")
+    rate: LawRate | None = Field(
+        None, description="of the law: samples of the log a second, or those by a whole number; all, when left out [Hz]"
+    )
     pitch_deg: Number = Field(0.0, description="attitude to keep, positive: nose up [deg]")
     roll: Positive = Field(12.0, description="natural frequency of the roll error [rad/s]")
     pitch: Positive = Field(12.0, description="of the pitch error [rad/s]")

@@ -41,6 +41,7 @@ BYTES_PER_STEP, BYTES_PER_STRIP = 980, 72  # of a step of the log; measured with
 MOST_SECONDS, LARGEST_LOG = 3600.0, 2.0e9  # of one flight; the simulation takes twice the memory of its log
 SHIPPED_SCENARIOS = Path(__file__).with_name("shipped")
 MOST_WARM_UP = 60.0  # [s]
+IN_STEP = 1e-6  # share by which a control.rate may miss a whole number of steps
 SCENARIO_NAME_LENGTH = 200  # characters
 
 
@@ -181,6 +182,19 @@ class Scenario(Section):
                     f"sensors.{name}.rate = {sensor.rate:g} Hz: the log has {fastest:g} samples a second; a smaller "
                     "simulation.dt, or no rate, were expected"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _law_in_step(self) -> Scenario:
+        if self.control is None or self.control.rate is None:
+            return self
+        rate, fastest = self.control.rate, 1.0 / self.simulation.dt
+        slower = max(1, round(fastest / rate))
+        if abs(fastest / rate - slower) > IN_STEP * slower:
+            raise ValueError(
+                f"control.rate = {rate:g} Hz: the law has its turn at samples, {fastest:g} a second (1/simulation.dt); "
+                f"that rate, or it divided by a whole number, was expected, such as {fastest / slower:.9g} Hz"
+            )
         return self
 
 

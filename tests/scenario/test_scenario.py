@@ -150,6 +150,18 @@ def test_a_wrong_setting_names_key_value_and_rule(setting: str, message: str) ->
     assert str(caught.value).count(message) == 1
 
 
+@pytest.mark.parametrize(
+    ("rate", "other"), [("4000", "1000"), ("1001", "1000"), ("700", "1000"), ("300", "333.333333"), ("333.3", "333.")]
+)
+def test_a_law_that_cannot_keep_its_rate_is_refused(rate: str, other: str) -> None:
+    """It has its turn at samples alone: faster ones are none, and 3.33 ms would be 3 and 4; the advice is taken."""
+    with pytest.raises(ScenarioError, match=rf"control\.rate = {rate} Hz: .* such as {other}") as caught:
+        load_scenario("hover_closed_loop", [f"control.rate={rate}"])
+    advised = str(caught.value).split()[-2]
+    assert load_scenario("hover_closed_loop", [f"control.rate={advised}"]).control is not None
+    assert load_scenario("hover_closed_loop", ["control.rate=2000", "simulation.dt=5e-4"]).control is not None
+
+
 def test_a_file_that_is_not_there_or_not_toml_is_named(tmp_path: Path) -> None:
     """The message lists the shipped names, or says where the TOML breaks."""
     with pytest.raises(ScenarioError, match=r"no scenario 'papr'.*observer_benchmark, paper"):
