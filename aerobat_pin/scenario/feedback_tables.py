@@ -140,7 +140,8 @@ class SensorsSection(Section):
     """The sensors of the measured channels; a channel without a table is measured without error.
 
     With `motion_capture` the log is raw: it contains the samples of motion_capture, gyro, accelerometer, crank_encoder
-    and motor_torque, each with times of its own, and no configuration or velocity. The value "none" removes a sensor.
+    and motor_torque, each with times of its own, and no configuration or velocity; no controller flies by them. The
+    value "none" removes a sensor.
     """
 
     position: SensorSection | None = Field(None, description="of the body's COM in world axes [m]")

@@ -197,6 +197,15 @@ class Scenario(Section):
             )
         return self
 
+    @model_validator(mode="after")
+    def _no_raw_loop(self) -> Scenario:
+        if self.control is not None and self.sensors.raw:
+            raise ValueError(
+                "control with sensors.motion_capture: a controller sees position, attitude, velocity and rates, which "
+                "a raw log has not; one of the two alone was expected"
+            )
+        return self
+
 
 Table = TypeVar("Table", bound=Section)
 

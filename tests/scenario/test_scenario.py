@@ -162,6 +162,13 @@ def test_a_law_that_cannot_keep_its_rate_is_refused(rate: str, other: str) -> No
     assert load_scenario("hover_closed_loop", ["control.rate=2000", "simulation.dt=5e-4"]).control is not None
 
 
+def test_a_controller_does_not_fly_by_raw_sensors() -> None:
+    """It would see the exact motion, as no channel of its own has a sensor; either key alone is fine."""
+    with pytest.raises(ScenarioError, match=r"control with sensors\.motion_capture: .* was expected"):
+        load_scenario("hover_closed_loop", ["sensors={motion_capture={}, gyro={}}"])
+    assert load_scenario("raw_sensors").sensors.raw
+
+
 def test_a_file_that_is_not_there_or_not_toml_is_named(tmp_path: Path) -> None:
     """The message lists the shipped names, or says where the TOML breaks."""
     with pytest.raises(ScenarioError, match=r"no scenario 'papr'.*observer_benchmark, paper"):
