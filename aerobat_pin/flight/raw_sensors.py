@@ -94,7 +94,7 @@ def _sample_times(time: Array, sensor: SampledSection) -> Array:
 
 def _kept(taken: Array, sensor: SampledSection, rng: np.random.Generator) -> np.ndarray[Any, np.dtype[np.bool_]]:
     kept = rng.random(len(taken)) >= sensor.dropout
-    kept[[0, -1]] = True
+    kept[:1] = kept[-1:] = True
     return kept
 
 
@@ -151,7 +151,7 @@ def _turn(sensor: InertialSection) -> Array:
 def _with_errors(true: Array, taken: Array, sensor: SensorSection, rng: np.random.Generator) -> Array:
     """Add bias, random walk and white noise to samples (n, c) taken at times (n,) [s], and round them."""
     noise, steps = rng.standard_normal((2, *true.shape))
-    steps *= np.sqrt(np.diff(taken, prepend=taken[0]))[:, None]
+    steps *= np.sqrt(np.diff(taken, prepend=taken[:1]))[:, None]
     values = true + sensor.noise * noise + sensor.walk * np.cumsum(steps, axis=0) + np.array(sensor.bias)
     return np.asarray(np.round(values / sensor.quantum) * sensor.quantum if sensor.quantum > 0.0 else values)
 

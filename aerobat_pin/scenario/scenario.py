@@ -198,11 +198,16 @@ class Scenario(Section):
         return self
 
     @model_validator(mode="after")
-    def _no_raw_loop(self) -> Scenario:
+    def _loop_can_fly(self) -> Scenario:
         if self.control is not None and self.sensors.raw:
             raise ValueError(
                 "control with sensors.motion_capture: a controller sees position, attitude, velocity and rates, which "
                 "a raw log has not; one of the two alone was expected"
+            )
+        if self.control is not None and self.flight.gravity == 0.0:
+            raise ValueError(
+                "flight.gravity = 0 with control: to move sideways, a controller banks the thrust that carries the "
+                "weight; some gravity was expected"
             )
         return self
 

@@ -88,6 +88,13 @@ def test_the_noise_of_the_two_wings_is_not_the_same(paper: Experiment) -> None:
     assert abs(float(np.mean(left * right))) < 4.0 / np.sqrt(2000.0)
 
 
+def test_a_flight_of_one_interval_is_a_result() -> None:
+    """Its one effort is neither stuck nor dead."""
+    experiment = run(load_scenario("paper", ["simulation.duration=0.001", "air.strips=4", "air.warm_up_cycles=1"]))
+    assert len(experiment.log.time) == 2
+    assert all(np.isfinite(estimate.components).all() for estimate in experiment.estimates.values())
+
+
 def test_the_observers_use_the_gravity_of_the_scenario() -> None:
     """On a world of 3.7 m/s2 the forces are found as well; with 9.81 an observer would see a force of 0.56 N."""
     experiment = run(load_scenario("paper", ["flight.gravity=3.7", "simulation.duration=0.3"]))

@@ -8,6 +8,7 @@ import pytest
 import xarray as xr
 
 from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.errors import LogError
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.flight_summary import flight_summary
 from aerobat_pin.flight.sensors import sensed
@@ -184,3 +185,11 @@ def test_the_flight_is_judged_by_what_was_true() -> None:
     assert flight.log.measured["q"].values[-1, 0] == pytest.approx(end[0] + 10.0)
     assert list(flight_summary(flight.log, flight.robot.mass).position_end) == end
     assert flight.metrics["note"].endswith("; imperfect sensors: position")
+
+
+@pytest.mark.parametrize(("sensor", "axis"), [("accelerometer", "accelerometer_time"), ("motor_torque", "torque_time")])
+def test_a_raw_flight_that_is_shorter_than_a_mean_of_its_sensor_is_refused(sensor: str, axis: str) -> None:
+    """50 ms at 10 Hz: there is no sample, which is said in a line."""
+    short = load_scenario("raw_sensors", ["simulation.duration=0.05", "air.strips=4", f"sensors.{sensor}.rate=10"])
+    with pytest.raises(LogError, match=f"0 samples along {axis}: two or more were expected"):
+        simulate(short)

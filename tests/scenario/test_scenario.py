@@ -169,6 +169,13 @@ def test_a_controller_does_not_fly_by_raw_sensors() -> None:
     assert load_scenario("raw_sensors").sensors.raw
 
 
+def test_a_controller_does_not_fly_without_weight() -> None:
+    """It moves sideways by the thrust that carries it; its margins were no numbers."""
+    with pytest.raises(ScenarioError, match=r"flight\.gravity = 0 with control: .* some gravity was expected"):
+        load_scenario("hover_closed_loop", ["flight.gravity=0"])
+    assert load_scenario("paper", ["flight.gravity=0"]).flight.gravity == 0.0
+
+
 def test_a_file_that_is_not_there_or_not_toml_is_named(tmp_path: Path) -> None:
     """The message lists the shipped names, or says where the TOML breaks."""
     with pytest.raises(ScenarioError, match=r"no scenario 'papr'.*observer_benchmark, paper"):

@@ -206,7 +206,7 @@ def _dead_efforts(record: Record, efforts: Channel, positions: Channel) -> Itera
 def _stuck_efforts(record: Record, efforts: Channel, positions: Channel) -> Iterator[Finding]:
     """Yield efforts that do not change for long in a used part while their joints move, and other efforts change."""
     ranges = np.ptp(np.concatenate(positions.values.spread()), axis=0)
-    firsts = range(0, len(efforts.values) - 1, EXTENT)
+    firsts = range(0, max(len(efforts.values) - 1, 1), EXTENT)
     whole = np.concatenate([np.diff(efforts.values[at : at + EXTENT + 1], axis=0) != 0.0 for at in firsts])
     for part in record.parts:
         low, high = (record.times(edge, edge)[0] for edge in part)
