@@ -123,7 +123,8 @@ class Result:
     def parts(self) -> list[tuple[float, float]]:
         """Begin and end [s] of each used part."""
         if self.record is not None:
-            return [(first * self.record.dt, last * self.record.dt) for first, last in self.record.parts]
+            after_start = self.record.after_start
+            return [(after_start(first), after_start(last)) for first, last in self.record.parts]
         return [(estimate.start[0], estimate.end) for estimate in list(self.stored.values())[:1]]
 
     @cached_property

@@ -189,10 +189,10 @@ def unseen_notes(record: Record, values: FittedValues) -> Iterator[str]:
 
 
 def _time_after(record: Record, share: float) -> float:
-    """Return the time after the start [s] by which a share of what is used has passed; holes do not count."""
+    """Return the time after the start [s] by which a share of the samples used has passed."""
     remaining = share * sum(last - first for first, last in record.parts)
     for first, last in record.parts:
         if remaining <= last - first:
             break
         remaining -= last - first
-    return float(first + remaining) * record.dt
+    return record.after_start(first + remaining)

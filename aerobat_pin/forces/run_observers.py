@@ -238,7 +238,7 @@ def settled(record: Record, time: Array) -> NDArray[np.bool_]:
     wait = TIME_CONSTANTS_TO_SETTLE / float(record.map.observer.gain)
     good = np.ones(len(time), bool)
     for first, _ in record.parts:
-        begin = record.start + first * record.dt
+        begin = record.start + record.after_start(first)
         good &= ~((time >= begin - 1e-9) & (time < begin + wait))
     return good
 

@@ -71,7 +71,7 @@ def open_by_map(
     _check_stretches(chosen, end - start)
     parts, dropped = _parts(chosen, columns, channels, start, rate, end, knots)
     if knots is not None and robot.smooths(channels):
-        parts, dropped = ((0, len(knots) - 1),), ()
+        start, parts, dropped = float(knots[0]), ((0, len(knots) - 1),), ()
     if not parts:
         raise LogError(f"log {path}: no part is left to use: {'; '.join(dropped) or 'it is too short'}")
     driven = next(
@@ -80,7 +80,6 @@ def open_by_map(
     turned = (item for channel in channels.values() for item in channel.turns.items())
     taken = [f"{joint}: {count} jumps by a full turn are taken out" for joint, count in turned]
     log, notes = replace(columns, values={}), (*columns.notes, *notes, *unsensed, *taken, *dropped)
-    start = start if knots is None else float(knots[0])
     return Record(chosen, robot, channels, joints, driven, start, rate, parts, notes, knots, log, folder)
 
 
@@ -224,7 +223,8 @@ def _common_times(
         )
     rate = chosen.log.rate or 1.0 / spacing
     if knots is not None:
-        rate = (len(knots) - 1) / float(knots[-1] - knots[0])
+        lost = [finish - begin for begin, finish, _ in leading.holes]  # in which there is no rate
+        rate = (len(knots) - 1 - len(lost)) / float(knots[-1] - knots[0] - sum(lost))
     if not 0.0 < rate <= FASTEST:
         unit = f" (log.time.unit = '{chosen.log.time.unit or 's'}')" if not columns.kinds else ""
         mean = (len(leading.time) - 1) / float(leading.time[-1] - leading.time[0])

@@ -37,7 +37,7 @@ class Record:
         joints: joints that have channels, in the order of the columns.
         driven: those of them that have efforts, in the order of their columns.
         start: first common time [s].
-        rate: of the common times [Hz].
+        rate: of the common times [Hz]; where they are uneven the mean, holes left out.
         parts: (first, last) index of the common times of each part that is used.
         notes: what was dropped or assumed, in words.
         knots: (n + 1,) common times of a record that has its own, which can be uneven; None where they are even.
@@ -74,13 +74,31 @@ class Record:
 
     @property
     def dt(self) -> float:
-        """Time between two common times [s]."""
+        """Time between two common times [s]; the mean where they are uneven, holes left out."""
         return 1.0 / self.rate
 
     @property
     def duration(self) -> float:
         """Length of all used parts together [s]."""
+        if self.knots is not None:
+            return sum(self.after_start(last) - self.after_start(first) for first, last in self.parts)
         return float(sum(last - first for first, last in self.parts)) * self.dt
+
+    def after_start(self, index: float) -> float:
+        """Return how long after the start [s] a common time is, by its index, which can lie between two."""
+        if self.knots is None:
+            return index * self.dt
+        first = int(index)
+        near = self.times(first, first + 1)
+        return float(np.interp(index - first, np.arange(len(near)), near)) - self.start
+
+    def index_after(self, time: float) -> float:
+        """Return the index of the common time so long after the start [s], which can lie between two."""
+        if self.knots is None:
+            return time * self.rate
+        first = max(self.knots.index(self.start + time, "right") - 1, 0)
+        near = self.times(first, first + 1)
+        return first + float(np.interp(self.start + time, near, np.arange(len(near))))
 
     def times(self, first: int, last: int) -> Array:
         """Return the common times from index `first` to `last` inclusive [s]."""
@@ -169,7 +187,7 @@ class Record:
             end: time after the start [s] after which there is none.
             least: intervals of a stretch, however many they are together.
         """
-        low, high = (float(np.clip(place * self.rate, 0.0, self.parts[-1][1])) for place in (begin, end))
+        low, high = (float(np.clip(self.index_after(time), 0.0, self.parts[-1][1])) for time in (begin, end))
         parts = [(max(first, int(np.floor(low))), min(last, int(np.ceil(high)))) for first, last in self.parts]
         parts = [(first, last) for first, last in parts if first < last]
         for begin_at, end_at in spread_stretches(sum(last - first for first, last in parts), most, least):

@@ -291,7 +291,7 @@ def _reason(record: Record, estimate: StoredEstimate, at: int, component: int) -
     head, time = estimate.head, estimate.start[at]
     if not head.are_world_forces:
         return "no row shows it"
-    index = int(np.clip(round((time - record.start) * record.rate), 0, record.parts[-1][1] - 1))
+    index = int(np.clip(round(record.index_after(time - record.start)), 0, record.parts[-1][1] - 1))
     q = record.block(index, index + 1).q[0]
     rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
     kept = rows.kept(record.robot.model) if isinstance(rows, AllBut) else slice(None)

@@ -1,0 +1,65 @@
+"""Records at times of their own: a pause is no time of theirs, and times of a map count as at even times."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from support.recorded import edited, recorded
+from support.swinging_arm import HEAVIER, JOINTS, ROTOR, arm, arm_map, recording
+
+from aerobat_pin.estimation import estimate
+from aerobat_pin.forces import fitted_by_map, settled, taken_as_free
+from aerobat_pin.records import Record
+
+PAUSE = 90.0  # [s] after which the arm goes on
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, pd.DataFrame]:
+    """Return a folder with the arm, and 10 s of it that nothing pushed."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "arm.urdf").write_text(arm())
+    recording(folder, "free", pushed=False, seed=1)
+    return folder, pd.read_csv(folder / "free.csv")
+
+
+def recorded_at(times: str, folder: Path, table: pd.DataFrame, **changes: Any) -> Record:
+    """Return the record of a table at even times or its own."""
+    table.to_csv(folder / "log.csv", index=False)
+    return recorded(folder / "log.csv", edited(arm_map(), {"log.times": times, **changes}))
+
+
+def check_fits(record: Record) -> None:
+    """Check that the arm's mass and rotors are found."""
+    values = fitted_by_map(taken_as_free(record), mass=True).values
+    assert values.friction is not None
+    assert values.mass == pytest.approx(HEAVIER, abs=0.002)
+    np.testing.assert_allclose(values.friction.inertia, ROTOR, rtol=0.1)
+
+
+def test_a_pause_is_no_time_of_a_record(table: tuple[Path, pd.DataFrame]) -> None:
+    """Its rate, length, parts and fits are those of the samples; the mass was 1.2 times the believed one, not 1.06."""
+    folder, whole = table
+    record = recorded_at("own", folder, whole.assign(t=whole.t + PAUSE * (whole.t >= 5.0)))
+    assert (record.rate, record.duration) == pytest.approx((500.0, 9.996))
+    assert [record.after_start(k) for k in (2499, 2499.5, 2500)] == pytest.approx([4.998, 49.999, 95.0])
+    assert [record.index_after(time) for time in (4.998, 49.999, 95.0)] == pytest.approx([2499, 2499.5, 2500])
+    assert list(record.spread(10_000, 1.0, 97.0)) == [(500, 2499), (2500, 3500)]
+    risen = settled(record, record.times(0, 4999))
+    np.testing.assert_array_equal(np.flatnonzero(~risen), [*range(25), *range(2500, 2525)])
+    check_fits(record)
+
+
+def test_times_of_a_map_count_from_the_first_common_sample(table: tuple[Path, pd.DataFrame]) -> None:
+    """Also where efforts begin later than positions: a stretch without contact was sought before they began."""
+    folder, whole = table
+    late = whole.assign(**{f"{joint}_i": whole[f"{joint}_i"].where(whole.t >= 6.0) for joint in JOINTS})
+    changes = {"joints.friction": None, "use.free": [1.0, 3.0]}
+    results = [estimate(recorded_at(times, folder, late, **changes), trust=True) for times in ("even", "own")]
+    assert [result.start for result in results] == [6.0, 6.0]
+    np.testing.assert_allclose(results[1].parts, results[0].parts, atol=1e-9)
+    errors = [[f.value for f in result.findings if f.check == "stretch without contact"] for result in results]
+    assert errors[0][0] is not None
+    assert errors[0] == pytest.approx(errors[1], rel=0.01)
