@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.numerics import Array, frame_id, frame_jacobian
-from aerobat_pin.records import Block, Record, slopes, world_turn
+from aerobat_pin.records import Block, Record, slopes, uneven_slopes, world_turn
 
 ALL = slice(None)
 SMOOTHING = 0.03  # [s]: window of the parabolas whose slope is the acceleration
@@ -17,7 +17,10 @@ SMOOTHING = 0.03  # [s]: window of the parabolas whose slope is the acceleration
 
 def accelerations(block: Block, record: Record) -> Array:
     """Return accelerations (m, nv) between the samples of a block: slopes of parabolas through the velocities."""
-    a = slopes(block.v, record.dt, SMOOTHING)
+    if record.knots is None:
+        a = slopes(block.v, record.dt, SMOOTHING)
+    else:
+        a = uneven_slopes(block.time, block.v, SMOOTHING)
     return np.asarray(0.5 * (a[1:] + a[:-1]))
 
 

@@ -56,6 +56,7 @@ from .resample import NEAR_TURN as NEAR_TURN
 from .resample import sampled as sampled
 from .resample import sampled_turns as sampled_turns
 from .resample import slopes as slopes
+from .resample import uneven_slopes as uneven_slopes
 from .robot_files import load_robot as load_robot
 from .robot_files import robot_of_map as robot_of_map
 from .robot_files import urdf_of as urdf_of

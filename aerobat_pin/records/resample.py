@@ -79,6 +79,15 @@ def slopes(values: Array, dt: float, window: float) -> Array:
     return np.concatenate([first[:half], inner, last[half + 1 :]]) / (half * dt)
 
 
+def uneven_slopes(time: Array, values: Array, window: float) -> Array:
+    """Return `slopes` (m, k) of values at uneven times (m,) [s]: those of the lines through them at even times.
+
+    These are as many, so that they are at the values' own times where these are even.
+    """
+    even = np.linspace(time[0], time[-1], len(time))
+    return sampled(even, slopes(sampled(time, values, even), float(even[1] - even[0]), window), time)
+
+
 def neighbour_rates(model: pin.Model, time: Array, q: Array) -> Array:
     """Return the velocities (m, nv) of configurations (m, nq) at uneven times (m,) [s], differentiated numerically.
 

@@ -10,7 +10,7 @@ from support.recorded import edited, recorded
 from support.swinging_arm import HEAVIER, JOINTS, ROTOR, arm, arm_map, recording
 
 from aerobat_pin.estimation import estimate
-from aerobat_pin.forces import fitted_by_map, settled, taken_as_free
+from aerobat_pin.forces import accelerations, fitted_by_map, settled, taken_as_free
 from aerobat_pin.records import Record
 
 PAUSE = 90.0  # [s] after which the arm goes on
@@ -63,3 +63,16 @@ def test_times_of_a_map_count_from_the_first_common_sample(table: tuple[Path, pd
     errors = [[f.value for f in result.findings if f.check == "stretch without contact"] for result in results]
     assert errors[0][0] is not None
     assert errors[0] == pytest.approx(errors[1], rel=0.01)
+
+
+def test_accelerations_are_those_of_uneven_stamps(table: tuple[Path, pd.DataFrame]) -> None:
+    """Of an arm that is logged at 100 Hz, then at 500 Hz; the mass was 1.2 times the believed one, without rotors."""
+    folder, whole = table
+    uneven = whole[(whole.index % 5 == 0) | (whole.t >= 5.0)]
+    record = recorded_at("own", folder, uneven)
+    block = record.block(*record.parts[0])
+    true = np.gradient(whole[[f"{joint}_v" for joint in JOINTS]].to_numpy(), whole.t, axis=0)
+    halves = 0.5 * (block.time[1:] + block.time[:-1])
+    expected = np.column_stack([np.interp(halves, whole.t, column) for column in true.T])
+    np.testing.assert_allclose(accelerations(block, record)[5:-5], expected[5:-5], atol=0.01)
+    check_fits(record)
