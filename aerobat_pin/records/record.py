@@ -156,7 +156,7 @@ class Record:
     def at(self, key: str, time: Array) -> Array:
         """Return a channel (m, k) at times (m,) [s]."""
         channel = self.channels[key]
-        if channel.time is self.knots:
+        if channel.time is self.knots and self._are_knots(time):
             return self._own_rows(channel, time)
         return sampled(*self.cut(key, time), time)
 
@@ -169,6 +169,12 @@ class Record:
             rows = self.at(key, time)
             return 0.5 * (rows[1:] + rows[:-1])
         return line_means(*self.cut(key, time), time)
+
+    def _are_knots(self, time: Array) -> bool:
+        """Return whether times (m,) [s] are common times that follow each other, of a record that has its own."""
+        assert self.knots is not None
+        first = self.knots.index(float(time[0]))
+        return np.array_equal(self.times(first, first + len(time) - 1), time)
 
     def _own_rows(self, channel: Channel, time: Array) -> Array:
         """Return the rows (m, k) of a channel whose stamps are the common times (m,) themselves."""

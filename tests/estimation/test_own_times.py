@@ -52,6 +52,14 @@ def test_a_pause_is_no_time_of_a_record(table: tuple[Path, pd.DataFrame]) -> Non
     check_fits(record)
 
 
+def test_channels_are_seen_between_the_stamps(table: tuple[Path, pd.DataFrame]) -> None:
+    """As at even times, and beyond the last one; rows at the next stamps were given, and none beyond."""
+    even, own = (recorded_at(times, *table) for times in ("even", "own"))
+    for shift in (0.0005, 0.05):
+        times = own.times(4000, 4999) + shift
+        np.testing.assert_allclose(own.at("joints.effort", times), even.at("joints.effort", times), atol=1e-9)
+
+
 def test_times_of_a_map_count_from_the_first_common_sample(table: tuple[Path, pd.DataFrame]) -> None:
     """Also where efforts begin later than positions: a stretch without contact was sought before they began."""
     folder, whole = table
