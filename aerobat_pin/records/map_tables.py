@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from aerobat_pin.records.joint_names import JointNames
-from aerobat_pin.records.robot_tables import NonZero, PayloadSection, RobotTable, Shares, Stretch, Three, Window
+from aerobat_pin.records.robot_tables import NonZero, PayloadSection, RobotTable, Shares, ShortTime, Stretch, Three
 from aerobat_pin.scenario import NonNegative, Number, ObserverSettings, Positive, Section
 
 
@@ -68,7 +68,7 @@ class VelocitySection(ChannelSection):
 
     axes: Literal["world", "body"] | None = Field(None, description="left out: world; of the twist of base.topic, body")
     from_: Literal["pose"] | None = Field(None, alias="from", description="differentiated, in place of columns")
-    window: Window = Field(0.05, description="of the parabolas that differentiate (from) [s]")
+    window: ShortTime = Field(0.05, description="of the parabolas that differentiate (from) [s]")
 
 
 class RateSection(ChannelSection):
@@ -76,7 +76,7 @@ class RateSection(ChannelSection):
 
     axes: Literal["body", "world"] = Field("body", description="of the columns")
     from_: Literal["pose"] | None = Field(None, alias="from", description="differentiated, in place of columns")
-    window: Window = Field(0.05, description="of the parabolas that differentiate (from) [s]")
+    window: ShortTime = Field(0.05, description="of the parabolas that differentiate (from) [s]")
 
 
 class AccelerationSection(ChannelSection):
@@ -124,7 +124,7 @@ class JointVelocitySection(ChannelSection):
 
     slide_unit: Literal["m/s", "mm/s"] | None = Field(None, description="of those that slide, beside others that turn")
     from_: Literal["position"] | None = Field(None, alias="from", description="differentiated, in place of columns")
-    window: Window = Field(0.02, description="of the parabolas that differentiate (from) [s]")
+    window: ShortTime = Field(0.02, description="of the parabolas that differentiate (from) [s]")
 
 
 class EffortSection(ChannelSection):

@@ -23,7 +23,7 @@ def _not_zero(given: float) -> float:
 
 
 Share = Annotated[Number, Field(ge=0.0, le=1.0)]
-Window = Annotated[Number, Field(gt=0.0, le=1.0)]  # [s]: half of it reaches over the border of a block
+ShortTime = Annotated[Number, Field(gt=0.0, le=1.0)]  # [s]: half of it reaches over the border of a block
 NonZero = Annotated[Number, AfterValidator(_not_zero)]
 Stretch = Annotated[tuple[Number, Number], AfterValidator(_rising)]  # of time since the record's start [s]
 Shares = Annotated[tuple[Share, Share], AfterValidator(_rising)]  # of a record
