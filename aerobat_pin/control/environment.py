@@ -57,7 +57,7 @@ class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasiu
 
     Args:
         scenario: name of a scenario with a table `control`, or path of a TOML file.
-        settings: `dotted.key=value` texts, as for `load_scenario`.
+        settings: `dotted.key=value` texts, as for `load_scenario`; a `control.rate` of the scenario must fit `dt`.
         dt: time of a step [s].
         draw: keys of the scenario that are drawn anew at each reset, with their lowest and largest values.
         render_mode: nothing is drawn; write a log with `simulate` and replay it.

@@ -8,15 +8,15 @@ on; a sample that is late by the delay of its sensor, or waits for the next one,
 
 The carrier of the position is the integral of the velocity; of the attitude, the product of exp(omega dt); of the
 velocity (world axes), the swing with the crank (`Nominal.swing`); of the body rate, the swing and the integral of J^-1
-(thrusters' moment - nominal one + disturbance); of the joints, the closed linkage at the crank's angle; of the crank,
-its believed rate times time. Of all but velocity and rate, the mean of the last samples is carried on, with the time
-constant `ANCHOR`. While the gyro shows nothing good, the attitude corrects the body rate, and the position a velocity
-that is missing, by observers whose poles are `RATE_POLES` and `SPEED_POLES`. A gyro that jumps by more than noise is on
-trial: the first sample waits for the next one to confirm it, since a single wrong one does not last; then it is
-believed, until the attitude has turned as it says or as was expected, at odds of `SURE_OF_RATE`. So a blow costs one
-sample, and a gyro that is wrong some ten. A channel that jumps is believed again where it comes back within `REACH` of
-all that, or after `JUMP_BELIEVED`: then the world has changed, and not a sample. A punctual good sample is passed on as
-it is, to the bit.
+(thrusters' moment - nominal one + disturbance, while the gyro is believed); of the joints, the closed linkage at the
+crank's angle; of the crank, its believed rate times time. Of all but velocity and rate, the mean of the last samples is
+carried on, with the time constant `ANCHOR`. While the gyro shows nothing good, the attitude corrects the body rate, and
+the position a velocity that is missing, by observers whose poles are `RATE_POLES` and `SPEED_POLES`. A gyro that jumps
+by more than noise is on trial: the first sample waits for the next one to confirm it, since a single wrong one does not
+last; then it is believed, until the attitude has turned as it says or as was expected, at odds of `SURE_OF_RATE`. So a
+blow costs one sample, and a gyro that is wrong some ten. A channel that jumps is believed again where it comes back
+within `REACH` of all that, or after `JUMP_BELIEVED`: then the world has changed, and not a sample. A punctual good
+sample is passed on as it is, to the bit.
 """
 
 from __future__ import annotations
@@ -275,7 +275,8 @@ def close_for_crank(s: Senses, at: Array) -> None:
 def turn_on(s: Senses, at: Array, thrust: Array, push: Array) -> None:
     """Add to the carrier of the body rate what the moments have done since the last sample.
 
-    The push is seen in this very rate, so once a second sample of the gyro is missing it would only feed itself.
+    The observer sees the push in this very rate, so once a second sample of the gyro is missing it would only feed
+    itself; a push that is given from outside is left out likewise.
     """
     seen = 1.0 if s.age[GYRO_CHANNEL] <= 2 * s.period[GYRO_CHANNEL] else 0.0
     steered = s.steering[0] * cos(s.estimate[21]) + s.steering[1] * sin(s.estimate[21])

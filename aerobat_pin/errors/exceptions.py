@@ -117,10 +117,10 @@ class BrowserError(AerobatError, RuntimeError):
 
 
 class SimulationError(AerobatError, ArithmeticError):
-    """The simulated flight diverged.
+    """The simulated flight diverged, or its controller failed in flight.
 
     Attributes:
-        diverged_at: time of the first sample at which a limit was passed [s].
+        diverged_at: time of the first sample at which a limit was passed, or the controller failed [s].
         kept: what was flown before, in the form that the caller would have got (`Trajectory`, `FlightLog`,
             `Experiment`); None if there is less than one interval.
     """

@@ -125,4 +125,4 @@ def recorded_note(log: FlightLog, robot: Aerobat) -> str:
 
 def _divergence_note(log: FlightLog) -> str:
     time = log.measured.attrs.get("diverged_at")
-    return "" if time is None else f"; DIVERGED at {float(time):.4g} s, shown until then"
+    return "" if time is None else f"; DIVERGED at {float(time):.4g} s (or its controller failed), shown until then"

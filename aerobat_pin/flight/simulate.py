@@ -66,8 +66,8 @@ def simulate(
     Raises:
         ScenarioError, MorphologyFileError, LinkageError: the scenario does not fit its robot, or is too large.
         CrankError: the drive's angle, rate and acceleration do not agree.
-        SimulationError: the flight diverged; its attribute `kept` is the log until then, with an attribute
-            `diverged_at` [s], or None if nothing was flown.
+        SimulationError: the flight diverged, or the pilot failed after its first interval; the attribute `kept` is the
+            log until then, with an attribute `diverged_at` [s], or None if nothing was flown.
     """
     scenario.check_size()  # a copy with other values has not been checked
     settings = scenario.simulation

@@ -30,6 +30,7 @@ FRICTION_ERROR = 0.1  # expected of friction that another record showed, of Coul
 LEAST_ERROR = 0.01  # of what is expected of the links, however exact they seem
 LIKELY = 0.05  # mass of a payload over the robot's, to begin with [-]
 REGRESSED = 20.0  # [1/s] of the low-passes, at most: it lets motions of joints through
+BOTH_SETTLE = 1.5  # times as long as one low-pass: what is left of the past is (1 + 7.5) e^-7.5
 REST = 0.1  # [rad/s, m/s] up to which a joint counts as at rest
 NOTHING_LEFT = 1e-200  # square sum of a row that never moved
 NEWTON_ROUNDS = 12  # of Gauss and Newton, each with weights from the last
@@ -248,7 +249,7 @@ def regression(
     friction = 3 * bool(known) if section is None else 4  # rotors have inertia, whether or not the law has
     p, at = errors.shape[1], errors.shape[1] + carrier.stop - carrier.start
     gain = regression_gain(record)
-    settling = round(TIME_CONSTANTS_TO_SETTLE / gain * record.rate)
+    settling = round(BOTH_SETTLE * TIME_CONSTANTS_TO_SETTLE / gain * record.rate)
     begin = fit[0] + settling * record.dt
     length = min(LASTS, max((fit[1] - begin) / FEWEST_BLOCKS, record.dt))
     sums: list[dict[int, Array]] = [{}, {}]
@@ -285,6 +286,6 @@ def regression(
 
 
 def _settled(chosen: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
-    """Return which intervals (m,) end a run of more than `count` that are chosen, a low-pass having settled."""
+    """Return which intervals (m,) end a run of more than `count` that are chosen, both low-passes having settled."""
     every = np.arange(len(chosen))
     return every - np.maximum.accumulate(np.where(chosen, -1, every)) > count

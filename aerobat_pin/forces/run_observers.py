@@ -166,7 +166,7 @@ def run_observers(
     wait = max(wait, LEAD * NOISE_STRETCH / record.rate)
     lead, spool = int(np.ceil(wait * record.rate)) + 1, Spool()
     estimates = {observer.name: StoredEstimate(spool) for observer in observers}
-    memory = round(REMEMBERED * MEMORY_OF_K * record.rate)
+    memory = min(round(REMEMBERED * MEMORY_OF_K * record.rate), BLOCK)
     total, done = len(observers) * sum(last - first for first, last in record.parts), 0
     for first, last in record.parts:
         for begin, end in blocks_of(first, last) if not record.robot.remembers else [(first, last)]:

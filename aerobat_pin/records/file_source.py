@@ -20,6 +20,7 @@ from aerobat_pin.records.map_file import load_map, without_absent
 from aerobat_pin.records.map_tables import Map
 from aerobat_pin.records.read import read_columns
 from aerobat_pin.records.record import Record
+from aerobat_pin.records.resample import rate_beside_holes
 from aerobat_pin.records.robot_files import robot_of_map
 from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series, typical_spacing
@@ -223,8 +224,7 @@ def _common_times(
         )
     rate = chosen.log.rate or 1.0 / spacing
     if knots is not None:
-        lost = [finish - begin for begin, finish, _ in leading.holes]  # in which there is no rate
-        rate = (len(knots) - 1 - len(lost)) / float(knots[-1] - knots[0] - sum(lost))
+        rate = rate_beside_holes(knots, chosen.log.longest_gap)
     if not 0.0 < rate <= FASTEST:
         unit = f" (log.time.unit = '{chosen.log.time.unit or 's'}')" if not columns.kinds else ""
         mean = (len(leading.time) - 1) / float(leading.time[-1] - leading.time[0])

@@ -18,6 +18,7 @@ import pinocchio as pin
 from aerobat_pin.numerics import Array, runs_of_true
 from aerobat_pin.records.spool import EXTENT, Series, typical_spacing
 
+FINEST = 8  # even times for each uneven one, at most
 HOLE = 2.5  # usual steps of a channel, which a hole is longer than
 CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])  # times a unit quaternion x, y, z, w: the inverse turn
 NEAR_TURN = 0.25  # of a turn: a joint turns less from sample to sample, and a jump by a full turn is as near to one
@@ -82,9 +83,10 @@ def slopes(values: Array, dt: float, window: float) -> Array:
 def uneven_slopes(time: Array, values: Array, window: float) -> Array:
     """Return `slopes` (m, k) of values at uneven times (m,) [s]: those of the lines through them at even times.
 
-    These are as many, so that they are at the values' own times where these are even.
+    These have the values' usual step, and so are at the values' own times where these are even.
     """
-    even = np.linspace(time[0], time[-1], len(time))
+    steps = np.round((time[-1] - time[0]) / np.median(np.diff(time)))  # stamps rise
+    even = np.linspace(time[0], time[-1], int(np.clip(steps + 1, len(time), FINEST * len(time))))
     return sampled(even, slopes(sampled(time, values, even), float(even[1] - even[0]), window), time)
 
 
@@ -151,3 +153,9 @@ def holes(time: Series, longest: float) -> list[tuple[float, float]]:
         gaps += [(float(stamps[i]), float(stamps[i + 1])) for i in np.flatnonzero(np.diff(stamps) > longest)]
         before = float(stamps[-1])
     return gaps
+
+
+def rate_beside_holes(time: Series, longest: float) -> float:
+    """Return the mean rate [1/s] of stamps (n,), which have none in holes that are longer than `longest` [s]."""
+    lost = [end - begin for begin, end in holes(time, longest)]
+    return (len(time) - 1 - len(lost)) / float(time[-1] - time[0] - sum(lost))

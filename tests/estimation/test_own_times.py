@@ -12,6 +12,7 @@ from support.swinging_arm import HEAVIER, JOINTS, ROTOR, arm, arm_map, recording
 from aerobat_pin.estimation import estimate
 from aerobat_pin.forces import accelerations, fitted_by_map, settled, taken_as_free
 from aerobat_pin.records import Record
+from aerobat_pin.visualization.figures.record import draw_motion
 
 PAUSE = 90.0  # [s] after which the arm goes on
 
@@ -49,6 +50,8 @@ def test_a_pause_is_no_time_of_a_record(table: tuple[Path, pd.DataFrame]) -> Non
     assert list(record.spread(10_000, 1.0, 97.0)) == [(500, 2499), (2500, 3500)]
     risen = settled(record, record.times(0, 4999))
     np.testing.assert_array_equal(np.flatnonzero(~risen), [*range(25), *range(2500, 2525)])
+    bands = [(band.get_x(), band.get_x() + band.get_width()) for band in draw_motion(record).get_axes()[0].patches]
+    np.testing.assert_allclose(bands, [(0.0, 4.998), (95.0, 99.998)])
     check_fits(record)
 
 

@@ -186,6 +186,10 @@ def test_draws_are_the_same_for_every_seed_and_another_key_does_not_change_them(
             "'crank.frequency' is varied by two dimensions, of which 'a' sets 'crank'",
         ),
         (
+            '[ranges]\ncrank = [{frequency = 3}, {frequency = 4}]\n"crank.frequency" = [5, 6]',
+            "'crank.frequency' is varied by two dimensions",
+        ),
+        (
             '[ranges]\n"unknown_force.*.noise" = [0.1]\n"unknown_force.0.noise" = [0.2]',
             "'unknown_force.*.noise' is varied by two dimensions",
         ),

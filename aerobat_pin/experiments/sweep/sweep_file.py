@@ -143,9 +143,13 @@ class SweepFile(_Table):
     @property
     def _varied(self) -> dict[str, list[str]]:
         """Dotted keys that each dimension sets, in the order in which a run's dimensions set them."""
-        ranges = {key: [key] for key in self.ranges}
+        listed = {key: values if isinstance(values, list) else [None] for key, values in self.ranges.items()}
+        ranges = {key: [leaf for value in values for leaf in _leaves(key, value)] for key, values in listed.items()}
         factors = {name: list(factors.of) for name, factors in self.factors.items()}
-        variants = {name: [key for keys in sets.values() for key in keys] for name, sets in self.variants.items()}
+        variants = {
+            name: [leaf for keys in sets.values() for key, value in keys.items() for leaf in _leaves(key, value)]
+            for name, sets in self.variants.items()
+        }
         return {**ranges, **factors, **variants, **({DRAW: list(self.draws.values)} if self.draws else {})}
 
     @model_validator(mode="after")
@@ -162,6 +166,12 @@ class SweepFile(_Table):
                     both = f"two dimensions, of which '{name}' sets '{last}'"
                     raise ValueError(f"'{key}' is varied by {both}; one was expected")
         return self
+
+
+def _leaves(key: str, value: Any) -> list[str]:
+    """Return a dotted key, and those of what a table contains that it is set to."""
+    below = value.items() if isinstance(value, dict) else ()
+    return [key, *(leaf for name, item in below for leaf in _leaves(f"{key}.{name}", item))]
 
 
 def _overwrites(last: str, key: str) -> bool:

@@ -38,7 +38,7 @@ def draw_motion(record: Record) -> Figure:
         axis.set_ylabel(f"{key}\n[{DRAWN.get(key, 'SI')}]")
         axis.legend(ncols=1, loc="center left", bbox_to_anchor=(1.0, 0.5))
         for first, last in record.parts:
-            axis.axvspan(first * record.dt, last * record.dt, color=style.FAINT, alpha=0.25, zorder=0)
+            axis.axvspan(record.after_start(first), record.after_start(last), color=style.FAINT, alpha=0.25, zorder=0)
     figure.get_axes()[-1].set_xlabel("time [s]; grey: used")
     return figure
 
