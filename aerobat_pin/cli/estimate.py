@@ -74,9 +74,15 @@ def estimate_command(
     from aerobat_pin.records import load_map, suggested_map, with_options
 
     if out is not None and out.suffix == ".mcap":
+        if out_mcap is not None:
+            raise LogError(f"estimate: --out {out} and --out-mcap {out_mcap}: one MCAP file was expected")
         out, out_mcap = None, out
     if log is None and not self_check:
         raise LogError("estimate: a recorded flight was expected, or --self-check")
+    idle = {"--map": map_file, "--urdf": urdf, "--suggest": suggest, "--calibration": calibration, "--correct": correct}
+    if log is None and any(idle.values()):
+        named = ", ".join(name for name, given in idle.items() if given)
+        raise LogError(f"estimate: {named} without a log: a log was expected")
     if suggest and log is not None:
         with doing("looking at the log"):
             text = suggested_map(log, None if urdf is None else str(urdf), option_names(points))

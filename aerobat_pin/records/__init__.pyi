@@ -60,6 +60,7 @@ from .resample import uneven_slopes as uneven_slopes
 from .robot_files import load_robot as load_robot
 from .robot_files import robot_of_map as robot_of_map
 from .robot_files import urdf_of as urdf_of
+from .robot_files import with_angles as with_angles
 from .robot_tables import PayloadSection as PayloadSection
 from .robot_tables import RobotTable as RobotTable
 from .robots import FREE_NQ as FREE_NQ

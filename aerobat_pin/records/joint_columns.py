@@ -26,9 +26,10 @@ UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
     "length": {"mm": "mm", "cm": "cm", "m": "m"},
     "speed": {"mms": "mm/s", "ms": "m/s", "mps": "m/s"},
     "force": {"n": "N"},
-    "angle": {"deg": "deg", "degrees": "deg", "rad": "rad"},
+    "load": {"n": "N", "mn": "mN", "kn": "kN", "gf": "gf", "kgf": "kgf"},
+    "angle": {"deg": "deg", "degrees": "deg", "rad": "rad", "rev": "rev"},
     "rate": {"dps": "deg/s", "degs": "deg/s", "deg": "deg/s", "rads": "rad/s", "rad": "rad/s", "rpm": "rpm"},
-    "torque": {"a": "A", "ma": "mA", "nm": "N m", "mnm": "mN m"},
+    "torque": {"a": "A", "ma": "mA", "nm": "N m", "mnm": "mN m", "nmm": "mN m"},
     "acceleration": {"g": "g", "mg": "mg", "ms2": "m/s2"},
 }
 BEHIND_NUMBERS = {  # words that a numbered joint's column may end in

@@ -85,9 +85,10 @@ class StoredVariable:
         if h5py.check_string_dtype(item.dtype) is not None:
             return np.array(np.asarray(item.asstr()[rows], object).tolist())
         values = item[rows]
-        fill = item.attrs.get("_FillValue", item.attrs.get("missing_value"))
-        if fill is not None and np.asarray(values).dtype.kind in "fiu":
-            empty = np.asarray(values) == np.asarray(fill, float).ravel()[0]
+        fills = [np.ravel(item.attrs[key]) for key in ("_FillValue", "missing_value") if key in item.attrs]
+        if fills and np.asarray(values).dtype.kind in "fiu":
+            kind = item.dtype if item.dtype.kind == "f" else float  # a double is rounded as they are
+            empty = np.isin(values, np.concatenate([fill.astype(kind) for fill in fills]))
             return np.where(empty, np.nan, values) if np.any(empty) else values
         return values
 

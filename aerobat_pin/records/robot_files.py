@@ -195,7 +195,7 @@ def model_of_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
     Raises LogError if it is none, or no robot can have its values: what Pinocchio prints about it is the message.
     """
     root = checked_robot(path, "mjcf" if mjcf else "urdf")
-    text = "" if mjcf else _with_angles(root)
+    text = "" if mjcf else with_angles(root)
 
     def read(*root: pin.JointModel) -> pin.Model:
         if not mjcf:
@@ -212,7 +212,7 @@ def model_of_file(path: Path, *, mjcf: bool, free: bool) -> pin.Model:
     return model
 
 
-def _with_angles(root: ElementTree.Element) -> str:
+def with_angles(root: ElementTree.Element) -> str:
     """Return a URDF whose continuous joints are revolute: one angle, as logs have it, in place of cosine and sine."""
     for joint in root.iter("joint"):
         if joint.get("type") == "continuous":

@@ -77,7 +77,7 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
         lines.append(f"rows = {{ignore = {listed(following)}}}  # they follow other joints, whose motors move them")
     lines += ["", "[log]"]
     step, spacing = None, _spacing_of_lead(columns)
-    if not columns.kinds and not str(log).endswith(NETCDF):
+    if not columns.kinds and not str(log).lower().endswith(NETCDF):
         line, step = _suggested_time(log, columns, timed)
         lines.append(line)
         spacing = step
@@ -257,7 +257,8 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         if "velocity" in groups:
             names = listed(groups["velocity"])
             axes, other = ("body", "world") if "body" in names.lower() else ("world", "body")
-            yield f'velocity = {{columns = {names}, unit = "m/s", axes = "{axes}"}}  # or axes = "{other}"?'
+            unit = named_unit("speed", groups["velocity"]) or "m/s"
+            yield f'velocity = {{columns = {names}, unit = "{unit}", axes = "{axes}"}}  # or axes = "{other}"?'
         else:
             yield 'velocity = {from = "pose", window = 0.05}'
         if "rate" in groups:
@@ -301,7 +302,8 @@ def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iter
     if wrench:
         yield f'wrench = {{topic = "{wrench}", sign = 1}}  # {asked} At which point?'
     elif "force" in groups:
-        yield f'wrench = {{columns = {listed(groups["force"])}, unit = "N", sign = 1}}  # {asked} At which point?'
+        unit = named_unit("load", groups["force"]) or "N"
+        yield f'wrench = {{columns = {listed(groups["force"])}, unit = "{unit}", sign = 1}}  # {asked} At which point?'
         others = [name for kind, names in groups.items() if kind.startswith("force ") for name in names]
         if others:
             yield f"# And {', '.join(others)}? A sensor can also be a known input, 3 or 6 columns at its frame:"

@@ -213,7 +213,9 @@ def joint_topic(columns: Columns) -> str | None:
 
 def topic_of(columns: Columns, *kinds: str) -> str | None:
     """Return the first topic of one of these types."""
-    return next((topic for topic, kind in columns.kinds.items() if any(word in kind for word in kinds)), None)
+    told = {name.partition(".")[0] for name in columns.values}  # a topic can be silent, or hold no numbers
+    named = (topic for topic, kind in columns.kinds.items() if any(word in kind for word in kinds))
+    return next((topic for topic in named if topic in told), None)
 
 
 def listed(names: Iterable[str]) -> str:

@@ -57,6 +57,11 @@ FILES = {
         (["linkage", "--out", "kept.png"], "output kept.png exists; --force overwrites it"),
         (["linkage", "--out", "."], "output aerobat.png exists; --force overwrites it"),
         (["linkage", "--out", "kept"], "output kept: is a file; a folder, or a .png, .pdf or .svg file was expected"),
+        (["estimate", "--self-check", "--map", "no.toml", "--correct"], "--map, --correct without a log"),
+        (
+            ["estimate", "log.csv", "-o", "a.mcap", "--out-mcap", "b.mcap"],
+            "--out-mcap b.mcap: one MCAP file was expected",
+        ),
         (["linkage", "--out", "new.jpg"], "output new.jpg: .jpg is none of .png, .pdf and .svg"),
         (["linkage", "--out", "kept/new"], "output kept/new"),
         (["urdf", "--out", 300 * "n" + ".urdf"], "a name of 246 bytes at most was expected"),

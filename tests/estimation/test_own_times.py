@@ -13,6 +13,7 @@ from aerobat_pin.estimation import estimate
 from aerobat_pin.forces import accelerations, fitted_by_map, settled, taken_as_free
 from aerobat_pin.records import Record
 from aerobat_pin.visualization.figures.record import draw_motion
+from aerobat_pin.visualization.replay.flight_replay import replay_result
 
 PAUSE = 90.0  # [s] after which the arm goes on
 
@@ -52,6 +53,7 @@ def test_a_pause_is_no_time_of_a_record(table: tuple[Path, pd.DataFrame]) -> Non
     np.testing.assert_array_equal(np.flatnonzero(~risen), [*range(25), *range(2500, 2525)])
     bands = [(band.get_x(), band.get_x() + band.get_width()) for band in draw_motion(record).get_axes()[0].patches]
     np.testing.assert_allclose(bands, [(0.0, 4.998), (95.0, 99.998)])
+    assert replay_result(estimate(record, trust=True)).subtitle == "95 to 100 s of 9.996 s that are used"
     check_fits(record)
 
 

@@ -16,7 +16,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.estimation.checks.samples import channel_findings
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import Channel, read_columns, suggested_map
+from aerobat_pin.records import Channel, parse_map, read_columns, suggested_map
 from aerobat_pin.records.csv_columns import read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.spool import Spool, series_of
@@ -201,6 +201,20 @@ def test_a_pose_is_found_by_what_its_columns_share(place: str, attitude: str, fr
         assert base["velocity"]["axes"] == "body"
 
 
+def test_units_behind_names_are_those_of_suggestions(tmp_path: Path) -> None:
+    """A force in kN was suggested in N without a question, a rate in mm/s in m/s, a turn in radians."""
+    (tmp_path / "arm.urdf").write_text(arm_of(1))
+    time = 0.01 * np.arange(50.0)
+    groups = (("pos", "mm"), ("vel", "mm/s"), ("F", "kN"))
+    columns = {f"{name}_{axis} [{unit}]": time for name, unit in groups for axis in "xyz"}
+    columns |= {"q_x": 0.0, "q_y": 0.0, "q_z": 0.0, "q_w": 1.0, "joint1_pos [rev]": time, "joint1_torque [N mm]": time}
+    pd.DataFrame({"t": time, **columns}).to_csv(tmp_path / "log.csv", index=False)
+    found = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))
+    assert (found["base"]["velocity"]["unit"], found["check"]["wrench"]["unit"]) == ("mm/s", "kN")
+    assert [found["joints"][key]["unit"] for key in ("position", "effort")] == ["rev", "mN m"]
+    parse_map({**found, "robot": {**found["robot"], "points": ["l1"]}}, "that is suggested")
+
+
 def arm_of(count: int) -> str:
     """Return an arm of some joints, joint1 and so on."""
     links = [link(f"l{k}", 1.0, moments=(1.0, 1.0, 1.0)) for k in range(1, count + 1)]
@@ -353,6 +367,16 @@ def test_packed_numbers_of_a_netcdf_log_are_refused(tmp_path: Path) -> None:
     data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf", encoding=packing)
     with pytest.raises(LogError, match=r"log\.nc: 'x' has the attribute scale_factor: plain numbers were expected"):
         read_columns(tmp_path / "log.nc", LogTable())
+
+
+def test_empty_cells_of_a_netcdf_log_have_either_of_two_marks(tmp_path: Path) -> None:
+    """-999 beside a fill value was a sample, as was 1e20 in single precision where the mark is a double."""
+    data = xr.Dataset({name: ("time", np.array([1.0, -999.0, 1e20])) for name in "ab"}, {"time": [0.0, 0.1, 0.2]})
+    data["a"].attrs["missing_value"] = data["b"].attrs["missing_value"] = [-999.0, 1e20]
+    data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf", encoding={"b": {"dtype": "f4", "_FillValue": None}})
+    columns = read_columns(tmp_path / "log.nc", LogTable())
+    for name in "ab":
+        np.testing.assert_array_equal(columns.values[name][:], [1.0, np.nan, np.nan])
 
 
 def test_the_time_of_a_netcdf_log_need_not_be_the_coordinate_of_its_dimension(tmp_path: Path) -> None:

@@ -320,7 +320,7 @@ LONG = "run_sweep ForceNode LiveTopics"  # start processes or nodes; sweep and m
 INNER = """row_names inputs_of lag map_toml read_map observers_of kind_of_log needs_map table_record requests_of
 seal_netcdf netcdf_bytes torque_per_unit read_netcdf read_run joint_series
 effort_findings record_findings moving_weight AllBut with_record robot_length has_free_base low_passed
-twice_low_passed repeats
+twice_low_passed repeats with_angles
 as_others_rub effort_limits quantity typical_step redundancy_of slow_part describe_tables explain validated fit_friction
 one_unit rotation_matrices force_size said_unit name_for scenario_keys
 ClosedLoop LaggedThrust Sensing Allocation DisturbanceObserver TrueDisturbance control_summary noise_slew

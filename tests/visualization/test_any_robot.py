@@ -5,7 +5,9 @@ import os
 import re
 from pathlib import Path
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 from support.bad_robots import ARM, COLLADA, MOTIONS, PICTURE, ROBOTS, SECRET, SHAPE, stl
 
@@ -13,8 +15,15 @@ from aerobat_description import PACKAGE_PATH
 from aerobat_description.generate import shipped_text
 from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import AerobatError, LogError
-from aerobat_pin.visualization.replay.any_robot import load_any_robot, replay_table
-from aerobat_pin.visualization.replay.scene import drawable
+from aerobat_pin.records.robot_files import model_of_file
+from aerobat_pin.visualization.replay.any_robot import load_any_robot, replay_table, visible_parts
+from aerobat_pin.visualization.replay.scene import box_corners, drawable
+
+HINGE = '<joint name="j{0}" type="continuous"><parent link="l{0}"/><child link="l{1}"/><axis xyz="0 0 1"/></joint>'
+BODY = (
+    '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    '<visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual>'
+)
 
 
 @pytest.fixture
@@ -194,3 +203,22 @@ def test_the_axis_of_a_fixed_joint_may_be_zero(folder: Path) -> None:
     (folder / "arm.urdf").write_text(ARM.replace('xyz="0 1 0"', 'xyz="0 0 0"'))
     with pytest.raises(LogError, match="more than 0 was expected"):
         load_any_robot(folder / "arm.urdf", 1, folder / "motion.csv")
+
+
+def test_the_box_of_a_mesh_is_that_of_its_triangles_as_they_were_loaded() -> None:
+    """Pinocchio scales them; scaled again, a robot in mm was a point, with the camera inside and arrows of kN."""
+    cube = pin.GeometryObject("cube", 0, 0, pin.SE3.Identity(), coal.Box(0.2, 0.2, 0.2), "", np.full(3, 1e-3))
+    np.testing.assert_allclose(np.ptp(box_corners(cube), axis=0), 0.2)
+
+
+@pytest.mark.parametrize("free", [False, True])
+def test_joints_that_turn_for_ever_are_drawn_with_their_shapes(free: bool, folder: Path) -> None:
+    """In a record they have one angle, in their file cosine and sine: such robots were sticks, or another robot."""
+    hinges = "".join(HINGE.format(k, k + 1) for k in range(7))
+    links = "".join(f'<link name="l{k}">{BODY}</link>' for k in range(8))
+    (folder / "arm.urdf").write_text(f'<robot name="arm">{links}{hinges}</robot>')
+    model = model_of_file(folder / "arm.urdf", mjcf=False, free=free)
+    drawn, shapes = visible_parts(folder / "arm.urdf", model, "log")
+    kinds, others = ([joint.shortname() for joint in each.joints.tolist()] for each in (drawn, model))
+    assert kinds == others
+    assert shapes.ngeoms == 8

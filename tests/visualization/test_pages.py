@@ -19,6 +19,7 @@ from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.figures.flight import draw_states, draw_stick_diagram
+from aerobat_pin.visualization.figures.lines import thinned
 from aerobat_pin.visualization.result_pages import draw_all, report_html
 
 
@@ -219,3 +220,12 @@ def test_the_report_opens_without_a_request_or_an_error(paper_folder: Path, brow
             page.evaluate(SHOWN_AT, time)
             where.append(page.evaluate(f"[{crank}.x, {crank}.y]"))
         assert np.hypot(*np.subtract(*where)) > 1.0  # [mm]
+
+
+def test_a_long_series_keeps_its_peaks_beside_a_sample_that_is_not_seen() -> None:
+    """One sample that is NaN hid its whole stretch, with 50 N in it."""
+    values = np.full(40_000, 0.1)
+    values[20_000], values[20_003] = 50.0, np.nan
+    time, drawn = thinned(len(values), lambda first, last: (np.arange(first, last) * 1e-3, values[first:last, None]))
+    assert len(time) < 10_000
+    assert np.nanmax(drawn) == 50.0

@@ -30,7 +30,7 @@ def thinned(count: int, read: Callable[[int, int], Lines]) -> Lines:
     for first in range(0, count, size * max(1, READ // size)):
         time, rows = read(first, min(first + size * max(1, READ // size), count))
         starts = np.arange(0, len(time), size)
-        low, high = np.minimum.reduceat(rows, starts), np.maximum.reduceat(rows, starts)
+        low, high = np.fmin.reduceat(rows, starts), np.fmax.reduceat(rows, starts)
         times.append(np.repeat(time[np.minimum(starts + size // 2, len(time) - 1)], 2))
         values.append(np.stack([low, high], axis=1).reshape(2 * len(starts), -1))
     return np.concatenate(times), np.concatenate(values)

@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import LARGEST_TABLE, LogError, foreign_file, foreign_xml
 from aerobat_pin.numerics import Array, Packages, checked_robot, read_robot
-from aerobat_pin.records import FREE_NQ, LogTable, header_of, read_columns
+from aerobat_pin.records import FREE_NQ, LogTable, header_of, read_columns, with_angles
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.moving_page import Replay, record
 
@@ -36,10 +36,13 @@ STICK = 0.04  # radius of a stick, in lengths of the robot
 LARGEST_MOTION = 1e6  # of any number: no motion goes further, and a page holds single precision
 
 
-def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pin.GeometryModel]:
+def load_any_robot(
+    urdf: Path, columns: int, table: Path, *, angles: bool = False
+) -> tuple[pin.Model, pin.GeometryModel]:
     """Load a robot, with a free base if a table that moves it has as many columns as joints and the base's placement.
 
-    A robot that has no visual shapes gets sticks.
+    A robot that has no visual shapes gets sticks. With `angles` continuous joints have one, as in a record, in place of
+    cosine and sine.
 
     Raises:
         LogError: the file or one that it names cannot be read or lies outside the robot's packages; a number is not
@@ -51,7 +54,7 @@ def load_any_robot(urdf: Path, columns: int, table: Path) -> tuple[pin.Model, pi
         if element.tag in ("mesh", "texture") and "filename" in element.attrib:
             check = _check_mesh if element.tag == "mesh" else _check_picture
             element.set("filename", str(packages.file(element.attrib["filename"], urdf.parent, check)))
-    text = ElementTree.tostring(root, encoding="unicode")
+    text = with_angles(root) if angles else ElementTree.tostring(root, encoding="unicode")
     model = read_robot(urdf, lambda: pin.buildModelFromXML(text))
     fixed = model.nq
     if columns == fixed + FREE_NQ:
@@ -153,7 +156,7 @@ def visible_parts(path: Path | None, model: pin.Model, name: str) -> tuple[pin.M
     """Return the model with the shapes of its URDF file, if they can be read, else with sticks."""
     if path is not None:
         try:
-            return load_any_robot(path, int(model.nq), Path(name))
+            return load_any_robot(path, int(model.nq), Path(name), angles=True)
         except LogError:
             pass
     return model, sticks(model)

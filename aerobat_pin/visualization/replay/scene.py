@@ -206,7 +206,7 @@ def box_corners(part: pin.GeometryObject) -> Array:
     """Return the corners (8, 3) of a part's bounding box in the part's axes [m]; all zero for an infinite shape."""
     part.geometry.computeLocalAABB()
     box = part.geometry.aabb_local
-    ends = np.array([box.min_, box.max_]) * part.meshScale
+    ends = np.array([box.min_, box.max_])  # of the triangles as Pinocchio loaded them, which are scaled already
     if not np.all(np.abs(ends) < UNBOUNDED):
         ends = np.zeros((2, 3))
     return np.array(list(itertools.product(*ends.T)))
