@@ -25,6 +25,7 @@ from aerobat_pin.forces import (
     CARRIES,
     LOOKED_AT,
     WEIGHED,
+    Balance,
     FittedValues,
     FreeMotion,
     KnownForces,
@@ -188,13 +189,16 @@ def turned_base(record: Record, motion: FreeMotion, share: float, most: float) -
     What is left is in squares: a `share` of what is needed as mapped. What pushes at points is taken off.
     """
 
-    def left_by(motion: FreeMotion, turn: Array) -> float:
-        balance = balance_of(record, _turned_back(motion, turn[None], np.zeros(1, bool)))
-        return np.inf if balance is None else balance.imbalance()
+    def turned(motion: FreeMotion, turns: Sequence[Array]) -> Balance | None:
+        return balance_of(record, _turned_back(motion, np.array(turns), np.zeros(len(turns), bool)))
 
     few = motion.every(-(-len(motion.v) // TRIED_AT))
-    best = min(QUARTER_TURNS, key=lambda turn: left_by(few, turn))
-    if (left := left_by(motion, best)) >= min(LEFT_BY_TURN * share, most):
+    if (tried := turned(few, QUARTER_TURNS)) is None:
+        return None
+    borders = len(few.v) * np.arange(len(QUARTER_TURNS) + 1)
+    best = QUARTER_TURNS[np.argmin([tried.between(*each).imbalance() for each in itertools.pairwise(borders)])]
+    balance = turned(motion, [best])
+    if balance is None or (left := balance.imbalance()) >= min(LEFT_BY_TURN * share, most):
         return None
     turn = best.T @ pin.rpy.rpyToMatrix(*np.radians(record.map.base.imu.turn))
     angles = ", ".join(f"{x:.0f}" for x in np.degrees(pin.rpy.matrixToRpy(turn)).round() + 0.0)
