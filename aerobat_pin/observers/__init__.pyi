@@ -48,6 +48,7 @@ from .momentum import SecondOrderObserver as SecondOrderObserver
 from .momentum import SuperTwistingObserver as SuperTwistingObserver
 from .observer import DEFAULT_GAIN as DEFAULT_GAIN
 from .observer import Observer as Observer
+from .redundancy import SLOW_TIME as SLOW_TIME
 from .redundancy import Redundancy as Redundancy
 from .redundancy import force_size as force_size
 from .redundancy import low_passed as low_passed

@@ -29,7 +29,9 @@ from aerobat_pin.forces.inputs import change_of_axes
 from aerobat_pin.forces.run_observers import inputs_between
 from aerobat_pin.observers import low_passed
 from aerobat_pin.records import base_requests, parse_map
-from aerobat_pin.visualization.figures.record import draw_contacts, draw_motion
+from aerobat_pin.visualization.figures import lines
+from aerobat_pin.visualization.figures.estimation import draw_estimation
+from aerobat_pin.visualization.figures.record import draw_contacts, draw_motion, draw_unexplained
 
 PLACE, TURN = np.array([0.12, -0.05, 0.08]), np.array([10.0, -20.0, 90.0])  # [m], [deg]
 HEAVIER = {"mass", "effort unit", "effort unit or mass"}  # what a push down may be taken for
@@ -290,6 +292,23 @@ def test_the_results_show_the_gait(folder: Path, by_imu: Result, monkeypatch: py
     for figure, kind in ((draw_contacts(by_imu), "png"), (draw_motion(by_imu.record), "pdf")):
         figure.savefig(rendered := io.BytesIO(), format=kind)
         assert rendered.tell() > 1000
+
+
+def test_figures_say_which_joints_they_leave_out(folder: Path) -> None:
+    """Of twelve, the first eight."""
+    result = estimate(recorded(folder / "log.csv", edited(mapped(folder, "joints"), {"robot.points": []})))
+    assert "the first 8 of 12: " in draw_estimation(result).get_suptitle()
+    assert "of the first 8 joints, " in draw_motion(result.record).get_suptitle()
+
+
+def test_a_long_unexplained_part_does_not_begin_again_at_zero(by_imu: Result, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the next samples of a long estimate are read, its low-passes began anew."""
+    monkeypatch.setattr(lines, "MOST_DRAWN", 200)
+    [whole, *_] = draw_unexplained(by_imu).axes[0].lines
+    monkeypatch.setattr(lines, "READ", 100)
+    [again, *_] = draw_unexplained(by_imu).axes[0].lines
+    assert len(whole.get_ydata()) < len(by_imu.stored["force_level"])
+    assert np.allclose(again.get_ydata(), whole.get_ydata(), rtol=1e-3)
 
 
 def test_what_needs_more_than_an_imu_is_refused_with_its_reason(folder: Path) -> None:

@@ -23,7 +23,7 @@ from aerobat_pin.visualization.figures.lines import estimate_lines, fit_errors, 
 
 SHORTEST_ENLARGED = 0.06  # [s]: shortest stretch of time shown in the last row
 ENLARGED_SHARE = 0.03  # of the record that it shows, if that is longer
-MOST_COLUMNS = 6
+MOST_COLUMNS = 8
 ESTIMATE_LINES = ("-", ":", "--", "-.")
 ROUGHER = 1.5  # an estimate whose steps are larger than the truth's by this factor is drawn behind it
 DEVIATIONS = 2.0  # half the height of a band of uncertainty, in standard deviations
@@ -52,7 +52,8 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
     kind = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
     named = any(estimate.head.frames for estimate in result.stored.values())
     what = f"Unknown force at each {kind}, world axes" if named else "Residual of each joint"
-    style.title_of(figure, f"{what}: interval means")
+    some = f", the first {MOST_COLUMNS} of {panels.count}" if panels.count > MOST_COLUMNS else ""
+    style.title_of(figure, f"{what}{some}: interval means")
     grid = figure.subplots(len(heights), len(frames), sharex="row", squeeze=False, height_ratios=heights)
     forces, errors, close_ups = grid[: -1 : 2 if known else 1], list(grid[1:-1:2]), grid[-1]
     enlarged = _enlarged(result, panels, events)
@@ -97,7 +98,8 @@ class _Panels:
     def __init__(self, result: Result) -> None:
         self.result, self.first = result, next(iter(result.stored.values()))
         places = [label.rpartition(".") for label in self.first.head.identifiability.components]
-        self.frames = list(dict.fromkeys(frame for frame, _, _ in places))[:MOST_COLUMNS]
+        frames = list(dict.fromkeys(frame for frame, _, _ in places))
+        self.frames, self.count = frames[:MOST_COLUMNS], len(frames)
         self.labels = list(dict.fromkeys(label for frame, _, label in places if frame in self.frames))
         self.span = self.first.start[0] - result.start, self.first.end - result.start
 

@@ -6,14 +6,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from aerobat_pin.estimation import Result
-from aerobat_pin.forces import END_SHARE, ONSET_SHARE
+from aerobat_pin.forces import END_SHARE, ONSET_SHARE, StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import DOUBTFUL, Estimate, Redundancy, slow_part
+from aerobat_pin.observers import DOUBTFUL, SLOW_TIME, Estimate, Redundancy, slow_part, typical_step
 from aerobat_pin.records import Channel, Record
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.figures.lines import Lines, estimate_lines, thinned
 
 CONTACTS_SHOWN = 5.0  # [s]
+SHOWN_JOINTS = 8
 DRAWN = {"base.position": "m", "base.velocity": "m/s", "joints.position": "rad, m", "joints.effort": "N m, N"}
 
 
@@ -21,7 +22,8 @@ def draw_motion(record: Record) -> Figure:
     """Draw position and velocity of the base, angles and efforts of the joints, whatever the record has."""
     keys = [key for key in DRAWN if key in record.channels] or list(record.channels)[:3]
     figure = Figure(figsize=(8.0, 1.9 * len(keys) + 0.8), layout="constrained")
-    figure.suptitle("The motion and efforts as they were recorded, SI units")
+    some = f", of the first {SHOWN_JOINTS} joints" if len(record.joints) > SHOWN_JOINTS else ""
+    figure.suptitle(f"The motion and efforts as they were recorded{some}, SI units")
     for axis, key in zip(np.ravel(figure.subplots(len(keys), 1, sharex=True, squeeze=False)), keys, strict=True):
         channel = record.channels[key]
         names = channel.names
@@ -32,7 +34,7 @@ def draw_motion(record: Record) -> Figure:
             return channel.time[first:last] - record.start, channel.values[first:last]
 
         time, values = thinned(len(channel.time), read)
-        for k, name in enumerate(names[:8]):
+        for k, name in enumerate(names[:SHOWN_JOINTS]):
             colour = (*style.AXIS_COLOURS, style.ORANGE)[k % 4]
             axis.plot(time, values[:, k], style.LINE_STYLES[k // 4], color=colour, label=name)
         axis.set_ylabel(f"{key}\n[{DRAWN.get(key, 'SI')}]")
@@ -67,8 +69,10 @@ def draw_unexplained(result: Result) -> Figure:
     for i, (name, estimate) in enumerate(result.stored.items()):
         check = estimate.redundancy
 
-        def slow(part: Estimate, _: int, check: Redundancy = check) -> Array:
-            size = np.linalg.norm(slow_part(part.time, part.unexplained), axis=1)
+        def slow(part: Estimate, at: int, check: Redundancy = check, whole: StoredEstimate = estimate) -> Array:
+            lead = min(at, round(10.0 * SLOW_TIME / typical_step(part.time)))  # in which the low-passes rise
+            part = whole.between(at - lead, at + len(part.unexplained))
+            size = np.linalg.norm(slow_part(part.time, part.unexplained)[lead:], axis=1)
             return np.asarray(size[:, None] / max(check.redundant, 1) ** 0.5)
 
         time, values = estimate_lines(estimate, slow)
