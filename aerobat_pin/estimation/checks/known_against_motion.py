@@ -195,8 +195,9 @@ def turned_base(record: Record, motion: FreeMotion, share: float, most: float) -
     few = motion.every(-(-len(motion.v) // TRIED_AT))
     if (tried := turned(few, QUARTER_TURNS)) is None:
         return None
-    borders = len(few.v) * np.arange(len(QUARTER_TURNS) + 1)
-    best = QUARTER_TURNS[np.argmin([tried.between(*each).imbalance() for each in itertools.pairwise(borders)])]
+    m = len(few.v)
+    left_by = [tried.between(k * m, k * m + m).imbalance() for k in range(len(QUARTER_TURNS))]
+    best = QUARTER_TURNS[np.argmin(left_by)]
     balance = turned(motion, [best])
     if balance is None or (left := balance.imbalance()) >= min(LEFT_BY_TURN * share, most):
         return None

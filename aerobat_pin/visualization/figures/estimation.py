@@ -23,7 +23,7 @@ from aerobat_pin.visualization.figures.lines import estimate_lines, fit_errors, 
 
 SHORTEST_ENLARGED = 0.06  # [s]: shortest stretch of time shown in the last row
 ENLARGED_SHARE = 0.03  # of the record that it shows, if that is longer
-MOST_COLUMNS = 8
+MOST_COLUMNS, MOST_ROWS = 8, 18  # of points side by side, of joints below each other
 ESTIMATE_LINES = ("-", ":", "--", "-.")
 ROUGHER = 1.5  # an estimate whose steps are larger than the truth's by this factor is drawn behind it
 DEVIATIONS = 2.0  # half the height of a band of uncertainty, in standard deviations
@@ -50,10 +50,8 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
     height = 0.45 + sum(heights) * (1.77 if known else 1.67)
     figure = Figure(figsize=(max(6.5, 4.5 * len(frames)), height), layout="constrained")
     kind = "wing" if set(frames) <= set(FORCE_POINTS) else "point"
-    named = any(estimate.head.frames for estimate in result.stored.values())
-    what = f"Unknown force at each {kind}, world axes" if named else "Residual of each joint"
-    some = f", the first {MOST_COLUMNS} of {panels.count}" if panels.count > MOST_COLUMNS else ""
-    style.title_of(figure, f"{what}{some}: interval means")
+    what = f"Unknown force at each {kind}, world axes" if frames[0] else "Residual of each joint"
+    style.title_of(figure, f"{what}{panels.some}: interval means")
     grid = figure.subplots(len(heights), len(frames), sharex="row", squeeze=False, height_ratios=heights)
     forces, errors, close_ups = grid[: -1 : 2 if known else 1], list(grid[1:-1:2]), grid[-1]
     enlarged = _enlarged(result, panels, events)
@@ -97,10 +95,13 @@ class _Panels:
 
     def __init__(self, result: Result) -> None:
         self.result, self.first = result, next(iter(result.stored.values()))
-        places = [label.rpartition(".") for label in self.first.head.identifiability.components]
-        frames = list(dict.fromkeys(frame for frame, _, _ in places))
-        self.frames, self.count = frames[:MOST_COLUMNS], len(frames)
-        self.labels = list(dict.fromkeys(label for frame, _, label in places if frame in self.frames))
+        components = self.first.head.identifiability.components
+        named = any(estimate.head.frames for estimate in result.stored.values())
+        self.places = [tuple(name.rsplit(".", 1)) if named else ("", name) for name in components]
+        frames, labels = ([*dict.fromkeys(part)] for part in zip(*self.places, strict=True))
+        self.frames, self.labels = frames[:MOST_COLUMNS], labels[:MOST_ROWS]
+        of, shown = (len(frames), MOST_COLUMNS) if named else (len(labels), MOST_ROWS)
+        self.some = f", the first {shown} of {of}" if of > shown else ""
         self.span = self.first.start[0] - result.start, self.first.end - result.start
 
     @property
@@ -126,9 +127,9 @@ class _Panels:
             axis.plot(time, force, color=style.TRUTH, linewidth=2.0, label=ACTUAL[known[0].kind], zorder=2.2)
         for name, estimate, colour, line in self._estimates():
             labels = estimate.head.identifiability.components
-            if f"{frame}.{label}" not in labels:
+            if (name_of := f"{frame}.{label}".lstrip(".")) not in labels:
                 continue
-            k = labels.index(f"{frame}.{label}")
+            k = labels.index(name_of)
             time, force, low, high = self._lines(estimate, partial(_band, k=k), span)
             rough = float(np.nanstd(np.diff(force))) > smooth if np.any(np.isfinite(np.diff(force))) else False
             order = 2.1 if rough else 2.3
@@ -141,8 +142,8 @@ class _Panels:
             if estimate is self.first and np.any(np.isnan(force)):
                 words, whole_height = "not seen: the pose does not show it", axis.get_xaxis_transform()
                 axis.fill_between(time, 0, 1, where=np.isnan(force), transform=whole_height, label=words, **HATCHED)
-        letter = f"${label[0]}_{label[1]}$" if len(label) > 1 else f"${label}$"
-        axis.set_ylabel(f"{letter} [{'N' if label[0] == 'F' else 'N m'}]", parse_math=len(label) <= 2)
+        letter, unit = f"${label[0]}_{label[1]}$" if frame else label, "N" if "F" in label[-2:] else "N m"
+        axis.set_ylabel(f"{letter} [{unit}]", parse_math=bool(frame))
 
     def draw_errors(self, axis: Axes, frame: str, label: str) -> None:
         """Draw estimates minus reference, where this is scored, both behind its filter; nothing without a reference."""
@@ -224,9 +225,10 @@ def _enlarged(result: Result, panels: _Panels, events: Sequence[TrueEvent]) -> _
     length = max(SHORTEST_ENLARGED, ENLARGED_SHARE * (panels.span[1] - panels.span[0]))
     begin = first.start[0] + length  # until then filters rise
     begin = begin if begin < first.start[-1] else -np.inf
-    time, force = estimate_lines(first, lambda part, _: np.where(part.shown, part.components, np.nan), begin)
+    drawn = [k for k, (frame, label) in enumerate(panels.places) if frame in panels.frames and label in panels.labels]
+    time, force = estimate_lines(first, lambda part, _: np.where(part.shown, part.components, np.nan)[:, drawn], begin)
     middle, column = _fastest_change(time, force, length)
-    label = first.head.identifiability.components[column].rpartition(".")[2]
+    label = panels.places[drawn[column]][1]
     start, end = _samples_around(first, middle - 0.5 * length, middle + 0.5 * length)
     return _Enlarged(start - result.start, end - result.start, label, "fastest change")
 
