@@ -3,6 +3,7 @@
 import base64
 import os
 import re
+import uuid
 from pathlib import Path
 
 import coal
@@ -16,7 +17,8 @@ from aerobat_description.generate import shipped_text
 from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import AerobatError, LogError
 from aerobat_pin.records.robot_files import model_of_file
-from aerobat_pin.visualization.replay.any_robot import load_any_robot, replay_table, visible_parts
+from aerobat_pin.visualization.replay.any_robot import load_any_robot, replay_table, sticks, visible_parts
+from aerobat_pin.visualization.replay.moving_page import Replay
 from aerobat_pin.visualization.replay.scene import box_corners, drawable
 
 HINGE = '<joint name="j{0}" type="continuous"><parent link="l{0}"/><child link="l{1}"/><axis xyz="0 0 1"/></joint>'
@@ -222,3 +224,17 @@ def test_joints_that_turn_for_ever_are_drawn_with_their_shapes(free: bool, folde
     kinds, others = ([joint.shortname() for joint in each.joints.tolist()] for each in (drawn, model))
     assert kinds == others
     assert shapes.ngeoms == 8
+
+
+def test_a_motion_far_away_is_shown_where_it_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At coordinates of a map (UTM) a page's single precision made a drone jump by half a metre."""
+    drone = pin.Model()
+    drone.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    drone.addBodyFrame("tool", 1, pin.SE3.Identity(), 0)
+    time = np.linspace(0.0, 1.0, 9)
+    q = np.tile(pin.neutral(drone), (9, 1))
+    q[:, 0] = time
+    far = q + np.array([5e5, 4.5e6, 128.0, 0.0, 0.0, 0.0, 0.0])
+    monkeypatch.setattr(uuid, "uuid1", lambda: "the same")
+    near, away = (Replay(drone, sticks(drone), time, each, floor=float(each[0, 2]) - 1.0) for each in (q, far))
+    assert away.html() == near.html()
