@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 
 BYTES_AT_ONCE = 1_000_000  # also the longest row
+QUOTED = re.compile(rb'(?<![\w.])"(?:[^"\n]|"")*"')
 CUT = "the last row is cut short, as by a logger that was killed: it is left out"
 
 
@@ -30,8 +32,9 @@ def cut_row(path: Path, separator: str, columns: int, *, strict: bool) -> tuple[
         tail = file.read()
         text = tail.rstrip(b"\r\n ")
         begin = text.rfind(b"\n") + 1
-        row = text[begin:]
-        short = not strict and separator != " " and b'"' not in row and row.count(separator.encode()) + 1 < columns
+        row = QUOTED.sub(b"0", text[begin:])
+        cells = len(row.split()) if separator == " " else row.count(separator.encode()) + 1
+        short = not strict and cells < columns
         if not begin or not (short or b"\n" not in tail[len(text) :]):
             return None
         file.seek(0)
@@ -41,35 +44,33 @@ def cut_row(path: Path, separator: str, columns: int, *, strict: bool) -> tuple[
 def check_rows(path: Path, separator: str, columns: int, end: int | None) -> None:
     """Raise LogError if a row has not as many cells as the header, or more than `BYTES_AT_ONCE` bytes.
 
-    Cells between spaces, which may repeat, are not counted, and neither are those of tables with quoted cells. Looked
-    at are the first `end` bytes, or all.
+    Rows of cells in quotes that go over several lines are not counted. Looked at are the first `end` bytes, or all.
     """
-    if separator == " ":
-        return
-    row, tail = 1, b""
+    row, tail = 2, b""
     with path.open("rb") as file:
+        while not file.readline().strip():  # the header, and what is empty above it
+            row += 1
         while block := file.read(BYTES_AT_ONCE if end is None else min(BYTES_AT_ONCE, end - file.tell())):
             text = tail + block
             cut = text.rfind(b"\n") + 1
             lines, tail = text[:cut], text[cut:]
             if len(tail) > BYTES_AT_ONCE:
                 raise LogError(f"log {path}, line {row}: more than {BYTES_AT_ONCE} bytes: a table was expected")
-            if b'"' in lines:
-                return
             row += _check_lines(path, lines, separator, columns, row)
     _check_lines(path, tail + b"\n", separator, columns, row)
 
 
 def _check_lines(path: Path, lines: bytes, separator: str, columns: int, first: int) -> int:
     """Check whole lines, of which the first is row `first` of the file; return their number."""
-    data = np.frombuffer(lines, np.uint8)
+    lines = QUOTED.sub(b"0", lines) if b'"' in lines else lines
+    data, spaced = np.frombuffer(lines, np.uint8), separator == " "
     ends = np.flatnonzero(data == ord("\n"))
-    before = np.searchsorted(np.flatnonzero(data == ord(separator)), ends)
-    cells = np.diff(before, prepend=0) + 1
+    signs = (data > ord(" ")) & (np.roll(data, 1) <= ord(" ")) if spaced else data == ord(separator)
+    cells = np.diff(np.searchsorted(np.flatnonzero(signs), ends), prepend=0) + (not spaced)
     starts = np.append(0, ends + 1)[:-1]
     filled = (ends - starts > 1) | ((ends - starts == 1) & (data[starts] > ord(" ")))  # a blank line is no row
     wrong = filled & (cells != columns)
-    if wrong.any():
+    if wrong.any() and b'"' not in lines:
         k = int(np.argmax(wrong))
         raise LogError(f"log {path}, line {first + k}: {cells[k]} cells: {columns}, as in the header, were expected")
     return len(ends)

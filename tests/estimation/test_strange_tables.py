@@ -93,6 +93,29 @@ def test_columns_may_be_aligned_by_spaces(tmp_path: Path) -> None:
     np.testing.assert_array_equal(np.stack([found.values[name][:] for name in "xy"]), [[1.5, 10.0], [2.0, 3.0]])
 
 
+@pytest.mark.parametrize(
+    ("header", "row", "cells"),
+    [
+        ('"t" "q"', '"{}" {} 0.5', 3),
+        ("t  q", " {}  {} 0.5 ", 3),
+        ('"t","q"', "{},{},0.5", 3),
+        ('"t","q","of, it"', '{},"0,{}"', 2),
+        ('"t","q","of, it"', '{},{},"a ""b"", 5"', 0),
+    ],
+)
+def test_cells_are_counted_between_spaces_and_quotes_too(header: str, row: str, cells: int, tmp_path: Path) -> None:
+    """R writes the names of rows and none for their column: the rows' numbers were the time, the time a joint."""
+    rows = [row.format(k, k) for k in range(1, 5)]
+    (tmp_path / "log.txt").write_text("\n".join(["", header, *rows, ""]))
+    if cells:
+        with pytest.raises(LogError, match=f"line 3: {cells} cells: {header.count('t') + 1}, as in the header"):
+            read_csv_columns(tmp_path / "log.txt", LogTable(), ["q"])
+    else:
+        (tmp_path / "log.txt").write_text("\n".join([header, *rows, '5,"5', ""]))  # and the last row is cut
+        found = read_csv_columns(tmp_path / "log.txt", LogTable(), ["q"])
+        np.testing.assert_array_equal(found.values["q"], range(1, 5))
+
+
 def test_numbered_columns_are_suggested_for_the_joints_in_order(tmp_path: Path) -> None:
     """And four numbered columns of length 1 for the attitude, in an order to ask about; as is a second force sensor."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
