@@ -58,7 +58,7 @@ class Request:
         delay: to take off the stamps [s].
         optional: whether the log may lack it.
         joints: whose columns these are, for a channel of joints.
-        units: of the columns, which a header may state; empty where the map does not say.
+        units: of the columns, which a header may state; none, or an empty one, where the map does not say.
         wraps: whether full turns are taken out.
         mix: (k, k) from the columns in SI to the channel; None if they are the channel.
         shift: (k,) that is added then.
@@ -126,7 +126,7 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
     if request.optional and not all(name in columns.values for name in request.names):
         return None
     for name, unit in zip(request.names, request.units, strict=False):
-        if name in columns.units and not same_unit(columns.units[name], unit):
+        if unit and name in columns.units and not same_unit(columns.units[name], unit):
             raise LogError(f"log {columns.path}: column '{name} [{columns.units[name]}]': {unit} was expected")
     parts = [columns.series(name, request.key) for name in request.names]
     turned: dict[str, int] = {}

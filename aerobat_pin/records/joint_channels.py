@@ -16,7 +16,6 @@ from aerobat_pin.records.channels import (
     check_count,
     factor_of,
     further_requests,
-    units_of,
 )
 from aerobat_pin.records.joint_names import listed_joints, renamed_joints
 from aerobat_pin.records.map_tables import EffortSection, JointsTable, Map
@@ -24,6 +23,7 @@ from aerobat_pin.records.robots import PlainRobot
 
 JOINT_KINDS = {"position": "angle", "velocity": "rate", "effort": "torque"}
 CURRENTS = ("A", "mA", "1")  # units that are no torque
+SI_UNITS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "effort": ("N m", "N")}  # where it turns, slides
 SLIDING_UNITS = {"position": ("m", "mm"), "velocity": ("m/s", "mm/s"), "effort": ("N",)}
 MOST_PER_MILLI = 1.0  # [N m] for each mA or mN m: no drive gives as much
 
@@ -96,26 +96,30 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         whose = whose if len(names) == len(whose) else driven
         factor = np.full(len(names), factor_of(key, unit, kind))
         given = {*coupled, *(table.effort.torque_per_unit if table.effort and part == "effort" else ())}
-        slide_unit = getattr(section, "slide_unit", None)
-        others = [False] if slide_unit else _of_other_kind(part, unit, robot, whose, given)
+        slide_unit, slides = getattr(section, "slide_unit", None), [robot.slides(joint) for joint in whose]
+        others = [False for _ in whose] if slide_unit else _of_other_kind(part, unit, robot, whose, given)
         if part == "effort":
             if table.effort is not None:
                 _check_torques(table.effort, whose, sensed)
             factor[:] = [torque_per_unit(table.effort, joint) for joint in whose]
         elif slide_unit:
-            factor[[robot.slides(joint) for joint in whose]] = factor_of(key, slide_unit, kind)
-        else:
-            factor[others] = 1.0
-        units = () if any(map(robot.slides, whose)) else units_of(unit, kind, len(names))
+            factor[slides] = factor_of(key, slide_unit, kind)
+        factor[others] = 1.0
+        units = []
+        for joint, slid, other in zip(whose, slides, others, strict=True):
+            one = (slide_unit if slid else unit) if slide_unit else None if other else unit
+            units.append(one or ("" if slid and {joint, "*"} & given else SI_UNITS[part][slid]))
         mix, turns = None, list[float]()
         shift: float | Array = 0.0
         if geared:
             mix = effort_matrix(table, joints, whose) if part == "effort" else encoder_matrix(table, joints)
         if part == "position":
             shift = encoder_offset(table, joints) if geared else 0.0
-            gear = [0.0 if robot.slides(joint) else abs(_gear(table, joint)) for joint in whose]
+            gear = [0.0 if slid else abs(_gear(table, joint)) for joint, slid in zip(whose, slides, strict=True)]
             turns = [2.0 * np.pi / (each * one) if each else 0.0 for each, one in zip(gear, factor, strict=True)]
-        yield Request(key, names, factor, delay, optional, whose, units, mix=mix, shift=shift, turns=tuple(turns))
+        yield Request(
+            key, names, factor, delay, optional, whose, tuple(units), mix=mix, shift=shift, turns=tuple(turns)
+        )
 
 
 def _of_other_kind(

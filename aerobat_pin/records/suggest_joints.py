@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from aerobat_pin.records.columns import Columns
+from aerobat_pin.records.joint_channels import SI_UNITS
 from aerobat_pin.records.joint_columns import (
     PART_WORDS,
     columns_by_name,
@@ -22,7 +23,6 @@ from aerobat_pin.records.joint_names import as_names, nearest_joints
 from aerobat_pin.records.robots import Mimic, PlainRobot
 
 KIND_OF_SLIDE = {"position": "length", "velocity": "speed", "effort": "force"}
-SI_UNITS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "effort": ("N m", "N")}  # where it turns, slides
 LARGEST_RADIANS = 7.0  # of an angle that has an end; beyond, degrees are suggested
 ENDLESS = 100.0  # [rad]: a joint that goes so far turns on
 

@@ -3,6 +3,7 @@
 import itertools
 import re
 import tomllib
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -222,6 +223,24 @@ def test_a_unit_is_that_of_the_joints_that_can_have_it(tmp_path: Path) -> None:
         table.assign(**{column: factor * table[column]}).to_csv(tmp_path / "log.csv", index=False)
         record = recorded(tmp_path / "log.csv", edited(robot_map(2), {"joints.position.unit": unit}))
         np.testing.assert_allclose(record.block(0, 500).q, table[["q", "q1"]].to_numpy()[:501], atol=1e-6)
+
+
+def test_efforts_and_headers_beside_a_slide_are_in_their_units(tmp_path: Path) -> None:
+    """A slide's 40 N were 40 mN beside a hinge in mN m; `q [mm]` and `q1 [deg]` were read as m and rad."""
+    table = robot_table(tmp_path, "prismatic", "revolute", motors=2)
+    table.assign(tau1=1e3 * table.tau1).to_csv(tmp_path / "log.csv", index=False)
+    record = recorded(tmp_path / "log.csv", edited(robot_map(2), {"joints.effort.unit": "mN m"}))
+    np.testing.assert_allclose(record.channels["joints.effort"].values[:], table[["tau", "tau1"]], rtol=1e-12)
+    for header, changes, expected in (
+        ({"q": "q [mm]"}, {}, r"'q \[mm\]': m was expected"),
+        ({"q1": "q1 [deg]"}, {}, r"'q1 \[deg\]': rad was expected"),
+        ({"q": "q [m]", "q1": "q1 [rad]", "tau": "tau [N]", "tau1": "tau1 [Nm]"}, {}, ""),
+        ({"q": "q [mm]", "q1": "q1 [deg]"}, {"joints.position.unit": "deg", "joints.position.slide_unit": "mm"}, ""),
+        ({"q": "q [rad]"}, {"joints.factor": {"slide": 0.01}}, ""),  # of a motor
+    ):
+        table.rename(columns=header).to_csv(tmp_path / "log.csv", index=False)
+        with pytest.raises(LogError, match=expected) if expected else nullcontext():
+            recorded(tmp_path / "log.csv", edited(robot_map(2), changes))
 
 
 def test_slides_and_hinges_can_each_have_a_unit(tmp_path: Path) -> None:
