@@ -75,7 +75,7 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     """
     separator, cells = header_of(path, log)
     strict, wanted = wanted is not None, set(wanted or ())
-    names, units = _without_units(cells, {log.time.column, *wanted})
+    names, units = without_units(cells, {log.time.column, *wanted})
     column = None if log.time.rate else log.time.column or _time_column(path, names)
     if column is not None and column not in names:
         raise LogError(f"log {path}: no column '{column}' (log.time.column of the map); there are {', '.join(names)}")
@@ -129,7 +129,7 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
     return Columns(path, every, {"table": clock}, clock_of, values_of, units=units, notes=() if end is None else (CUT,))
 
 
-def _without_units(cells: list[str], wanted: Collection[str | None]) -> tuple[list[str], dict[str, str]]:
+def without_units(cells: list[str], wanted: Collection[str | None]) -> tuple[list[str], dict[str, str]]:
     """Return the names of columns, and the units of those that are wanted without the unit of their cell, `x [m]`."""
     names, units = list(cells), {}
     for k, cell in enumerate(cells):

@@ -65,12 +65,17 @@ class StoredVariable:
         self.shape, self.kind = tuple(item.shape), item.dtype.kind
 
     @property
+    def unit(self) -> str:
+        """What its attribute `units` says; empty if there is none."""
+        return str(_plain_attribute(self.item.attrs.get("units", "")))
+
+    @property
     def seconds(self) -> float:
         """The unit [s] of a time, also as xarray writes dates, `milliseconds since 2026-...`; 1 if none is written.
 
         Raises LogError if nobody knows it.
         """
-        word, *_ = f"{_plain_attribute(self.item.attrs.get('units', ''))} s".split()
+        word, *_ = f"{self.unit} s".split()
         try:
             return float(pd.Timedelta(1, word.lower()) / pd.Timedelta(seconds=1))
         except ValueError as error:

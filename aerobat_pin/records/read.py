@@ -10,8 +10,9 @@ import numpy as np
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
-from aerobat_pin.records.columns import Clock, Columns, GrowingTable
-from aerobat_pin.records.csv_columns import ROWS_AT_ONCE, SECONDS, read_csv_columns
+from aerobat_pin.records.channels import SI_FACTORS
+from aerobat_pin.records.columns import Clock, Columns, GrowingTable, same_unit
+from aerobat_pin.records.csv_columns import ROWS_AT_ONCE, SECONDS, read_csv_columns, without_units
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.netcdf import StoredVariable, netcdf_variables
 from aerobat_pin.records.spool import Series, Spool
@@ -19,6 +20,7 @@ from aerobat_pin.records.spool import Series, Spool
 BAGS, NETCDF = (".mcap", ".db3", ".bag"), (".nc", ".nc4", ".h5")
 VARIABLES_TOLD = 10  # variables
 NETCDF_GROUPS = ("truth", "measured")
+KNOWN_UNITS = {unit for units in SI_FACTORS.values() for unit in units} - {"1"}
 CLOCKS = ("time", "interval")  # dimensions that are clocks; the log may name another one
 
 
@@ -42,16 +44,17 @@ def read_columns(path: Path, log: LogTable, wanted: Iterable[str] | None = None)
 
         return read_bag_columns(path, log, wanted)
     if path.suffix.lower() in NETCDF:
-        return read_netcdf_columns(path, log)
+        return read_netcdf_columns(path, log, wanted)
     return read_csv_columns(path, log, wanted)
 
 
-def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
+def read_netcdf_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) -> Columns:
     """Read all variables over time of a NetCDF-4 file; those of a group are called `group/name`.
 
-    A variable of two dimensions becomes one column for each label: `q.x`. Raises LogError if there is no time.
+    A variable of two dimensions becomes one column for each label: `q.x`. Its unit is that of a table's header,
+    `q.x [rad]`. Raises LogError if there is no time.
     """
-    wanted = (log.time.column, *CLOCKS) if log.time.column else CLOCKS
+    times = (log.time.column, *CLOCKS) if log.time.column else CLOCKS
     spool = Spool()
     clocks: dict[str, Clock] = {}
     values: dict[str, Series] = {}
@@ -60,7 +63,7 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
         series = [name for name, one in groups[""].items() if len(one.dims) == 1 and one.kind in "fiu"]
         for group, variables in groups.items():
             prefix, over = f"{group}/" if group else "", set[str]()
-            for clock in wanted:
+            for clock in times:
                 if clock not in variables or len(variables[clock].dims) != 1 or not variables[clock].shape[0]:
                     continue
                 (dim,) = variables[clock].dims
@@ -74,10 +77,12 @@ def read_netcdf_columns(path: Path, log: LogTable) -> Columns:
                     values[prefix + name], clock_of[prefix + name] = column, f"{prefix}{clock}"
     if not clocks:
         raise LogError(
-            f"log {path}: no {' or '.join(map(str, wanted))} over one dimension: name the time as log.time.column of "
+            f"log {path}: no {' or '.join(map(str, times))} over one dimension: name the time as log.time.column of "
             f"the map (it has {', '.join(series[:VARIABLES_TOLD]) or 'none'})"
         )
-    return Columns(path, tuple(values), clocks, clock_of, values)
+    names, units = without_units([*values], {*(wanted or ())})
+    values, clock_of = (dict(zip(names, one.values(), strict=True)) for one in (values, clock_of))
+    return Columns(path, tuple(names), clocks, clock_of, values, units=units)
 
 
 def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float, spool: Spool) -> GrowingTable:
@@ -101,10 +106,11 @@ def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float
 
 
 def _labels(variable: StoredVariable, variables: Mapping[str, StoredVariable]) -> list[str]:
-    """Return what is added to a variable's name for each of its columns: `.x`, or nothing for a single one."""
+    """Return what is added to a variable's name for each of its columns: `.x`, ` [rad]`, or nothing."""
     labels = [""]
     for dim, size in zip(variable.dims[1:], variable.shape[1:], strict=True):
         coordinate = variables.get(dim)
         entries = range(size) if coordinate is None or coordinate.dims != (dim,) else coordinate[:]
         labels = [f"{label}.{entry}" for label in labels for entry in entries]
-    return labels
+    unit = next((known for known in KNOWN_UNITS if same_unit(variable.unit, known)), None)
+    return [f"{label} [{unit}]" if unit else label for label in labels]

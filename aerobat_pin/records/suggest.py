@@ -76,13 +76,12 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     if built is not None and (following := followers(columns, built)):
         lines.append(f"rows = {{ignore = {listed(following)}}}  # they follow other joints, whose motors move them")
     lines += ["", "[log]"]
-    step, spacing = None, _spacing_of_lead(columns)
+    spacing = _spacing_of_lead(columns)
     if not columns.kinds and not str(log).lower().endswith(NETCDF):
-        line, step = _suggested_time(log, columns, timed)
+        line, spacing = _suggested_time(log, columns, timed)
         lines.append(line)
-        spacing = step
     lines += ['world = "z_up"  # or "ned": does z point down?', ""]
-    lines += [*_suggest_base(columns, groups), *suggest_joints(columns, built, step)]
+    lines += [*_suggest_base(columns, groups), *suggest_joints(columns, built, spacing)]
     if check := list(_suggest_check(columns, groups)):
         lines += ["[check]", *check, ""]
     if free and not columns.kinds:

@@ -28,7 +28,7 @@ ENDLESS = 100.0  # [rad]: a joint that goes so far turns on
 
 
 def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | None = None) -> Iterator[str]:
-    """Yield the lines of the table `joints`; `step` is the time between rows of a table [s], if it is known."""
+    """Yield the lines of the table `joints`; `step` is the time between samples [s], if it is known."""
     topic = joint_topic(columns)
     following = {} if robot is None else followers(columns, robot)
     if topic and not following:

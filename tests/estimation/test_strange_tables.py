@@ -17,6 +17,7 @@ from aerobat_pin.estimation import estimate
 from aerobat_pin.estimation.checks.samples import channel_findings
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Channel, parse_map, read_columns, suggested_map
+from aerobat_pin.records.channels import Request, channel_of
 from aerobat_pin.records.csv_columns import read_csv_columns
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.spool import Spool, series_of
@@ -224,16 +225,32 @@ def test_a_pose_is_found_by_what_its_columns_share(place: str, attitude: str, fr
         assert base["velocity"]["axes"] == "body"
 
 
-def test_units_behind_names_are_those_of_suggestions(tmp_path: Path) -> None:
-    """A force in kN was suggested in N without a question, a rate in mm/s in m/s, a turn in radians."""
+@pytest.mark.parametrize("name", ["log.csv", "LOG.NC"])
+def test_units_behind_names_are_those_of_suggestions(name: str, tmp_path: Path) -> None:
+    """A force in kN was suggested in N without a question, a rate in mm/s in m/s, a turn in radians.
+
+    So it was of a NetCDF file, whose attributes nobody read; a map of another unit is refused.
+    """
     (tmp_path / "arm.urdf").write_text(arm_of(1))
     time = 0.01 * np.arange(50.0)
     groups = (("pos", "mm"), ("vel", "mm/s"), ("F", "kN"))
     columns = {f"{name}_{axis} [{unit}]": time for name, unit in groups for axis in "xyz"}
     columns |= {"q_x": 0.0, "q_y": 0.0, "q_z": 0.0, "q_w": 1.0, "joint1_pos [rev]": time, "joint1_torque [N mm]": time}
-    pd.DataFrame({"t": time, **columns}).to_csv(tmp_path / "log.csv", index=False)
-    found = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))
+    if name == "log.csv":
+        pd.DataFrame({"t": time, **columns}).to_csv(tmp_path / name, index=False)
+    else:
+        cells = {cell: cell.rstrip("]").split(" [") for cell in columns}
+        data = {
+            said[0]: ("time", columns[cell] + 0.0 * time, {"units": said[-1].replace("N mm", "mN m")})
+            for cell, said in cells.items()
+        }
+        xr.Dataset(data, {"time": time}).to_netcdf(tmp_path / name, engine="h5netcdf")
+    found = tomllib.loads(suggested_map(tmp_path / name, tmp_path / "arm.urdf"))
     assert (found["base"]["velocity"]["unit"], found["check"]["wrench"]["unit"]) == ("mm/s", "kN")
+    read = read_columns(tmp_path / name, LogTable(), ["F_x", "q_x"])
+    with pytest.raises(LogError, match=r"column 'F_x \[kN\]': N was expected"):
+        channel_of(Request("check.wrench", ("F_x",), units=("N",)), read, 0.1)
+    assert len(read.values["q_x"]) == 50
     assert [found["joints"][key]["unit"] for key in ("position", "effort")] == ["rev", "mN m"]
     parse_map({**found, "robot": {**found["robot"], "points": ["l1"]}}, "that is suggested")
 
@@ -362,8 +379,11 @@ def test_angles_that_begin_anew_tell_the_unit_of_their_rates(tmp_path: Path) -> 
     time = 0.01 * np.arange(500.0)
     table = pd.DataFrame({"t": time, "pos_joint1": 30.0 * np.sin(time) % 360.0, "vel_joint1": 30.0 * np.cos(time)})
     table.to_csv(tmp_path / "log.csv", index=False)
-    suggested = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))
-    assert suggested["joints"]["velocity"]["unit"] == "deg/s"
+    data = {name: ("time", table[name]) for name in table.columns[1:]}
+    xr.Dataset(data, {"time": time}).to_netcdf(tmp_path / "log.nc", engine="h5netcdf")  # whose step was not used
+    for log in ("log.csv", "log.nc"):
+        suggested = tomllib.loads(suggested_map(tmp_path / log, tmp_path / "arm.urdf"))
+        assert suggested["joints"]["velocity"]["unit"] == "deg/s"
 
 
 def test_a_time_since_1970_is_one_so_is_what_rises_evenly_and_a_column_of_whole_seconds_is_not(tmp_path: Path) -> None:
