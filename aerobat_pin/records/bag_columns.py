@@ -146,12 +146,13 @@ class _Topic:
     """The messages of one topic: stamps and columns, which may begin late (a joint that is named late).
 
     A recorder writes messages as they arrive, not as they were stamped: they are put in order within the last
-    `REORDERED` ones; one that is later still goes back in time.
+    `REORDERED` ones; one that is later still goes back in time. Where some have no stamp (0), as before a simulated
+    clock runs, these are left out.
     """
 
     def __init__(self, spool: Spool, chosen: str) -> None:
         self.rows, self.useless, self._chosen = GrowingTable(spool), False, chosen
-        self._stamped: bool | None = None  # whether its first message is
+        self._stamped = False  # whether a message is
         self._largest_delay = 0.0
         self._header, self._recorded = array("d"), array("d")
         self._table: dict[str, array[float]] = {}
@@ -159,8 +160,7 @@ class _Topic:
     def add(self, header: float, recorded: float, numbers: dict[str, float]) -> None:
         """Append a message."""
         count = len(self._recorded)
-        if self._stamped is None:
-            self._stamped = header > 0.0
+        self._stamped |= header > 0.0
         self._header.append(header)
         self._recorded.append(recorded)
         for name, value in numbers.items():
@@ -179,11 +179,12 @@ class _Topic:
     def flush(self, kept: int) -> None:
         """Hand on all messages but the `kept` last ones by the chosen stamps."""
         header, recorded = np.array(self._header), np.array(self._recorded)
-        time = header if self._chosen == "header" and self._stamped else recorded
+        stamped = np.where(header > 0.0, header, np.nan)
+        time = stamped if self._chosen == "header" and self._stamped else recorded
         order = np.argsort(time, kind="stable")
         done, waiting = order[: len(order) - kept], order[len(order) - kept :]
         late = recorded - header
-        self._largest_delay = max(self._largest_delay, float(np.max(np.abs(late), initial=0.0)))
+        self._largest_delay = max(self._largest_delay, float(np.max(np.abs(late[np.isfinite(time)]), initial=0.0)))
         columns = {name: np.array(column) for name, column in self._table.items()}
         self.rows.add(time[done], {name: column[done] for name, column in columns.items()}, late[done])
         self._header, self._recorded = array("d", header[waiting]), array("d", recorded[waiting])
@@ -192,7 +193,7 @@ class _Topic:
     def finished(self) -> tuple[Clock, dict[str, Series]]:
         """Return stamps and columns, with the recorder's delays if the headers have stamps of the same epoch."""
         self.flush(0)
-        return self.rows.finished(late=bool(self._stamped) and self._largest_delay < LATEST_STAMP)
+        return self.rows.finished(late=self._stamped and self._largest_delay < LATEST_STAMP)
 
 
 def mcap_is_sealed(path: Path) -> bool:

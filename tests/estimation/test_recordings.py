@@ -101,6 +101,18 @@ def test_a_bag_by_its_headers_and_by_its_recorder(bagged: Path, monkeypatch: pyt
         recorded(bagged / "walk", missing)
 
 
+@pytest.mark.parametrize("clock", ["header", "recorder"])
+def test_messages_before_the_first_stamp_are_left_out(clock: str, folder: Path) -> None:
+    """Where the first message had none, all of its topic had the recorder's stamps, 3 ms late, without a word."""
+    bag(walk(0.5), folder / "early", unstamped=0.011)
+    record = recorded(folder / "early", bag_map(folder / "quadruped.urdf", clock))
+    clocks = record.log.clocks if record.log else {}
+    first, off = (1.7e9 + 0.012, 6) if clock == "header" else (1.7e9 + 0.003, 0)
+    assert clocks["/joint_states"].time[0] == pytest.approx(first, abs=4e-3 if off == 0 else 1e-6)
+    assert (clocks["/joint_states"].off, clocks["/odom"].off) == (off, off // 2)
+    assert (clocks["/imu"].late is not None) == (clock == "header")
+
+
 def test_joints_of_a_topic_without_efforts_cost_their_own_rows_alone(folder: Path) -> None:
     """As `joint_state_broadcaster` writes them, NaN: the log was refused."""
     pytest.importorskip("rosbags")

@@ -146,11 +146,12 @@ def bag(
     odometry_ahead: float = 0.0,
     odometry_fast: float = 0.0,
     unmeasured: tuple[str, ...] = (),
+    unstamped: float = 0.0,
 ) -> None:
     """Write a walk as a ROS 2 bag: topics at their own rates, recorded 3 ms after their stamps, with scatter.
 
     The clock of the odometry is ahead of the others' [s], and by so much more every second. Efforts of unmeasured
-    joints are NaN.
+    joints are NaN. What is stamped before `unstamped` [s] has 0 for a stamp, as before a simulated clock runs.
     """
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
@@ -160,7 +161,7 @@ def bag(
     begin = 1_700_000_000.0
 
     def header(t: float) -> object:
-        whole = round((begin + t) * 1e9)
+        whole = round((begin + t) * 1e9) if t >= unstamped else 0
         stamp = make["builtin_interfaces/msg/Time"](sec=whole // 10**9, nanosec=whole % 10**9)
         return make["std_msgs/msg/Header"](stamp=stamp, frame_id="world")
 
