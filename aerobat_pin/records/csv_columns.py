@@ -24,6 +24,7 @@ ROWS_AT_ONCE = 50_000
 LONGEST_HEADER, MOST_CELLS = 1_000_000, 10_000  # characters; columns
 NUMBER, LETTER = re.compile(r"nan|inf|(?<=[\d.])e(?=[-+\d])", re.IGNORECASE), re.compile(r"[^\W\d]")
 DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:")
+THOUSANDS = r"\s*[-+]?[1-9]\d{0,2},\d{3}\s*"
 COMMENT_SIGN = re.compile(r"^\s*[#%]+\s*")  # before a header, as numpy.savetxt writes it
 ABOVE_HEADER = re.compile(r"\s*(#|%|\"?(?!nan|inf)[a-z_])", re.IGNORECASE)  # what follows a comment that is no header
 NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*\[(?P<unit>[^\]]*)\]")
@@ -110,7 +111,7 @@ def read_csv_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
                     values |= numbers_of(path, names[i], cells, len(table), strict=strict)
                     if strict and (separator != "," or cells.dtype.kind not in "fiub"):
                         before = signs.get(names[i], "")
-                        signs[names[i]] = _one_sign(path, names[i], before, cells, len(table) + 2)
+                        signs[names[i]] = _one_sign(path, names[i], before, cells, len(table) + 2, separator)
                 if len(chunk):
                     stamps = _stamps(path, log, column, values, len(table), len(chunk))
                     if log.times == "own":
@@ -157,8 +158,11 @@ def _check_rising(path: Path, stamps: Array, last: float, before: int) -> None:
         raise LogError(f"{where}: time = {stamps[k]:g} s {what}: rising times were expected")
 
 
-def _one_sign(path: Path, name: str, before: str, cells: Any, first: int) -> str:
-    """Return the decimal sign of a column so far. Raises LogError if rows from `first` on have another one."""
+def _one_sign(path: Path, name: str, before: str, cells: Any, first: int, separator: str) -> str:
+    """Return the decimal sign of a column so far.
+
+    Raises LogError if rows from `first` on have another one, or commas between commas that may part thousands.
+    """
     signs = decimal_sign(cells)
     if signs in ("", before) or str(cells.iloc[0]).startswith("["):
         return before
@@ -166,6 +170,13 @@ def _one_sign(path: Path, name: str, before: str, cells: Any, first: int) -> str
         raise LogError(
             f"log {path}: '{name}' has decimal points and decimal commas (rows {first} to {first + len(cells) - 1}): "
             "one of them was expected, and nothing between thousands"
+        )
+    texts = cells.dropna().astype(str)
+    commas = texts[texts.str.contains(",", regex=False)]
+    if separator == "," == signs and commas.str.fullmatch(THOUSANDS).all():
+        raise LogError(
+            f"log {path}: '{name}' = '{commas.iloc[0]}' (rows {first} to {first + len(cells) - 1}): decimals, or "
+            "thousands? A point before decimals was expected, and nothing between thousands"
         )
     return signs
 

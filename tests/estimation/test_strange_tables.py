@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,17 @@ def test_decimals_are_judged_over_the_whole_table(tmp_path: Path, monkeypatch: p
     log.write_text("t;x\n" + "".join(f"{k};{x}\n" for k, x in enumerate(points + commas)))
     with pytest.raises(LogError, match=r"'x' has decimal points and decimal commas \(rows 202 to 301\)"):
         read_csv_columns(log, LogTable(), ["x"])
+
+
+@pytest.mark.parametrize(("separator", "small"), [(",", "987"), (",", "0.5"), (",", "0,5"), (";", "987")])
+def test_commas_between_thousands_are_no_decimals(separator: str, small: str, tmp_path: Path) -> None:
+    """`987` beside `"1,012"` was 987 beside 1.012; between semicolons, or beside `"0,5"`, these are decimals."""
+    rows = [f'{k}{separator}"{x}"\n' for k, x in enumerate((small, small, "1,012", "-1,013"))]
+    (tmp_path / "log.csv").write_text("".join([f"t{separator}x\n", *rows]))
+    known = separator == ";" or small == "0,5"
+    with nullcontext() if known else pytest.raises(LogError, match=r"and nothing between thousands"):
+        found = read_csv_columns(tmp_path / "log.csv", LogTable(), ["x"])
+        np.testing.assert_array_equal(found.values["x"][2:], [1.012, -1.013])
 
 
 @pytest.mark.parametrize(("separator", "comments"), [(" ", "# "), (",", "# "), ("\t", "%")])
