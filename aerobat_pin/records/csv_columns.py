@@ -16,7 +16,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records.columns import Columns, GrowingTable, same_unit
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.spool import Spool
-from aerobat_pin.records.table_cells import CUT, check_rows, cut_row, decimal_sign, line_of, numbers_of
+from aerobat_pin.records.table_cells import CUT, check_rows, cut_row, decimal_sign, holds_lists, line_of, numbers_of
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 TIME_NAMES = "t,time,timestamp,stamp,time_s,t_s,time [s],seconds,elapsed,time_stamp,duration,__time".split(",")
@@ -164,7 +164,7 @@ def _one_sign(path: Path, name: str, before: str, cells: Any, first: int, separa
     Raises LogError if rows from `first` on have another one, or commas between commas that may part thousands.
     """
     signs = decimal_sign(cells)
-    if signs in ("", before) or str(cells.iloc[0]).startswith("["):
+    if signs in ("", before) or holds_lists(cells):
         return before
     if before or len(signs) > 1:
         raise LogError(

@@ -105,8 +105,8 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
     """
     if cells.dtype.kind in "fiub":
         numbers, wrong = np.asarray(cells, float), np.zeros(len(cells), bool)
-    elif len(cells) and str(cells.iloc[0]).startswith("["):
-        return _lists(path, name, cells.astype(str), strict=strict)
+    elif holds_lists(cells):
+        return _lists(path, name, cells, strict=strict)
     else:
         numbers = np.asarray(pd.to_numeric(cells, errors="coerce"), float)
         if np.any(np.isnan(numbers) & cells.notna()):
@@ -125,13 +125,20 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
     raise LogError(f"{where} '{str(cells.iloc[k])[:40]}': {rule}")
 
 
-def _lists(path: Path, name: str, texts: Any, *, strict: bool) -> dict[str, Array]:
+def holds_lists(cells: Any) -> bool:
+    """Return whether the first cell of a pandas series that is not empty is a list."""
+    return str(next(iter(cells.dropna().head(1)), "")).startswith("[")
+
+
+def _lists(path: Path, name: str, cells: Any, *, strict: bool) -> dict[str, Array]:
     try:
-        table = np.array([np.ravel(json.loads(text)) for text in texts], float)
+        lists = np.array([np.ravel(json.loads(str(text))) for text in cells.dropna()], float)
     except (ValueError, RecursionError) as error:
         if not strict:
-            return {name: np.full(len(texts), np.nan)}
+            return {name: np.full(len(cells), np.nan)}
         raise LogError(f"log {path}: '{name}' has lists of different lengths or of no numbers") from error
+    table = np.full((len(cells), lists.shape[1]), np.nan)
+    table[cells.notna()] = lists
     if table.shape[1] == 1:
         return {name: table[:, 0]}
     return {f"{name}.{k}": table[:, k] for k in range(table.shape[1])}

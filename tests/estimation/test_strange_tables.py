@@ -49,6 +49,16 @@ def test_commas_between_thousands_are_no_decimals(separator: str, small: str, tm
         np.testing.assert_array_equal(found.values["x"][2:], [1.012, -1.013])
 
 
+@pytest.mark.parametrize("empty", [0, 2])
+def test_a_cell_without_its_list_is_no_sample(empty: int, tmp_path: Path) -> None:
+    """Where lists come less often than rows: it ended in a traceback, and a first one in another error."""
+    cells = ["[0.5, 1]", "[2.5, 3]", "[4.5, 5]"]
+    cells[empty] = ""
+    (tmp_path / "log.csv").write_text("t;v\n" + "".join(f"{k};{cell}\n" for k, cell in enumerate(cells)))
+    found = read_csv_columns(tmp_path / "log.csv", LogTable(), ["v.1"])
+    np.testing.assert_array_equal(found.values["v.1"], np.where(np.arange(3) == empty, np.nan, [1.0, 3.0, 5.0]))
+
+
 @pytest.mark.parametrize(("separator", "comments"), [(" ", "# "), (",", "# "), ("\t", "%")])
 def test_a_header_behind_the_sign_of_a_comment_names_the_columns(separator: str, comments: str, tmp_path: Path) -> None:
     """As numpy.savetxt writes it: between spaces the sign passed for a column, and each name for that of the next."""
