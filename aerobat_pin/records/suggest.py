@@ -24,7 +24,7 @@ from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.spool import typical_spacing
-from aerobat_pin.records.suggest_joints import followers, joint_topic, listed, suggest_joints, topic_of
+from aerobat_pin.records.suggest_joints import followers, joint_topic, listed, suggest_joints, toml_text, topic_of
 from aerobat_pin.records.suggest_rotors import ROTOR_WORDS, suggest_rotors
 
 TIME = re.compile(
@@ -95,7 +95,7 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
         "",
     ]
     text = "\n".join(lines)
-    unused = [name for name in columns.names if not columns.kinds and f'"{name}"' not in text]
+    unused = [name for name in columns.names if not columns.kinds and toml_text(name) not in text]
     return text + (f"# Columns that are not used here: {', '.join(unused)}\n" if unused else "")
 
 
@@ -211,7 +211,7 @@ def _suggested_time(log: Path, columns: Columns, timed: bool) -> tuple[str, floa
         if step:
             guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
             unit = named_unit("time", [name]) or guess
-            line = f'time = {{column = "{name}", unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?'
+            line = f'time = {{column = {toml_text(name)}, unit = "{unit}"}}  # steps of {step:.4g}: is the unit right?'
             return line, step * SECONDS[unit]
         asked = f"{name} repeats from row to row (add the parts of a second to it, if another column has them)"
     asked += ': how many samples a second, time = {rate = 1000}? Or time = {column = ..., unit = "s"}'

@@ -96,7 +96,7 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
             yield f'effort = {{columns = {listed(whole["effort"])}{units["effort"]}  # or a current, "A"?'
     else:
         lacking = ", ".join(name for name in driven if "effort" not in parts_of[name])
-        found = ", ".join(f'"{parts_of[name]["effort"]}"' if "effort" in parts_of[name] else "..." for name in driven)
+        found = ", ".join(toml_text(parts_of[name].get("effort")) for name in driven)
         yield f"# MISSING: what drives {lacking}? No column with numbers is called so; without, no row is believed:"
         unknown = listed(name for name in driven if "effort" not in parts_of[name])
         yield f"# passive = {unknown}  # or nothing at all?"
@@ -220,9 +220,14 @@ def topic_of(columns: Columns, *kinds: str) -> str | None:
 
 def listed(names: Iterable[str]) -> str:
     """Return names as an array of TOML."""
-    return "[" + ", ".join(f'"{name}"' for name in names) + "]"
+    return "[" + ", ".join(map(toml_text, names)) + "]"
+
+
+def toml_text(name: str | None) -> str:
+    """Return a name as a text of TOML, or dots for one that is unknown."""
+    return "..." if name is None else json.dumps(name, ensure_ascii=False)
 
 
 def toml_key(name: str) -> str:
     """Return a name as a key of TOML."""
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_text(name)

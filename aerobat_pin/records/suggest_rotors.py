@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_columns import WANTED_WORDS
-from aerobat_pin.records.suggest_joints import listed
+from aerobat_pin.records.suggest_joints import listed, toml_text
 
 LAST_NUMBER = re.compile(r"^(?P<stem>.*\D)(?P<number>\d+)(?P<tail>\D*)$")
 ROTOR_WORDS = {"rotor", "rotors", "rot", "prop", "propeller", "thrust", "throttle", "esc", "pwm"}
@@ -32,7 +32,7 @@ def suggest_rotors(columns: Columns, model: pin.Model | None, forces: Sequence[s
         yield f"rotors = {{columns = {listed(whole)}}}"
         yield ""
         return
-    moving = (name for name in columns.names if f'"{name}"' not in used and np.nanstd(columns.sample(name)) > 0.0)
+    moving = (name for name in columns.names if toml_text(name) not in used and np.nanstd(columns.sample(name)) > 0.0)
     series = _by_last_number(moving)
     joints = 0 if model is None else model.njoints - 2
     rotors = [
@@ -64,7 +64,7 @@ def suggest_rotors(columns: Columns, model: pin.Model | None, forces: Sequence[s
     dark = "# " if "..." in law else ""
     for k, name in enumerate(names):
         frame = f'frame = "{frames[k]}", ' if frames else ""
-        yield f'{dark}rotor_{k} = {{columns = ["{name}"], {frame}direction = [0, 0, 1], {law}}}'
+        yield f"{dark}rotor_{k} = {{columns = {listed([name])}, {frame}direction = [0, 0, 1], {law}}}"
     yield ""
 
 

@@ -193,6 +193,24 @@ def test_a_column_is_that_of_the_joint_with_the_longest_name_in_it(names: tuple[
     assert joints["effort"]["columns"] == [f"{names[0]}_torque", f"f_{names[1]}"]  # a force only if there is no torque
 
 
+def test_names_with_quotes_are_texts_of_a_suggested_map(tmp_path: Path) -> None:
+    """The map was no TOML: the reader said so of a file that this program had written."""
+    (tmp_path / "arm.urdf").write_text(arm_of(2))
+    names = ['my "t"', 'joint1 "abs" pos', "joint2\\pos", "joint1_torque", 'joint2 "motor" torque', 'in "K"']
+    time = 0.01 * np.arange(50.0)
+    table = pd.DataFrame({name: np.sin(time + k) for k, name in enumerate(names)}).assign(**{names[0]: time})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    found = tomllib.loads(text)
+    assert found["log"]["time"]["column"] == names[0]
+    assert [found["joints"][part]["columns"] for part in ("position", "effort")] == [names[1:3], names[3:5]]
+    assert "# Columns that are not used here: " + ", ".join(names[5:]) in text
+    table.drop(columns=names[3]).to_csv(tmp_path / "log.csv", index=False)
+    assert r'# effort = {columns = [..., "joint2 \"motor\" torque"], unit' in suggested_map(
+        tmp_path / "log.csv", tmp_path / "arm.urdf"
+    )
+
+
 def test_a_column_that_may_be_another_is_asked_for(tmp_path: Path) -> None:
     """Of a spring in the joint the motor's side was taken, with the rate of the link's, without a question."""
     parts = [link("base"), link("arm", 1.0, "0 0 0.1", 3 * [0.01]), joint("elbow", "revolute", "base", "arm")]
