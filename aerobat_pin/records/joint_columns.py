@@ -54,18 +54,19 @@ def joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str
 
 def _described(columns: Columns) -> list[str]:
     """Return the columns that may be a joint's, what was measured of it before what was wanted."""
-    words = {name: set(_words_of_name(name)) for name in columns.values}
+    words = {name: set(words_of_name(name)) for name in columns.values}
     likely = [name for name in words if not words[name] & OTHER_WORDS]
     return sorted(likely, key=lambda name: bool(words[name] & WANTED_WORDS))
 
 
-def _words_of_name(name: str) -> list[str]:
+def words_of_name(name: str) -> list[str]:
+    """Return letters and numbers of a name, in small letters, between what is neither."""
     return re.split(r"[^a-z0-9]+", name.lower())
 
 
 def _part_in(text: str) -> str | None:
     """Return whether a column's name, without its joint's, says position, velocity or effort, by a word or its unit."""
-    words = set(_words_of_name(text))
+    words = set(words_of_name(text))
     part = next((part for part, known in PART_WORDS.items() if words & (known - {""})), None)
     return part or next((part for part, kind in JOINT_KINDS.items() if named_unit(kind, [text])), None)
 
@@ -84,10 +85,10 @@ def columns_by_name(columns: Columns, names: list[str]) -> dict[str, dict[str, s
         joint = next((joint for joint, pattern in patterns.items() if pattern.search(name.lower())), None)
         if joint is not None:
             others = patterns[joint].sub(" ", name.lower())
-            part = _part_in(others) or ("position" if {*_words_of_name(others)} <= {""} else None)
+            part = _part_in(others) or ("position" if {*words_of_name(others)} <= {""} else None)
             if part is not None:
                 parts_of.setdefault(joint, {}).setdefault(part, name)
-            elif FORCE_WORDS.issuperset(_words_of_name(others)):
+            elif FORCE_WORDS.issuperset(words_of_name(others)):
                 forces.setdefault(joint, name)
     for joint, name in forces.items():
         parts_of.setdefault(joint, {}).setdefault("effort", name)
@@ -100,7 +101,7 @@ def rivals(columns: Columns, parts_of: dict[str, dict[str, str]]) -> list[str]:
     free = replace(columns, values={name: each for name, each in columns.values.items() if name not in taken})
     again = columns_by_name(free, list(parts_of)).items()
     names = (column for joint, parts in again for part, column in parts.items() if part in parts_of[joint])
-    return [name for name in names if not set(_words_of_name(name)) & WANTED_WORDS]
+    return [name for name in names if not set(words_of_name(name)) & WANTED_WORDS]
 
 
 def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
@@ -110,9 +111,7 @@ def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, 
     for name in _described(columns):
         part = _part_in(name)
         if part is not None:
-            stem = "_".join(
-                word for word in _words_of_name(name) if word not in PART_WORDS[part] | units | WANTED_WORDS
-            )
+            stem = "_".join(word for word in words_of_name(name) if word not in PART_WORDS[part] | units | WANTED_WORDS)
             parts_of.setdefault(stem, {}).setdefault(part, name)
     whole = [parts for stem, parts in parts_of.items() if stem and "position" in parts and len(parts) > 1]
     return dict(zip(names, whole, strict=True)) if len(whole) == len(names) else {}
@@ -123,7 +122,7 @@ def numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, 
     series: dict[tuple[str, str], dict[int, str]] = {}
     for name in _described(columns):
         match = NUMBERED.match(name)
-        if match is not None and BEHIND_NUMBERS.issuperset(_words_of_name(match["tail"])):
+        if match is not None and BEHIND_NUMBERS.issuperset(words_of_name(match["tail"])):
             series.setdefault((match["stem"].lower(), match["tail"].lower()), {})[int(match["number"])] = name
     parts_of: dict[str, dict[str, str]] = {}
     for (stem, tail), listed in series.items():
@@ -147,7 +146,7 @@ def named_unit(kind: str, names: Sequence[str]) -> str | None:
     """Return the unit that the last words of columns' names say, if they all say the same: A1_vel_deg_s is in deg/s."""
     units, known = set(), UNITS_IN_NAMES[kind]
     for name in names:
-        words = [word for word in _words_of_name(name.rstrip(")] ")) if word != "per"]
+        words = [word for word in words_of_name(name.rstrip(")] ")) if word != "per"]
         units.add(known.get("".join(words[-2:])) or known.get(words[-1] if words else ""))
     return units.pop() if len(units) == 1 else None
 

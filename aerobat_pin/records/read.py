@@ -81,8 +81,8 @@ def read_netcdf_columns(path: Path, log: LogTable, wanted: Iterable[str] | None)
             f"the map (it has {', '.join(series[:VARIABLES_TOLD]) or 'none'})"
         )
     names, units = without_units([*values], {*(wanted or ())})
-    values, clock_of = (dict(zip(names, one.values(), strict=True)) for one in (values, clock_of))
-    return Columns(path, tuple(names), clocks, clock_of, values, units=units)
+    clock_of = dict(zip(names, clock_of.values(), strict=True))
+    return Columns(path, tuple(names), clocks, clock_of, dict(zip(names, values.values(), strict=True)), units=units)
 
 
 def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float, spool: Spool) -> GrowingTable:

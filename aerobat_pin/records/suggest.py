@@ -18,7 +18,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import SECONDS, header_of
-from aerobat_pin.records.joint_columns import joint_columns, named_unit
+from aerobat_pin.records.joint_columns import WANTED_WORDS, joint_columns, named_unit
 from aerobat_pin.records.map_tables import LogTable, TimeSection
 from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
@@ -35,7 +35,7 @@ TIME = re.compile(
 UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
 GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
 STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
-TOOL_WORDS = {"tool", "tcp", "ee", "eef", "hand", "gripper", "flange", "target", "goal"}  # of poses that are no base's
+TOOL_WORDS = {"tool", "tcp", "ee", "eef", "hand", "gripper", "flange", *WANTED_WORDS}  # of poses that are no base's
 UNIT_BEHIND = re.compile(r"\s*(\[.*\]|\(.*\))$")  # as in nav.x [m]
 GROUP_WORDS = {  # what a group of columns may be -> words in its name
     "acceleration": ("acc", "specific", "linear_acceleration"),
@@ -71,7 +71,7 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
         *(f"# {note}" for note in columns.notes),
         "",
     ]
-    free = "position" in groups or bool(topic_of(columns, "Pose", "Odometry", "Transform"))
+    free = "position" in groups or bool(_pose_topic(columns))
     lines += _robot(columns, known, free)
     if built is not None and (following := followers(columns, built)):
         lines.append(f"rows = {{ignore = {listed(following)}}}  # they follow other joints, whose motors move them")
@@ -128,7 +128,10 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
     for (stem, tail), axes in sorted(
         axes_of.items(), key=lambda item: not any(word in item[0][0] for word in ("imu", "gyro"))
     ):
+        of_tool = TOOL_WORDS & {*re.split(r"[ _.]", stem + tail)}
         for kind, words in GROUP_WORDS.items():
+            if of_tool and kind != "force":
+                continue
             needed = "xyzw" if kind == "quaternion" else "xyz"
             last = stem.rstrip("_ .").rpartition("_")[2].rpartition(".")[2]
             first = re.split(r"[ _.]", stem)[0] if kind == "force" else last  # as in F_ext_x
@@ -227,13 +230,18 @@ def _is_evenly_rising(series: Array) -> bool:
 
 def _spacing_of_lead(columns: Columns) -> float | None:
     """Return the step [s] of the topic at whose stamps a bag is estimated, of a file its own; None if it has none."""
-    lead = joint_topic(columns) or topic_of(columns, "Pose", "Odometry", "Transform")
+    lead = joint_topic(columns) or _pose_topic(columns)
     clock = columns.clocks.get(lead or next(iter(columns.clocks), ""))
     return typical_spacing(clock.time) if clock is not None and len(clock.time) > 1 else None
 
 
+def _pose_topic(columns: Columns) -> str | None:
+    """Return the first topic that may tell where the base is; None if there is none."""
+    return topic_of(columns, "Pose", "Odometry", "Transform", without=TOOL_WORDS)
+
+
 def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
-    pose, imu = topic_of(columns, "Pose", "Odometry", "Transform"), topic_of(columns, "Imu")
+    pose, imu = _pose_topic(columns), topic_of(columns, "Imu")
     if pose:
         yield "[base]"
         yield f'topic = "{pose}"  # the pose of the base link, or of markers on it?'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from aerobat_pin.records.joint_columns import (
     numbered_columns,
     rivals,
     said_unit,
+    words_of_name,
 )
 from aerobat_pin.records.joint_names import as_names, nearest_joints
 from aerobat_pin.records.robots import Mimic, PlainRobot
@@ -37,7 +38,7 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
             f'topic = "{topic}"  # is its effort a torque in N m? Else effort = '
             f'{{unit = "A", torque_per_unit = {{...}}}}'
         )
-        if more := [one for one, kind in columns.kinds.items() if "JointState" in kind and one != topic]:
+        if more := joint_topics(columns)[1:]:
             yield f"# or {', '.join(more)}? One is read: it has most of the positions and efforts"
         start = f"{topic}.position."
         heard = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
@@ -206,16 +207,24 @@ def _rate_unit(columns: Columns, places: list[str], rates: list[str], angle: str
 
 def joint_topic(columns: Columns) -> str | None:
     """Return the topic of joints that has most positions and efforts, the first of equals."""
-    topics = (topic for topic, kind in columns.kinds.items() if "JointState" in kind)
-    told = [name for name in columns.names if ".position." in name or ".effort." in name]
-    return max(topics, key=lambda topic: sum(name.startswith(f"{topic}.") for name in told), default=None)
+    return next(iter(joint_topics(columns)), None)
 
 
-def topic_of(columns: Columns, *kinds: str) -> str | None:
-    """Return the first topic of one of these types."""
+def joint_topics(columns: Columns) -> list[str]:
+    """Return the topics of joints that have numbers, those with most positions and efforts first."""
+    topics = (f"{topic}." for topic, kind in columns.kinds.items() if "JointState" in kind)
+    told = {topic: [name[len(topic) :] for name in columns.names if name.startswith(topic)] for topic in topics}
+    count = {
+        topic[:-1]: sum(not name.startswith("velocity.") for name in names) for topic, names in told.items() if names
+    }
+    return sorted(count, key=lambda topic: -count[topic])
+
+
+def topic_of(columns: Columns, *kinds: str, without: Collection[str] = ()) -> str | None:
+    """Return the first topic of one of these types, without these words in its name."""
     told = {name.partition(".")[0] for name in columns.values}  # a topic can be silent, or hold no numbers
     named = (topic for topic, kind in columns.kinds.items() if any(word in kind for word in kinds))
-    return next((topic for topic in named if topic in told), None)
+    return next((topic for topic in named if topic in told and not {*words_of_name(topic)} & {*without}), None)
 
 
 def listed(names: Iterable[str]) -> str:

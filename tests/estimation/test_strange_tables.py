@@ -245,11 +245,16 @@ def test_a_joint_that_turns_on_may_have_any_angle(largest: tuple[float, float], 
         ("rov_p{}", "rov_quat_{}", True),
         ("vicon_p{} [mm]", "vicon_q{}", True),
         ("tcp_{}", "tcp_q{}", False),
+        ("tcp_pos_{} [m]", "tcp_quat_{}", False),
+        ("pos_{}_ref", "q{}_ref", False),
         ("none_{}", "imu_q{}", False),
     ],
 )
 def test_a_pose_is_found_by_what_its_columns_share(place: str, attitude: str, free: bool, tmp_path: Path) -> None:
-    """Whatever the robot is called; a tool's is none, nor an attitude's. A moving base was suggested to be fixed."""
+    """Whatever the robot is called; a tool's is none, nor an attitude's. A moving base was suggested to be fixed.
+
+    An arm's base was suggested to be where its tool was, or was to be.
+    """
     (tmp_path / "quadruped.urdf").write_text(urdf())
     time = 0.01 * np.arange(50.0)
     columns = {place.format(axis): np.sin(time) for axis in "xyz"}
