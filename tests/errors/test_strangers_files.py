@@ -47,12 +47,14 @@ def test_a_file_is_regular_and_not_too_large(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.csv")
     (tmp_path / "file").write_bytes(bytes(100))
     (tmp_path / "link").symlink_to("file")
+    (tmp_path / os.fsdecode(b"pr\xfcfung.csv")).touch()  # half a minute later it ended in a traceback
     assert foreign_file(tmp_path / "link", "x", 100).name == "link"
     for name, said in (
         ("pipe.csv", "log x: a folder, pipe or device: a file was expected"),
         (".", "a folder, pipe or device"),
         ("none", "log x: there is no such file"),
         (300 * "n", "there is no such file"),
+        (os.fsdecode(b"pr\xfcfung.csv"), "log x: its name is not in UTF-8: another name was"),
     ):
         with pytest.raises(LogError, match=said):
             foreign_file(tmp_path / name, "log x")

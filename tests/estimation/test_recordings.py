@@ -1,5 +1,6 @@
 """Recordings of any robot: the right map gives the right forces, and every wrong one is refused or named."""
 
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -254,10 +255,12 @@ def test_a_wrong_map_or_log_is_refused_or_named(name: str, folder: Path) -> None
 
 
 def test_a_file_under_two_names_is_named(folder: Path) -> None:
-    for name in ("walk.csv", "other.csv"):
-        table(walk(0.5)).to_csv(folder / name, index=False)
+    """Also one whose name no result could hold."""
+    for name in (b"walk.csv", b"other.csv", b"\xfc.csv"):
+        table(walk(0.5)).to_csv(folder / os.fsdecode(name), index=False)
     found = estimated(folder / "walk.csv", table_map(folder / "quadruped.urdf"))
-    assert any("other.csv beside it holds the same bytes" in text for text in found.warnings)
+    for name in ("other", "\ufffd"):
+        assert any(f"{name}.csv beside it holds the same bytes" in text for text in found.warnings)
 
 
 def test_a_command_that_is_told_can_be_pasted() -> None:

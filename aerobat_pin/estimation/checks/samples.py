@@ -326,5 +326,6 @@ def _duplicates(path: Path) -> Iterator[Finding]:
         return
     for other in sorted(path.parent.glob(f"*{path.suffix}")):
         if other != path and other.is_file() and filecmp.cmp(path, other, shallow=False):
-            what = f"{other.name} beside it holds the same bytes: one recording under two names, not two"
+            name = os.fsencode(other.name).decode(errors="replace")
+            what = f"{name} beside it holds the same bytes: one recording under two names, not two"
             yield Finding("duplicate file", "warning", what, float(path.stat().st_size), "bytes")
