@@ -144,7 +144,7 @@ def _by_date(cells: Any, unit: str) -> Any:
     """Return cells that say dates and times, by ISO 8601, as the time since 1970 in a unit; other cells as they are."""
     if cells.dtype.kind in "fiub" or not len(cells) or not DATE.match(str(cells.iloc[0])):
         return cells
-    dates = pd.to_datetime(cells, utc=True, format="ISO8601", errors="coerce")
+    dates = pd.to_datetime(cells.astype(str).str.replace(",", "."), utc=True, format="ISO8601", errors="coerce")
     return (dates - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=SECONDS[unit])
 
 

@@ -95,9 +95,9 @@ def test_stamps_that_do_not_rise_are_counted(upset: Callable[[Array], Array], to
         recorded(tmp_path / "log.csv", table_map(tmp_path / "quadruped.urdf"))
 
 
-@pytest.mark.parametrize("way", ["%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%d %H:%M:%S.%f+00:00"])
+@pytest.mark.parametrize("way", ["%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%d %H:%M:%S.%f+00:00", "%Y-%m-%d %H:%M:%S,%f"])
 def test_dates_of_iso_8601_are_times(way: str, tmp_path: Path) -> None:
-    """As pandas and databases write them, with or without a zone; a cell that is none is refused."""
+    """As pandas, databases and loggers write them, with or without a zone; a cell that is none is refused."""
     time = pd.Timestamp("2026-03-04T10:11:12") + pd.to_timedelta(0.01 * np.arange(300), unit="s")
     table = pd.DataFrame({"timestamp": time.strftime(way), "q1": np.sin(np.arange(300.0)), "tau1": np.arange(300.0)})
     table.to_csv(tmp_path / "log.csv", index=False)
