@@ -42,8 +42,6 @@ def foreign_file(path: str | Path, name: str, largest: float = float("inf")) -> 
     if not os.path.isfile(path):  # False also for names that no file can have
         reason = "a folder, pipe or device: a file was expected" if os.path.exists(path) else "there is no such file"
         raise LogError(f"{name}: {reason}")
-    if os.fsencode(path).decode(errors="replace") != str(path):  # no result could name it
-        raise LogError(f"{name}: its name is not in UTF-8: another name was expected")
     if (size := os.path.getsize(path)) > largest:
         raise LogError(f"{name}: {size} bytes: at most {largest} were expected")
     check_kind(path, name)

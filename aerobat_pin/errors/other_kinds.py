@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import suppress
 from pathlib import Path
 
@@ -16,7 +17,12 @@ OTHER_KINDS = {
 
 
 def check_kind(path: str | Path, name: str) -> None:
-    """Raise LogError, that begins with `name`, for a file of `OTHER_KINDS`; one that cannot be read passes."""
+    """Raise LogError, that begins with `name`, for a file of `OTHER_KINDS`, or whose own name is not in UTF-8.
+
+    One that cannot be read passes.
+    """
+    if os.fsencode(path).decode(errors="replace") != str(path):  # no result could name it
+        raise LogError(f"{name}: its name is not in UTF-8: another name was expected")
     with suppress(OSError), open(path, "rb") as file:
         beginning = file.read(4)
         for signs, kind in OTHER_KINDS.items():
