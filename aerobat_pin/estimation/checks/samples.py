@@ -326,6 +326,5 @@ def _duplicates(path: Path) -> Iterator[Finding]:
         return
     for other in sorted(path.parent.glob(f"*{path.suffix}")):
         if other != path and other.is_file() and filecmp.cmp(path, other, shallow=False):
-            name = os.fsencode(other.name).decode(errors="replace")
-            what = f"{name} beside it holds the same bytes: one recording under two names, not two"
+            what = os.fsencode(other.name).decode(errors="replace") + " beside it holds the same bytes: one log twice"
             yield Finding("duplicate file", "warning", what, float(path.stat().st_size), "bytes")
