@@ -35,7 +35,7 @@ from aerobat_pin.visualization.template import base64_text, fill_template
 
 KEYFRAMES_PER_SECOND = 120.0  # per second of recorded time: 25 per flap at 4.75 Hz
 MOST_KEYFRAMES = 7201  # one minute, a page of 34 MB; a lower rate would distort the motion
-FARTHEST = 1e4  # [m]: a motion that begins farther away is shown from there, as a page holds single precision
+FAR_AWAY = 1e4  # [m]: a motion that begins farther away is shown from there, as a page holds single precision
 CAMERA_SMOOTHING = 0.5  # [s]: the camera follows the path of a free base, smoothed over this time
 CAMERA = (0.7, -1.1, 0.55)  # position of the camera relative to the point it looks at, in sizes of the robot
 
@@ -108,7 +108,7 @@ class Replay:
             raise ShapeError("time: it is the same in all rows")
         self._data = model.createData()
         self._free = model.njoints > 1 and model.joints[1].nq == 7
-        if self._free and np.linalg.norm(start := self._q[self.index[0], :3]) > FARTHEST:
+        if self._free and np.linalg.norm(start := self._q[self.index[0], :3]) > FAR_AWAY:
             self._q = self._q - np.append(start, np.zeros(model.nq - 3))
             floor = None if floor is None else floor - float(start[2])
         self._placements, low, high = self._place(move)
