@@ -110,6 +110,16 @@ def test_deviations_cover_the_errors() -> None:
     assert np.all(stated < 2.0 * np.sqrt(np.mean(error**2, axis=0)))
 
 
+def test_motion_capture_may_begin_later_and_lose_the_robot_for_a_while() -> None:
+    """From 0.1 s on, and not from 0.4 to 0.6 s: the other sensors carry the motion through, and forces are as good."""
+    log, robot = flight()
+    at = log.measured["mocap_time"].values
+    seen = np.flatnonzero((at > 0.1) & ((at < 0.4) | (at > 0.6)))
+    found = smoother_of(robot, GIVEN).run(raw(FlightLog(log.measured.isel(mocap_time=seen)), robot))
+    assert found.settled
+    assert np.all(worst_r2(found.force, truth(log)) > [0.95, 0.99, 0.99])
+
+
 def test_the_likelihood_finds_the_noise_the_step_and_what_the_wings_have_in_common() -> None:
     """Of each force: 10 mN of noise, 0.15 N at 0.6 s, both wings alike along z and mirrored along y."""
     (log, robot), settings = flight(), RawSection(offset_error=0.0)

@@ -17,6 +17,7 @@ from aerobat_pin.numerics import Array
 POSITION_KNOTS = 0.030  # [s] between the knots of the splines of a first guess; longer if samples are rare
 CRANK_KNOTS = 0.020
 DRIFT_KNOTS = 0.10  # of the correction of the integrated gyro
+ENDS = 0.10  # [s] at both ends of a channel, of which the slope goes on where it has no samples
 WING_JOINTS = slice(-4, None)  # the joints in a configuration and in a velocity
 CRANK_STEP = 1.0e-4  # [rad]: difference quotient for the third derivative of the linkage
 
@@ -109,25 +110,48 @@ def first_guess(record: RawRecord) -> NominalMotion:
     body = marker @ channels["orientation"].turn.T
     rotation = _attitude(time, position.time, body, channels.get("gyro"))
     seen = position.values - body @ position.place
-    path = _spline(position.time, seen, POSITION_KNOTS)
+    path = _spline(time, position.time, seen, POSITION_KNOTS)
     where, velocity = path(time), path.derivative()(time)
     steps = np.array([pin.log3(a.T @ b) for a, b in itertools.pairwise(rotation)]) / np.diff(time)[:, None]
     rate = np.concatenate([steps[:1], 0.5 * (steps[1:] + steps[:-1]), steps[-1:]])
     twist = np.concatenate([np.einsum("kji,kj->ki", rotation, velocity), rate], axis=1)
-    angle = _spline(crank.time, np.unwrap(crank.values[:, 0]), CRANK_KNOTS)
+    angle = _spline(time, crank.time, np.unwrap(crank.values[:, 0]), CRANK_KNOTS)
     turned = np.column_stack([angle(time), angle.derivative()(time), angle.derivative(2)(time)])
     return NominalMotion(time, rotation, where, twist, turned)
 
 
-def _spline(time: Array, values: Array, step: float, degree: int = 5):  # type: ignore[no-untyped-def]  # scipy's
-    """Return the least-squares spline with knots `step` apart, or three samples if these are rare."""
+def _spline(wanted: Array, time: Array, values: Array, step: float, degree: int = 5):  # type: ignore[no-untyped-def]
+    """Return the least-squares spline with knots `step` apart, or three samples if these are rare.
+
+    It follows straight lines across holes of the samples, and where none are at the ends of the `wanted` times.
+    """
     from scipy.interpolate import make_lsq_spline
 
     span = time[-1] - time[0]
-    step = max(step, 3.0 * span / (len(time) - 1))
+    step, period = max(step, 3.0 * span / (len(time) - 1)), span / (len(time) - 1)
+    more = np.arange(wanted[0], wanted[-1], period)
+    after = np.clip(np.searchsorted(time, more), 1, len(time) - 1)
+    near = np.minimum(np.abs(more - time[after - 1]), np.abs(more - time[after]))
+    inside = (more > time[0]) & (more < time[-1])
+    more = more[near > np.where(inside, step, 2.0 * period)]
+    if len(more):
+        lines = np.column_stack([_line(more, time, column) for column in values.reshape(len(time), -1).T])
+        order = np.argsort(time := np.concatenate([time, more]))
+        time, values = time[order], np.concatenate([values, lines.reshape(len(more), *values.shape[1:])])[order]
+    span = time[-1] - time[0]
     inside = np.linspace(time[0], time[-1], max(int(span / step), 1) + 1)[1:-1]
     knots = np.concatenate([np.full(degree + 1, time[0]), inside, np.full(degree + 1, time[-1])])
     return make_lsq_spline(time, values, knots, k=degree)
+
+
+def _line(at: Array, time: Array, series: Array) -> Array:
+    """Return a series between its samples on straight lines, and beyond its ends along the slopes there."""
+    line = np.interp(at, time, series)
+    for beyond, end in ((at < time[0], time[0]), (at > time[-1], time[-1])):
+        if np.any(beyond):
+            near = np.abs(time - end) <= max(ENDS, abs(time[1] - time[0]), abs(time[-1] - time[-2]))
+            line[beyond] = np.polyval(np.polyfit(time[near] - end, series[near], 1), at[beyond] - end)
+    return line
 
 
 def _attitude(time: Array, seen_at: Array, seen: Array, gyro: SensorSamples | None) -> Array:
@@ -149,7 +173,7 @@ def _attitude(time: Array, seen_at: Array, seen: Array, gyro: SensorSamples | No
         size = np.linalg.norm(logs[k])
         if size > 0.0 and np.linalg.norm(logs[k] - logs[k - 1]) > np.pi:
             logs[k] *= 1.0 - 2.0 * np.pi / size
-    drift = _spline(seen_at, logs, DRIFT_KNOTS, degree=1)(time)
+    drift = _spline(time, seen_at, logs, DRIFT_KNOTS, degree=1)(time)
     return np.array([before @ pin.exp3(turn) @ R for turn, R in zip(drift, turned, strict=True)])
 
 
