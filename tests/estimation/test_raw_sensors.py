@@ -231,8 +231,9 @@ def test_the_causal_filter_lets_a_force_jump() -> None:
     assert np.abs(truth(log)[at] - truth(log)[at - 5]).max() > 0.1
 
 
-def test_poses_may_come_late_to_the_causal_filter() -> None:
-    """Ten milliseconds: carried along the filter's motion they say what they would have said at once."""
+@pytest.mark.parametrize("by", [10, 40])
+def test_poses_may_come_late_to_the_causal_filter(by: int) -> None:
+    """From the first one on, by so many ms: carried along its motion they say what they would have said at once."""
     smoother, record, found = smoothed("measured")
     stream, late, waiting = JointFilter(smoother, found.tuning, record.channels, "measured"), None, []
     for k in range(201):
@@ -242,10 +243,8 @@ def test_poses_may_come_late_to_the_causal_filter() -> None:
             if np.any(use | ((k == 0) & (channel.time <= 1e-9))):
                 at = int(np.flatnonzero(channel.time <= record.time[k] + 1e-9)[-1])
                 samples[name] = float(channel.time[at]), channel.values[at]
-        poses = {name: samples.pop(name) for name in ("position", "orientation") if stream.started and name in samples}
-        waiting.append(poses)
-        if stream.started and len(waiting) > 10:
-            samples |= waiting[-11]
+        waiting.append({name: samples.pop(name) for name in ("position", "orientation") if name in samples})
+        samples |= waiting[-1 - by] if k >= by else {}
         late = stream.update(float(record.time[k]), samples, record.known[max(k - 1, 0)])
     last = followed()[1][200]
     np.testing.assert_allclose(late.placement[:3], last.placement[:3], atol=1e-3)

@@ -149,14 +149,16 @@ class JointFilter:
         array, size = np.atleast_1d(np.asarray(values, float)), self.sensors[name].values.shape[1]
         if array.shape != (size,) or not all(map(math.isfinite, array.tolist())):
             raise ObserverError(f"joint filter: sample of {name}: {size} finite numbers were expected")
-        earliest = last if last is None or name not in POSES or not self._way else self._way[0][0] - 1e-9
+        earliest = last
+        if last is not None and name in POSES:
+            earliest = (self._way[0][0] if self._way else last - MOST_LATE) - 1e-9
         if stamp > time + 1e-9 or (earliest is not None and stamp <= earliest):
             raise ObserverError(f"joint filter: {name} is stamped {stamp:g} s, at an update from {last} to {time:g} s")
         return float(stamp), array
 
     def _carried(self, name: str, stamp: float, values: Array, last: float | None) -> tuple[float, Array]:
-        """Return a sample; a late pose as it would have been at the last update."""
-        if last is None or stamp > last:
+        """Return a sample; a late pose as it would have been at the last update, once the filter has started."""
+        if last is None or stamp > last or not self._way:
             return stamp, values
         for start, end, step in self._way:
             if end > stamp:
@@ -196,6 +198,8 @@ class JointFilter:
         solved = smoother.solve(record, guess, prior, self.tuning, {})
         smoother.air.begin(solved.motion)
         count = len(times) - 1
+        for k in range(count):
+            self._remember(solved.motion.part(k, k), solved.motion.part(k + 1, k + 1))
         self._nominal = solved.motion.part(count, count)
         self._x, self._P = solved.smoothed.states[-1].copy(), solved.smoothed.filtered.P.copy()
         self._x[:MOTION] = 0.0
