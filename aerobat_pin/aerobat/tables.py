@@ -26,7 +26,7 @@ from aerobat_pin.aerobat.kind_of_log import RAW_TABLE, STATE_TABLE, kind_of_log,
 from aerobat_pin.aerobat.robot import AerobatRobot
 from aerobat_pin.errors import LogError, OutputError
 from aerobat_pin.numerics import Array, guarded
-from aerobat_pin.records import EXTRA, Record, open_by_map
+from aerobat_pin.records import EXTRA, Channel, Record, open_by_map
 from aerobat_pin.scenario import ObserverSection
 
 STATE_KEYS = {  # channel of a flight log -> keys whose columns it has, side by side
@@ -71,7 +71,7 @@ def read_log(path: Path) -> FlightLog:
     time = record.times(record.parts[0][0], record.parts[-1][1])
     coords: dict[str, Any] = {"time": channel(time, ("time",), "s", "sample time")}
     coords["interval"] = channel(time[:-1], ("interval",), "s", "start of the interval")
-    channels, table = {}, MEASURED | {THRUSTERS: THRUST_CHANNEL}
+    channels, table, clocks = {}, MEASURED | {THRUSTERS: THRUST_CHANNEL}, dict[str, Channel]()
     raw = record.robot.smooths(record.channels)
     sources = {name: (key,) for name, key in RAW_KEYS.items()} if raw else STATE_KEYS
     for name, keys in {**sources, THRUSTERS: (f"{EXTRA}known.thrusters",)}.items():
@@ -80,6 +80,12 @@ def read_log(path: Path) -> FlightLog:
             if row.dims[0] == "interval":
                 values = record.means(keys[0], time)
             elif raw:
+                first = clocks.setdefault(row.dims[0], column)
+                if not np.array_equal(first.time[:], column.time[:]):
+                    raise LogError(
+                        f"log {path}: cells of {', '.join(column.names)} and of {', '.join(first.names)} are filled in "
+                        "different rows: both or none in a row, or one of the two channels, was expected"
+                    )
                 coords[row.dims[0]] = channel(column.time[:], row.dims[:1], "s", "stamp of the sample")
                 values = column.values[:]
             elif name == "pose":

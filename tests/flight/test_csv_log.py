@@ -200,12 +200,14 @@ def test_raw_samples_come_back_at_their_own_rows(tmp_path: Path) -> None:
         np.testing.assert_allclose(other[other.dims[0]].values, one[one.dims[0]].values, atol=1e-9)
     lines = (tmp_path / "raw.csv").read_text().splitlines()
     header, first, *rest = (line.split(",") for line in lines)
-    for cell, text, message in (
-        (8, "nan", "line 2: wx = 'nan': a number was expected, or an empty cell"),
-        (1, "", "line 2: x is empty: all"),
+    for cells, text, message in (
+        ([8], "nan", "line 2: wx = 'nan': a number was expected, or an empty cell"),
+        ([1], "", "line 2: x is empty: all"),
+        ([4, 5, 6, 7], "", "cells of qx, qy, qz, qw and of x, y, z are filled in different rows"),
     ):
         wrong = [first.copy(), *rest]
-        wrong[0][cell] = text
+        for cell in cells:
+            wrong[0][cell] = text
         (tmp_path / "wrong.csv").write_text("\n".join(",".join(row) for row in [header, *wrong]))
         with pytest.raises(LogError, match=message):
             read_log(tmp_path / "wrong.csv")
