@@ -99,6 +99,14 @@ def test_every_observer_lives(hovering: LiveFlight) -> None:
             assert np.abs(off[0]).max() < 0.1 * force[0, 2], observer
 
 
+def test_a_filter_may_doubt_the_air_that_it_lives_in() -> None:
+    """The air is called as in a record, `aerodynamic`."""
+    doubt = "observers.kalman.known_error={aerodynamic=0.2, added_mass=0.2, thrusters=0.1}"
+    live = LiveFlight(load_scenario("hover_closed_loop", ["air.strips=4", "observers.names=['kalman']", doubt]))
+    assert live.advance(0.02, LONG)
+    assert live.said == ""
+
+
 def test_a_robot_that_is_lost_begins_again() -> None:
     live = LiveFlight(load_scenario("hover_closed_loop", ["air.strips=4"]))
     live.limit = 10.0

@@ -137,7 +137,7 @@ class LiveFlight(LiveSource):
         else:
             air, added = self._air.update(at, q, v)
             if self._started:
-                known = {"air": air, "added_mass": added, "thrusters": self._pushed}
+                known = {"aerodynamic": air, "added_mass": added, "thrusters": self._pushed}
                 sample = self._observer.update(at, q, v, self._motor, known)
                 rows = [LiveRow(self._before + at, self._true, sample.components.reshape(-1, 3))]
         if not self._started:
