@@ -88,9 +88,8 @@ class AerobatRobot(PlainRobot):
     def changed(self, values: Mapping[str, float]) -> AerobatRobot:
         """Return the robot with other parameters: parameter -> change."""
         robot, air = changed_belief(self.aerobat, self.air, values)
-        return replace(
-            self, model=robot.model, aerobat=robot, air=air, thruster_scale=values.get("thruster_scale", 0.0)
-        )
+        scale = values.get("thruster_scale", self.thruster_scale)
+        return replace(self, model=robot.model, aerobat=robot, air=air, thruster_scale=scale)
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:

@@ -105,6 +105,14 @@ def test_a_robot_knows_no_causes_unless_it_says_so(free: FreeFlight) -> None:
     assert set(free.plugged().suspects()) == {"crank_zero", "air_density", "compliance", "payload"}
 
 
+def test_a_cause_leaves_the_scale_of_thrusters_that_was_learnt(free: FreeFlight) -> None:
+    """Else thinner air was 5 % less thrust, too, and was named a payload."""
+    robot, block = free.plugged().changed({"thruster_scale": 0.05}), flight_record(free.log, free.plugged()).block(0, 9)
+    for cause, group in robot.suspects().items():
+        suspected, _ = robot.suspected(cause, np.full(len(group), 1e-3), block)
+        assert suspected.thruster_scale == 0.05
+
+
 def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(free: FreeFlight, tmp_path: Path) -> None:
     """Read again it is the same; another air, robot or torque is refused by name, and so is another file."""
     found = calibrate([free.record()], parameters=["friction"])
