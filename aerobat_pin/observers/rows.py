@@ -191,7 +191,7 @@ def is_weightless(model: pin.Model) -> bool:
 
 @guarded()
 def tie_joints(model: pin.Model, pairs: dict[str, str]) -> Tie:
-    """Tie the second joint of every pair to the first, so that both have the same rate; the tie is called after them.
+    """Tie both joints of every pair, so that they have the same rate, as all in a chain do; it is called after them.
 
     Args:
         model: any model.
@@ -205,13 +205,11 @@ def tie_joints(model: pin.Model, pairs: dict[str, str]) -> Tie:
     for joint in [*pairs, *pairs.values()]:
         if not model.existJointName(joint) or model.joints[model.getJointId(joint)].nv != 1:
             raise ObserverError(f"tie {name}: '{joint}' is not a joint of one degree of freedom of this model")
-    at = {joint: model.joints[model.getJointId(joint)].idx_v for joint in [*pairs, *pairs.values()]}
-    kept = [i for i in range(model.nv) if i not in {at[joint] for joint in pairs.values()}]
-    S = np.zeros((model.nv, len(kept)))
-    S[kept, range(len(kept))] = 1.0
-    for first, second in pairs.items():
-        S[at[second], kept.index(at[first])] = 1.0
-    return Tie(name, S)
+    leader = np.arange(model.nv)  # of each velocity, the one that stands for all which are tied to it
+    for pair in pairs.items():
+        first, second = (model.joints[model.getJointId(joint)].idx_v for joint in pair)
+        leader[leader == leader[second]] = leader[first]
+    return Tie(name, np.equal.outer(leader, np.unique(leader)).astype(float))
 
 
 class BelievedRows:

@@ -1,5 +1,7 @@
 """What acts where: wrenches, directions, axes, ties, matrix gains; and what of it cannot be known, in words."""
 
+import itertools
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -106,6 +108,12 @@ def test_a_tie_hides_what_acts_against_it_and_is_named_in_the_result() -> None:
     for alone in ("left_force_point", Application("left_force_point")):
         with pytest.raises(ArgumentError, match=r"applications = .*: a list was expected"):
             ForceLevelObserver(robot.model, alone)  # type: ignore[arg-type]
+    joints = ("left_shoulder", "left_elbow", "right_elbow")
+    together = robot.model.nv * [0.0]
+    for joint in joints:
+        together[robot.model.joints[robot.model.getJointId(joint)].idx_v] = 1.0
+    for pairs in (itertools.pairwise(joints), ((joint, joints[-1]) for joint in joints[:2])):  # a chain, and two to one
+        assert together in tie_joints(robot.model, dict(pairs)).map.T.tolist()
     with pytest.raises(ObserverError, match="'left_wrist' is not a joint of one degree of freedom"):
         tie_joints(robot.model, {"left_wrist": "right_elbow"})
     with pytest.raises(ObserverError, match="tie odd: a finite map of 10 rows"):
