@@ -182,7 +182,7 @@ def _check_raw_clocks(measured: xr.Dataset, name: str) -> None:
     """Raise LogError unless every raw channel has finite times of its own, two or more, that rise."""
     if "mocap_position" in measured and "mocap_quaternion" not in measured:
         raise LogError(f"{name}: mocap_position without mocap_quaternion: both or none were expected")
-    for clock in RAW_CLOCKS:
+    for clock in (*RAW_CLOCKS, "time") if "mocap_position" in measured else RAW_CLOCKS:
         if clock not in measured.dims:
             continue
         if clock not in measured.coords or measured[clock].dtype.kind not in "fiu":

@@ -328,8 +328,12 @@ def test_without_torque_the_split_between_the_wings_is_refused() -> None:
 
 
 def test_what_raw_samples_do_not_allow_is_refused_in_a_line() -> None:
-    """Observers that need q and v, an encoder that is missing, a torque that is not there."""
+    """Observers that need q and v, an encoder that is missing, a torque that is not there, a time that comes twice."""
     log, robot = flight()
+    twice = log.time.copy()
+    twice[300] = twice[299]
+    with pytest.raises(LogError, match=r"time, sample 300 = 0\.299 s: time must be finite and rise"):
+        FlightLog(log.measured.drop_dims("interval").assign_coords(time=twice))
     with pytest.raises(ScenarioError, match="momentum needs q and v, and the log has raw samples"):
         estimate_flight(log, robot, load_scenario("raw_sensors", ['observers.names=["momentum"]']))
     blind = FlightLog(log.measured.drop_vars(["encoder", "encoder_time"]), log.truth)
