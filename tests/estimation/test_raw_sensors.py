@@ -222,6 +222,16 @@ def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:
         stream.update(0.3, {})
 
 
+def test_the_causal_filter_waits_for_an_encoder_that_begins_later() -> None:
+    smoother, record, found = smoothed("measured")
+    crank = record.channels["crank"]
+    seen = crank.time > 0.1
+    channels = {**record.channels, "crank": replace(crank, time=crank.time[seen], values=crank.values[seen])}
+    stream = JointFilter(smoother, found.tuning, channels, "measured")
+    samples = stream.run(RawRecord(record.time[:121], channels, record.known[:120], "measured"))
+    assert next(k for k, sample in enumerate(samples) if sample is not None) == 110
+
+
 def test_the_causal_filter_lets_a_force_jump() -> None:
     """The step of 0.15 N at 0.6 s is there after 3 ms, within 20 mN."""
     (log, _), (_, record, _), (_, samples) = flight(), smoothed("measured"), followed()

@@ -32,7 +32,7 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.numerics import Array
 
 Given: TypeAlias = "ArrayLike | tuple[float, ArrayLike]"  # a sample, or stamp [s] and sample
-FIRST_POSES = 8  # with which the filter starts
+FIRST_POSES = 8  # with which the filter starts, and as many samples of the crank
 POSES, MOST_LATE = ("position", "orientation"), 0.05  # what may come late, and by how much [s]
 SURPRISING = 6.0  # standard deviations of a chi-square above its mean: the forces may have jumped
 OVER_INTERVAL = ("accelerometer", "torque")  # sensors that average over an interval: their stamp is its middle
@@ -120,7 +120,8 @@ class JointFilter:
         if self._nominal is not None:
             return self._step(self._nominal, time, taken, force)
         self._waiting.append((time, taken, force))
-        if sum("position" in samples_of for _, samples_of, _ in self._waiting) >= FIRST_POSES and "position" in taken:
+        counts = [sum(name in samples_of for _, samples_of, _ in self._waiting) for name in (*POSES, "crank")]
+        if min(counts) >= FIRST_POSES and "position" in taken:
             return self._start()
         return None
 
