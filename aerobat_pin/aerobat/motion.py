@@ -115,8 +115,8 @@ def completed(block: Block, robot: Aerobat, air: AirSection) -> Block:
     crank = None
     if "crank_angle" in extra:
         angle = extra["crank_angle"][:, 0]
-        rate = extra["crank_rate"][:, 0] if "crank_rate" in extra else _slope(angle, time)
-        extra["crank"] = crank = np.stack([angle, rate, _slope(rate, time)])
+        rate = extra["crank_rate"][:, 0] if "crank_rate" in extra else time_slope(angle, time)
+        extra["crank"] = crank = np.stack([angle, rate, time_slope(rate, time)])
     if "joints.position" not in block.measured:
         if crank is None:
             raise LogError("flight log: neither joints nor crank_angle are recorded: the wings' motion is unknown")
@@ -139,16 +139,17 @@ def _wind(time: Array, q: Array, v: Array, extra: dict[str, Array], air: AirSect
     else:
         along = v[:, 0] - extra["airspeed"][:, 0]
         velocity, source = along[:, None] * rotations(q)[:, :, 0], "reconstructed"
-    return np.stack([velocity, _slope(velocity, time)], axis=1), source
+    return np.stack([velocity, time_slope(velocity, time)], axis=1), source
 
 
-def _slope(values: Array, time: Array) -> Array:
+def time_slope(values: Array, time: Array, edge_order: Literal[1, 2] = 2) -> Array:
     """Return the time derivative of values (m, ...); samples with the same time have the same derivative."""
     stamps, index = np.unique(time, return_inverse=True)
     first = np.searchsorted(time, stamps)
     if len(stamps) < 2:
         return np.zeros_like(values)
-    return np.asarray(np.gradient(values[first], stamps, axis=0, edge_order=2 if len(stamps) > 2 else 1)[index])
+    order = edge_order if len(stamps) > 2 else 1
+    return np.asarray(np.gradient(values[first], stamps, axis=0, edge_order=order)[index])
 
 
 def crank_halfway(moved: Motion) -> Array:

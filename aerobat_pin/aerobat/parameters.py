@@ -25,6 +25,7 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.aerobat.aerobat import Aerobat
+from aerobat_pin.aerobat.motion import time_slope
 from aerobat_pin.aerobat.prescribed_joints import joint_table
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import low_passed, typical_step
@@ -140,7 +141,7 @@ def flexed(block: Block, robot: Aerobat, values: Array) -> Block:
     late = low_passed(torque - torque[0], -np.expm1(-typical_step(block.time) / lag)) + torque[0]
     bend = direct * now + (c - direct) * np.concatenate([torque[:1], late])
     bend = -bend * ELBOWS if follows(block, robot) else np.zeros_like(bend)
-    q, v, rate = block.q.copy(), block.v.copy(), np.gradient(bend, block.time, axis=0)
+    q, v, rate = block.q.copy(), block.v.copy(), time_slope(bend, block.time, 1)
     q[:, list(robot.idx_q)] += bend
     v[:, list(robot.idx_v)] += rate
     return replace(block, q=q, v=v, extra={**block.extra, "bend": np.stack([bend, rate])})

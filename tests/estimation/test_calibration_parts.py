@@ -60,6 +60,21 @@ def test_a_joint_bends_as_its_spring_and_damper_say(free: FreeFlight) -> None:
         assert np.max(np.abs(apart)) < 0.02 * np.max(np.abs(true))
 
 
+def test_a_joint_bends_in_a_log_whose_time_comes_twice(free: FreeFlight) -> None:
+    """And air acts on it, until then as if it came once."""
+    robot, at = free.plugged(), [*range(51), *range(50, 101)]
+    log = free.log.measured.isel(time=slice(101), interval=slice(100))
+    forces = log.drop_dims("time").isel(interval=[*range(51), *range(50, 100)])
+    twice = log.drop_dims("interval").isel(time=at).merge(forces)
+    air = []
+    for measured in (log, twice):
+        block = flight_record(FlightLog(measured), robot).block(0, measured.sizes["time"] - 1)
+        bent = flexed(block, robot.aerobat, np.array([5.0, 0.0]))
+        air.append(reconstructed_air(robot.aerobat, robot.air, Motion.of(bent))["aerodynamic"])
+    np.testing.assert_allclose(air[1][:45], air[0][:45], rtol=1e-6, atol=1e-9)
+    assert np.all(np.isfinite(air[1]))
+
+
 @pytest.mark.parametrize("model", ["lifting_line", "quasi_steady"])
 def test_all_forces_of_air_grow_with_the_square_of_all_velocities_at_once(model: str, free: FreeFlight) -> None:
     """The same path flown 1.3 times as fast: per flap the state is the same, and so is the force per squared frequency.

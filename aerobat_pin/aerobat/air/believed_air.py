@@ -166,8 +166,7 @@ def half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, A
     q = moved.q[k] + share * (moved.q[k + 1] - moved.q[k])
     q[:, 3:7] = _slerp(moved.q[k, 3:7], moved.q[k + 1, 3:7], share)
     v = moved.v[k] + share * (moved.v[k + 1] - moved.v[k])
-    slope = np.divide(np.diff(moved.v, axis=0), dt[:, None], out=np.zeros_like(moved.v[1:]), where=dt[:, None] > 0.0)
-    a = slope[k]
+    a = _slopes(moved.v, dt)[k]
     wind = moved.wind[k] + share[:, :, None] * (moved.wind[k + 1] - moved.wind[k])
     if moved.crank is not None:
         angles = _linkage_between(moved.crank, robot, dt, k, share[:, 0])
@@ -177,8 +176,14 @@ def half_steps(moved: Motion, robot: Aerobat, steps: Integers) -> tuple[Array, A
             angle, rate = moved.bend
             q[:, list(robot.idx_q)] += angle[k] + share * (angle[k + 1] - angle[k])
             v[:, list(robot.idx_v)] += rate[k] + share * (rate[k + 1] - rate[k])
-            a[:, list(robot.idx_v)] += (rate[k + 1] - rate[k]) / dt[k, None]
+            a[:, list(robot.idx_v)] += _slopes(rate, dt)[k]
     return q, v, a, wind
+
+
+def _slopes(values: Array, dt: Array) -> Array:
+    """Return the rate of change of values (m + 1, c) over intervals dt (m,) [s]; 0 over one of no length."""
+    slopes = np.divide(np.diff(values, axis=0), dt[:, None], out=np.zeros_like(values[1:]), where=dt[:, None] > 0.0)
+    return np.asarray(slopes)
 
 
 def _slerp(start: Array, end: Array, share: Array) -> Array:
