@@ -94,16 +94,15 @@ def neighbour_rates(model: pin.Model, time: Array, q: Array) -> Array:
     """Return the velocities (m, nv) of configurations (m, nq) at uneven times (m,) [s], differentiated numerically.
 
     At each sample it is the weighted mean of the rates over the two neighbouring intervals: the shorter one has the
-    larger weight (the length of the other).
+    larger weight (the length of the other). Samples with the same time have the same velocity.
     """
-    dt = np.diff(time)
-    steps = np.array([pin.difference(model, a, b) for a, b in itertools.pairwise(q)])
-    rates = np.divide(steps, dt[:, None], out=np.zeros_like(steps), where=dt[:, None] > 0.0)
-    v = np.empty((len(time), model.nv))
-    v[0], v[-1] = rates[0], rates[-1]
-    total = np.maximum(dt[1:] + dt[:-1], 1e-300)[:, None]
-    v[1:-1] = (dt[1:, None] * rates[:-1] + dt[:-1, None] * rates[1:]) / total
-    return v
+    stamps, first, index = np.unique(time, return_index=True, return_inverse=True)
+    v, dt = np.zeros((len(stamps), model.nv)), np.diff(stamps)
+    if len(dt):
+        rates = np.array([pin.difference(model, a, b) for a, b in itertools.pairwise(q[first])]) / dt[:, None]
+        v[0], v[-1] = rates[0], rates[-1]
+        v[1:-1] = (dt[1:, None] * rates[:-1] + dt[:-1, None] * rates[1:]) / (dt[1:] + dt[:-1])[:, None]
+    return v[index]
 
 
 def turn_rates(quaternions: Array, dt: float, window: float) -> Array:

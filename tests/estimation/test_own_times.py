@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pinocchio as pin
 import pytest
 from support.recorded import edited, recorded
 from support.swinging_arm import HEAVIER, JOINTS, ROTOR, arm, arm_map, recording
@@ -12,6 +13,7 @@ from support.swinging_arm import HEAVIER, JOINTS, ROTOR, arm, arm_map, recording
 from aerobat_pin.estimation import estimate
 from aerobat_pin.forces import accelerations, fitted_by_map, settled, taken_as_free
 from aerobat_pin.records import Record
+from aerobat_pin.records.resample import neighbour_rates
 from aerobat_pin.visualization.figures.record import draw_motion
 from aerobat_pin.visualization.replay.flight_replay import replay_result
 
@@ -91,3 +93,11 @@ def test_accelerations_are_those_of_uneven_stamps(table: tuple[Path, pd.DataFram
     expected = np.column_stack([np.interp(halves, whole.t, column) for column in true.T])
     np.testing.assert_allclose(accelerations(block, record)[5:-5], expected[5:-5], atol=0.01)
     check_fits(record)
+
+
+def test_samples_with_the_same_time_have_the_velocity_of_their_neighbours() -> None:
+    """One that turns and flies steadily; it stood still for these samples, which looked like forces of 50 N."""
+    model, v = pin.buildSampleModelHumanoidRandom(), np.linspace(-0.3, 0.4, 32)
+    time = np.array([0.0, 0.0, 0.1, 0.3, 0.3, 0.3, 0.4, 0.4])
+    q = np.array([pin.integrate(model, pin.neutral(model), t * v[: model.nv]) for t in time])
+    np.testing.assert_allclose(neighbour_rates(model, time, q), np.tile(v[: model.nv], (8, 1)), atol=1e-12)
