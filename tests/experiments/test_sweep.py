@@ -271,6 +271,16 @@ def test_a_line_that_was_cut_off_is_flown_again(share: float, tmp_path: Path) ->
     assert (out / "finished.jsonl").read_bytes() == whole
 
 
+def test_a_sweep_of_closed_loops_goes_on(tmp_path: Path) -> None:
+    """What the loop adds to a run's numbers is read again; before, `slew_rms` was nothing that a sweep writes."""
+    sweep, out = load_sweep(written(tmp_path, SHORT.replace('"paper"', '"hover_closed_loop"'))), tmp_path / "out"
+    whole = run_sweep(sweep, out)
+    first, _ = (out / "finished.jsonl").read_bytes().splitlines(keepends=True)
+    (out / "finished.jsonl").write_bytes(first)
+    xr.testing.assert_identical(run_sweep(sweep, out), whole)
+    assert np.all(np.isfinite(whole["slew_rms"]))
+
+
 def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
     """The second one is told so while the first one flies."""
     sweep, told = load_sweep(written(tmp_path, SHORT)), []

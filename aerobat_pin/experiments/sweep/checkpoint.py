@@ -34,7 +34,7 @@ from aerobat_pin.errors import (
 )
 from aerobat_pin.estimation import versions
 from aerobat_pin.experiments.flight_summary import FlightSummary
-from aerobat_pin.experiments.sweep.plan import Sweep
+from aerobat_pin.experiments.sweep.plan import LOOP_UNITS, Sweep
 from aerobat_pin.forces import ObserverScores
 from aerobat_pin.scenario import Scenario, scenario_toml
 
@@ -89,9 +89,8 @@ class Checkpoint:
 
     def _remove_if_empty(self) -> None:
         """Remove the files of a sweep that has no finished run, so nothing to resume."""
-        if not self.finished:
-            for name in FILES:
-                (self.folder / name).unlink(missing_ok=True)
+        for name in () if self.finished else FILES:
+            (self.folder / name).unlink(missing_ok=True)
 
     def _resume_or_start(self, manifest: dict[str, Any], sweep: Sweep, force: bool, work: Path) -> None:
         """Resume the sweep in the folder, or start a new one."""
@@ -111,10 +110,9 @@ def _manifest(sweep: Sweep) -> dict[str, Any]:
     digest = hashlib.sha256()
     for scenario in sweep.scenarios:
         digest.update(scenario.model_dump_json().encode())
-    for name in sorted({name for run in sweep.scenarios for name in run.files}):
-        if Path(name).is_file():
-            with open(name, "rb") as content:
-                digest.update(content.read(LARGEST_TABLE))  # a run refuses what is larger
+    for name in sorted(filter(os.path.isfile, {name for run in sweep.scenarios for name in run.files})):
+        with open(name, "rb") as content:
+            digest.update(content.read(LARGEST_TABLE))  # a run refuses what is larger
     file = sweep.file.model_dump(mode="json", by_alias=True, exclude_none=True)
     return {**file, "runs": len(sweep.scenarios), "versions": dict(versions()), "sha256": digest.hexdigest()}
 
@@ -172,4 +170,6 @@ def _check_outcome(outcome: dict[str, Any], scenario: Scenario) -> None:
         raise ValueError(f"observers {', '.join(sorted(names))}: the run has {', '.join(scenario.observers.names)}")
     for entry in outcome["observers"].values():
         VALID_SCORES.validate_python(asdict(ObserverScores.from_json(entry)))
-    VALID_FLIGHT.validate_python(asdict(FlightSummary(**outcome["flight"])))
+    flight = dict(outcome["flight"])
+    TypeAdapter(dict[str, float]).validate_python({name: flight.pop(name) for name in LOOP_UNITS if name in flight})
+    VALID_FLIGHT.validate_python(asdict(FlightSummary(**flight)))

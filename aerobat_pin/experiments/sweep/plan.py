@@ -31,9 +31,9 @@ DAY = 86400.0  # [s]
 SCORE_FIELDS = {item.name: item.metadata for item in fields(Score)}
 SCORES = {name: (SCORE_FIELDS[name]["unit"], SCORE_FIELDS[name]["meaning"]) for name in TRUTH_SCORES}
 JUDGED = {"rank": "of the equations for the forces", "condition": "of the equations for the forces"}
-CONTROL_UNITS = {"slew_rms": "N/s", "saturated_share": "1", "largest_ms": "1", "delay_margin": "s"}
-COURSE_UNITS = {f"rms_{axis}": "m" if axis in "xyz" else "rad" for axis in ("x", "y", "z", "roll", "pitch", "yaw")}
-FLIGHT_UNITS = {item.name: item.metadata["unit"] for item in fields(FlightSummary)} | CONTROL_UNITS | COURSE_UNITS
+LOOP_UNITS = {"slew_rms": "N/s", "saturated_share": "1", "largest_ms": "1", "delay_margin": "s"}
+LOOP_UNITS |= {f"rms_{axis}": "m" if axis in "xyz" else "rad" for axis in ("x", "y", "z", "roll", "pitch", "yaw")}
+FLIGHT_UNITS = {item.name: item.metadata["unit"] for item in fields(FlightSummary)} | LOOP_UNITS
 LISTS: dict[int, tuple[str, list[str]]] = {2: ("bound", ["lowest", "highest"]), 3: ("axis", ["x", "y", "z"])}
 RESERVED_NAMES = frozenset(
     {"run", "failed", "warnings", "observer", "point", "axis", "bound", *SCORES, *JUDGED, *FLIGHT_UNITS}
