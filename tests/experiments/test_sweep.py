@@ -16,6 +16,7 @@ from aerobat_pin.experiments import effects_text, load_sweep, run_sweep, shipped
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.sweep.plan import RESERVED_NAMES, outcome_of
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
+from aerobat_pin.scenario import load_scenario
 from aerobat_pin.visualization import draw_sweep
 
 SHORT = """
@@ -128,6 +129,16 @@ def test_a_run_that_fails_is_in_the_tables_with_its_reason(tmp_path: Path) -> No
     assert float(rows[3]["momentum.left.Fx.rmse"]) == float(grid["rmse"].values[1, 1, 0, 0, 0])
 
 
+def test_keys_without_quotation_marks_are_keys(tmp_path: Path) -> None:
+    """TOML makes tables of them; before, they took the place of the whole ones, and the gust and the gain were gone."""
+    text = SHORT.replace('"paper"', '"gust"').replace('"air.strips"', "air.strips")
+    sweep = load_sweep(written(tmp_path, text + "[variants.gain.high]\nobservers.gain = 900\nair.gust.start = 0.1\n"))
+    base, run = load_scenario("gust"), sweep.scenarios[0]
+    assert run.air.gust == base.air.gust.model_copy(update={"start": 0.1})
+    assert run.air.strips == 4
+    assert run.observers == base.observers.model_copy(update={"gain": 900.0})
+
+
 def test_a_factor_scales_several_keys_from_their_references(tmp_path: Path) -> None:
     """One number, the coordinate; a number, a list and every item of a list of tables follow it."""
     sweep = load_sweep(written(tmp_path, SHORT + FACTORS))
@@ -182,8 +193,8 @@ def test_draws_are_the_same_for_every_seed_and_another_key_does_not_change_them(
             "'observers.gain' is varied by two dimensions",
         ),
         (
-            '[ranges]\n"crank.frequency" = [3, 6]\n[variants.a]\nb = {crank = {drive = "constant"}}',
-            "'crank.frequency' is varied by two dimensions, of which 'a' sets 'crank'",
+            '[ranges]\n"air.gust.start" = [0, 1]\n[variants.a]\nb = {"air.gust" = {amplitude = [0, 0, 1]}}',
+            "'air.gust.start' is varied by two dimensions, of which 'a' sets 'air.gust'",
         ),
         (
             '[ranges]\ncrank = [{frequency = 3}, {frequency = 4}]\n"crank.frequency" = [5, 6]',

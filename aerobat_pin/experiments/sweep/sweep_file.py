@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag, ValidationError, model_validator
 
 from aerobat_pin.errors import SweepError
 from aerobat_pin.scenario import Number, Positive, Whole, explain_plainly, read_toml, shipped_names
@@ -91,6 +91,18 @@ def _kind(value: Any) -> str:
     return "span" if isinstance(value, dict | Span) else "list" if isinstance(value, list) else "number"
 
 
+def _dotted(tables: Any) -> Any:
+    """Return keys as they are meant that TOML reads as tables without quotation marks: `air.density = 1.1`."""
+    if not isinstance(tables, dict):
+        return tables
+    keys: dict[str, Any] = {}
+    for key, value in tables.items():
+        below = _dotted(value) if isinstance(value, dict) and "." not in key else {}
+        keys |= {f"{key}.{name}": item for name, item in below.items()} or {key: value}
+    return keys
+
+
+Keys = Annotated[dict[str, Any], BeforeValidator(_dotted)]
 Listed = Annotated[list[Any], Field(min_length=1), Tag("list")]
 Numbers = Annotated[list[Number], Field(min_length=1), Tag("list")]
 Spanned = Annotated[Span, Tag("span")]
@@ -122,10 +134,10 @@ class SweepFile(_Table):
     description: str = ""
     base: str = Field(description="shipped scenario, or TOML file beside this one")
     seeds: Whole = Field(1, ge=1, description="number of seeds, counted up from the base scenario's")
-    set: dict[str, Any] = Field(default_factory=dict)
+    set: Keys = Field(default_factory=dict)
     ranges: dict[str, Annotated[Listed | Spanned, Discriminator(_kind)]] = Field(default_factory=dict)
     factors: dict[str, Factors] = Field(default_factory=dict)
-    variants: dict[str, Annotated[dict[str, dict[str, Any]], Field(min_length=1)]] = Field(default_factory=dict)
+    variants: dict[str, Annotated[dict[str, Keys], Field(min_length=1)]] = Field(default_factory=dict)
     draws: Draws | None = None
 
     @property
