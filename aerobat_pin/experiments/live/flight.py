@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from aerobat_pin.aerobat import BASE_SIZE, AirStream, FlightLog, believed_robot, flown_robot
+from aerobat_pin.aerobat import BASE_SIZE, AirStream, FlightLog, believed_robot, check_names, flown_robot
 from aerobat_pin.control import Controller
 from aerobat_pin.errors import AerobatError, ScenarioError, SimulationError
 from aerobat_pin.experiments.experiment import Experiment, Progress, run_recorded
@@ -45,7 +45,7 @@ class LiveFlight(LiveSource):
         scenario: it has a table `control`.
 
     Raises:
-        ScenarioError: it has none, too many forces for a page, or an observer that needs the future.
+        ScenarioError: it has none, or an observer that there is not, or that needs the future.
     """
 
     knobs: ClassVar[tuple[str, ...]] = ("noise", "wind")
@@ -58,6 +58,7 @@ class LiveFlight(LiveSource):
                 "expected, such as hover_closed_loop"
             )
         section = scenario.observers
+        check_names(section.names)
         if section.names[-1] not in LIVE_OBSERVERS:
             raise ScenarioError(
                 f"scenario {scenario.name}: observer {section.names[-1]} corrects every estimate by what comes later, "
