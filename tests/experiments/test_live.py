@@ -100,11 +100,16 @@ def test_every_observer_lives(hovering: LiveFlight) -> None:
 
 
 def test_a_filter_that_doubts_the_air_lives() -> None:
-    """Known forces have the names that they have in a run; before, it was "lost: OK" at every second step."""
+    """Known forces have the names that they have in a run; before, it was "lost: OK" at every second step.
+
+    A gain of the scenario beyond those of the page is no reason to refuse a push.
+    """
     settings = ["air.strips=4", "observers.names=['kalman']", "observers.kalman.known_error={aerodynamic=0.2}"]
-    live = LiveFlight(load_scenario("hover_closed_loop", settings))
+    live = LiveFlight(load_scenario("hover_closed_loop", [*settings, "observers.gain=4000"]))
     assert len(live.advance(0.05, LONG)) == 49
     assert live.said == ""
+    live.change({"force": [[0.0, 0.0, 0.02], [0.0, 0.0, 0.0]]})
+    np.testing.assert_allclose(live.advance(0.05, LONG)[-1].true[0], [0.0, 0.0, 0.02], rtol=0.0, atol=1e-12)
 
 
 def test_a_robot_that_is_lost_begins_again() -> None:

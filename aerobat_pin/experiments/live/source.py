@@ -90,7 +90,7 @@ class LiveSource:
             elif name == "noise" and name in self.knobs:
                 self.noise = float(_within(given, 0.0, LOUDEST))
         observer, gain = str(values.get("observer", self.observer)), float(values.get("gain", self.gain))
-        if observer not in LIVE_OBSERVERS or not 0.0 < gain <= LARGEST_LIVE_GAIN:
+        if observer not in LIVE_OBSERVERS or not 0.0 < gain <= max(LARGEST_LIVE_GAIN, self.gain):
             raise ObserverError(
                 f"{observer} with K {gain:g} 1/s: one of {', '.join(LIVE_OBSERVERS)} and a gain up to "
                 f"{LARGEST_LIVE_GAIN:g} were expected"
