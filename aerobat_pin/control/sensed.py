@@ -21,7 +21,7 @@ sample is passed on as it is, to the bit.
 
 from __future__ import annotations
 
-from math import cos, isfinite, pi, sin, sqrt
+from math import ceil, cos, isfinite, pi, sin, sqrt
 
 import numpy as np
 
@@ -94,7 +94,7 @@ class SensedMotion:
         """Translate what is believed of the sensors into ticks; `restart` begins a flight."""
         dt, sensors, flight = scenario.simulation.dt, scenario.believed_sensors, scenario.flight
         fitted = [getattr(sensors, name) or SensorSection() for name in CHANNELS]
-        delay = [round(sensor.delay / dt) for sensor in fitted]
+        delay = [ceil(sensor.delay / dt - 1e-6) for sensor in fitted]  # it is shown at the first sample after it
         series = joint_series(robot.linkage)
         sizes = {"waves": len(nominal.swing) // 2, "harmonics": len(series), "rows": max(delay) + 1}
         self._memory = new_state(Senses, nq=robot.model.nq, nv=robot.model.nv, **sizes)
