@@ -24,7 +24,6 @@ from aerobat_pin.aerodynamics import strips_of
 from aerobat_pin.errors import ScenarioError, SimulationError
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor
 from aerobat_pin.flight.loop import ClosedLoop, LoopRecord, Pilot
-from aerobat_pin.flight.mujoco_robot import MujocoRobot
 from aerobat_pin.flight.plant.elastic_joints import as_measured
 from aerobat_pin.flight.plant.kernels import advance_stage
 from aerobat_pin.flight.plant.plant import Plant
@@ -80,8 +79,6 @@ def simulate(
             "`simulate(scenario, pilot=aerobat_pin.control.Controller(scenario))`"
         )
     robot = flown_robot(scenario) if robot is None else robot
-    if simulator is None and scenario.plant.simulator is not None:
-        simulator = MujocoRobot(robot)
     plant = Plant(robot, scenario, drive, simulator)
     count, dt = settings.count, settings.dt
     time = np.arange(count + 1) * dt

@@ -66,8 +66,8 @@ def find_trim(scenario: Scenario) -> Trim:
     vertical speed and pitch rate.
 
     Raises:
-        TrimError: the crank does not turn steadily, a joint is elastic, the flight is not symmetric, or no periodic
-            flight was found.
+        TrimError: the crank does not turn steadily, a joint is elastic, another simulator flies it, the flight is not
+            symmetric, or no periodic flight was found.
     """
     from scipy.optimize import root  # takes as long to import as everything else together
 
@@ -75,9 +75,10 @@ def find_trim(scenario: Scenario) -> Trim:
         raise TrimError("crank.frequency = 0: only a flapping flight can be periodic")
     if scenario.crank.drive != "constant":
         raise TrimError(f"crank.drive = {scenario.crank.drive!r}: only a crank that turns steadily can be trimmed")
-    for joint in ("shoulder", "elbow"):
-        if getattr(scenario.plant, joint) is not None:
-            raise TrimError(f"plant.{joint}: only a robot with rigid joints can be trimmed; no such table was expected")
+    for key in ("shoulder", "elbow", "simulator"):
+        if getattr(scenario.plant, key) is not None:
+            what = "only a robot with rigid joints, and in no other simulator, can be trimmed"
+            raise TrimError(f"plant.{key}: {what}; no such key was expected")
     flaps = FLAPS_PER_STRIP * scenario.air.strips
     seconds = flaps * SECONDS_PER_STEP / (scenario.crank.frequency * scenario.simulation.dt)
     if seconds > MOST_SECONDS:

@@ -10,10 +10,10 @@ from support.commands import call
 from support.further import further
 
 from aerobat_pin.aerobat import FlightLog, flown_robot
-from aerobat_pin.control import Controller
-from aerobat_pin.errors import ExtraError, ScenarioError, ShapeError
-from aerobat_pin.experiments import run
-from aerobat_pin.flight import MujocoRobot, SimulatedMotion, simulate
+from aerobat_pin.control import AerobatEnv, Controller
+from aerobat_pin.errors import ExtraError, ScenarioError, ShapeError, TrimError
+from aerobat_pin.experiments import LiveFlight, run
+from aerobat_pin.flight import MujocoRobot, SimulatedMotion, find_trim, simulate
 from aerobat_pin.scenario import Scenario, load_scenario
 
 
@@ -112,6 +112,21 @@ def test_any_object_with_two_methods_is_a_simulator() -> None:
     wrong.step = lambda *_: SimulatedMotion(wrong.q[:5], wrong.v, 0.0, 0.0, np.zeros(4))  # type: ignore[method-assign]
     with pytest.raises(ShapeError, match=r"SimulatedMotion\.q"):
         simulate(scenario, simulator=wrong)
+
+
+def test_what_the_scenario_names_flies_everywhere_or_is_refused() -> None:
+    """An environment moves in MuJoCo; what cannot says so. Before, both flew our own plant without a word."""
+    pytest.importorskip("mujoco")
+    named = ["air.strips=4", "air.warm_up_cycles=1", "plant.simulator=mujoco"]
+    ours, theirs = (AerobatEnv(settings=settings) for settings in (named[:2], named))
+    for env in (ours, theirs):
+        env.reset(seed=1)
+    apart = np.abs(ours.step(ours.neutral)[0] - theirs.step(theirs.neutral)[0])[:12].max()
+    assert 0.0 < apart < 0.05
+    with pytest.raises(ScenarioError, match="a simulator flies it"):
+        LiveFlight(load_scenario("hover_closed_loop", named))
+    with pytest.raises(TrimError, match=r"plant\.simulator"):
+        find_trim(load_scenario("paper_open_loop", named))
 
 
 def test_the_command_line_flies_in_mujoco(monkeypatch: pytest.MonkeyPatch, here: Path) -> None:

@@ -28,6 +28,7 @@ from aerobat_pin.aerobat import BASE_SIZE, LINK_COUNT, Aerobat, RobotInAir, join
 from aerobat_pin.errors import CrankError, SimulationError
 from aerobat_pin.flight.attitude_hold import hold_about
 from aerobat_pin.flight.crank import CrankDrive, RateControlledMotor, checked_motion, crank_drive
+from aerobat_pin.flight.mujoco_robot import MujocoRobot
 from aerobat_pin.flight.plant.elastic_joints import ElasticJoints, as_measured, loaded
 from aerobat_pin.flight.plant.kernels import evaluate
 from aerobat_pin.flight.plant.plant_state import Forces, PlantState, interval_means, point_forces, unknown_forces
@@ -50,7 +51,8 @@ class Plant:
         scenario: start, air, crank, attitude hold and unknown forces.
         drive: crank drive or motor that replaces the scenario's. A drive is also called with times before zero, while
             the aerodynamic state is warmed up.
-        simulator: what integrates the motion in the plant's place, see `simulated_elsewhere`.
+        simulator: what integrates the motion in the plant's place, see `simulated_elsewhere`; what `plant.simulator`
+            names when omitted.
 
     Raises:
         CrankError: the drive's angle, rate and acceleration do not agree.
@@ -65,7 +67,9 @@ class Plant:
         drive: CrankDrive | RateControlledMotor | None = None,
         simulator: Simulator | None = None,
     ) -> None:
-        self._given, self.scenario, self.simulator = robot, scenario, simulator
+        self._given, self.scenario, self.simulator = (robot, simulator), scenario, simulator
+        if simulator is None and scenario.plant.simulator is not None:
+            self.simulator = MujocoRobot(robot)
         self.robot = robot = loaded(robot, scenario.plant.payload)
         self.model = model = robot.model
         self.drive = crank_drive(scenario) if drive is None else drive
@@ -109,7 +113,8 @@ class Plant:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy by building the plant anew, because views of Pinocchio's results cannot be pickled."""
-        return type(self), (self._given, self.scenario, self.drive, self.simulator)
+        robot, simulator = self._given
+        return type(self), (robot, self.scenario, self.drive, simulator)
 
     @guarded(time=("n",))
     def closure(self, time: Array) -> Closure:
