@@ -105,12 +105,13 @@ class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasiu
         noise = int(self.np_random.integers(2**31))
         scenario = self._drawn({} if options is None else options)
         plant = self._plant
-        self._q, self._v = plant.start(interval_means(plant.forces, self._edges, noise))
+        plant.start(interval_means(plant.forces, self._edges, noise))
         self._sensing = Sensing(plant.robot, scenario.sensors, self._edges, noise)
         dt = scenario.simulation.dt
         self._thrust = LaggedThrust(self._thrusters, scenario.thrusters, dt, self._trim)
         self._done = 0
-        return self._observation()
+        self._seen = self._observation()
+        return self._seen
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Fly one interval with commanded thrusts; actions beyond -1 .. 1 are clipped, NaN is a ShapeError."""
@@ -118,20 +119,21 @@ class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasiu
         if not 0 <= self._done < len(self._edges) - 1:
             raise SimulationError("the episode is over or has not begun: reset() must come before step()", 0.0)
         command = 0.5 * (np.clip(action, -1.0, 1.0) + 1.0) * self._thrusters.limit
-        lost = False
-        try:
-            self._q, self._v = self._plant.step(self._thrust.advance(command))
-        except SimulationError:
-            lost = True
+        diverged = False
         self._done += 1
-        seen, info = self._observation()
+        try:
+            self._plant.step(self._thrust.advance(command))
+            self._seen = self._observation()
+        except SimulationError:  # nothing is a number any more: what was seen before stays
+            diverged = True
+        seen, info = self._seen
         miss = [float(part @ part) for part in seen[:12].reshape(4, 3)]
         reward = 1.0 - sum(weight * part for weight, part in zip(MISS, miss, strict=True))
         x, y = info["q"][3:5]
-        lost = lost or miss[0] > FARTHEST_OFF**2 or 1.0 - 2.0 * (x * x + y * y) < np.cos(np.radians(TILTED))
+        lost = diverged or miss[0] > FARTHEST_OFF**2 or 1.0 - 2.0 * (x * x + y * y) < np.cos(np.radians(TILTED))
         info["state"] = "LOST" if lost else "OK"
         truncated = self._done == len(self._edges) - 1
-        return seen, float(max(reward, -100.0)), lost, truncated and not lost, info
+        return seen, -100.0 if diverged else float(max(reward, -100.0)), lost, truncated and not lost, info
 
     def _drawn(self, options: dict[str, Any]) -> Scenario:
         """Draw a scenario, and build its plant if it is another than that of the episode before."""

@@ -70,6 +70,18 @@ def test_what_cannot_be_flown_is_refused() -> None:
             env.step(np.append(env.neutral[:5], wrong))
 
 
+def test_an_episode_that_diverges_ends_with_numbers() -> None:
+    """30 N on a wing; before, the last observation and its reward were NaN, which no law learns from."""
+    push = 'unknown_force=[{frame="left_force_point", signal="step", height=30.0, start=0.05}]'
+    env = AerobatEnv(settings=["simulation.duration=0.3", push])
+    env.reset(seed=1)
+    seen, reward, fallen = np.zeros(0), 0.0, False
+    while not fallen:
+        seen, reward, fallen, _, info = env.step(env.neutral)
+    assert np.all(np.isfinite(seen))
+    assert (reward, info["state"]) == (-100.0, "LOST")
+
+
 def test_starts_wind_and_parameters_are_drawn_anew_at_each_reset() -> None:
     """By the seed; within their limits; the course stays; a reset's own draw counts for that reset."""
     draw = {"flight.roll_deg": (-5.0, 5.0), "air.wind": ((-1.0, -1.0, 0.0), (1.0, 1.0, 0.0))}
