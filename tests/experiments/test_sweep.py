@@ -282,6 +282,15 @@ def test_a_line_that_was_cut_off_is_flown_again(share: float, tmp_path: Path) ->
     assert (out / "finished.jsonl").read_bytes() == whole
 
 
+def test_a_loop_that_is_lost_is_said(tmp_path: Path) -> None:
+    """Its numbers stand in the tables, and among the warnings what `aerobat run` ends with exit code 2 for."""
+    text = SHORT.replace('"paper"', '"hover_closed_loop"').replace("0.05", "0.8").replace("seeds = 2", "seeds = 1")
+    [scenario] = load_sweep(written(tmp_path, text + '"thrusters.factor" = 0.1\n')).scenarios
+    outcome = json.loads(outcome_of(scenario))
+    assert outcome["flight"]["rms_z"] > 0.3
+    assert outcome["warnings"][-1].startswith("the controller is LOST at 0.")
+
+
 def test_a_sweep_of_closed_loops_goes_on(tmp_path: Path) -> None:
     """What the loop adds to a run's numbers is read again; before, `slew_rms` was nothing that a sweep writes."""
     sweep, out = load_sweep(written(tmp_path, SHORT.replace('"paper"', '"hover_closed_loop"'))), tmp_path / "out"

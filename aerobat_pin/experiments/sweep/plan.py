@@ -17,7 +17,7 @@ import numpy as np
 
 from aerobat_description import MORPHOLOGIES
 from aerobat_pin.aerobat import Aerobat, load_aerobat
-from aerobat_pin.errors import AerobatError, SweepError
+from aerobat_pin.errors import AerobatError, ControlWarning, SweepError
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.flight_summary import FlightSummary
 from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED, Draws, Factors, Span, SweepFile, read_sweep
@@ -210,7 +210,10 @@ def outcome_of(scenario: Scenario) -> str:
         warnings.simplefilter("default")
         try:
             robots = _load_once(scenario.robot, scenario), _load_once(scenario.believed_robot, scenario)
-            metrics = run(scenario, robots=robots).metrics
+            experiment = run(scenario, robots=robots)
+            metrics = experiment.metrics
+            if experiment.failed:
+                warnings.warn(f"the controller is {experiment.failed}", ControlWarning, stacklevel=2)
             outcome: dict[str, Any] = {"observers": metrics["observers"], "flight": flight_columns(metrics)}
             json.dumps(outcome, allow_nan=False)
         except AerobatError as error:
