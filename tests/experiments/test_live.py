@@ -99,6 +99,20 @@ def test_every_observer_lives(hovering: LiveFlight) -> None:
             assert np.abs(off[0]).max() < 0.1 * force[0, 2], observer
 
 
+def test_what_is_known_of_the_joint_torques_counts_while_it_lives() -> None:
+    """Without any, the base's rows see two forces sideways as one, as in the run; before, all torques were known."""
+    settings = ["air.strips=4", "sensors={}", "observers.names=['force_level']", "observers.torque=none"]
+    live = LiveFlight(load_scenario("hover_closed_loop", settings))
+    live.advance(0.1, LONG)
+    live.change({"force": [[0.0, 0.0, 0.02], [0.0, 0.01, 0.0]]})
+    rows = live.advance(0.3, LONG)
+    batch = live.result(lambda *_: None).estimates["force_level"].components[-100:-1].reshape(-1, 2, 3)
+    np.testing.assert_allclose([row.estimate for row in rows[-99:]], batch, rtol=0.0, atol=1e-4)
+    assert np.abs(errors(rows[-99:]))[..., 1].max() > 4e-3
+    with pytest.raises(ScenarioError, match="'modelled' takes a whole flight"):
+        LiveFlight(load_scenario("hover_closed_loop", ["observers.torque=modelled"]))
+
+
 def test_a_filter_that_doubts_the_air_lives() -> None:
     """Known forces have the names that they have in a run; before, it was "lost: OK" at every second step.
 

@@ -8,7 +8,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from aerobat_pin.aerobat import BASE_SIZE, AirStream, FlightLog, believed_robot, check_names, flown_robot
+from aerobat_pin.aerobat import (
+    BASE_SIZE,
+    AirStream,
+    FlightLog,
+    believed_robot,
+    check_names,
+    flown_robot,
+    robot_of_belief,
+)
 from aerobat_pin.control import Controller
 from aerobat_pin.errors import AerobatError, ScenarioError, SimulationError
 from aerobat_pin.experiments.experiment import Experiment, Progress, run_recorded
@@ -45,7 +53,7 @@ class LiveFlight(LiveSource):
         scenario: it has a table `control`.
 
     Raises:
-        ScenarioError: it has none, or an observer that there is not, or that needs the future.
+        ScenarioError: it has none, or an observer that there is not, or that needs the future, or a torque that does.
     """
 
     knobs: ClassVar[tuple[str, ...]] = ("noise", "wind")
@@ -63,6 +71,11 @@ class LiveFlight(LiveSource):
             raise ScenarioError(
                 f"scenario {scenario.name}: observer {section.names[-1]} corrects every estimate by what comes later, "
                 "so it cannot live; observers.names = ['kalman'] is its half that runs forward"
+            )
+        if section.torque == "modelled":
+            raise ScenarioError(
+                f"scenario {scenario.name}: observers.torque = 'modelled' takes a whole flight, so it cannot live; "
+                "'measured', 'motor_only' or 'none' was expected"
             )
         axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
         forces = tuple(
@@ -96,7 +109,8 @@ class LiveFlight(LiveSource):
         if tuned:
             settings = self.scenario.observers.settings(self.observer)
             kind = OBSERVERS[self.observer]
-            self._observer = kind(self._believed.model, self.points, self.gain, **settings)
+            rows = robot_of_belief(self.scenario, self._believed).rows() or "all"
+            self._observer = kind(self._believed.model, self.points, self.gain, rows=rows, **settings)
             self._started = False
         fitted = self.scenario.sensors.fitted
         if fitted and (tuned or self.noise != self._drawn):
