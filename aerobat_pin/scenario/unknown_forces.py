@@ -269,11 +269,13 @@ def _read_series(path: Path, column: str) -> tuple[Array, Array]:
         raise ScenarioError(str(error)) from error
     except (ValueError, OSError, pd.errors.ParserWarning) as error:
         raise ScenarioError(f"{where}: cannot be read as CSV: {' '.join(str(error).split())[:200]}") from error
-    names = [str(name).partition("[")[0].strip() for name in table.columns]
-    chosen = []
-    for name in ("time", column):
+    heads = [str(name).partition("[") for name in table.columns]
+    names, chosen = [head[0].strip() for head in heads], []
+    for name, unit in (("time", "s"), (column, "N")):
         if name not in names:
             raise ScenarioError(f"{where}: no column named '{name}'; its header has {', '.join(names)}")
+        if (said := heads[names.index(name)][2].strip("] ")) not in ("", unit):
+            raise ScenarioError(f"{where}: {name} [{said}]: {unit} was expected")
         cells = table.iloc[:, names.index(name)]
         numbers = np.asarray(pd.to_numeric(cells, errors="coerce"), float)
         if not np.all(np.isfinite(numbers)):

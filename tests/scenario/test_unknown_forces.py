@@ -116,6 +116,8 @@ def test_a_recorded_series_is_straight_between_its_samples_and_nothing_outside(t
         (None, "there is no such file"),
         ("", "cannot be read as CSV"),
         ("time, push\n0, 1\n1, 2\n", "no column named 'force'; its header has time, push"),
+        ("time [s], force [mN]\n0, 1\n1, 2\n", r"force \[mN\]: N was expected"),
+        ("time [ms], force [N]\n0, 1\n1, 2\n", r"time \[ms\]: s was expected"),
         ("time, force\n0, 1\n", "two rows or more"),
         ("time, force\n0, 1\n0, 2\n", "rising times"),
         ("time, force\n0, 1\n1, nan\n", "line 3: force = nan: a finite number was expected"),
