@@ -140,7 +140,7 @@ def _explained(
         """Return the rows of other inputs."""
         seen = looked_at(record, inputs, FittedValues(), between=free)
         assert seen is not None  # as the record was
-        return _effort_rows(record, seen, expected, rotors)
+        return _effort_rows(record, seen, expected, rotors, instants.kept)
 
     as_mapped = cache(lambda: formed(inputs)[0])  # the rows as mapped, at the instants of those of other inputs
     needed = max(float(np.sum((rows.needed / scale) ** 2)), 1e-300)
@@ -196,9 +196,12 @@ def _in_doubt(finding: Finding) -> Finding:
     return replace(finding, verdict="note", text=text)
 
 
-def _in_motion(instants: Instants) -> Instants:
-    """Return instants without the rows of joints that never slide, which stiction holds, if others do."""
-    slide = sliding_rows(instants)
+def _in_motion(instants: Instants, compared: Sequence[int] | None) -> Instants:
+    """Return instants without the rows of joints that never slide, which stiction holds, if others do.
+
+    Or with those that are compared: a joint that slides for a moment may do so between other instants.
+    """
+    slide = sliding_rows(instants) if compared is None else np.isin(instants.kept, compared)
     if not slide.any():
         return instants
     kept = [row for row, each in zip(instants.kept, slide.tolist(), strict=True) if each]
@@ -207,9 +210,13 @@ def _in_motion(instants: Instants) -> Instants:
 
 
 def _effort_rows(
-    record: Record, instants: Instants, expected: Expected, rotors: bool = False
+    record: Record,
+    instants: Instants,
+    expected: Expected,
+    rotors: bool = False,
+    compared: Sequence[int] | None = None,
 ) -> tuple[EffortRows, Instants]:
-    instants = _in_motion(instants)
+    instants = _in_motion(instants, compared)
     driven = [place for _, place in driven_rows(record, instants)]
     J = Applications(record.robot.model, points_of(record.map)).jacobian(instants.past[0][instants.weighed])
     forces = 0.0 if record.map.use.free else ANY_FORCE
