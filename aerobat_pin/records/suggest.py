@@ -34,7 +34,9 @@ TIME = re.compile(
 )
 UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
 GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
-STEM = re.compile(r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_[a-z0-9]*)?$", re.IGNORECASE)
+STEM = re.compile(  # as in vel_x_world, where no word ends so: the y of velocity_x is no axis
+    r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_(?!(?<=[a-z]{2}[xyzw]_)[xyzw]$)[a-z0-9]*)?$", re.IGNORECASE
+)
 TOOL_WORDS = {"tool", "tcp", "ee", "eef", "hand", "gripper", "flange", *WANTED_WORDS}  # of poses that are no base's
 UNIT_BEHIND = re.compile(r"\s*(\[.*\]|\(.*\))$")  # as in nav.x [m]
 GROUP_WORDS = {  # what a group of columns may be -> words in its name

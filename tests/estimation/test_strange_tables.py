@@ -1,5 +1,6 @@
 """Tables as other programs write them: numbered columns, decimals of both kinds, a silent force sensor, bad stamps."""
 
+import re
 import tomllib
 from collections.abc import Callable
 from contextlib import nullcontext
@@ -268,6 +269,23 @@ def test_a_pose_is_found_by_what_its_columns_share(place: str, attitude: str, fr
         assert base["position"]["unit"] == ("mm" if "[mm]" in place else "m")
         assert base["quaternion"]["columns"] == [attitude.format(axis) for axis in "xyzw"]
         assert base["velocity"]["axes"] == "body"
+
+
+@pytest.mark.parametrize(
+    ("rate", "felt"),
+    [("angular_velocity_{}", "linear_acceleration_{}")],
+)
+def test_an_attitude_and_a_gyro_ask_whether_the_base_moves(rate: str, felt: str, tmp_path: Path) -> None:
+    """The y of `velocity_x` was taken for an axis."""
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    time = 0.01 * np.arange(50.0)
+    columns = {f"imu_q{axis}": np.full(50, 0.5) for axis in "xyzw"}
+    columns |= {way.format(axis): np.sin(time) for way in (rate, felt) for axis in "xyz"}
+    pd.DataFrame({"t": time, **columns}).to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "quadruped.urdf")
+    base = tomllib.loads(re.sub("^# ", "", text[text.index("# [base]") : text.index("[joints]")], flags=re.MULTILINE))
+    assert base["base"]["rate"]["columns"] == [rate.format(axis) for axis in "xyz"]
+    assert base["base"]["from"] == "imu"
 
 
 @pytest.mark.parametrize("name", ["log.csv", "LOG.NC"])
