@@ -40,7 +40,7 @@ STEM = re.compile(  # as in vel_x_world, where no word ends so: the y of velocit
 TOOL_WORDS = {"tool", "tcp", "ee", "eef", "hand", "gripper", "flange", *WANTED_WORDS}  # of poses that are no base's
 UNIT_BEHIND = re.compile(r"\s*(\[.*\]|\(.*\))$")  # as in nav.x [m]
 GROUP_WORDS = {  # what a group of columns may be -> words in its name
-    "acceleration": ("acc", "specific", "linear_acceleration"),
+    "acceleration": ("a", "acc", "specific", "linear_acceleration"),
     "rate": ("gyro", "gyr", "omega", "angular", "ang_vel", "angvel", "rate", "w"),
     "quaternion": ("q", "quat", "orientation", "attitude"),
     "velocity": ("v", "vel", "velocity", "linear"),
@@ -275,16 +275,18 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         else:
             yield 'rate = {from = "pose", window = 0.05}'
         yield ""
-    elif imu or {"quaternion", "rate", "acceleration"} <= {*groups}:
+    elif imu or {"quaternion", "rate"} <= {*groups}:
+        felt = groups.get("acceleration")
         yield '# Does the base move, with this IMU on it? Then root = "free_flyer" above, and'
         yield "# [base]"
-        yield '# from = "imu"'
+        yield f'# from = "{"imu" if imu or felt else "joints"}"'
         if imu:
             yield f'# topic = "{imu}"'
         else:
             yield f"# quaternion = {{columns = {listed(groups['quaternion'])}}}"
             yield f"# {_rate(columns, groups['rate'])}"
-            yield f"# acceleration = {_felt(columns, groups['acceleration'])}"
+        if felt:
+            yield f"# acceleration = {_felt(columns, felt)}"
         yield ""
 
 

@@ -273,10 +273,10 @@ def test_a_pose_is_found_by_what_its_columns_share(place: str, attitude: str, fr
 
 @pytest.mark.parametrize(
     ("rate", "felt"),
-    [("angular_velocity_{}", "linear_acceleration_{}")],
+    [("angular_velocity_{}", "linear_acceleration_{}"), ("imu_w{}", "imu_a{}"), ("omega_{}", "none_{}")],
 )
 def test_an_attitude_and_a_gyro_ask_whether_the_base_moves(rate: str, felt: str, tmp_path: Path) -> None:
-    """The y of `velocity_x` was taken for an axis."""
+    """The y of `velocity_x` was taken for an axis; without an accelerometer, or with `imu_ax`, nothing was asked."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
     time = 0.01 * np.arange(50.0)
     columns = {f"imu_q{axis}": np.full(50, 0.5) for axis in "xyzw"}
@@ -285,7 +285,7 @@ def test_an_attitude_and_a_gyro_ask_whether_the_base_moves(rate: str, felt: str,
     text = suggested_map(tmp_path / "log.csv", tmp_path / "quadruped.urdf")
     base = tomllib.loads(re.sub("^# ", "", text[text.index("# [base]") : text.index("[joints]")], flags=re.MULTILINE))
     assert base["base"]["rate"]["columns"] == [rate.format(axis) for axis in "xyz"]
-    assert base["base"]["from"] == "imu"
+    assert base["base"]["from"] == ("joints" if felt == "none_{}" else "imu")
 
 
 @pytest.mark.parametrize("name", ["log.csv", "LOG.NC"])
