@@ -45,3 +45,21 @@ def test_errors_of_rows_do_not_keep_a_share_of_a_blow(kind: type[KalmanObserver]
     assert np.all(within[100:].mean(axis=0) > 0.95)
     assert np.max(np.abs(found.components[HIT.stop + 20 :])) < 10.0
     assert found.components[HIT, 2].mean() == pytest.approx(1000.0, rel=0.1)
+
+
+def test_what_leaves_no_trace_does_not_jump() -> None:
+    """A glitch of an upright pendulum's rate was 4e6 N across it; in a log, forces grew beyond all numbers."""
+    model = pin.Model()
+    arm = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "arm")
+    upright = model.addJoint(arm, pin.JointModelRX(), pin.SE3(np.eye(3), np.array([0.2, 0.0, 0.0])), "pendulum")
+    for joint, centre in ((arm, [0.1, 0.0, 0.0]), (upright, [0.0, 0.0, 0.15])):
+        model.appendBodyToJoint(joint, pin.Inertia(0.2, np.array(centre), 1e-3 * np.eye(3)), pin.SE3.Identity())
+    tip = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.3]))
+    model.addFrame(pin.Frame("tip", upright, 0, tip, pin.FrameType.OP_FRAME))
+    q, v = np.tile([0.0, 1e-7], (COUNT + 1, 1)), 1e-4 * np.random.default_rng(1).standard_normal((COUNT + 1, 2))
+    v[600, 1] += 0.05
+    expected = Expected(np.full(3, 1.0), np.array([0.01, 0.002]), np.zeros(2), np.ones(2))
+    found = KalmanObserver(model, ["tip"], 100.0, expected=expected).run(
+        DT * np.arange(COUNT + 1), q, v, np.zeros((COUNT, 2))
+    )
+    assert np.max(np.abs(found.components)) < 100.0

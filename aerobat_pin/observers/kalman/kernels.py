@@ -174,15 +174,15 @@ def predict_covariance(
 
 
 @kernel
-def correct(x: Array, P: Array, sensed: Array, limited: bool, step: Step) -> None:
+def correct(x: Array, P: Array, filter_: Filter, step: Step) -> None:
     """Turn `step.rows` into L^T, U, L^-1 and L^-1 e, and update x (n,) and P (n, n), of which only z is read.
 
     Forces of a limited size may jump: else lasting errors of rows would share a blow, and keep their share.
     """
-    rows, nv, n = step.rows, step.rows.shape[0], x.shape[0]
+    rows, nv, n, sensed = step.rows, step.rows.shape[0], x.shape[0], filter_.sensed
     factorise(rows)
-    if limited:
-        let_jump(P, step)
+    if filter_.rate[0] > 0.0:
+        let_jump(P, filter_.variance, step)
     U = rows[:, nv : nv + n]
     x[:nv], P[:nv] = 0.0, 0.0
     for k in range(nv):
@@ -253,7 +253,7 @@ def filter_interval(
     predict_covariance(before, after, dt, observer, filter_, step)
     for a in range(n - nv):
         x[nv + a] *= step.decay[a]
-    correct(x, P, filter_.sensed, filter_.rate[0] > 0.0, step)
+    correct(x, P, filter_, step)
     for a in range(step.z.shape[0]):
         step.z[a] = x[nv + a]
         copy_values(P[nv + a], step.Z[a])
