@@ -118,7 +118,14 @@ def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, 
 
 
 def numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
-    """Return joint -> part -> column of names as q1, q2 and A1_vel_deg_s, A2_vel_deg_s: first joints in their order."""
+    """Return joint -> part -> column of names as q1, q2 and A1_vel_deg_s, A2_vel_deg_s: first joints in their order.
+
+    Or in that of their numbers, if nothing else differs in their names: Pinocchio sorts limbs by name, 12 before 4.
+    """
+    apart = [re.split(r"(\d+)", name) for name in names]
+    differing = [places for places in zip(*apart, strict=False) if len(set(places)) > 1]
+    if len({*map(len, apart)}) == len(differing) == 1 and all(map(str.isdigit, differing[0])):
+        names = [name for _, name in sorted(zip(map(int, differing[0]), names, strict=True))]
     series: dict[tuple[str, str], dict[int, str]] = {}
     for name in _described(columns):
         match = NUMBERED.match(name)

@@ -271,6 +271,23 @@ def test_a_pose_is_found_by_what_its_columns_share(place: str, attitude: str, fr
         assert base["velocity"]["axes"] == "body"
 
 
+def test_numbered_columns_are_those_of_joints_of_that_number(tmp_path: Path) -> None:
+    """Pinocchio sorts limbs by their names: of a hand with a thumb of joints 12 to 15, 12 got others' columns."""
+    time = 0.01 * np.arange(50.0)
+    columns = {f"{part}_{k}": np.sin(time + k) for part in ("pos", "tau") for k in range(16)}
+    pd.DataFrame({"t": time, **columns}).to_csv(tmp_path / "log.csv", index=False)
+    links = "".join(
+        link(f"l{k}", 0.1, moments=[1e-4] * 3)
+        + joint(f"joint_{k}.0", "revolute", f"l{k - 1}" if k % 4 else "palm", f"l{k}")
+        for k in range(16)
+    )
+    (tmp_path / "hand.urdf").write_text(f'<robot name="hand">{link("palm")}{links}</robot>')
+    joints = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "hand.urdf"))["joints"]
+    for part, word in (("position", "pos"), ("effort", "tau")):
+        assert joints[part]["columns"] == [f"{word}_{name[6:-2]}" for name in joints["names"]]
+    assert joints["names"][4] == "joint_12.0"
+
+
 @pytest.mark.parametrize(
     ("rate", "felt"),
     [("angular_velocity_{}", "linear_acceleration_{}"), ("imu_w{}", "imu_a{}"), ("omega_{}", "none_{}")],
