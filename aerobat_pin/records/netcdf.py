@@ -23,8 +23,8 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import shown
 from aerobat_pin.records.checked_netcdf import NO_VARIABLE, checked_file, is_bare, seal_of
 
-PACKING = ("scale_factor", "add_offset", "_Unsigned")  # attributes that change the meaning of numbers
-INTERNAL = ("CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_FillValue", "missing_value", "coordinates")
+PACKING = {"scale_factor": 1.0, "add_offset": 0.0}  # attributes of packed numbers, and what they are without
+INTERNAL = ("CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "_FillValue", "missing_value", "coordinates", *PACKING)
 
 
 def read_netcdf(path: str | Path, what: str, groups: Sequence[str] = ()) -> dict[str, xr.Dataset]:
@@ -83,10 +83,10 @@ class StoredVariable:
             raise LogError(what) from error
 
     def __getitem__(self, rows: Any) -> Any:
-        """Return rows of its text or numbers, NaN for the fill value. Raises LogError if its numbers are packed."""
+        """Return rows of its text or unpacked numbers, NaN for the fill value. Raises LogError for unsigned ones."""
         item = self.item
-        if packed := [key for key in PACKING if key in item.attrs]:
-            raise LogError(f"{self._where} has the attribute {packed[0]}: plain numbers were expected")
+        if "_Unsigned" in item.attrs:
+            raise LogError(f"{self._where} has the attribute _Unsigned: plain numbers were expected")
         if h5py.check_string_dtype(item.dtype) is not None:
             return np.array(np.asarray(item.asstr()[rows], object).tolist())
         values = item[rows]
@@ -94,8 +94,16 @@ class StoredVariable:
         if fills and np.asarray(values).dtype.kind in "fiu":
             kind = item.dtype if item.dtype.kind == "f" else float  # a double is rounded as they are
             empty = np.isin(values, np.concatenate([fill.astype(kind) for fill in fills]))
-            return np.where(empty, np.nan, values) if np.any(empty) else values
-        return values
+            values = np.where(empty, np.nan, values) if np.any(empty) else values
+        return self._unpacked(values) if item.attrs.keys() & PACKING.keys() else values
+
+    def _unpacked(self, values: Any) -> Any:
+        """Return packed numbers times their factor, plus their offset. Raises LogError if these are no numbers."""
+        given = {key: np.ravel(self.item.attrs.get(key, plain)) for key, plain in PACKING.items()}
+        for key, number in given.items():
+            if number.shape != (1,) or number.dtype.kind not in "fiu" or np.asarray(values).dtype.kind not in "fiu":
+                raise LogError(f"{self._where} has the attribute {key}: plain numbers were expected")
+        return values * float(given["scale_factor"][0]) + float(given["add_offset"][0])
 
 
 def _stored_variables(group: h5py.Group, name: str) -> dict[str, StoredVariable]:

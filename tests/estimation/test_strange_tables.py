@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -483,12 +484,16 @@ def test_a_time_since_1970_is_one_so_is_what_rises_evenly_and_a_column_of_whole_
         assert f"\n{said}" in suggested_map(tmp_path / "log.csv", None)
 
 
-def test_packed_numbers_of_a_netcdf_log_are_refused(tmp_path: Path) -> None:
-    """By the name of the variable: they were read without their factor."""
-    data = xr.Dataset({"x": ("time", np.arange(5.0))}, {"time": 0.1 * np.arange(5.0)})
-    packing = {"x": {"dtype": "i2", "scale_factor": 0.01, "_FillValue": -9}}
-    data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf", encoding=packing)
-    with pytest.raises(LogError, match=r"log\.nc: 'x' has the attribute scale_factor: plain numbers were expected"):
+def test_packed_numbers_of_a_netcdf_log_are_unpacked(tmp_path: Path) -> None:
+    """As xarray packs them, a hole too; one packed variable that no map reads refused the whole log."""
+    x = np.array([0.0, 0.25, np.nan, 0.75, 1.0])
+    data = xr.Dataset({"x": ("time", x)}, {"time": 0.1 * np.arange(5.0)})
+    packing = {"dtype": "i2", "scale_factor": 0.01, "add_offset": 0.5, "_FillValue": -9}
+    data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf", encoding={"x": packing})
+    np.testing.assert_allclose(read_columns(tmp_path / "log.nc", LogTable()).values["x"][:], x)
+    with h5py.File(tmp_path / "log.nc", "a") as file:
+        file["x"].attrs["add_offset"] = "half"
+    with pytest.raises(LogError, match=r"log\.nc: 'x' has the attribute add_offset: plain numbers were expected"):
         read_columns(tmp_path / "log.nc", LogTable())
 
 

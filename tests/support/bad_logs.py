@@ -136,7 +136,7 @@ def _compound(rng: Rng, file: h5py.File) -> None:
 
 
 def _packed(rng: Rng, file: h5py.File) -> None:
-    file[some(rng, ("q", "v", "airspeed"))].attrs[some(rng, ("scale_factor", "add_offset"))] = 2.0
+    file[some(rng, ("q", "v", "airspeed"))].attrs[some(rng, ("scale_factor", "_Unsigned"))] = "true"
 
 
 def _other_length(rng: Rng, data: xr.Dataset) -> xr.Dataset:
