@@ -84,6 +84,9 @@ def estimate_command(
         named = ", ".join(name for name, given in idle.items() if given)
         raise LogError(f"estimate: {named} without a log: a log was expected")
     if suggest and log is not None:
+        beside = {"--map": map_file, "--out": out, "--out-mcap": out_mcap}
+        if unused := [name for name, given in beside.items() if given]:
+            raise LogError(f"estimate: --suggest prints a map, as in `--suggest > map.toml`, without {unused[0]}")
         with doing("looking at the log"):
             text = suggested_map(log, None if urdf is None else str(urdf), option_names(points))
         typer.echo(text, nl=False)

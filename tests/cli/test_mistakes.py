@@ -58,6 +58,7 @@ FILES = {
         (["linkage", "--out", "."], "output aerobat.png exists; --force overwrites it"),
         (["linkage", "--out", "kept"], "output kept: is a file; a folder, or a .png, .pdf or .svg file was expected"),
         (["estimate", "--self-check", "--map", "no.toml", "--correct"], "--map, --correct without a log"),
+        (["estimate", "log.csv", "--suggest", "--out", "map.toml"], "--suggest > map.toml`, without --out"),
         (
             ["estimate", "log.csv", "-o", "a.mcap", "--out-mcap", "b.mcap"],
             "--out-mcap b.mcap: one MCAP file was expected",
