@@ -131,7 +131,7 @@ class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasiu
         reward = 1.0 - sum(weight * part for weight, part in zip(MISS, miss, strict=True))
         x, y = info["q"][3:5]
         lost = diverged or miss[0] > FARTHEST_OFF**2 or 1.0 - 2.0 * (x * x + y * y) < np.cos(np.radians(TILTED))
-        info["state"] = "LOST" if lost else "OK"
+        info = {**info, "state": "LOST" if lost else "OK"}
         truncated = self._done == len(self._edges) - 1
         return seen, -100.0 if diverged else float(max(reward, -100.0)), lost, truncated and not lost, info
 

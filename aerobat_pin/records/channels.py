@@ -126,8 +126,11 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
     if request.optional and not all(name in columns.values for name in request.names):
         return None
     for name, unit in zip(request.names, request.units, strict=False):
-        if unit and name in columns.units and not same_unit(columns.units[name], unit):
-            raise LogError(f"log {columns.path}: column '{name} [{columns.units[name]}]': {unit} was expected")
+        stated = columns.units.get(name, "")
+        if unit and stated and not same_unit(stated, unit):
+            if name in columns.of_arrays and _kind_of(stated) != _kind_of(unit):
+                continue
+            raise LogError(f"log {columns.path}: column '{name} [{stated}]': {unit} was expected")
     parts = [columns.series(name, request.key) for name in request.names]
     turned: dict[str, int] = {}
     for k, turn in enumerate(request.turns):
@@ -233,6 +236,11 @@ def factor_of(key: str, unit: str | None, kind: str) -> float:
     if unit not in known:
         raise LogError(f"map: {key}.unit = '{unit}': one of {', '.join(known)} was expected")
     return known[unit]
+
+
+def _kind_of(unit: str) -> str:
+    """Return what has a unit: m is a length, though a joint's angle may be one; empty if nobody knows."""
+    return next((kind for kind, units in SI_FACTORS.items() if unit in units), "")
 
 
 def units_of(unit: str | None, kind: str, count: int) -> tuple[str, ...]:

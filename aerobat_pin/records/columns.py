@@ -75,6 +75,7 @@ class Columns:
         kinds: topic -> type of its messages, for a bag.
         stamps: which stamps a bag's clocks are; empty for a table.
         units: name -> unit that the header of a table states, as in `x [m]`.
+        of_arrays: names of columns of an array, whose unit those of another kind do not have, as a pose's quaternion.
         notes: what was left out, in words.
     """
 
@@ -87,6 +88,7 @@ class Columns:
     stamps: str = ""
     units: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    of_arrays: frozenset[str] = frozenset()
 
     def series(self, name: str, key: str) -> tuple[Series, Series]:
         """Return stamps (n,) [s] and samples (n,) of a column, without empty cells, that a key of the map asks for.

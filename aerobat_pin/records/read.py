@@ -59,10 +59,12 @@ def read_netcdf_columns(path: Path, log: LogTable, wanted: Iterable[str] | None)
     clocks: dict[str, Clock] = {}
     values: dict[str, Series] = {}
     clock_of: dict[str, str] = {}
+    arrays = list[str]()
     with netcdf_variables(path, "log", NETCDF_GROUPS) as groups:
         series = [name for name, one in groups[""].items() if len(one.dims) == 1 and one.kind in "fiu"]
         for group, variables in groups.items():
             prefix, over = f"{group}/" if group else "", set[str]()
+            arrays += [f"{prefix}{name}." for name, one in variables.items() if len(one.dims) > 1]
             for clock in times:
                 if clock not in variables or len(variables[clock].dims) != 1 or not variables[clock].shape[0]:
                     continue
@@ -81,8 +83,9 @@ def read_netcdf_columns(path: Path, log: LogTable, wanted: Iterable[str] | None)
             f"the map (it has {', '.join(series[:VARIABLES_TOLD]) or 'none'})"
         )
     names, units = without_units([*values], {*(wanted or ())})
-    clock_of = dict(zip(names, clock_of.values(), strict=True))
-    return Columns(path, tuple(names), clocks, clock_of, dict(zip(names, values.values(), strict=True)), units=units)
+    clock_of, values = (dict(zip(names, each.values(), strict=True)) for each in (clock_of, values))
+    of_arrays = frozenset(name for name in names if name.startswith(tuple(arrays)))
+    return Columns(path, tuple(names), clocks, clock_of, values, units=units, of_arrays=of_arrays)
 
 
 def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float, spool: Spool) -> GrowingTable:

@@ -34,9 +34,9 @@ TIME = re.compile(
 )
 UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
 GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
-STEM = re.compile(  # as in vel_x_world, where no word ends so: the y of velocity_x is no axis
-    r"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>_(?!(?<=[a-z]{2}[xyzw]_)[xyzw]$)[a-z0-9]*)?$", re.IGNORECASE
-)
+STEMS = [  # as in vel_x_world, and velocity_x: what is read of a name counts where all its axes are there
+    re.compile(rf"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>{tail})$", re.IGNORECASE) for tail in ("_[a-z0-9]*", "")
+]
 TOOL_WORDS = {"tool", "tcp", "ee", "eef", "hand", "gripper", "flange", *WANTED_WORDS}  # of poses that are no base's
 UNIT_BEHIND = re.compile(r"\s*(\[.*\]|\(.*\))$")  # as in nav.x [m]
 GROUP_WORDS = {  # what a group of columns may be -> words in its name
@@ -121,9 +121,8 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
         return
     axes_of: dict[tuple[str, str], dict[str, str]] = {}
     for name in columns.names:
-        match = STEM.match(UNIT_BEHIND.sub("", name))
-        if match is not None:
-            key = match["stem"].lower(), (match["tail"] or "").lower()
+        for match in filter(None, (stem.match(UNIT_BEHIND.sub("", name)) for stem in STEMS)):
+            key = match["stem"].lower(), match["tail"].lower()
             axes_of.setdefault(key, {})[match["axis"].lower()] = name
     taken, turns = set[str](), ""
     further = itertools.count(2)  # numbers of force sensors

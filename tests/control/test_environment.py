@@ -1,6 +1,8 @@
 """The gymnasium environment."""
 
+import itertools
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -76,10 +78,13 @@ def test_an_episode_that_diverges_ends_with_numbers() -> None:
     env = AerobatEnv(settings=["simulation.duration=0.3", push])
     env.reset(seed=1)
     seen, reward, fallen = np.zeros(0), 0.0, False
+    states = list[dict[str, Any]]()
     while not fallen:
         seen, reward, fallen, _, info = env.step(env.neutral)
+        states.append(info)
     assert np.all(np.isfinite(seen))
-    assert (reward, info["state"]) == (-100.0, "LOST")
+    assert (reward, info["state"], states[0]["state"]) == (-100.0, "LOST", "OK")
+    assert all(one is not other for one, other in itertools.pairwise(states))
 
 
 def test_starts_wind_and_parameters_are_drawn_anew_at_each_reset() -> None:

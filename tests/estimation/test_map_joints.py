@@ -34,8 +34,8 @@ from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
 from aerobat_pin.records.robot_files import FIXED, FREE
 from aerobat_pin.records.robot_tables import RobotTable
-from aerobat_pin.records.suggest import TOOL_WORDS
-from aerobat_pin.records.suggest_joints import suggest_joints, topic_of
+from aerobat_pin.records.suggest import _suggest_base
+from aerobat_pin.records.suggest_joints import suggest_joints
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recordings.md"
 FACTOR, OFFSET = np.array([-0.02, 0.01, 0.03]), np.array([0.0, 0.3, -1.2])
@@ -322,7 +322,7 @@ def test_a_goal_is_no_pose_of_the_base() -> None:
     """The base was suggested to be where it was to go, by the first topic of a pose."""
     kinds = dict.fromkeys(("/goal_pose", "/tcp/pose", "/mocap/pose"), "geometry_msgs/msg/PoseStamped")
     columns = cast(Columns, SimpleNamespace(kinds=kinds, values=dict.fromkeys(f"{one}.position.x" for one in kinds)))
-    assert topic_of(columns, "Pose", without=TOOL_WORDS) == "/mocap/pose"
+    assert [*_suggest_base(columns, {})][1].startswith('topic = "/mocap/pose"')
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {

@@ -291,7 +291,12 @@ def test_numbered_columns_are_those_of_joints_of_that_number(tmp_path: Path) -> 
 
 @pytest.mark.parametrize(
     ("rate", "felt"),
-    [("angular_velocity_{}", "linear_acceleration_{}"), ("imu_w{}", "imu_a{}"), ("omega_{}", "none_{}")],
+    [
+        ("angular_velocity_{}", "linear_acceleration_{}"),
+        ("imu_w{}", "imu_a{}"),
+        ("omega_{}", "none_{}"),
+        ("gyro{}_w", "acc{}_w"),
+    ],
 )
 def test_an_attitude_and_a_gyro_ask_whether_the_base_moves(rate: str, felt: str, tmp_path: Path) -> None:
     """The y of `velocity_x` was taken for an axis; without an accelerometer, or with `imu_ax`, nothing was asked."""
@@ -333,6 +338,15 @@ def test_units_behind_names_are_those_of_suggestions(name: str, tmp_path: Path) 
         channel_of(Request("check.wrench", ("F_x",), units=("N",)), read, 0.1)
     assert len(read.values["q_x"]) == 50
     assert [found["joints"][key]["unit"] for key in ("position", "effort")] == ["rev", "mN m"]
+    if name == "LOG.NC":  # a unit of an array is not that of its columns of another kind
+        pose = {"pose": (("time", "k"), np.ones((50, 7)), {"units": "mm"})}
+        xr.Dataset(pose, {"time": time}).to_netcdf(tmp_path / "pose.nc", engine="h5netcdf")
+        names = [f"pose.{k}" for k in range(7)]
+        columns_of = read_columns(tmp_path / "pose.nc", LogTable(), names)
+        turns = channel_of(Request("extra.turns", tuple(names[3:]), units=("-",) * 4), columns_of, 0.1)
+        assert turns is not None
+        with pytest.raises(LogError, match=r"column 'pose.0 \[mm\]': m was expected"):
+            channel_of(Request("base.position", tuple(names[:3]), units=("m",) * 3), columns_of, 0.1)
     parse_map({**found, "robot": {**found["robot"], "points": ["l1"]}}, "that is suggested")
 
 

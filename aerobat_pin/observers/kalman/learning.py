@@ -26,7 +26,7 @@ LEARNING = 2 * DIFFERENCES  # number of intervals until the sensor noise is know
 LEAST_NOISE = 1.0e-3  # smallest share of the stated sensor noise, which keeps the covariances invertible
 LEAST_INFORMATION = 1.0e-6  # share of the total information on all patterns of forces, added to every pattern
 JUMPED = 5.0  # deviations of what one interval says of a component: beyond, it has jumped
-HARDLY_SHOWN = 10.0  # times what is expected of a component: it leaves no trace from which a jump could be known
+HARDLY_SHOWN = 100.0  # times worse than the best a component is shown that leaves no trace of a jump
 UNKNOWN_TORQUE = 1.0e8  # variance of the impulse of an unknown torque, relative to that of all other noise
 
 
@@ -226,8 +226,9 @@ def let_jump(P: Array, variance: Array, step: Step) -> None:
     """Let forces jump, the most surprising one first, until no component is beyond `JUMPED` deviations.
 
     With e the whitened innovation and w = L^-1 dt J_a^T, the trace of one component, the interval says that it jumped
-    by (w.e) / (w.w), with deviation 1 / |w|. Its variance grows by that size squared. Of what is known no better than
-    `HARDLY_SHOWN` times as large as expected, of `variance` (nz,), it says nothing: any size would do.
+    by (w.e) / (w.w), with deviation 1 / |w|. Its variance grows by that size squared. It says nothing of what it shows
+    `HARDLY_SHOWN` times worse than another component, beside what is expected of both, of `variance` (nz,): any size
+    would do.
     """
     rows, shear, nv, n, c = step.rows, step.shear, step.rows.shape[0], step.shear.shape[1], step.unseen.shape[0]
     whitening, e = rows[:, nv + n : 2 * nv + n], rows[:, nv + 2 * n]
@@ -236,16 +237,21 @@ def let_jump(P: Array, variance: Array, step: Step) -> None:
         largest += e[i] * e[i]
     if largest <= JUMPED * JUMPED:  # as is then every part of it
         return
-    w = np.empty((c, nv))
-    for _ in range(c):
-        surprise, size, jumping = JUMPED * JUMPED, 0.0, -1
+    w, squares, least = np.empty((c, nv)), np.zeros(c), 0.0
+    for jumps in range(c):
         for a in range(c):
-            along, square = 0.0, 0.0
+            squares[a] = 0.0
             for i in range(nv):
                 w[a, i] = dot(whitening[i], shear[a, :nv])
+                squares[a] += w[a, i] * w[a, i]
+            if jumps == 0:
+                least = max(least, HARDLY_SHOWN**-2.0 * squares[a] * variance[a])
+        surprise, size, jumping = JUMPED * JUMPED, 0.0, -1
+        for a in range(c):
+            along, square = 0.0, squares[a]
+            for i in range(nv):
                 along += w[a, i] * e[i]
-                square += w[a, i] * w[a, i]
-            if along * along > surprise * square and square * variance[a] > HARDLY_SHOWN**-2.0:
+            if along * along > surprise * square and square * variance[a] > least:
                 surprise, size, jumping = along * along / square, along / square, a
         if jumping < 0:
             return

@@ -99,6 +99,7 @@ class _Panels:
         named = any(estimate.head.frames for estimate in result.stored.values())
         self.places = [tuple(name.rsplit(".", 1)) if named else ("", name) for name in components]
         frames, labels = ([*dict.fromkeys(part)] for part in zip(*self.places, strict=True))
+        self.units = dict(zip(self.places, self.first.head.units, strict=True))
         self.frames, self.labels = frames[:MOST_COLUMNS], labels[:MOST_ROWS]
         of, shown = (len(frames), MOST_COLUMNS) if named else (len(labels), MOST_ROWS)
         self.some = f", the first {shown} of {of}" if of > shown else ""
@@ -142,8 +143,8 @@ class _Panels:
             if estimate is self.first and np.any(np.isnan(force)):
                 words, whole_height = "not seen: the pose does not show it", axis.get_xaxis_transform()
                 axis.fill_between(time, 0, 1, where=np.isnan(force), transform=whole_height, label=words, **HATCHED)
-        letter, unit = f"${label[0]}_{label[1]}$" if frame else label, "N" if "F" in label[-2:] else "N m"
-        axis.set_ylabel(f"{letter} [{unit}]", parse_math=bool(frame))
+        letter = f"${label[0]}_{label[1]}$" if frame else label
+        axis.set_ylabel(f"{letter} [{self.units.get((frame, label), 'N')}]", parse_math=bool(frame))
 
     def draw_errors(self, axis: Axes, frame: str, label: str) -> None:
         """Draw estimates minus reference, where this is scored, both behind its filter; nothing without a reference."""
