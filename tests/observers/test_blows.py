@@ -53,12 +53,13 @@ def test_rates_of_usual_noise_hide_no_blow() -> None:
     slide = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "slide")
     model.appendBodyToJoint(slide, pin.Inertia(1.0, np.zeros(3), 1e-3 * np.eye(3)), pin.SE3.Identity())
     model.addFrame(pin.Frame("tool", slide, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
-    v = DT * np.cumsum(np.where((np.arange(COUNT + 1) > 500) & (np.arange(COUNT + 1) <= 520), 300.0, 0.0))[:, None]
-    seen, time = v + 0.03 * np.random.default_rng(1).standard_normal(v.shape), DT * np.arange(COUNT + 1)
+    at = np.arange(2 * COUNT + 1)
+    v = DT * np.cumsum(np.where((at > COUNT) & (at <= COUNT + 20), 300.0, 0.0))[:, None]
+    seen = v + 0.03 * np.random.default_rng(1).standard_normal(v.shape)
     expected = Expected(np.full(3, 3.3), np.array([0.05]), np.zeros(1), np.ones(1))
     observer = KalmanObserver(model, ["tool"], 100.0, expected=expected)
-    found = observer.run(time, DT * np.cumsum(v, axis=0), seen, np.zeros((COUNT, 1)))
-    assert found.components[510:520, 0].mean() == pytest.approx(300.0, abs=30.0)
+    found = observer.run(DT * at, DT * np.cumsum(v, axis=0), seen, np.zeros((2 * COUNT, 1)))
+    assert found.components[COUNT + 10 : COUNT + 20, 0].mean() == pytest.approx(300.0, abs=30.0)
 
 
 def test_what_leaves_no_trace_does_not_jump() -> None:
