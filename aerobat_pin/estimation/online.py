@@ -52,6 +52,7 @@ from aerobat_pin.records import (
     with_held_joints,
 )
 
+PARTED = 10  # messages in a row that lack a column of a channel, after which that is an obstacle
 K_EVERY = 50  # estimates: after so many filters expect errors of the size that others see
 LEADING = ("joints.position", "base.position")
 
@@ -113,7 +114,8 @@ class OnlineEstimator:
         self._memory = ring_kernels.new_rings(chosen, self.robot, names, requests, self._values, wait)
         self._rings = fields_of(self._memory, ring_kernels.Rings)
         self._epoch: float | None = None
-        self._unstamped, self._parted = set[str](), dict[int, str]()  # topics; channel -> column that others lacked
+        self._unstamped = set[str]()  # topics
+        self._parted: dict[int, list[str]] = {}  # channel -> column that each message lacked since the last whole one
         self._estimates = self._starts = self._failed = 0
         self._rows, _ = rows_of(chosen, self.robot, names, self._requests)
         self._learnt = StreamSizes(chosen, self.robot, self._rows, self._values)
@@ -148,7 +150,7 @@ class OnlineEstimator:
         """What became of the samples so far."""
         keys, counts = tuple(self._requests), (self._estimates, self._starts, self._failed)
         obstacles = [f"{topic}: its messages have no stamp" for topic in sorted(self._unstamped)]
-        if parted := {keys[c]: column for c, column in self._parted.items() if not self._rings.filled[c]}:
+        if parted := {keys[c]: lacked[0] for c, lacked in self._parted.items() if len(lacked) == PARTED}:
             obstacles.append(
                 f"no message has all of {', '.join(parted)}: {', '.join(parted.values())} missing where others are; "
                 "one publisher for all joints (joint_state_publisher with source_list joins several), or joints.held, "
@@ -203,11 +205,12 @@ class OnlineEstimator:
             try:
                 buffer[:] = reader(values)
             except KeyError as missing:
-                if not self._rings.filled[c] and not values.keys().isdisjoint(self._columns[c]):
-                    self._parted[c] = str(missing.args[0])
+                if not values.keys().isdisjoint(self._columns[c]):
+                    self._parted[c] = [str(missing.args[0]), *self._parted.get(c, [])][:PARTED]
                 continue
             except (TypeError, ValueError):  # not a number
                 buffer[:] = np.nan
+            self._parted.pop(c, None)
             put(memory, c, since, buffer)
         return self._advance()
 

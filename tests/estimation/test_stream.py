@@ -301,8 +301,15 @@ def test_a_wrong_belief_is_said_while_the_stream_runs(clean: tuple[OnlineEstimat
 
 
 def test_what_keeps_a_stream_from_estimates_is_said(folder: Path) -> None:
-    """Joints of two publishers, stamps of zero, and more samples than a ring keeps within the wait."""
+    """Joints of two publishers, also after a good start, stamps of zero, more samples than a ring keeps in the wait."""
     stamped = messages(walk(0.3))
+    stream = OnlineEstimator(mapped(folder, None), folder)
+    streamed(stream, stamped[:50])
+    for t, row in stamped[50:]:
+        stream.push(t, {key: value for key, value in row.items() if key != "FL_HAA_tau"})
+    assert "FL_HAA_tau missing where others are" in str(stream.health)
+    streamed(stream, stamped[-1:])
+    assert stream.health.obstacles == ()
     stream = OnlineEstimator(mapped(folder, None), folder)
     for t, row in stamped:
         for leg in ("FL", "RR"):
