@@ -33,7 +33,8 @@ UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
     "acceleration": {"g": "g", "mg": "mg", "ms2": "m/s2"},
 }
 BEHIND_NUMBERS = {  # words that a numbered joint's column may end in
-    *("", "j", "joint", "motor", "actual", "act", "measured", "meas", "per", "s", "sec", "n", "m", "mn", *WANTED_WORDS),
+    *("", "j", "joint", "motor", "actual", "act", "measured", "meas", *WANTED_WORDS),
+    *("per", "s", "sec", "n", "m", "mn", "mm"),
     *(word for words in PART_WORDS.values() for word in words),
     *(word for kind in JOINT_KINDS.values() for word in UNITS_IN_NAMES[kind]),
 }

@@ -366,6 +366,7 @@ def arm_of(count: int) -> str:
         ("q{}", "qdot_{}", "tau_{}", ["rad", "rad/s", "N m"]),
         ("j{}_pos_deg", "j{}_vel_dps", "j{}_trq_Nm", ["deg", "deg/s", "N m"]),
         ("J{} [deg]", "J{} [deg/s]", "J{} [N m]", ["deg", "deg/s", "N m"]),
+        ("q{} [rad]", "dq{} [rad/s]", "tau{} [mN m]", ["rad", "rad/s", "mN m"]),
         ("m{}_actual_pos_rad", "m{}_actual_rad_per_s", "m{}_mA", ["rad", "rad/s", "mA"]),
     ],
 )
