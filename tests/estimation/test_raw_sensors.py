@@ -241,12 +241,16 @@ def test_the_causal_filter_lets_a_force_jump() -> None:
     assert np.abs(truth(log)[at] - truth(log)[at - 5]).max() > 0.1
 
 
-@pytest.mark.parametrize("by", [10, 40])
-def test_poses_may_come_late_to_the_causal_filter(by: int) -> None:
-    """From the first one on, by so many ms: carried along its motion they say what they would have said at once."""
+@pytest.mark.parametrize(("by", "begin", "start"), [(40, 0, 110), (10, 55, 140)])
+def test_poses_may_come_late_to_the_causal_filter(by: int, begin: int, start: int) -> None:
+    """By so many ms: carried along its motion they say what they would have said at once.
+
+    A pose that is handed on twice is refused, those before the first update are left out: neither counts for the start.
+    """
     smoother, record, found = smoothed("measured")
-    stream, late, waiting = JointFilter(smoother, found.tuning, record.channels, "measured"), None, []
-    for k in range(201):
+    stream, waiting = JointFilter(smoother, found.tuning, record.channels, "measured"), []
+    found_at: dict[int, Any] = {}
+    for k in range(start + 121):
         samples = {}
         for name, channel in record.channels.items():
             use = (channel.time <= record.time[k] + 1e-9) & (channel.time > record.time[max(k - 1, 0)] + 1e-9 * (k > 0))
@@ -254,14 +258,20 @@ def test_poses_may_come_late_to_the_causal_filter(by: int) -> None:
                 at = int(np.flatnonzero(channel.time <= record.time[k] + 1e-9)[-1])
                 samples[name] = float(channel.time[at]), channel.values[at]
         waiting.append({name: samples.pop(name) for name in ("position", "orientation") if name in samples})
+        if k < begin:
+            continue
+        if k > max(begin, by) and k % 10 == 1:
+            with pytest.raises(ObserverError, match="position is stamped"):
+                stream.update(float(record.time[k]), samples | waiting[-2 - by])
         samples |= waiting[-1 - by] if k >= by else {}
-        late = stream.update(float(record.time[k]), samples, record.known[max(k - 1, 0)])
-    last = followed()[1][200]
-    np.testing.assert_allclose(late.placement[:3], last.placement[:3], atol=1e-3)
-    np.testing.assert_allclose(late.twist[:3], last.twist[:3], atol=5e-3)
+        found_at[k] = stream.update(float(record.time[k]), samples, record.known[max(k - 1, 0)])
+    assert next(k for k, sample in found_at.items() if sample is not None) == start
+    late, last, wider = found_at[k], followed()[1][k], 2.0 if begin else 1.0  # as it knows less
+    np.testing.assert_allclose(late.placement[:3], last.placement[:3], atol=1e-3 * wider)
+    np.testing.assert_allclose(late.twist[:3], last.twist[:3], atol=5e-3 * wider)
     np.testing.assert_allclose(late.force, last.force, atol=0.01)
     with pytest.raises(ObserverError, match="position is stamped"):
-        stream.update(0.201, {"position": (0.1, np.zeros(3))})
+        stream.update(0.001 * (k + 1), {"position": (0.001 * k - 0.1, np.zeros(3))})
 
 
 def test_long_records_are_smoothed_in_parts_that_overlap_and_leave_no_gap() -> None:

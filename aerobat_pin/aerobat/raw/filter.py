@@ -81,6 +81,7 @@ class JointFilter:
         self._waiting: list[tuple[float, dict[str, tuple[float, Array]], Array]] = []
         self._nominal: NominalMotion | None = None
         self._way: deque[tuple[float, float, pin.SE3]] = deque()  # start, end [s], motion of each latest interval
+        self._latest: dict[str, float] = {}  # stamp of each sensor's last sample [s]
         self._x: Array = np.zeros(0)
         self._P: Array = np.zeros((0, 0))
         self._rate = np.zeros(6)
@@ -101,7 +102,7 @@ class JointFilter:
             samples: sensor (`position`, `orientation` as a quaternion xyzw, `gyro`, `accelerometer`, `crank`, `torque`)
                 -> its sample, or stamp and sample. Without a stamp, accelerometer and torque belong to the middle of
                 the time since the last update, the others to now. A pose may be stamped up to 50 ms before the last
-                update.
+                update; one stamped before the first update is left out.
             known: (nv,) known generalised force since the last update; zero when omitted.
 
         Returns:
@@ -109,14 +110,16 @@ class JointFilter:
 
         Raises:
             ObserverError: an unknown sensor, a sample of the wrong size, or one stamped outside the time since the last
-                update.
+                update, or not after the sensor's sample before; nothing of that update is taken.
         """
         last = self._nominal.time[0] if self._nominal is not None else self._waiting[-1][0] if self._waiting else None
         if last is not None and not time > last:
             raise ObserverError(f"joint filter: time = {time:g} s after {last:g} s: a later one was expected")
         taken = {name: self._checked(name, sample, time, last) for name, sample in samples.items()}
-        taken = {name: self._carried(name, *sample, last) for name, sample in taken.items()}
         force = np.zeros(self._nv) if known is None else np.asarray(known, float)
+        self._latest |= {name: stamp for name, (stamp, _) in taken.items()}
+        begin = (self._waiting[0][0] if self._waiting else time) - 1e-9
+        taken = {name: self._carried(name, *sample, last) for name, sample in taken.items() if sample[0] > begin}
         if self._nominal is not None:
             return self._step(self._nominal, time, taken, force)
         self._waiting.append((time, taken, force))
@@ -150,11 +153,15 @@ class JointFilter:
         array, size = np.atleast_1d(np.asarray(values, float)), self.sensors[name].values.shape[1]
         if array.shape != (size,) or not all(map(math.isfinite, array.tolist())):
             raise ObserverError(f"joint filter: sample of {name}: {size} finite numbers were expected")
-        earliest = last
+        earliest = last if last is not None else -math.inf
         if last is not None and name in POSES:
             earliest = (self._way[0][0] if self._way else last - MOST_LATE) - 1e-9
-        if stamp > time + 1e-9 or (earliest is not None and stamp <= earliest):
-            raise ObserverError(f"joint filter: {name} is stamped {stamp:g} s, at an update from {last} to {time:g} s")
+        earliest = max(earliest, self._latest.get(name, -math.inf))
+        if not earliest < stamp <= time + 1e-9:
+            raise ObserverError(
+                f"joint filter: {name} is stamped {stamp:.13g} s: "
+                f"a stamp after {earliest:.13g} s, up to {time:.13g} s, was expected"
+            )
         return float(stamp), array
 
     def _carried(self, name: str, stamp: float, values: Array, last: float | None) -> tuple[float, Array]:
