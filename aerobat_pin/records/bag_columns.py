@@ -147,12 +147,12 @@ class _Topic:
 
     A recorder writes messages as they arrive, not as they were stamped: they are put in order within the last
     `REORDERED` ones; one that is later still goes back in time. Where some have no stamp (0), as before a simulated
-    clock runs, these are left out.
+    clock runs, these are left out; where none of the first ones has one, all stand by the recorder's.
     """
 
     def __init__(self, spool: Spool, chosen: str) -> None:
         self.rows, self.useless, self._chosen = GrowingTable(spool), False, chosen
-        self._stamped = False  # whether a message is
+        self._stamped = False  # whether one of the messages of the first flush is
         self._largest_delay = 0.0
         self._header, self._recorded = array("d"), array("d")
         self._table: dict[str, array[float]] = {}
@@ -160,7 +160,6 @@ class _Topic:
     def add(self, header: float, recorded: float, numbers: dict[str, float]) -> None:
         """Append a message."""
         count = len(self._recorded)
-        self._stamped |= header > 0.0
         self._header.append(header)
         self._recorded.append(recorded)
         for name, value in numbers.items():
@@ -179,9 +178,11 @@ class _Topic:
     def flush(self, kept: int) -> None:
         """Hand on all messages but the `kept` last ones by the chosen stamps."""
         header, recorded = np.array(self._header), np.array(self._recorded)
+        if not len(self.rows):
+            self._stamped = bool(np.any(header > 0.0))
         stamped = np.where(header > 0.0, header, np.nan)
         time = stamped if self._chosen == "header" and self._stamped else recorded
-        order = np.argsort(time, kind="stable")
+        order = np.argsort(np.nan_to_num(time, nan=-np.inf), kind="stable")  # those without a stamp wait for nobody
         done, waiting = order[: len(order) - kept], order[len(order) - kept :]
         late = recorded - header
         self._largest_delay = max(self._largest_delay, float(np.max(np.abs(late[np.isfinite(time)]), initial=0.0)))

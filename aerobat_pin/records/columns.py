@@ -36,7 +36,7 @@ class Clock:
         time: (n,) stamps [s], increasing.
         repeated: number of samples whose stamp was that of the sample before, which they are merged with.
         differing: number of these that had another value in a column; the first value stays.
-        off: number of rows left out because their stamps do not fit between their neighbours'.
+        off: number of rows left out as they have no stamp, or one that does not fit between their neighbours'.
         backward: number of rows left out because they go back to times that have samples already.
         set_back: how often rows stand before earlier ones, as the clock was set back between them.
         reordered: number of rows behind later ones, of sensors whose samples came late.
@@ -57,7 +57,7 @@ class Clock:
     @property
     def not_used(self) -> str:
         """How many rows were not used, in words that follow a number of samples; empty if all were."""
-        counts = {"repeat the stamp before": self.repeated, "go back in time": self.off + self.backward}
+        counts = {"repeat the stamp before": self.repeated, "have no stamp or an earlier one": self.off + self.backward}
         words = ", ".join(f"{count} rows {what}" for what, count in counts.items() if count)
         return f"; {words} (log.time: are stamps rounded, or rows in another order?)" if words else ""
 

@@ -21,7 +21,9 @@ from aerobat_pin.estimation.checks.agreement import accelerometer_findings, agre
 from aerobat_pin.estimation.checks.motion import record_findings
 from aerobat_pin.numerics import compare_series
 from aerobat_pin.records import Agreement, Record, load_map, suggested_map
+from aerobat_pin.records.bag_columns import _Topic
 from aerobat_pin.records.resample import line_means, turn_rates
+from aerobat_pin.records.spool import Spool
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
 
@@ -112,6 +114,22 @@ def test_messages_before_the_first_stamp_are_left_out(clock: str, folder: Path) 
     assert clocks["/joint_states"].time[0] == pytest.approx(first, abs=4e-3 if off == 0 else 1e-6)
     assert (clocks["/joint_states"].off, clocks["/odom"].off) == (off, off // 2)
     assert (clocks["/imu"].late is not None) == (clock == "header")
+
+
+def test_a_topic_whose_first_messages_have_no_stamp_has_one_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recorder's, throughout: the first 10,000 were handed on by its stamps, later ones by their own."""
+    monkeypatch.setattr("aerobat_pin.records.bag_columns.REORDERED", 10)
+    topic = _Topic(Spool(), "header")
+    for k in range(60):
+        topic.add(max(k - 24.0, 0.0), 1.7e9 + k, {"x": float(k)})
+    clock, columns = topic.finished()
+    np.testing.assert_array_equal(clock.time[:], 1.7e9 + np.arange(60.0))
+    np.testing.assert_array_equal(columns["x"][:], np.arange(60.0))
+    assert (clock.not_used, clock.late) == ("", None)
+    fewer = _Topic(Spool(), "header")  # in pairs the wrong way round, which those without a stamp do not part
+    for k in range(60):
+        fewer.add(max((k ^ 1) - 11.0, 0.0), 1.7e9 + k, {"x": float(k)})
+    assert fewer.finished()[0].not_used.startswith("; 12 rows have no stamp")
 
 
 def test_joints_of_a_topic_without_efforts_cost_their_own_rows_alone(folder: Path) -> None:

@@ -82,7 +82,7 @@ def test_what_stands_above_the_names_of_columns_is_no_header(above: str, tmp_pat
 @pytest.mark.parametrize(
     ("upset", "told"),
     [
-        (lambda t: t[::-1], r"has 1 samples: two or more were expected; \d+ rows go back in time"),
+        (lambda t: t[::-1], r"has 1 samples: two or more were expected; \d+ rows have no stamp or an earlier one"),
         (np.floor, r"= 0.1 s was expected; \d+ rows repeat the stamp before \(log.time: are stamps rounded"),
     ],
 )

@@ -87,7 +87,7 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
         if clock.repeated:
             yield _repeated(name, clock, count)
         for number, most, words in (
-            (clock.off, MOST_OFF, "have stamps that do not fit between their neighbours': left out"),
+            (clock.off, MOST_OFF, "have no stamp, or one that does not fit between its neighbours': left out"),
             (clock.backward, 1.0, "go back in time (a file appended to itself?): dropped"),
         ):
             if number:
