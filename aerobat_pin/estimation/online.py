@@ -67,7 +67,7 @@ class OnlineEstimator:
         calibration: friction, factors of efforts and mass from a recording (`calibrate`).
         wait: by how much samples may arrive late [s]; every estimate waits for it.
         expected: what is expected of forces and rows; learnt from the efforts as they come when omitted.
-        values: friction and factors of efforts, without a calibration.
+        values: friction, factors of efforts and links, without a calibration.
 
     Raises:
         CalibrationError: the calibration belongs to another robot, or to a map that means something else.
@@ -100,6 +100,8 @@ class OnlineEstimator:
             if calibration.series is not None:
                 raise MapError("online: a calibration with a series over a phase needs a whole record")
             self.robot = calibration.believed(self.robot)
+        elif len(self._values.links):
+            self.robot = self.robot.with_links(self._values.links)
         self.robot = self.robot.carrying(chosen.payload)
         every_request = (*base_requests(chosen), *joint_requests(chosen, self.robot, names))
         self._requests = {request.key: request for request in every_request}

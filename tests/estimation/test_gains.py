@@ -14,7 +14,7 @@ from support.six_joints import six_map, swing
 
 from aerobat_pin import calibrate, estimate
 from aerobat_pin.errors import AerobatError
-from aerobat_pin.estimation import Calibration, OnlineEstimator, calibration_bytes, read_calibration
+from aerobat_pin.estimation import Calibration, OnlineEstimator, calibration_bytes, read_calibration, stream_of
 from aerobat_pin.experiments import check_record
 from aerobat_pin.records import Record
 
@@ -87,6 +87,16 @@ def test_a_known_payload_tells_all_factors_and_they_tell_another_payload(folder:
         assert abs(values[axis] - true) < 2.5 * values[f"deviation of {axis}"]
     own = result.forces.record.robot.own_model
     assert result.mass == pytest.approx(sum(own.inertias[k].mass for k in range(1, 7)) + values["mass"])
+
+
+def test_a_stream_of_a_record_has_its_corrected_links(folder: Path) -> None:
+    record = opened(folder, "light_wrong", payload=KNOWN)
+    values = edited(six_map(payload=KNOWN), {"joints.friction.fit": [0, 30]})
+    record = recorded(folder / "light_wrong.csv", values)
+    whole, stream = estimate(record).estimates["force_level"], stream_of(record)
+    rows = pd.read_csv(folder / "light_wrong.csv", nrows=300).to_dict("records")
+    found = [[*one.components.values()] for row in rows for one in stream.push(row["t"], row)]
+    np.testing.assert_allclose(found, whole.components[: len(found)], rtol=0.0, atol=1e-6)
 
 
 def test_rotors_that_no_law_asks_for_leave_the_factors_right(folder: Path) -> None:
