@@ -130,6 +130,7 @@ class OnlineEstimator:
         build_interval(self._memory, self._leading)
         raise_to_noise(np.zeros(0), np.zeros((RECENT, 0)), np.zeros(0))
         add_lag_of_filter(np.zeros(0), 0.0, np.zeros((LAGS, 0)), np.zeros(0))
+        self.reset()
         self._rings.tally[:] = 0
 
     @property
@@ -164,7 +165,8 @@ class OnlineEstimator:
         """Forget all samples and start again with the next ones; what is counted stays."""
         rings = self._rings
         rings.head[:], rings.filled[:], rings.usual[:], rings.pending[:] = 0, 0, 0.0, 0.0
-        rings.changed[:], rings.stuck[:] = np.nan, 0
+        rings.shown[:] = rings.changed[:] = np.nan
+        rings.jumped[:], rings.stuck[:] = 0.0, 0
         rings.now[: ring_kernels.COUNT] = np.nan
         rings.now[ring_kernels.BROKEN] = 0.0
         self._epoch = None

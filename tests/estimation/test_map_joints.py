@@ -148,6 +148,24 @@ def test_a_log_written_at_the_motors_gives_the_forces_of_the_joints(folder: Path
     np.testing.assert_allclose(heard[1], heard[0], rtol=0.0, atol=1e-9 * np.abs(heard[0]).max())
 
 
+def test_a_stream_takes_its_first_readings_as_they_are(folder: Path) -> None:
+    """Of coupled motors, too: near a full turn it was taken out, as if they had been at zero before."""
+    table = pd.read_csv(folder / "joints.csv", nrows=20)
+    q, v, tau = (table[[f"{joint}_{part}" for joint in JOINTS]].to_numpy() for part in "qvi")
+    first = np.array([0.1, 2.0 * np.pi, 3.0])  # readings
+    zero = q[0] - COUPLING @ first
+    readings = np.linalg.solve(COUPLING, (q - zero).T).T, np.linalg.solve(COUPLING, v.T).T, tau @ COUPLING
+    coupling = AT_MOTORS["coupling"]
+    chosen = parse_map(changed(coupling=coupling, offset=dict(zip(JOINTS, zero.tolist(), strict=True))), "of the test")
+    stream = OnlineEstimator(chosen, folder)
+    names = [f"{joint}_{part}" for part in "qvi" for joint in JOINTS]
+    for turned in np.array([[0.0, 0.0, 0.0], [0.0, 2.0 * np.pi, 0.0]]):  # after a reset a full turn further
+        for t, row in zip(table.t, np.hstack([readings[0] + turned, *readings[1:]]).tolist(), strict=True):
+            stream.push(t, dict(zip(names, row, strict=True)))
+        np.testing.assert_allclose(stream.configuration, q[-1] + COUPLING @ turned, atol=1e-9)
+        stream.reset()
+
+
 def test_the_wrist_of_the_documents_moves_as_they_say() -> None:
     """The page's map: 90 and 30 deg of its motors, and 1 N m of one of them."""
     [block] = re.findall(r"```toml\n(\[joints\]\nnames = \[\"pitch.*?)```", PAGE.read_text(), re.DOTALL)
