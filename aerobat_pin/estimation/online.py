@@ -231,6 +231,8 @@ class OnlineEstimator:
         """Raise MapError for a map that needs a whole record."""
         if not self._requests:
             raise MapError("online: the map names no channel")
+        if not (self._map.robot.points or self._map.robot.wrenches):
+            raise MapError("online: robot.points = []: a point at which a force is sought was expected")
         joints, base = self._map.joints, self._map.base
         sought = self._map.payload is not None and self.robot.payload is None
         if self._map.known or sought or (joints.friction is not None and self._values.friction is None):

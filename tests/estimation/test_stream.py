@@ -357,6 +357,8 @@ def test_what_a_stream_cannot_do_is_refused_with_its_reason(folder: Path) -> Non
         OnlineEstimator(mapped(folder, observer={"names": ["smoother"]}), folder)
     with pytest.raises(MapError, match=r"wait = 2\.0: at least 0 s and less than 1 s"):
         OnlineEstimator(mapped(folder), folder, wait=2.0)
+    with pytest.raises(MapError, match=r"robot\.points = \[\]: a point at which a force is sought was expected"):
+        OnlineEstimator(mapped(folder, **{"robot.points": []}), folder)
     stream = OnlineEstimator(mapped(folder), folder)
     with pytest.raises(MapError, match="smoother"):
         stream.tune("smoother", 1.0)

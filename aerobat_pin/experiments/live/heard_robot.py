@@ -9,7 +9,7 @@ from time import monotonic
 
 import numpy as np
 
-from aerobat_pin.errors import LogError, MapError
+from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import OnlineEstimator, OnlineSample, Result, estimate, stream_of
 from aerobat_pin.experiments.experiment import Progress
 from aerobat_pin.experiments.live.ros_node import ForceNode
@@ -25,8 +25,6 @@ class LiveStream(LiveSource):
 
     def __init__(self, title: str, stream: OnlineEstimator, chosen: Map, folder: Path) -> None:
         points, section = (*chosen.robot.points, *chosen.robot.wrenches), chosen.observer
-        if not points:
-            raise MapError("live: robot.points = []: a point at which a force is sought was expected")
         super().__init__(title, stream.robot.model, points, stream.observers[0], section.gain)
         self.stream, self.map, self.folder, self.urdf = stream, chosen, folder, urdf_of(chosen.robot, folder)
         stream.tune(self.observer, self.gain)
