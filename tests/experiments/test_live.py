@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.walking_log import FEET, table, table_map, urdf, walk
+from support.walking_log import FEET, bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin import open_record
-from aerobat_pin.errors import ObserverError, ScenarioError
+from aerobat_pin.errors import LogError, ObserverError, ScenarioError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.experiments import LIVE_OBSERVERS, LiveFlight, LiveRecording, LiveRobot, LiveRow
 from aerobat_pin.experiments.live import flight
@@ -200,3 +200,14 @@ def test_a_recording_lives_as_the_batch_has_it(tmp_path: Path) -> None:
     batch = whole.components.reshape(-1, len(FEET), 3)
     np.testing.assert_allclose([row.estimate for row in rows], batch, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(live.q, walk(1.0).q[-1], atol=1e-6)
+
+
+def test_a_recording_that_lacks_what_a_stream_waits_for_is_refused(tmp_path: Path) -> None:
+    """Of a topic without efforts, which an estimate does without: it was played to its end without a force."""
+    pytest.importorskip("rosbags")
+    (tmp_path / "quadruped.urdf").write_text(urdf())
+    bag(walk(0.3), tmp_path / "bag", unmeasured=walk(0.3).joints)
+    chosen = parse_map(bag_map(tmp_path / "quadruped.urdf") | {"check": {}}, "of the test")
+    assert "joints.effort" not in open_record(tmp_path / "bag", chosen, tmp_path).channels
+    with pytest.raises(LogError, match=r"no /joint_states\.effort\.FL_HAA, which a stream waits for; `aerobat estima"):
+        LiveRecording(tmp_path / "bag", chosen, tmp_path)

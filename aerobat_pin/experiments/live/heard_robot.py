@@ -66,6 +66,8 @@ class LiveRecording(LiveStream):
         record = open_by_map(log, chosen, folder)
         super().__init__(log.name, stream_of(record), record.map, folder)
         columns = read_columns(log, record.map.log, self.stream.columns)
+        if lacking := [name for name in self.stream.columns if name not in columns.values]:
+            raise LogError(f"log {log}: no {lacking[0]}, which a stream waits for; `aerobat estimate` does without it")
         self._samples = heapq.merge(
             *(_samples(columns, n, clock) for n, clock in enumerate(columns.clocks)), key=lambda sample: sample[:2]
         )
