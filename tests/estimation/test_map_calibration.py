@@ -230,14 +230,15 @@ def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> Non
     """The second flight needs no accelerometer, and its force is that of the fit to itself within 1 mN."""
     flight().to_csv(tmp_path / "first.csv", index=False)
     flight(seed=2, wind=0.03).to_csv(tmp_path / "second.csv", index=False)
-    learnt = calibrate([recorded(tmp_path / "first.csv", DRONE)])
+    named = DRONE | {"known": {"all/four": DRONE["known"]["thrust"]}}
+    learnt = calibrate([recorded(tmp_path / "first.csv", named)])
     (tmp_path / "drone.nc").write_bytes(calibration_bytes(learnt))
-    blind = recorded(tmp_path / "second.csv", edited(DRONE, {"check": None}))
+    blind = recorded(tmp_path / "second.csv", edited(named, {"check": None}))
     found = estimate(blind, calibration=read_calibration(tmp_path / "drone.nc"))
     assert found.estimates["force_level"].force[100:, 0, 0].mean() == pytest.approx(0.03, abs=2e-3)
     assert found.forces.fits[0].log == "first.csv"
-    other = edited(DRONE, {"known.thrust.law": "polynomial 2"})
-    with pytest.raises(CalibrationError, match=r"was learnt with known\.thrust = polynomial 1 2 of commands"):
+    other = edited(named, {"known.all/four.law": "polynomial 2"})
+    with pytest.raises(CalibrationError, match=r"was learnt with known\.all/four = polynomial 1 2 of commands"):
         estimate(recorded(tmp_path / "second.csv", other), calibration=learnt)
 
 

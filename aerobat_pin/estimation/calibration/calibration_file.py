@@ -43,6 +43,7 @@ def calibration_bytes(calibration: Calibration) -> bytes:
 def _taken_apart(value: Any, place: str, arrays: dict[str, Array]) -> Any:
     """Return what JSON can hold of a value, and collect its arrays by their place."""
     if isinstance(value, np.ndarray):
+        place = place.replace("%", "%25").replace("/", "%2F")  # a slash in a force's name would begin a group
         arrays |= {place: value} if value.size else {}
         return f"{STANDS_FOR}{place if value.size else list(value.shape)}"
     if is_dataclass(value):
