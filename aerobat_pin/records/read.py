@@ -83,7 +83,8 @@ def read_netcdf_columns(path: Path, log: LogTable, wanted: Iterable[str] | None)
             f"the map (it has {', '.join(series[:VARIABLES_TOLD]) or 'none'})"
         )
     names, units = without_units([*values], {*(wanted or ())})
-    clock_of, values = (dict(zip(names, each.values(), strict=True)) for each in (clock_of, values))
+    clock_of = dict(zip(names, clock_of.values(), strict=True))
+    values = dict(zip(names, values.values(), strict=True))
     of_arrays = frozenset(name for name in names if name.startswith(tuple(arrays)))
     return Columns(path, tuple(names), clocks, clock_of, values, units=units, of_arrays=of_arrays)
 
