@@ -193,11 +193,11 @@ def test_a_table_without_a_header_is_asked_about(swing: pd.DataFrame, tmp_path: 
 @pytest.mark.parametrize(
     ("rows", "seconds", "expected", "finding"),
     [
-        ([400], 1e7, [1000], "1 of 1000 samples have stamps that do not fit"),
-        ([400], -1e7, [1000], "1 of 1000 samples have stamps that do not fit"),
-        ([400, 401, 402], 0.5, [1000], "3 of 1000 samples have stamps that do not fit"),
-        ([0], -1e7, [999], "1 of 1000 samples have stamps that do not fit"),
-        ([999], 1e7, [999], "1 of 1000 samples have stamps that do not fit"),
+        ([400], 1e7, [1000], "1 of 1000 samples have no stamp, or one that does not fit"),
+        ([400], -1e7, [1000], "1 of 1000 samples have no stamp, or one that does not fit"),
+        ([400, 401, 402], 0.5, [1000], "3 of 1000 samples have no stamp, or one that does not fit"),
+        ([0], -1e7, [999], "1 of 1000 samples have no stamp, or one that does not fit"),
+        ([999], 1e7, [999], "1 of 1000 samples have no stamp, or one that does not fit"),
         (range(100), -1e7, [99, 900], "gap: no sample of joints.position and 2 other channels for 10000000"),
         (range(500, 1000), 1e7, [500, 499], "gap: no sample of joints.position and 2 other channels for 10000000"),
         (range(500, 1000), -1e7, [500, 499], "the clock was set back 1 x"),

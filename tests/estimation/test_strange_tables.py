@@ -577,5 +577,5 @@ def test_a_table_whose_rows_are_shuffled_is_refused(tmp_path: Path) -> None:
     table(walk(3.0)).iloc[order].to_csv(tmp_path / "walk.csv", index=False)
     (tmp_path / "quadruped.urdf").write_text(urdf())
     chosen = edited(table_map(Path("quadruped.urdf")), {"log.longest_gap": 10.0})
-    with pytest.raises(LogError, match=r"time goes back: .* samples have stamps that do not fit"):
+    with pytest.raises(LogError, match=r"time goes back: .* samples have no stamp, or one that does not fit"):
         estimate(recorded(tmp_path / "walk.csv", chosen))
