@@ -155,9 +155,9 @@ class OnlineEstimator:
         obstacles = [f"{topic}: its messages have no stamp" for topic in sorted(self._unstamped)]
         if parted := {keys[c]: lacked[0] for c, lacked in self._parted.items() if len(lacked) == PARTED}:
             obstacles.append(
-                f"no message has all of {', '.join(parted)}: {', '.join(parted.values())} missing where others are; "
-                "one publisher for all joints (joint_state_publisher with source_list joins several), or joints.held, "
-                "was expected"
+                f"no message of late has all of {', '.join(parted)}: {', '.join(parted.values())} missing where others "
+                "are; one publisher for all joints (joint_state_publisher with source_list joins several), or "
+                "joints.held, was expected"
             )
         return stream_health(self._rings, keys, counts, self._wait, self._together.recent_k, obstacles)
 
@@ -170,6 +170,7 @@ class OnlineEstimator:
         rings.now[: ring_kernels.COUNT] = np.nan
         rings.now[ring_kernels.BROKEN] = 0.0
         self._epoch = None
+        self._parted.clear()
 
     @guarded()
     def tune(self, observer: str, gain: float) -> None:

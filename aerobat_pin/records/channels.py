@@ -30,6 +30,10 @@ SI_FACTORS: dict[str, dict[str, float]] = {
     "torque": {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3, "1": 1.0},
     "none": {},
 }
+IN_ONE_ARRAY = {  # kinds of an array's unit, and of some of its columns: quaternions of a pose, moments, slides beside hinges
+    *(("length", ""), ("angle", "length"), ("length", "angle")),
+    *(("speed", "rate"), ("rate", "speed"), ("force", "torque")),
+}
 ASKED = {  # key -> kind of quantity, numbers of columns, and part of a message with its axes
     "base.position": ("length", (3,), "position", "xyz"),
     "base.quaternion": ("none", (4,), "orientation", "xyzw"),
@@ -128,7 +132,7 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
     for name, unit in zip(request.names, request.units, strict=False):
         stated = columns.units.get(name, "")
         if unit and stated and not same_unit(stated, unit):
-            if name in columns.of_arrays and _kind_of(stated) != _kind_of(unit):
+            if name in columns.of_arrays and (_kind_of(stated), _kind_of(unit)) in IN_ONE_ARRAY:
                 continue
             raise LogError(f"log {columns.path}: column '{name} [{stated}]': {unit} was expected")
     parts = [columns.series(name, request.key) for name in request.names]

@@ -133,7 +133,7 @@ def numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, 
         if match is not None and BEHIND_NUMBERS.issuperset(words_of_name(match["tail"])):
             series.setdefault((match["stem"].lower(), match["tail"].lower()), {})[int(match["number"])] = name
     parts_of: dict[str, dict[str, str]] = {}
-    for (stem, tail), listed in series.items():
+    for (stem, tail), listed in sorted(series.items(), key=lambda one: -len(one[1])):
         part = _part_in(f"{stem} {tail}")
         first, count = min(listed), len(listed)
         if count == 4 and _are_turns(columns, list(listed.values())):

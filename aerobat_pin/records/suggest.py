@@ -38,6 +38,7 @@ STEMS = [  # as in vel_x_world, and velocity_x: what is read of a name counts wh
     re.compile(rf"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>{tail})$", re.IGNORECASE) for tail in ("_[a-z0-9]*", "")
 ]
 TOOL_WORDS = {"tool", "tcp", "ee", "eef", "hand", "gripper", "flange", *WANTED_WORDS}  # of poses that are no base's
+WORLD_BEHIND = {"p", "pos", "position", "translation", "v", "vel", "velocity", "a", "acc", "f", "force", "wrench"}
 UNIT_BEHIND = re.compile(r"\s*(\[.*\]|\(.*\))$")  # as in nav.x [m]
 GROUP_WORDS = {  # what a group of columns may be -> words in its name
     "acceleration": ("a", "acc", "specific", "linear_acceleration"),
@@ -134,7 +135,8 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
             if of_tool and kind != "force":
                 continue
             needed = "xyzw" if kind == "quaternion" else "xyz"
-            last = stem.rstrip("_ .").rpartition("_")[2].rpartition(".")[2]
+            said = re.split(r"[ _.]", stem.rstrip("_ ."))
+            last = said[-2] if said[-1] == "w" and {*said[-2:-1]} & WORLD_BEHIND else said[-1]
             first = re.split(r"[ _.]", stem)[0] if kind == "force" else last  # as in F_ext_x
             exact = {first, last} & set(words) or (
                 len(last) > 2 and any(len(word) > 2 and word in stem for word in words)

@@ -296,6 +296,7 @@ def test_numbered_columns_are_those_of_joints_of_that_number(tmp_path: Path) -> 
         ("imu_w{}", "imu_a{}"),
         ("omega_{}", "none_{}"),
         ("gyro{}_w", "acc{}_w"),
+        ("omega_{}", "force_w_{}"),
     ],
 )
 def test_an_attitude_and_a_gyro_ask_whether_the_base_moves(rate: str, felt: str, tmp_path: Path) -> None:
@@ -308,7 +309,7 @@ def test_an_attitude_and_a_gyro_ask_whether_the_base_moves(rate: str, felt: str,
     text = suggested_map(tmp_path / "log.csv", tmp_path / "quadruped.urdf")
     base = tomllib.loads(re.sub("^# ", "", text[text.index("# [base]") : text.index("[joints]")], flags=re.MULTILINE))
     assert base["base"]["rate"]["columns"] == [rate.format(axis) for axis in "xyz"]
-    assert base["base"]["from"] == ("joints" if felt == "none_{}" else "imu")
+    assert base["base"]["from"] == ("joints" if felt in ("none_{}", "force_w_{}") else "imu")
 
 
 @pytest.mark.parametrize("name", ["log.csv", "LOG.NC"])
@@ -345,8 +346,9 @@ def test_units_behind_names_are_those_of_suggestions(name: str, tmp_path: Path) 
         columns_of = read_columns(tmp_path / "pose.nc", LogTable(), names)
         turns = channel_of(Request("extra.turns", tuple(names[3:]), units=("-",) * 4), columns_of, 0.1)
         assert turns is not None
-        with pytest.raises(LogError, match=r"column 'pose.0 \[mm\]': m was expected"):
-            channel_of(Request("base.position", tuple(names[:3]), units=("m",) * 3), columns_of, 0.1)
+        for unit in ("m", "rad/s"):
+            with pytest.raises(LogError, match=rf"column 'pose.0 \[mm\]': {unit} was expected"):
+                channel_of(Request("base.position", tuple(names[:3]), units=(unit,) * 3), columns_of, 0.1)
     parse_map({**found, "robot": {**found["robot"], "points": ["l1"]}}, "that is suggested")
 
 
@@ -355,6 +357,16 @@ def arm_of(count: int) -> str:
     links = [link(f"l{k}", 1.0, moments=(1.0, 1.0, 1.0)) for k in range(1, count + 1)]
     joints = [joint(f"joint{k}", "revolute", f"l{k - 1}", f"l{k}") for k in range(1, count + 1)]
     return f'<robot name="arm">{link("l0")}{"".join(links + joints)}</robot>'
+
+
+def test_numbered_columns_of_all_joints_come_before_a_tools_position(tmp_path: Path) -> None:
+    """Its three columns, which stand first, were the positions of the first three joints."""
+    (tmp_path / "arm.urdf").write_text(arm_of(6))
+    table = {"t": 0.01 * np.arange(50.0)} | {f"tcp_pos_{k} [mm]": np.arange(50.0) for k in range(3)}
+    table |= {f"q{k} [rad]": np.sin(np.arange(50.0)) for k in range(1, 7)}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    found = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))["joints"]["position"]
+    assert found["columns"] == [f"q{k} [rad]" for k in range(1, 7)]
 
 
 @pytest.mark.parametrize("joints", [3, 5])  # the log's, or a gripper's beside them

@@ -316,7 +316,7 @@ def test_what_keeps_a_stream_from_estimates_is_said(folder: Path) -> None:
             stream.push(t, {key: value for key, value in row.items() if key.startswith(leg) or "_tau" not in key})
     assert stream.health.estimates == 0
     [obstacle] = stream.health.obstacles
-    assert obstacle.startswith("no message has all of joints.effort: FL_HAA_tau missing where others are")
+    assert obstacle.startswith("no message of late has all of joints.effort: FL_HAA_tau missing where others are")
     assert obstacle in str(stream.health)
     header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0))
     state = SimpleNamespace(header=header, name=["a"], position=[0.0], velocity=[0.0], effort=[0.0])

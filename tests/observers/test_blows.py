@@ -78,3 +78,25 @@ def test_what_leaves_no_trace_does_not_jump() -> None:
         DT * np.arange(COUNT + 1), q, v, np.zeros((COUNT, 2))
     )
     assert np.max(np.abs(found.components)) < 100.0
+
+
+@pytest.mark.parametrize(("q0", "tip", "blow"), [(0.015, [1.0, 0.0, 0.0], 200.0), (0.3, [0.0, 0.0, 0.2], 0.0)])
+def test_a_door_that_is_hit_says_across_it_alone(q0: float, tip: list[float], blow: float) -> None:
+    """One row explains each component: -12 kN came along the door, and 4e19 N at a point on its axis."""
+    model = pin.Model()
+    place = pin.SE3(pin.rpy.rpyToMatrix(1.3 if not blow else 0.0, 0.4 if not blow else 0.0, 0.0), np.zeros(3))
+    hinge = model.addJoint(0, pin.JointModelRZ(), place, "hinge")
+    inertia = pin.Inertia(5.0, np.array([0.5, 0.0, 0.0]), np.diag([0.1, 0.5, 0.5]))
+    model.appendBodyToJoint(hinge, inertia, pin.SE3.Identity())
+    model.addFrame(pin.Frame("tip", hinge, 0, pin.SE3(np.eye(3), np.array(tip)), pin.FrameType.OP_FRAME))
+    model.gravity.linear = np.zeros(3)
+    q, v, hit = [q0], [0.0], range(COUNT, COUNT + 10)
+    for k in range(3 * COUNT // 2):
+        v.append(v[-1] + DT * (200.0 * np.cos(q[-1]) / 1.75 if k in hit else 0.0))
+        q.append(q[-1] + 0.5 * DT * (v[-1] + v[-2]))
+    seen = np.array(v)[:, None] + 1e-3 * np.random.default_rng(1).standard_normal((len(v), 1))
+    expected = Expected(np.full(3, 10.0), np.array([0.3]), np.zeros(1), np.ones(1))
+    observer = KalmanObserver(model, ["tip"], 100.0, expected=expected)
+    found = observer.run(DT * np.arange(len(q)), np.array(q)[:, None], seen, np.zeros((len(q) - 1, 1))).components
+    assert found[COUNT + 2 : hit.stop, 1].mean() == pytest.approx(blow, abs=5.0)
+    assert np.max(np.abs(found[:, [0, 2]])) < 20.0

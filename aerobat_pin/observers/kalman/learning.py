@@ -26,7 +26,9 @@ LEARNING = 2 * DIFFERENCES  # number of intervals until the sensor noise is know
 LEAST_NOISE = 1.0e-3  # smallest share of the stated sensor noise, which keeps the covariances invertible
 LEAST_INFORMATION = 1.0e-6  # share of the total information on all patterns of forces, added to every pattern
 JUMPED = 5.0  # deviations of what one interval says of a component: beyond, it has jumped
-HARDLY_SHOWN = 100.0  # times worse than the best a component is shown that leaves no trace of a jump
+HARDLY_SHOWN = 100.0  # times worse than the best a component is shown that leaves no trace of a jump ...
+NO_TRACE = 1.0e-12  # ... as does one whose trace is so small a share of what is expected, in squares
+SAME_SURPRISE = 1.0e-6  # share by which surprises of components may differ that explain the innovation equally well
 UNKNOWN_TORQUE = 1.0e8  # variance of the impulse of an unknown torque, relative to that of all other noise
 
 
@@ -228,7 +230,7 @@ def let_jump(P: Array, variance: Array, step: Step) -> None:
     With e the whitened innovation and w = L^-1 dt J_a^T, the trace of one component, the interval says that it jumped
     by (w.e) / (w.w), with deviation 1 / |w|. Its variance grows by that size squared. It says nothing of what it shows
     `HARDLY_SHOWN` times worse than another component, beside what is expected of both, of `variance` (nz,): any size
-    would do.
+    would do. Of components that explain it equally well, the one that it shows best jumps.
     """
     rows, shear, nv, n, c = step.rows, step.shear, step.rows.shape[0], step.shear.shape[1], step.unseen.shape[0]
     whitening, e = rows[:, nv + n : 2 * nv + n], rows[:, nv + 2 * n]
@@ -237,7 +239,7 @@ def let_jump(P: Array, variance: Array, step: Step) -> None:
         largest += e[i] * e[i]
     if largest <= JUMPED * JUMPED:  # as is then every part of it
         return
-    w, squares, least = np.empty((c, nv)), np.zeros(c), 0.0
+    w, squares, least = np.empty((c, nv)), np.zeros(c), NO_TRACE
     for jumps in range(c):
         for a in range(c):
             squares[a] = 0.0
@@ -246,13 +248,16 @@ def let_jump(P: Array, variance: Array, step: Step) -> None:
                 squares[a] += w[a, i] * w[a, i]
             if jumps == 0:
                 least = max(least, HARDLY_SHOWN**-2.0 * squares[a] * variance[a])
-        surprise, size, jumping = JUMPED * JUMPED, 0.0, -1
+        surprise, size, jumping, best = JUMPED * JUMPED, 0.0, -1, 0.0
         for a in range(c):
             along, square = 0.0, squares[a]
             for i in range(nv):
                 along += w[a, i] * e[i]
-            if along * along > surprise * square and square * variance[a] > least:
-                surprise, size, jumping = along * along / square, along / square, a
+            shown = square * variance[a]
+            if shown > least and along * along > JUMPED * JUMPED * square:
+                more = along * along / square / surprise - 1.0
+                if more > SAME_SURPRISE or (more > -SAME_SURPRISE and shown > best):
+                    surprise, size, jumping, best = along * along / square, along / square, a, shown
         if jumping < 0:
             return
         P[nv + jumping, nv + jumping] += size * size
