@@ -30,7 +30,7 @@ SI_FACTORS: dict[str, dict[str, float]] = {
     "torque": {"N m": 1.0, "mN m": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3, "1": 1.0},
     "none": {},
 }
-IN_ONE_ARRAY = {  # kinds of an array's unit, and of some of its columns: quaternions of a pose, moments, slides beside hinges
+IN_ONE_ARRAY = {  # kinds of its unit and of some columns: a pose's quaternion, moments, slides beside hinges
     *(("length", ""), ("angle", "length"), ("length", "angle")),
     *(("speed", "rate"), ("rate", "speed"), ("force", "torque")),
 }
