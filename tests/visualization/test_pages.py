@@ -20,6 +20,7 @@ from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.figures.flight import draw_states, draw_stick_diagram
 from aerobat_pin.visualization.figures.lines import thinned
+from aerobat_pin.visualization.replay.flight_replay import replay_result
 from aerobat_pin.visualization.result_pages import draw_all, report_html
 
 
@@ -62,6 +63,15 @@ def test_a_force_that_acts_on_no_wing_is_not_said_to() -> None:
     figure = draw_estimation(flown("guard").scores)
     assert "Unknown force at each point" in figure.get_suptitle()
     assert figure.axes[0].get_title() == "thruster_1"
+
+
+def test_rows_alone_are_drawn_and_replayed() -> None:
+    """Without points, the close-up looks at the base's row along the step, and the replay has no estimated force."""
+    made = run(load_scenario("paper", ["observers.frames=[]", "observers.names=['momentum']"]))
+    figure = draw_estimation(made.scores)
+    assert [axis.get_ylabel().partition(" ")[0] for axis in figure.axes[:3]] == ["base.Fx", "base.Fy", "base.Fz"]
+    assert figure.axes[-1].get_ylabel().startswith("base.F")
+    assert "estimated" not in replay_result(made).html()
 
 
 @pytest.mark.parametrize(

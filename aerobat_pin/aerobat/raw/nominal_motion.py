@@ -132,8 +132,8 @@ def _spline(wanted: Array, time: Array, values: Array, step: float, degree: int 
     more = np.linspace(wanted[0], wanted[-1], int((wanted[-1] - wanted[0]) / period) + 2)
     after = np.clip(np.searchsorted(time, more), 1, len(time) - 1)
     near = np.minimum(np.abs(more - time[after - 1]), np.abs(more - time[after]))
-    inside = (more > time[0]) & (more < time[-1])
-    more = more[near > np.where(inside, step, 1.1 * period)]
+    between = (more > time[0]) & (more < time[-1])
+    more = more[near > np.where(between, step, 1.1 * period)]
     if len(more):
         lines = np.column_stack([_line(more, time, column) for column in values.reshape(len(time), -1).T])
         order = np.argsort(time := np.concatenate([time, more]))

@@ -89,8 +89,9 @@ class Checkpoint:
 
     def _remove_if_empty(self) -> None:
         """Remove the files of a sweep that has no finished run, so nothing to resume."""
-        for name in () if self.finished else FILES:
-            (self.folder / name).unlink(missing_ok=True)
+        if not self.finished:
+            for name in FILES:
+                (self.folder / name).unlink(missing_ok=True)
 
     def _resume_or_start(self, manifest: dict[str, Any], sweep: Sweep, force: bool, work: Path) -> None:
         """Resume the sweep in the folder, or start a new one."""

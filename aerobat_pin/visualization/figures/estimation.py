@@ -44,7 +44,7 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
         events: events beside those of the true force, such as a gust.
     """
     panels = _Panels(result)
-    frames, known = panels.frames, bool(result.references)
+    frames, known = panels.frames, bool(result.references) and bool(panels.frames[0])
     events = sorted([*result.events, *events], key=lambda event: event.start)
     heights = [*((1.0, 0.45) if known else (1.0,)) * len(panels.labels), 1.15]
     height = 0.45 + sum(heights) * (1.77 if known else 1.67)
@@ -152,7 +152,7 @@ class _Panels:
         axis.set(
             xlim=self.span,
             visible=known is not None,
-            ylabel=f"error [{'' if self.factor == 1.0 else 'm'}{'N' if label[0] == 'F' else 'N m'}]",
+            ylabel=f"error [{'' if self.factor == 1.0 else 'm'}{self.units.get((frame, label), 'N')}]",
         )
         for name, estimate, colour, line in self._estimates():
             for side in self.result.compared[name]:
@@ -222,7 +222,9 @@ def _enlarged(result: Result, panels: _Panels, events: Sequence[TrueEvent]) -> _
         clean = None if known is None else known[0].noise_free
         force = first.between(rows.start, rows.stop).components[:, :3] if clean is None else clean[rows]
         size = np.ptp(force, axis=0) if event.name == "step" else np.abs(force).max(axis=0)
-        return _Enlarged(start, end, ("Fx", "Fy", "Fz")[int(np.argmax(size))], event.name)
+        axis = ("Fx", "Fy", "Fz")[int(np.argmax(size))]  # of a point, or of the base among the rows
+        label = next((label for label in panels.labels if label.endswith(axis)), panels.labels[0])
+        return _Enlarged(start, end, label, event.name)
     length = max(SHORTEST_ENLARGED, ENLARGED_SHARE * (panels.span[1] - panels.span[0]))
     begin = first.start[0] + length  # until then filters rise
     begin = begin if begin < first.start[-1] else -np.inf

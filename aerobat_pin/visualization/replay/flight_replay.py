@@ -68,7 +68,7 @@ def replay_flight(robot: Aerobat, log: FlightLog, air: AirSection, estimates: xr
         move=None if crank is None else lambda visual, row: place_bars(robot, visual, float(crank[row])),
     )
     replay.rate = SLOW_MOTION
-    if estimates is not None:
+    if estimates is not None and "force_W" in estimates:  # else of the rows alone
         for name in map(str, estimates["observer"].values):
             force = estimates["force_W"].sel(observer=name)
             frames = [str(frame) for frame in force["point"].values if robot.model.existFrame(str(frame))]  # not a sum
