@@ -137,6 +137,10 @@ def test_keys_without_quotation_marks_are_keys(tmp_path: Path) -> None:
     assert run.air.gust == base.air.gust.model_copy(update={"start": 0.1})
     assert run.air.strips == 4
     assert run.observers == base.observers.model_copy(update={"gain": 900.0})
+    quoted = SHORT + RANGES.split("[variants")[0] + FACTORS + DRAWS
+    plain = re.sub(r'"((?:\w+\.)+\w+)"(?= =)', r"\1", quoted)
+    assert plain.count('"') == quoted.count('"') - 2 * 7
+    assert load_sweep(written(tmp_path, plain)).file == load_sweep(written(tmp_path, quoted)).file
 
 
 def test_a_factor_scales_several_keys_from_their_references(tmp_path: Path) -> None:

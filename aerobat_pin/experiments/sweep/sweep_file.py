@@ -18,6 +18,7 @@ from aerobat_pin.scenario import Number, Positive, Whole, explain_plainly, read_
 
 SHIPPED_SWEEPS = Path(__file__).with_name("shipped")
 SEED, DRAW = "seed", "draw"
+WORDS = frozenset({"from", "to", "count", "distribution"})  # of tables that say which values a key takes
 KINDS = ("list", "span", "number", "uniform", "log_uniform", "normal")  # tags that pydantic adds to error locations
 
 
@@ -79,30 +80,35 @@ class Normal(_Table):
         return [float(value) for value in random.normal(self.mean, self.deviation, count)]
 
 
-class Draws(_Table):
-    """Random draws of several keys; the draws of a key do not change when other keys are added or removed."""
-
-    count: Whole = Field(ge=1, description="number of draws")
-    seed: Whole = Field(1, ge=0, description="of the draws alone, not of the flights")
-    values: dict[str, Annotated[Uniform | Normal, Field(discriminator="distribution")]] = Field(min_length=1)
-
-
-def _kind(value: Any) -> str:
-    return "span" if isinstance(value, dict | Span) else "list" if isinstance(value, list) else "number"
-
-
 def _dotted(tables: Any) -> Any:
     """Return keys as they are meant that TOML reads as tables without quotation marks: `air.density = 1.1`."""
     if not isinstance(tables, dict):
         return tables
     keys: dict[str, Any] = {}
     for key, value in tables.items():
-        below = _dotted(value) if isinstance(value, dict) and "." not in key else {}
+        whole = "." in key or not isinstance(value, dict) or not WORDS.isdisjoint(value)
+        below = {} if whole else _dotted(value)
         keys |= {f"{key}.{name}": item for name, item in below.items()} or {key: value}
     return keys
 
 
 Keys = Annotated[dict[str, Any], BeforeValidator(_dotted)]
+
+
+class Draws(_Table):
+    """Random draws of several keys; the draws of a key do not change when other keys are added or removed."""
+
+    count: Whole = Field(ge=1, description="number of draws")
+    seed: Whole = Field(1, ge=0, description="of the draws alone, not of the flights")
+    values: Annotated[
+        dict[str, Annotated[Uniform | Normal, Field(discriminator="distribution")]], BeforeValidator(_dotted)
+    ] = Field(min_length=1)
+
+
+def _kind(value: Any) -> str:
+    return "span" if isinstance(value, dict | Span) else "list" if isinstance(value, list) else "number"
+
+
 Listed = Annotated[list[Any], Field(min_length=1), Tag("list")]
 Numbers = Annotated[list[Number], Field(min_length=1), Tag("list")]
 Spanned = Annotated[Span, Tag("span")]
@@ -113,7 +119,7 @@ class Factors(_Table):
     """Several keys that are multiplied by a common factor, each starting from its own reference value."""
 
     values: Annotated[Numbers | Spanned, Discriminator(_kind)] = Field(description="the factors")
-    of: dict[str, Annotated[Single | Numbers, Discriminator(_kind)]] = Field(
+    of: Annotated[dict[str, Annotated[Single | Numbers, Discriminator(_kind)]], BeforeValidator(_dotted)] = Field(
         min_length=1, description="dotted key -> what a factor of 1 makes it: a number, or a list of them"
     )
 
@@ -135,7 +141,7 @@ class SweepFile(_Table):
     base: str = Field(description="shipped scenario, or TOML file beside this one")
     seeds: Whole = Field(1, ge=1, description="number of seeds, counted up from the base scenario's")
     set: Keys = Field(default_factory=dict)
-    ranges: dict[str, Annotated[Listed | Spanned, Discriminator(_kind)]] = Field(default_factory=dict)
+    ranges: Annotated[dict[str, Annotated[Listed | Spanned, Discriminator(_kind)]], BeforeValidator(_dotted)] = {}
     factors: dict[str, Factors] = Field(default_factory=dict)
     variants: dict[str, Annotated[dict[str, Keys], Field(min_length=1)]] = Field(default_factory=dict)
     draws: Draws | None = None
