@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from aerobat_pin.estimation.checks.known_against_motion import turned_base
 from aerobat_pin.estimation.checks.readings import (
     LEFT_BY_JOINTS,
+    WELL,
     JointReading,
     joint_pairs,
     left_by_readings,
@@ -116,13 +117,13 @@ def _read_otherwise(
     share, turned, scaled = map(balance.beside_friction, residuals)
     _, least = _least_squares(balance, balance.rubbing)
     noisy = share < ABOVE_NOISE * _white_share(balance)
-    if min(share, scaled) > (GOOD if noisy else WORTH):
+    if min(share, scaled) > (GOOD if noisy else WELL):
         mapped, needed = JointReading.as_mapped(record), balance.size / len(motion.q)
-        if turned > GOOD or np.all(signs > 0.0):
-            reading = reading_of(record, motion, needed)
-        else:  # of joints that turn the other way efforts are reversed, too
-            reading = mapped.otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)
-        (left,) = left_by_readings(record, motion, [reading], needed)
+        readings = [mapped.otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)]  # as efforts are reversed
+        if turned > WELL or np.all(signs > 0.0):
+            readings.append(reading_of(record, motion, needed))
+        shares = left_by_readings(record, motion, readings, needed)
+        left, reading = min(zip(shares, readings, strict=True), key=lambda each: each[0])
         factors = float(least @ least) / balance.size  # what they leave, with a number for each joint and friction
         k, enough = int(np.argmax(np.abs(reading.turn))), LEFT_BY_JOINTS * share
         if not record.robot.knows_forces:  # else these may be wrong, and are those of the joints as mapped
@@ -233,8 +234,7 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
         return
     gain, unsure = _measured_per_needed(balance, np.ones(n), balance.residual)
     off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]
-    changed = np.ones(n)
-    changed[off] = factors[off]
+    changed = np.where(np.isin(range(n), off), factors, 1.0)
     left = balance.beside_friction(balance.needed - balance.given @ changed)
     if left > EXPLAINED * balance.beside_friction(balance.residual):
         return
