@@ -144,8 +144,8 @@ class SharedError:
 
     @property
     def by_weight(self) -> Array:
-        """The same (k,) where the robot's weight, which errs as its links do, told the factors of efforts."""
-        share = self.size * np.linalg.norm(self.masses) / np.sum(self.masses)
+        """The same (k,) where weight that is wrong by a tenth of a link's at most told the factors of efforts."""
+        share = min(self.size, ERROR_OF_MASS) * np.linalg.norm(self.masses) / np.sum(self.masses)
         return np.hypot(self.deviation, share * self.carried)
 
     @property

@@ -6,6 +6,7 @@ beyond five of them, of one whose efforts drifted by a tenth over 20 s 40 to 49 
 
 import re
 import sysconfig
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -154,6 +155,10 @@ def test_how_far_masses_are_off_follows_from_those_that_forces_do_not_hide() -> 
     np.testing.assert_allclose(found.deviation[:2], [0.1, 0.05], rtol=0.05)
     assert 0.05 < found.deviation[2] < 0.12
     np.testing.assert_allclose(found.untested, [0.0, 0.0, 0.1], atol=0.01)
+    far = replace(found_beside_forces(np.array([0.3, -0.4, 0.3]), rng), carried=50.0)
+    assert far.size > 0.2
+    of_weight = np.sqrt(far.by_weight**2 - far.deviation**2)
+    np.testing.assert_allclose(of_weight, 0.1 * 50.0, rtol=1e-9, err_msg="nobody is a third wrong of a robot's weight")
     for push in (0.0, 5.0):
         assert not found_beside_forces(np.zeros(3), rng, push).deviation.any()
 
