@@ -146,13 +146,13 @@ def _noisy_components(estimate: Estimate) -> list[str]:
         return []
     noise, rms = burst_noise(estimate.components), np.sqrt(np.mean(estimate.components**2, axis=0))
     loud = [
-        f"{name} {quantity(sigma, unit)} of {quantity(size, unit)}"
+        f"{name} {quantity(sigma, unit)} beside {quantity(size, unit)}"
         for name, unit, sigma, size in zip(estimate.identifiability.components, estimate.units, noise, rms, strict=True)
         if sigma > LARGEST_NOISE * size
     ]
     line = (
-        f"mostly noise from sample to sample, at times at least: {', '.join(loud)} rms; a lower gain, kalman or "
-        "smoother take it out, unless the force itself is that rough"
+        f"mostly noise from sample to sample where that is largest, rms beside that of all: {', '.join(loud)}; kalman, "
+        "smoother or a lower gain take it out, unless the force itself is that rough"
     )
     return [line] if loud else []
 
