@@ -55,15 +55,11 @@ class Stance:
         }
 
 
-def touching(force: Array, weight: float, before: bool = False) -> Array:
-    """Return whether a point is in contact, by hysteresis of vertical forces (m,) in shares of the weight [N].
-
-    `before` says whether it was in contact before.
-    """
+def touching(force: Array, weight: float) -> Array:
+    """Return whether a point is in contact, by hysteresis of vertical forces (m,) in shares of the weight [N]."""
     above = force > END_SHARE * weight
     stretch = np.cumsum(np.diff(above, prepend=not above[:1].any()))  # its number is odd where the force is above
-    sure = np.append(stretch[force > ONSET_SHARE * weight], 1 if before else 0)
-    return np.asarray(above & np.isin(stretch, sure))
+    return np.asarray(above & np.isin(stretch, stretch[force > ONSET_SHARE * weight]))
 
 
 def contact_probability(force: Array, deviation: Array, weight: float) -> Array:
@@ -93,34 +89,28 @@ class ContactWatch:
 
 def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
     """Return the contacts of every point, in blocks of an estimate in order; none where these are no world forces."""
-    onsets, ends = defaultdict[str, list[float]](list), defaultdict[str, list[float]](list)
-    touched, sure = defaultdict[str, float](float), defaultdict[str, float](float)
-    standing, count = defaultdict[str, bool](bool), 0
+    times, found = list[Array](), list[Stance]()
+    vertical, sure = defaultdict[str, list[Array]](list), defaultdict[str, float](float)
     for block in blocks:
         if not block.are_world_forces:
             return ()
-        count += len(block.components)
-        force, deviation = block.force, block.standard_deviation
+        times.append(block.time[:-1])
         for k, point in enumerate(block.frames):
-            up = force[:, k, 2]
-            on = touching(up, weight, standing[point])
-            change = np.diff(on.astype(int), prepend=int(standing[point]))
-            onsets[point] += block.time[:-1][change > 0].tolist()
-            ends[point] += block.time[:-1][change < 0].tolist()
-            touched[point] += float(on.sum())
+            up, deviation = block.force[:, k, 2], block.standard_deviation
+            vertical[point].append(up)
             if deviation is None:
                 sure[point] = np.nan
             else:
                 likely = contact_probability(up, deviation[:, 3 * k + 2], weight)
                 sure[point] += float(np.sum(np.abs(likely - 0.5) >= 0.45))
-            standing[point] = bool(on[-1]) if len(on) else standing[point]
-    for point in onsets:
-        ends[point] += [np.nan] * (len(onsets[point]) - len(ends[point]))
-    whole = max(count, 1)
-    return tuple(
-        Stance(point, np.array(onset), np.array(ends[point]), touched[point] / whole, sure[point] / whole)
-        for point, onset in onsets.items()
-    )
+    for point, parts in vertical.items():
+        on, time = touching(np.concatenate(parts), weight), np.concatenate(times)
+        change = np.diff(on.astype(int), prepend=0)
+        onset, end = time[change > 0], time[change < 0]
+        end = np.pad(end, (0, len(onset) - len(end)), constant_values=np.nan)
+        count = max(len(on), 1)
+        found.append(Stance(point, onset, end, float(on.sum()) / count, sure[point] / count))
+    return tuple(found)
 
 
 def walks_on(robot: PlainRobot, chosen: Map) -> bool:
