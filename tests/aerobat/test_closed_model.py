@@ -11,10 +11,9 @@ from support.readers import ROBOTS
 from support.stepping import step
 
 import aerobat_pin
-from aerobat_pin.aerobat.aerobat import load_aerobat
-from aerobat_pin.aerobat.closed_model import closed_model, closed_settings, closed_state
+from aerobat_pin.aerobat import closed_model, closed_settings, closed_state, load_aerobat
 from aerobat_pin.errors import FrameNotFoundError, MorphologyFileError
-from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
+from aerobat_pin.linkage import KineticSculpture
 
 CRANKS = ("left_crank", "right_crank")
 

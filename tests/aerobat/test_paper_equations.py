@@ -4,11 +4,8 @@ Positions, angular velocities, T and U of the five bodies are written with numpy
 for the left wing as printed and for the right wing mirrored. The equations of motion M_d a_d = h_d + u then come from
 that Lagrangian by Euler-Lagrange, without Pinocchio. Derivatives are exact to rounding: T is quadratic in the rates,
 so differences of it give the momentum without error, and the complex step differentiates by the coordinates.
-
-A crank that a motor turns makes seven coordinates of them: p_B, phi and t1, of which the linkage makes the four angles.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,13 +13,10 @@ import pinocchio as pin
 import pytest
 from support.kernel_cases import random_motion
 
-from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
-from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.aerobat import Aerobat, load_aerobat
 
 EXACT = 1e-12
 G = 9.81
-ROTOR = 5e-5  # [kg m2]
 L3 = np.array([0.0, 0.0525, 0.0])  # elbow to the distal COM, in the distal frame [m]
 LINKS = ("base_link", "left_proximal", "left_distal", "right_proximal", "right_distal")
 MIRROR = np.array([1.0, -1.0, 1.0])
@@ -117,37 +111,21 @@ def lagrangian_parts(robot: Aerobat, R0: np.ndarray, x: np.ndarray, x_dot: np.nd
     return paper_energy(robot, paper_bodies(robot, x[:3], R_B, x_dot[:3], omega_B, x[6:], x_dot[6:]))
 
 
-def crank_parts(robot: Aerobat, R0: np.ndarray, x: np.ndarray, x_dot: np.ndarray) -> tuple[complex, complex]:
-    """Return T and U in coordinates x = (p_B, phi, t1); a complex step by t1 is carried through the closed linkage.
-
-    The rotor's energy is part of T.
-    """
-    t1, step = float(x[6].real), 1j * x[6].imag
-    closed = robot.linkage.solve(t1)
-    angle = np.array([closed.theta_s, closed.theta_e])
-    slope, bend = (np.array([getattr(closed, f"{d}{a}") for a in ("theta_s", "theta_e")]) for d in ("d", "d2"))
-    angles, rates = angle + slope * step, (slope + bend * step) * x_dot[6]
-    full = np.concatenate([x[:6], angles, angles]), np.concatenate([x_dot[:6], rates, rates])
-    T, U = lagrangian_parts(robot, R0, *full)
-    return T + 0.5 * ROTOR * x_dot[6] ** 2, U
-
-
 def euler_lagrange(
     robot: Aerobat,
     R0: np.ndarray,
     x: np.ndarray,
     x_dot: np.ndarray,
     x_ddot: np.ndarray,
-    parts: Callable[..., tuple[complex, complex]] = lagrangian_parts,
 ) -> np.ndarray:
-    """Return d/dt (dL/dx') - dL/dx at phi = 0, as many as coordinates, for L = T - U of `parts`."""
+    """Return d/dt (dL/dx') - dL/dx (10,) at phi = 0, for L = T - U."""
     h, units = 1e-30, np.eye(len(x))
 
     def momentum(at: np.ndarray, rate: np.ndarray) -> np.ndarray:
-        kinetic = [[parts(robot, R0, at, rate + s * e)[0] for s in (1.0, -1.0)] for e in units]
+        kinetic = [[lagrangian_parts(robot, R0, at, rate + s * e)[0] for s in (1.0, -1.0)] for e in units]
         return np.array([(plus - minus) / 2.0 for plus, minus in kinetic])
 
-    slope = [np.subtract(*parts(robot, R0, x + 1j * h * e, x_dot)).imag / h for e in units]
+    slope = [np.subtract(*lagrangian_parts(robot, R0, x + 1j * h * e, x_dot)).imag / h for e in units]
     return momentum(x, x_ddot) + momentum(x + 1j * h * x_dot, x_dot).imag / h - np.array(slope)
 
 
@@ -195,36 +173,6 @@ def test_kinetic_and_potential_energy_written_out_equal_pinocchio(robot: Aerobat
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_mass_matrix_of_the_written_out_kinetic_energy_equals_crba(robot: Aerobat, seed: int) -> None:
-    """Polarisation: M_ij = T(e_i + e_j) - T(e_i) - T(e_j), T being quadratic in the velocities."""
-    q, _, _ = random_motion(seed)
-
-    def T(v: np.ndarray) -> float:
-        return float(paper_energy(robot, paper_bodies_of(robot, q, v))[0])
-
-    E = np.eye(10)
-    M = np.array([[T(a + b) - T(a) - T(b) for b in E] for a in E])
-    expected = pin.crba(robot.model, robot.model.createData(), q)
-    np.testing.assert_allclose(M, expected, atol=EXACT, rtol=0)
-    np.testing.assert_allclose(TIE.T @ M @ TIE, TIE.T @ expected @ TIE, atol=EXACT, rtol=0)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_h_of_the_written_out_lagrangian_is_minus_coriolis_minus_gravity(robot: Aerobat, seed: int) -> None:
-    """Paper, equation of motion: h_d = -(C v + g) stands on the right; with the other sign it fails."""
-    q, v, _ = random_motion(seed)
-    data = robot.model.createData()
-    R, x, x_dot, x_ddot, P = chart(q, v, np.zeros(10))
-    h = -np.linalg.solve(P.T, euler_lagrange(robot, R, x, x_dot, x_ddot))  # M_d a_d = h_d + u with a_d = 0
-    g = pin.computeGeneralizedGravity(robot.model, data, q)
-    bias = pin.computeCoriolisMatrix(robot.model, data, q, v) @ v + g
-    scale = np.max(np.abs(bias))
-    np.testing.assert_allclose(h, -bias, atol=EXACT * max(1.0, scale), rtol=0)
-    for wrong in (bias, -bias + 2.0 * g, bias - 2.0 * g):  # both signs turned, gravity alone, Coriolis alone
-        assert np.max(np.abs(h - wrong)) > 0.1 * scale
-
-
-@pytest.mark.parametrize("seed", range(5))
 def test_forward_dynamics_obeys_euler_lagrange_and_the_wrong_sign_of_h_does_not(robot: Aerobat, seed: int) -> None:
     """Paper, M_d a_d = h_d + u_a + u_m + u_f; its Euler-Lagrange equation judges the acceleration of `pin.aba`."""
     q, v, _ = random_motion(seed)
@@ -258,42 +206,3 @@ def test_the_tied_wings_of_the_paper_obey_the_projected_equations(robot: Aerobat
     nle8 = TIE.T @ pin.nonLinearEffects(robot.model, data, q, v)
     expected = M8 @ a[:8] + nle8
     np.testing.assert_allclose(left_side, expected, atol=EXACT * max(1.0, np.max(np.abs(expected))), rtol=0)
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_a_crank_that_a_motor_turns_obeys_euler_lagrange(robot: Aerobat, seed: int) -> None:
-    """Lagrange's seven equations of base and crank, with gravity, a force on a wing, motor torque and friction.
-
-    The plant's accelerations come from its compiled equations, practically without air; the force's virtual work from
-    the velocities written out here.
-    """
-    settings = ["crank.drive=motor", "crank.motor.friction=2e-4", "air.density=1e-30", "air.warm_up_cycles=0"]
-    force = "unknown_force=[{frame='left_force_point', signal='step', direction=[0.36, -0.48, 0.8], axes='world'}]"
-    plant = Plant(robot, load_scenario("tumble", ["robot={}", *settings, force]))
-    rng = np.random.default_rng([2, seed])
-    t1, speed, torque = rng.uniform(-9.0, 9.0), rng.uniform(10.0, 40.0), rng.uniform(-0.1, 0.1)
-    closed = robot.linkage.solve(t1, speed)
-    q, v, _ = random_motion(seed)
-    q = robot.configuration(q[:7], closed.theta_s, closed.theta_e)
-    v = robot.velocity(v[:6], closed.theta_s_dot, closed.theta_e_dot)
-    joints, held = np.zeros((3, 2)), np.array([[[0.0]], [[0.1]]])
-    joints[0], joints[1] = q[7:9], v[6:8]
-    state = np.concatenate([v[:6], np.zeros(plant.air.state_size), [t1, speed, torque, 0.0]])
-    rates = np.empty_like(state)
-    plant.evaluate(q, v, joints, np.zeros((2, 3)), held, state, rates)
-
-    R, _, _, x_ddot, _ = chart(q, v, np.concatenate([rates[:6], np.zeros(4)]))
-    x, x_dot = np.append(q[:3], [0.0, 0.0, 0.0, t1]), np.append(R @ v[:3], [*v[3:6], speed])
-    left_side = euler_lagrange(robot, R, x, x_dot, np.append(x_ddot[:6], rates[-3]), crank_parts)
-
-    def velocity(rates: np.ndarray) -> np.ndarray:
-        """Return the velocity of the distal COM, where the force acts."""
-        turning = np.array([closed.dtheta_s, closed.dtheta_e] * 2) * rates[6]
-        return paper_bodies(robot, q[:3], R, rates[:3], rates[3:6], q[7:], turning).p_dot[2]
-
-    work = np.array([velocity(unit) @ [0.036, -0.048, 0.08] for unit in np.eye(7)])
-    work[6] += torque - 2e-4 * speed
-    np.testing.assert_allclose(left_side, work, rtol=0.0, atol=1e-10 * np.max(np.abs(work)))
-    assert abs(left_side[6] - work[6]) < 1e-10 * abs(torque)
-    other = euler_lagrange(robot, R, x, x_dot, np.append(x_ddot[:6], rates[-3] + 1.0), crank_parts)
-    assert abs(other[6] - work[6]) > ROTOR

@@ -11,17 +11,14 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
 
-from aerobat_pin.aerobat.aerobat import FORCE_POINTS, Aerobat, load_aerobat
-from aerobat_pin.aerobat.flight_record import known_inputs
-from aerobat_pin.aerobat.prescribed_joints import prescribed_joint_dynamics
+from aerobat_pin.aerobat import FORCE_POINTS, Aerobat, known_inputs, load_aerobat, prescribed_joint_dynamics
 from aerobat_pin.aerodynamics import LiftingLine
 from aerobat_pin.aerodynamics.lifting_line import JONES_EPS, JONES_PSI, PHI0
-from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.flight import simulate
 from aerobat_pin.forces import KnownInputs
 from aerobat_pin.linkage.arms import loops, real_rows
-from aerobat_pin.observers import MomentumObserver
-from aerobat_pin.observers.frames import joint_wrench
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.observers import MomentumObserver, joint_wrench
+from aerobat_pin.scenario import load_scenario
 
 PSI, EPS = np.array(JONES_PSI), np.array(JONES_EPS)
 GAIN = 500.0  # [1/s]
