@@ -15,8 +15,8 @@ import pytest
 from support.kernel_cases import COPIES, KINDS, MODELS, PACKAGE, assert_equal, compiled_only, record
 from support.observer_twins import ObserverTwin
 
+from aerobat_pin.flight import Plant
 from aerobat_pin.flight.plant import kernels as plant_kernels
-from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.numerics import jit, pinocchio_views, small_matrices
 from aerobat_pin.observers import Observer, SmootherObserver
 from aerobat_pin.observers.kalman import kernels as kalman_kernels

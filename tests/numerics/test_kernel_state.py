@@ -2,18 +2,13 @@
 
 import gc
 import itertools
-import os
-import subprocess
-import sys
 import weakref
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from aerobat_pin.numerics import ELSEWHERE, directory_size, fields_of, fill, new_state
-from aerobat_pin.numerics.arrays import Array
-from aerobat_pin.numerics.jit import Integers, inner, kernel
+from aerobat_pin.numerics import ELSEWHERE, Array, Integers, directory_size, fields_of, fill, inner, kernel, new_state
 
 
 class Part(NamedTuple):
@@ -134,12 +129,3 @@ def test_one_compilation_serves_all_sizes() -> None:
     for sizes in ((1, 1, 1), (5, 0, 2), (9, 9, 9)):
         write_all(made(*sizes)[0])
     assert len(getattr(write_all, "signatures", [0])) == 1
-
-
-@pytest.mark.evidence  # as test_kernels_that_are_not_compiled_give_the_same_numbers does
-def test_states_work_as_plain_python_too() -> None:
-    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
-        pytest.skip("it is off")
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__]
-    finished = subprocess.run(command, env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True)
-    assert finished.returncode == 0, finished.stdout + finished.stderr

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from support.kernel_cases import assert_equal
 
+from aerobat_pin.numerics import kernel
 from aerobat_pin.numerics import matrix_products as products
-from aerobat_pin.numerics.jit import kernel
 
 SIZES = [(1, 1, 1), (2, 3, 5), (3, 7, 2), (4, 1, 16), (5, 10, 17), (6, 16, 16), (10, 6, 31), (16, 10, 23), (27, 33, 48)]
 
