@@ -1,25 +1,16 @@
 """Added mass as a part of inertia: its energy, its momentum, and the observer that must not notice it."""
 
-from collections.abc import Iterator
-
 import numpy as np
 import pinocchio as pin
 import pytest
-from support import twins
 from support.kernel_cases import instant, plant_of
 
-from aerobat_pin.aerobat.flight_log import true_force
-from aerobat_pin.aerobat.flight_record import known_inputs
-from aerobat_pin.aerobat.wing import LINKS
+from aerobat_pin.aerobat import LINKS
 from aerobat_pin.aerodynamics.planform import added_mass_factor
-from aerobat_pin.experiments.experiment import run
-from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.observers import ForceLevelObserver
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.flight import Plant, simulate
+from aerobat_pin.scenario import load_scenario
 
 LOCAL = pin.ReferenceFrame.LOCAL
-STILL = np.zeros((2, 3))
 SEEDS = range(4)
 COLD = "air.warm_up_cycles=0"
 
@@ -50,14 +41,6 @@ def test_thin_aerofoil_theory_gives_the_mass_of_the_strips(plant: Plant) -> None
     part = plant_of("paper", COLD, "air.added_mass=0.85")
     np.testing.assert_allclose(part.air.added_mass, 0.85 * plant.air.added_mass, rtol=1e-12, atol=1e-18)
     assert not plant_of("paper", COLD, "air.added_mass=0.0").air.added_mass.any()
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_the_constant_matrices_of_the_links_hold_the_energy_of_all_strips(plant: Plant, seed: int) -> None:
-    """V M_a v / 2, M_a strip by strip from Pinocchio's Jacobians, against the sum over links of G."""
-    q, v, *_ = instant(plant, seed)
-    M, _ = twins.added_mass(plant, q, v, STILL)
-    assert 0.5 * v @ M @ v == pytest.approx(link_energy(plant, q[None], v[None])[0], rel=1e-12)
 
 
 def moving_air(plant: Plant) -> list[tuple[int, np.ndarray, float]]:
@@ -129,52 +112,3 @@ def test_wings_lighter_than_their_air_fly_without_trouble() -> None:
     log = simulate(load_scenario("paper", ["air.added_mass=10.0", "simulation.duration=0.3", "simulation.dt=0.002"]))
     assert np.all(np.isfinite(log.measured["q"].values))
     assert np.max(np.abs(log.measured["v"].values[:, :3])) < 10.0
-
-
-def normals(plant: Plant, q: np.ndarray, v: np.ndarray) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
-    """Yield the mass m of each of `moving_air`, the row n with which its velocity is n v, and the row's rate."""
-    model, data = plant.model, plant.model.createData()
-    pin.computeJointJacobiansTimeVariation(model, data, q, v)
-    for link, choose, m in moving_air(plant):
-        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
-        n, n_rate = (
-            choose @ of(model, data, joint, LOCAL) for of in (pin.getJointJacobian, pin.getJointJacobianTimeVariation)
-        )
-        yield m, n, n_rate
-
-
-def test_the_logged_channel_is_the_change_of_momentum_and_asks_for_no_acceleration() -> None:
-    """-(p_a,k+1 - p_a,k) / dt + mean(C_a^T v), p_a = M_a v, by Simpson's rule.
-
-    Its middle comes from the run at half the step. Independent
-    of the accelerations that the plant knows; this is how a recorded flight would find the channel.
-    """
-    dt, plant = 1e-3, plant_of("paper", COLD)
-    logs = [
-        simulate(load_scenario("paper", [f"simulation.dt={step}", "simulation.duration=0.2"])) for step in (dt, dt / 2)
-    ]
-    q, v = (logs[1].measured[name].values for name in ("q", "v"))
-    p, turning = np.empty_like(v), np.empty_like(v)
-    for k, (at, speed) in enumerate(zip(q, v, strict=True)):
-        p[k] = twins.added_mass(plant, at, speed, STILL)[0] @ speed
-        turning[k] = sum(m * n_rate * (n @ speed) for m, n, n_rate in normals(plant, at, speed))
-    simpson = (turning[:-2:2] + 4.0 * turning[1::2] + turning[2::2]) / 6.0
-    expected = -(p[2::2] - p[:-2:2]) / dt + simpson
-    found = logs[0].truth["added_mass"].values
-    scale = np.abs(expected).max(axis=0) + 1e-6
-    assert np.max(np.abs(found - expected) / scale) < 1e-4
-
-
-def test_an_observer_that_is_not_told_of_the_added_mass_sees_it_as_a_force() -> None:
-    """The channel matters: without it the residual is wrong by tens of millinewton, several times the noise."""
-    experiment = run(load_scenario("paper", ["simulation.duration=0.5"]))
-    inputs, frames = known_inputs(experiment.log, experiment.robot), experiment.scenario.observers.frames
-    ignorant = {name: value for name, value in inputs.known.items() if name != "added_mass"}
-    truth = np.stack([true_force(experiment.log, frame)[0] for frame in frames], axis=1)
-    missed = []
-    for known in (inputs.known, ignorant):
-        observer = ForceLevelObserver(experiment.robot.model, frames, 2000.0)
-        force = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, known).force
-        missed.append(float(np.sqrt(np.mean((force - truth) ** 2))))
-    assert missed[0] < 2e-3
-    assert missed[1] > 10.0 * missed[0]

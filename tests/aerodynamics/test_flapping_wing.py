@@ -8,9 +8,7 @@ import pytest
 from support.further import further
 from support.references import LATTICE_FLAP, FlapLoads, plunge
 
-from aerobat_pin.aerobat.aerobat import load_aerobat
-from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.flapping_wing import Halves, Stroke, fly
+from aerobat_pin.aerodynamics import Halves, LiftingLine, Stroke, fly
 from aerobat_pin.errors import ShapeError
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
@@ -61,21 +59,6 @@ def test_plunging_section_agrees_with_theodorsen_and_garrick(added_mass: float) 
     assert thrust.mean() == pytest.approx(theory.thrust, rel=0.01)
     wake = -flight.power[-500:].mean() / line.width[0]
     assert 4.0 * thrust.mean() / (4.0 * thrust.mean() + wake) == pytest.approx(theory.efficiency, rel=0.015)
-
-
-def test_steady_aerobat_carries_what_its_planform_says() -> None:
-    """Published robot's planform, body gap at root chord, 5 deg, 3 m/s, 1 kg/m3: 78.6 mN upward."""
-    wing = load_aerobat().wing
-    line = LiftingLine(
-        wing.span, wing.chord, quarter_chord=lambda y: wing.leading_edge(y) - wing.chord(y) / 4.0, air_density=1.0
-    )
-    flight = fly(line, Stroke(3.0, incidence=np.radians(5.0)), [0.0, 6.0])
-    assert 1e3 * flight.force[-1, 2] == pytest.approx(78.6, abs=0.2)
-    # The moment about the axes' origin is that of the force at the line's own centre.
-    lift = line.width * line.steady_circulation(3.0 * np.sin(np.radians(5.0)))
-    centre = lift @ line.quarter_chord / lift.sum()
-    pitching, normal = flight.wrench[-1, :, 4].sum(), flight.wrench[-1, :, 2].sum()
-    assert -pitching / normal == pytest.approx(centre, rel=1e-3)
 
 
 @pytest.mark.parametrize("incidence_deg", [-30.0, 5.0, 60.0, 90.0, 135.0, 175.0])
@@ -183,21 +166,6 @@ def test_twist_of_a_stroke_is_its_placement_differentiated() -> None:
             axis = np.array([0.04, 0.0, 0.0])  # of the pitch: flapping alone moves it
             on_axis = now.origin[i] + now.rotation[i] @ axis
             np.testing.assert_allclose(on_axis, [0.04 * np.cos(0.1), 0.0, 0.04 * np.sin(0.1)], atol=1e-12)
-
-
-def test_a_motion_of_ones_own_needs_no_accelerations() -> None:
-    """A plunge that nobody differentiated, by hand or otherwise: at instants as far apart as cycles, -m h'' to 1e-8."""
-    line = LiftingLine(0.4, 0.1, strips=8)
-
-    def heave(time: float) -> Halves:
-        speed = 0.1 * np.sin(40.0 * time) + 0.3 * np.sin(90.0 * time)
-        return Halves(np.stack([np.eye(3)] * 2), np.tile([4.0, 0.0, speed, 0.0, 0.0, 0.0], (2, 1)))
-
-    time = np.array([0.0, 0.013, 0.2, 0.7])
-    with_it, without = (fly(line, heave, time, added_mass=factor) for factor in (1.0, 0.0))
-    acceleration = 4.0 * np.cos(40.0 * time) + 27.0 * np.cos(90.0 * time)
-    mass = line.added_mass @ line.width
-    np.testing.assert_allclose(with_it.force[:, 2] - without.force[:, 2], -mass * acceleration, rtol=1e-8)
 
 
 def test_forces_per_strip_and_the_moment_about_a_point_add_up() -> None:

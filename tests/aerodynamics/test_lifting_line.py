@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.special import ellipe
 
 from aerobat_pin.aerodynamics import LiftingLine
-from aerobat_pin.aerodynamics.planform import _edges_and_centres, _rings, added_mass_factor, along_span
+from aerobat_pin.aerodynamics.planform import added_mass_factor, along_span
 from aerobat_pin.errors import AerobatError, ShapeError
 
 
@@ -38,15 +38,6 @@ def test_the_matrices_are_the_equations(strips: int, seed: int) -> None:
     # Unsteady Kutta-Joukowski: the lift is also rho U Gamma + rho c Gamma'.
     circulation, growth = line.split(state)[2], line.split(rates)[2]
     assert lift == pytest.approx(1.225 * (speed * circulation + line.chord * growth), rel=1e-12, abs=1e-9)
-
-
-def test_the_downwash_of_an_elliptic_circulation_is_uniform() -> None:
-    """Prandtl: Gamma = G sin(theta) gives w = G/(2 S); sin(3 theta) gives 3 G sin(3 theta)/(2 S sin(theta))."""
-    line = LiftingLine(0.8, 0.1, strips=16)
-    ellipse = np.sin(line.theta)
-    assert line.downwash @ ellipse == pytest.approx(np.full(16, 1.0 / 1.6), rel=1e-12)
-    third = np.sin(3.0 * line.theta)
-    assert line.downwash @ third == pytest.approx(3.0 * third / ellipse / 1.6, rel=1e-11)
 
 
 @pytest.mark.parametrize("width", [1e-6, 0.1, 0.55, 0.8, 2.0])
@@ -214,24 +205,3 @@ def test_a_lopsided_wing_has_its_own_factor_and_its_mirror_image_the_mirrored_on
     ours, theirs = (added_mass_factor(lambda y, s=side: 0.2 - 0.3 * s * y, 1.0, y) for side in (1.0, -1.0))
     np.testing.assert_allclose(ours, theirs[::-1], rtol=1e-9)
     assert np.max(np.abs(ours - ours[::-1])) > 0.01
-
-
-@pytest.mark.parametrize(("aspect", "inertia_error"), [(4.0, 0.056), (6.0, 0.033)])
-def test_the_factor_of_plunging_gives_the_force_of_flapping(aspect: float, inertia_error: float) -> None:
-    """Reciprocity: the plunging plate's jump times the flapping velocity |y| sums to the flapping plate's own force.
-
-    That force comes from the potential jump of a plate whose normal velocity is |y|. Two moments of inertia are not
-    exact: against flapping 6 and 3 % too large at aspect ratio 4 and 6, against pitching, pi rho b^4 / 8 times the same
-    factor, 9 and 7 % too small, of which the 12 panels along the chord explain one.
-    """
-    chord, (edge_x, x), (edge_y, y) = 1.0 / aspect, _edges_and_centres(12), _edges_and_centres(48)
-    grid = np.meshgrid(0.5 * chord * edge_x, 0.5 * edge_y, indexing="ij")
-    at_x, at_y = (part.ravel() for part in np.meshgrid(0.5 * chord * x, 0.5 * y, indexing="ij"))
-    rings = _rings(*grid, at_x, at_y).reshape(len(at_x), -1)
-    area = np.outer(0.5 * chord * np.diff(edge_x), 0.5 * np.diff(edge_y)).ravel()
-    force_of = {name: np.linalg.solve(rings, w) * area for name, w in (("flap", np.abs(at_y)), ("pitch", at_x))}
-    lumped = 0.25 * np.pi * chord**2 * added_mass_factor(lambda y: np.full(y.shape, chord), 1.0, 0.5 * np.cos(ANGLES))
-    out = np.abs(0.5 * np.cos(ANGLES))
-    assert force_of["flap"].sum() == pytest.approx(lumped * out @ WIDTH, rel=5e-3)
-    assert lumped * out**2 @ WIDTH / (force_of["flap"] @ np.abs(at_y)) - 1.0 == pytest.approx(inertia_error, abs=0.002)
-    assert -0.1 < lumped * chord**2 / 32.0 @ WIDTH / (force_of["pitch"] @ at_x) - 1.0 < -0.05

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.references import LATTICE_START, elliptic, jones, jones_harmonic, rectangular, theodorsen, wagner
+from support.references import LATTICE_START, elliptic, jones, jones_harmonic, rectangular, theodorsen
 
 from aerobat_pin.aerodynamics import LiftingLine
 
@@ -35,13 +35,6 @@ def test_lift_after_a_step_is_jones_function() -> None:
     assert ratio == pytest.approx(jones(s), rel=0.0, abs=1e-6)
     assert ratio == pytest.approx([0.500, 0.794, 0.973], rel=0.0, abs=5e-4)  # as printed
     assert 1.0 - 0.165 * np.exp(-0.0455 * s) - 0.335 * np.exp(-0.3 * s) == pytest.approx(ratio, abs=1e-4)
-
-
-@pytest.mark.parametrize(("s", "exact"), [(0.0, 0.5), (1.0, 0.60061), (5.0, 0.78820), (10.0, 0.87504), (50.0, 0.97676)])
-def test_lift_after_a_step_is_near_wagners_exact_function(s: float, exact: float) -> None:
-    """Wagner (1925), exact to 1e-5; the fit of Jones is within 1.1 % of it."""
-    assert wagner(s) == pytest.approx(exact, rel=0.0, abs=1e-5)
-    assert section().step_response([s], 1.0, 1.0)[0, 0] / (2.0 * np.pi) == pytest.approx(exact, rel=0.011)
 
 
 def test_harmonic_lift_is_theodorsens() -> None:

@@ -11,8 +11,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.gliding import AIR, NO_DRAG, SHAPE, WING, evaluate, gliding, settled
-from support.kernel_cases import instant
+from support.gliding import AIR, NO_DRAG, SHAPE, WING, evaluate, gliding
 
 from aerobat_pin.aerobat import LINKS, Aerobat, RobotAir, RobotInAir, Wing, flown_robot, load_aerobat
 from aerobat_pin.flight import Plant, simulate
@@ -88,43 +87,6 @@ def test_mirrored_motion_gives_mirrored_wrenches(seed: int) -> None:
     assert mirrored == pytest.approx(wrenches[MIRRORED_LINKS] * flip, rel=1e-9, abs=1e-9 * np.abs(wrenches).max())
     assert mirrored_rates == pytest.approx(mirror_state(rates), rel=1e-9, abs=1e-9 * np.abs(rates).max())
     assert mirrored_strips.force_z == pytest.approx(strips.force_z[::-1], rel=1e-9, abs=1e-9)
-
-
-def test_symmetric_flapping_pushes_neither_sideways_nor_rolls_nor_yaws(robot: Aerobat) -> None:
-    """Equal joint angles and rates on both sides: total wrench on the base has no y force, x and z moment."""
-    closure = robot.linkage.solve(0.7, 30.0)
-    q = robot.configuration([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], closure.theta_s, closure.theta_e)
-    v = robot.velocity([3.0, 0.0, -0.2, 0.0, 0.4, 0.0], closure.theta_s_dot, closure.theta_e_dot)
-    wrenches, _, _ = evaluate(AIR, twists_of(robot, q, v), settled(AIR, twists_of(robot, q, v)))
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    places = [data.oMf[robot.model.getFrameId(link)] for link in LINKS]
-    total = sum(place.act(pin.Force(wrench)).vector for place, wrench in zip(places, wrenches, strict=True))
-    assert np.max(np.abs(total[[1, 3, 5]])) < 1e-12 * np.max(np.abs(total))
-
-
-@settings(max_examples=30, derandomize=True)
-@given(SEEDS)
-def test_drag_alone_never_gives_energy(seed: int) -> None:
-    """Power of body and profile drag is negative: wrench . twist <= 0 for a wing that carries no lift states.
-
-    With w_eff = 0, the state that cancels it, lift and suction vanish and only drag is left.
-    """
-    rng = np.random.default_rng(seed)
-    air = RobotAir(Wing(replace(SHAPE, tail=None)))
-    twist = np.concatenate([3.0 * rng.normal(size=3), np.zeros(3)])
-    twists = np.tile(twist, (5, 1))
-    line, (u, w) = air.line, (twist[0], -twist[2])
-    speed = np.hypot(u, w)
-    normal = np.full(line.strips, w * abs(u) / speed)
-    zeta = -0.5 * normal / (speed / line.semichord * 0.335 * 0.300)
-    wrenches, _, strips = evaluate(air, twists, np.concatenate([0.0 * zeta, zeta, 0.0 * zeta]))
-    assert np.max(np.abs(strips.effective_velocity)) < 1e-14
-    power = float(np.sum(wrenches[:, :3] * twists[:, :3]))
-    body = -0.5 * 1.225 * SHAPE.aerodynamics.body_drag_area * np.linalg.norm(twist[:3]) ** 3
-    profile = -0.5 * 1.225 * SHAPE.aerodynamics.profile_drag * float(line.width @ line.chord) * speed**3
-    assert power == pytest.approx(body + profile, rel=1e-9)
-    assert power < 0.0
 
 
 @pytest.mark.parametrize("span_chord", [(0.1, 0.06), (0.05, 0.03)])
@@ -221,30 +183,3 @@ def test_flying_in_moving_air_is_flying_in_still_air_seen_from_a_moving_cart(mod
         expected, found = (getattr(log, side)[name].values for log in logs)
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
     np.testing.assert_allclose(logs[1].truth["circulation"], logs[0].truth["circulation"], atol=1e-7)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_gust_at_one_instant_is_the_wind_of_its_velocity_but_for_the_added_mass(seed: int) -> None:
-    """Quasi-steady loads see v - v_air now; the added mass also sees how fast the air speeds up.
-
-    A uniformly accelerated air pushes on a fixed wing with its added mass times the acceleration along the normal.
-    """
-    gust = "air.gust={amplitude = [2.0, -1.0, 1.5], start = 0.0, duration = 0.4}"
-    time, phase = 0.1, np.pi / 2.0
-    now = 0.5 * (1.0 - np.cos(phase)) * np.array([2.0, -1.0, 1.5])
-    gusty, steady = (
-        Plant(flown_robot(scenario), scenario)
-        for scenario in (
-            load_scenario("paper", ["air.warm_up_cycles=0", gust]),
-            load_scenario("paper", ["air.warm_up_cycles=0", f"air.wind={now.tolist()}"]),
-        )
-    )
-    field = gusty.wind(np.array([0.0, time, 0.4, 9.0]))
-    np.testing.assert_allclose(field[1, 0], now, atol=1e-15)
-    np.testing.assert_allclose(field[1, 1], np.pi / 0.4 * np.array([2.0, -1.0, 1.5]), atol=1e-14)
-    np.testing.assert_allclose(field[[0, 2, 3]], 0.0, atol=1e-13)
-    q, v, joints, air, held = instant(gusty, seed)
-    ours, theirs = (plant.rates(q, v, joints, air, held, time) for plant in (gusty, steady))
-    np.testing.assert_allclose(ours[2].aerodynamic, theirs[2].aerodynamic, atol=1e-14)
-    np.testing.assert_allclose(ours[1], theirs[1], atol=1e-12)
-    assert np.max(np.abs(ours[2].added_mass - theirs[2].added_mass)) > 1e-3

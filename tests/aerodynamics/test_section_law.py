@@ -10,7 +10,7 @@ import pytest
 from support.further import further
 from support.gliding import BARE, evaluate, gliding, settled
 from support.references import LATTICE_FLAP, Pitch, jones_harmonic, pitch, theodorsen
-from support.section_law import ENDLESS, HALVES, STEPS, fly_on_links, loads_of, memory_of, plate, plate_drag
+from support.section_law import ENDLESS, HALVES, fly_on_links, loads_of, memory_of, plate, plate_drag
 
 from aerobat_pin.aerobat import LINKS
 from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
@@ -129,16 +129,3 @@ def test_a_pitching_section_is_theodorsens_and_garricks(k: float) -> None:
             lift, thrust = (flight.strip_force[last, strip, i] / width for i in (2, 0))
             found = Pitch(lift @ turn, -flight.wrench[last, strip, 4] / width @ turn, thrust.mean())
             assert_section(found, k, axis)
-
-
-@pytest.mark.parametrize(
-    ("k", "axis"),
-    [(0.39, -0.5), (0.39, 0.5), *further((0.39, 0.0), *((k, axis) for k in (0.05, 2.0) for axis in AXES))],
-)
-def test_a_pitching_section_of_the_robots_is_theodorsens_and_garricks(k: float, axis: float) -> None:
-    """The same through the kernel: its law is the line's up to the square of the incidence."""
-    stroke, cycles = stroke_of(k)
-    line = line_about(axis)
-    force, moment = (part / line.width.sum() for part in fly_on_links(line, stroke, cycles))
-    turn = 2.0 * np.exp(-2j * np.pi * np.arange(STEPS) / STEPS) / STEPS * 1j
-    assert_section(Pitch(force[:, 2] @ turn, -moment[:, 1] @ turn, force[:, 0].mean()), k, axis)

@@ -65,20 +65,6 @@ def test_turbulence_has_drydens_variance_and_autocorrelation() -> None:
     np.testing.assert_allclose(0.5 * np.sum(tones.amplitude**2, axis=0), (1.0 - lost) * np.square(DEVIATION), rtol=1e-3)
 
 
-def test_tones_have_drydens_spectrum() -> None:
-    """The share of the variance below a frequency is the spectrum's integral, by quadrature of its formula."""
-    tones, T = dryden(DEVIATION, LENGTH, SPEED, 7), LENGTH / SPEED
-    w = np.linspace(0.0, 2.0 * np.pi * HIGHEST_TONE, 200001)
-    x = (w * T) ** 2
-    along, across = 2.0 * T / np.pi / (1.0 + x), T / np.pi * (1.0 + 3.0 * x) / (1.0 + x) ** 2
-    for axis, density in enumerate((along, across, across)):
-        for frequency in (0.2, 0.5, 1.0, 3.0, 10.0):
-            below = w <= 2.0 * np.pi * frequency
-            share = np.trapezoid(density[below], w[below])
-            mine = 0.5 * np.sum(tones.amplitude[tones.rate[:, axis] <= 2.0 * np.pi * frequency, axis] ** 2)
-            assert mine / DEVIATION[axis] ** 2 == pytest.approx(share, abs=0.01)
-
-
 def test_turbulence_reproduces_by_its_seed_and_flies() -> None:
     """Another seed is other turbulence; a believed deviation of 0 takes it from the belief."""
     short = ["simulation.duration=0.05", "air.turbulence.deviation=[0.3, 0.3, 0.3]"]
