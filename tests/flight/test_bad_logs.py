@@ -13,14 +13,11 @@ from support.bad_logs import HARMLESS, KINDS, Kind, write_kind
 from support.further import further
 
 from aerobat_description import MORPHOLOGIES
-from aerobat_pin.aerobat.aerobat import JOINTS, believed_robot, load_aerobat
-from aerobat_pin.aerobat.estimate import belief_about
-from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.tables import read_log, write_csv
+from aerobat_pin.aerobat import JOINTS, FlightLog, belief_about, believed_robot, load_aerobat, read_log, write_csv
 from aerobat_pin.errors import AerobatError, LogError
-from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.flight import simulate
 from aerobat_pin.records import checked_netcdf
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.scenario import load_scenario
 
 
 @pytest.fixture(scope="module")

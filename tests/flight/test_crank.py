@@ -12,16 +12,8 @@ import pytest
 from aerobat_pin.aerobat import Aerobat, FlightLog, flown_robot, joint_table, known_inputs
 from aerobat_pin.errors import AerobatError, CrankError, TrimError
 from aerobat_pin.experiments import run
-from aerobat_pin.flight import Plant, find_trim, simulate
-from aerobat_pin.flight.crank import (
-    ConstantRate,
-    CrankDrive,
-    CrankMotion,
-    RateControlledMotor,
-    SpinUp,
-    checked_motion,
-    crank_drive,
-)
+from aerobat_pin.flight import ConstantRate, CrankDrive, Plant, RateControlledMotor, SpinUp, find_trim, simulate
+from aerobat_pin.flight.crank import CrankMotion, checked_motion, crank_drive
 from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import Scenario, load_scenario, scenario_toml
 

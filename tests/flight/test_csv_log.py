@@ -5,15 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from aerobat_pin.aerobat.aerobat import JOINTS
-from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat import JOINTS, FlightLog, read_log, write_csv
 from aerobat_pin.aerobat.kind_of_log import STATE_TABLE, table_units
-from aerobat_pin.aerobat.tables import read_log, write_csv
 from aerobat_pin.errors import LogError, OutputError
-from aerobat_pin.experiments.experiment import Experiment
-from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.experiments import Experiment
+from aerobat_pin.flight import simulate
 from aerobat_pin.records import LogTable, read_columns
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.scenario import load_scenario
 
 UNITS = table_units(STATE_TABLE)
 HEADER = ["time [s]", "x [m]", "y", "z", "qx", "qy", "qz", "qw [-]", "crank_angle [rad]", "airspeed [m/s]"]

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.flight_record import known_inputs
+from aerobat_pin.aerobat import FlightLog, known_inputs
 from aerobat_pin.errors import LogError
-from aerobat_pin.experiments.experiment import Experiment
-from aerobat_pin.experiments.write_results import estimate_dataset
+from aerobat_pin.experiments import Experiment, estimate_dataset
 from aerobat_pin.records import netcdf_bytes
 
 

@@ -7,14 +7,13 @@ import pinocchio as pin
 import pytest
 import xarray as xr
 
-from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import LogError
-from aerobat_pin.experiments.experiment import run
-from aerobat_pin.experiments.flight_summary import flight_summary
+from aerobat_pin.experiments import flight_summary, run
+from aerobat_pin.flight import simulate
 from aerobat_pin.flight.sensors import sensed
-from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.scenario.feedback_tables import AXES_OF_SENSOR, SensorSection
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.scenario import SensorSection, load_scenario
+from aerobat_pin.scenario.feedback_tables import AXES_OF_SENSOR
 
 DT = 1e-3
 SHORT = ["simulation.duration=0.1", "air.warm_up_cycles=1"]

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from aerobat_pin.aerobat.flight_log import true_force
+from aerobat_pin.aerobat import true_force
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.experiments import run, write
-from aerobat_pin.flight.plant.plant_state import PointForce, interval_means
-from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.scenario.scenario import Scenario, load_scenario, parse_scenario
-from aerobat_pin.scenario.toml import scenario_toml
+from aerobat_pin.flight import simulate
+from aerobat_pin.scenario import Scenario, load_scenario, parse_scenario, scenario_toml
 
 FRAME = "left_force_point"
 UNEVEN = np.cumsum(np.concatenate([[0.0], np.random.default_rng(3).uniform(1e-4, 0.02, 120)]))
@@ -141,27 +139,6 @@ def test_every_signal_may_carry_noise_of_its_own_stream() -> None:
     drawn = noisy.interval_means(edges, np.random.default_rng(5))[0]
     assert drawn.std() == pytest.approx(0.03, rel=5.0 / np.sqrt(4e4))
     np.testing.assert_array_equal(drawn, papers.interval_means(edges, np.random.default_rng(5))[0])
-
-
-@pytest.mark.parametrize("axes", ["link", "body", "world"])
-def test_a_flight_feels_a_signal_along_its_direction(axes: str) -> None:
-    """The log's true force is the mean of the signal along the direction; of no elbow there is a trace."""
-    force = {"signal": "sine", "amplitude": 0.05, "frequency": 40.0, "axes": axes, "direction": (0.0, 3.0, 4.0)}
-    flight = scenario(**force)
-    log = simulate(flight)
-    truth, noise_free = true_force(log, FRAME)
-    expected = held_parts_of(flight, log.time)
-    if axes == "world":
-        np.testing.assert_allclose(noise_free, np.outer(expected, [0.0, 0.6, 0.8]), atol=1e-12)
-    np.testing.assert_allclose(np.linalg.norm(truth, axis=1), np.abs(expected), rtol=2e-3, atol=1e-9)
-
-
-def held_parts_of(flight: Scenario, edges: np.ndarray) -> np.ndarray:
-    """Return the means of a scenario's only force."""
-    [signal] = flight.unknown_force
-
-    force = PointForce(FRAME, np.array([0.0, 0.0, 1.0]), "link", signal)
-    return interval_means((force,), edges, 1)[1, 0]
 
 
 def test_all_signals_survive_writing_and_reading(tmp_path: Path) -> None:
