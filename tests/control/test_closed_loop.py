@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from support.further import further
 
-from aerobat_pin.control.controller import Controller
-from aerobat_pin.experiments.experiment import Experiment, run
-from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.control import Controller
+from aerobat_pin.experiments import Experiment, run
+from aerobat_pin.flight import simulate
+from aerobat_pin.scenario import load_scenario
 
 SHORT = ("simulation.duration=1.4", 'observers.names=["momentum"]')
 PD = ("control.feedforward=false", "control.integral=false")
@@ -55,15 +55,6 @@ def test_an_upward_gust_does_not_turn_the_robot() -> None:
     best, pd = rms("gust", *up), rms("gust", *up, *PD)
     assert best["z"] < 0.85 * pd["z"]
     assert best["yaw"] < np.radians(1.0 / 15.0)
-
-
-@pytest.mark.evidence
-def test_a_gust_from_the_side_turns_and_pitches_nobody_more_for_the_observer() -> None:
-    """It banks more, so that pitch of the flaps would show as yaw; the steering takes most of it away."""
-    best, pd = rms("gust"), rms("gust", *PD)
-    assert best["roll"] > 1.3 * pd["roll"]
-    assert best["yaw"] < pd["yaw"] < np.radians(0.1)
-    assert best["pitch"] < 1.02 * pd["pitch"]
 
 
 def test_a_calm_flight_pays_little_for_the_observer() -> None:

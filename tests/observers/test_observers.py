@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.arm import arm, identifiability, push, rest, settled
+from support.arm import arm, push, rest, settled
 from support.without_coriolis import links
 
-from aerobat_pin.aerobat.aerobat import load_aerobat
+from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
 from aerobat_pin.observers import (
     OBSERVERS,
@@ -180,24 +180,3 @@ def test_without_frames_momentum_gives_the_residual_alone_and_force_level_refuse
         np.testing.assert_array_equal(without.residual, points.residual)
     with pytest.raises(ObserverError, match="one frame or more"):
         ForceLevelObserver(model)
-
-
-def test_two_wing_forces_have_full_rank_and_one_more_point_on_the_body_has_not() -> None:
-    """Six unknowns against ten rows are told apart; a third point on the same rigid wing is not (rank 8 of 9)."""
-    robot = load_aerobat()
-    two = identifiability(robot, ["left_force_point", "right_force_point"])
-    assert two.rank == 6
-    assert two.null_direction is None
-    assert 1.0 < two.condition < 100.0
-    frames = ["left_force_point", "right_force_point", "left_distal"]
-    three = identifiability(robot, frames)
-    assert three.rank == 8
-    assert three.condition == np.inf
-    # The null pattern: equal and opposite along the line that joins both points of the left distal wing.
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.q0)
-    at = [data.oMf[robot.model.getFrameId(name)].translation for name in frames]
-    line = (at[0] - at[2]) / np.linalg.norm(at[0] - at[2])
-    np.testing.assert_allclose(three.null_direction[0], -three.null_direction[2], atol=1e-6)
-    assert abs(float(three.null_direction[0] @ line)) == pytest.approx(np.sqrt(0.5), abs=1e-6)
-    np.testing.assert_allclose(three.null_direction[1], 0.0, atol=1e-6)

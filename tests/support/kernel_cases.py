@@ -14,12 +14,11 @@ import pinocchio as pin
 import pytest
 
 import aerobat_pin
-from aerobat_pin.aerobat.aerobat import FORCE_POINTS, Aerobat, flown_robot, load_aerobat
-from aerobat_pin.aerobat.wing import Wing
-from aerobat_pin.flight.plant.plant import Plant
+from aerobat_pin.aerobat import FORCE_POINTS, Aerobat, Wing, flown_robot, load_aerobat
+from aerobat_pin.flight import Plant
 from aerobat_pin.flight.plant.plant_state import DIRECTION_AXES
 from aerobat_pin.observers import OBSERVERS, KalmanObserver, Observer, Sample
-from aerobat_pin.scenario.scenario import load_scenario, parse_scenario
+from aerobat_pin.scenario import load_scenario, parse_scenario
 
 PACKAGE = Path(aerobat_pin.__file__).parent
 MORPHOLOGIES = ("aerobat", "aerobat_guard", "aerobat_light")
@@ -152,11 +151,6 @@ def sample_models() -> dict[str, tuple[pin.Model, list[str]]]:
 
 
 MODELS = sample_models()
-
-
-def believable(name: str, rows: str) -> bool:
-    """Say whether a model has the free base that a choice of rows needs."""
-    return rows == "all" or MODELS[name][0].joints[1].nv == 6
 
 
 def record(model: pin.Model, count: int = 40, seed: int = 3) -> tuple[Any, ...]:
