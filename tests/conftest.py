@@ -15,12 +15,11 @@ from hypothesis import settings
 from support.browser import opened, ready, started
 from support.shipped import flown
 
-from aerobat_pin.aerobat.aerobat import load_aerobat
+from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.experiments import Experiment, write
-from aerobat_pin.flight.plant.plant import Plant
-from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization import style
-from aerobat_pin.visualization.result_pages import write_figures_and_pages
+from aerobat_pin.flight import Plant
+from aerobat_pin.scenario import load_scenario
+from aerobat_pin.visualization import style, write_figures_and_pages
 
 if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # in the background, under nohup
     signal.signal(signal.SIGINT, lambda *_: None)  # tests ignore Ctrl-C further on, the programs that they start do not

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from aerobat_pin.aerobat.aerobat import load_morphology
-from aerobat_pin.control.allocation import EVEN, PRIORITY, THRUSTER_ARM, Allocation
+from aerobat_pin.aerobat import load_morphology
+from aerobat_pin.control import Allocation
+from aerobat_pin.control.allocation import EVEN, PRIORITY, THRUSTER_ARM
 from aerobat_pin.errors import ScenarioError
-from aerobat_pin.flight.thrusters import LaggedThrust, ThrusterSet, thrusters_of
-from aerobat_pin.scenario.feedback_tables import ThrustersSection
+from aerobat_pin.flight import LaggedThrust, ThrusterSet, thrusters_of
+from aerobat_pin.scenario import ThrustersSection
 
 LIFT = 0.77  # [N] that the guarded robot's nominal flight needs
 

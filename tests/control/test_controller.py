@@ -6,16 +6,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from aerobat_pin.aerobat.aerobat import believed_robot
-from aerobat_pin.aerobat.air.believed_air import AirStream
-from aerobat_pin.aerobat.flight_record import known_inputs
-from aerobat_pin.control.controller import Controller
+from aerobat_pin.aerobat import AirStream, believed_robot, known_inputs
+from aerobat_pin.control import Controller, loop_margins, noise_slew, wrong_plant_ms
 from aerobat_pin.control.disturbance import moved
-from aerobat_pin.control.margins import loop_margins, noise_slew, wrong_plant_ms
 from aerobat_pin.errors import ControlWarning, ScenarioError
-from aerobat_pin.flight.simulate import simulate
+from aerobat_pin.flight import simulate
 from aerobat_pin.numerics import Array
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.scenario import load_scenario
 
 ROUND = [  # gains whose products one can do in one's head
     *("control.roll=12.0", "control.pitch=12.0", "control.yaw=12.0", "control.damping=0.8", "control.smoothing=0.0"),

@@ -6,9 +6,9 @@ import pytest
 from support.control_twins import Law
 
 from aerobat_pin.aerobat import believed_robot
-from aerobat_pin.control import Allocation, Controller
+from aerobat_pin.control import Allocation, Controller, nominal_flight
 from aerobat_pin.control.disturbance import weigh
-from aerobat_pin.control.nominal_wrench import OVERTONES, PITCHING, most_steering, nominal_flight, waves
+from aerobat_pin.control.nominal_wrench import OVERTONES, PITCHING, most_steering, waves
 from aerobat_pin.control.sensed_channels import CHANNELS
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.flight import LaggedThrust

@@ -20,7 +20,7 @@ from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import Body
 from aerobat_description.reading import MorphologyError
-from aerobat_pin.aerobat.aerobat import JOINTS, load_aerobat
+from aerobat_pin.aerobat import JOINTS, load_aerobat
 from aerobat_pin.errors import AerobatError, MorphologyFileError
 
 LINKS = ("proximal", "distal")

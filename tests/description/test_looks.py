@@ -12,8 +12,8 @@ from support.readers import PACKAGE, ROBOTS
 
 from aerobat_description.bars import LAYERS, LINK_OF, linkage_bars
 from aerobat_description.meshes import panels
-from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
-from aerobat_pin.aerobat.closed_model import bar_placements, place_bars, visual_model_with_bars
+from aerobat_pin.aerobat import Aerobat, load_aerobat, place_bars, visual_model_with_bars
+from aerobat_pin.aerobat.closed_model import bar_placements
 from aerobat_pin.errors import ShapeError
 
 SIDES = ("left", "right")

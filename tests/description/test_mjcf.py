@@ -14,9 +14,8 @@ import aerobat_description as description
 from aerobat_description.bars import bar_bodies, bar_body, linkage_bars
 from aerobat_description.morphology import Morphology
 from aerobat_description.morphology_tables import Body
-from aerobat_pin.aerobat.aerobat import load_aerobat
-from aerobat_pin.aerobat.closed_model import closed_model, closed_state
-from aerobat_pin.observers.frames import euler_angles
+from aerobat_pin.aerobat import closed_model, closed_state, load_aerobat
+from aerobat_pin.observers import euler_angles
 
 SIDES = ("left", "right")
 

@@ -15,7 +15,7 @@ from aerobat_description.morphology import Morphology, stretched
 from aerobat_description.morphology_tables import Body
 from aerobat_description.position_closure import ClosureError, close_linkage, remedies, turn
 from aerobat_description.write_urdf import poses
-from aerobat_pin.aerobat.aerobat import load_aerobat
+from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.errors import MorphologyFileError
 from aerobat_pin.linkage import KineticSculpture
 

@@ -16,11 +16,11 @@ from support.readers import URDF
 from aerobat_description.morphology import Morphology
 from aerobat_description.reading import BUILT_IN, MorphologyError
 from aerobat_description.toml_text import LARGEST_TOML, TomlError, toml_file, toml_values
-from aerobat_pin.aerobat.aerobat import load_aerobat
+from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.errors import MorphologyFileError, ScenarioError, SweepError
 from aerobat_pin.experiments import load_sweep
-from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.scenario.toml import parsed_value, with_settings
+from aerobat_pin.scenario import load_scenario, with_settings
+from aerobat_pin.scenario.toml import parsed_value
 
 EDGES = {"proximal_leading_edge": [0.0635, 0.07, 0.0765], "proximal_trailing_edge": [-0.0956, -0.1, -0.111]}
 

@@ -12,7 +12,7 @@ from support.readers import PACKAGE, ROBOTS, URDF, in_mujoco, in_pinocchio, in_y
 import aerobat_description as description
 from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
-from aerobat_pin.aerobat.aerobat import JOINTS
+from aerobat_pin.aerobat import JOINTS
 
 STATES = 20
 FRAMES = {"base_link"} | {

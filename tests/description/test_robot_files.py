@@ -19,7 +19,7 @@ from support.commands import aerobat
 
 import aerobat_description as description
 from aerobat_description import URDF_PATH
-from aerobat_pin.aerobat.aerobat import load_aerobat
+from aerobat_pin.aerobat import load_aerobat
 
 MINE = 'extends = "aerobat_guard"\nname = "mine"\n[scale]\nspan = 1.1\n[body]\nmass = 0.09\n'
 

@@ -12,9 +12,7 @@ from support.walking_log import bag, urdf, walk
 
 from aerobat_pin.errors import LogError, foreign_file, foreign_xml
 from aerobat_pin.numerics import checked_robot
-from aerobat_pin.records.map_tables import LogTable
-from aerobat_pin.records.netcdf import netcdf_bytes
-from aerobat_pin.records.read import read_columns
+from aerobat_pin.records import LogTable, netcdf_bytes, read_columns
 
 UNREAD = (  # what public files of Sawyer, Jaco, Valkyrie, PR2, OpenManipulator and Fetch have, and no dynamics read
     '<box size="0 0 0"/><sphere radius="0.0"/><material value="PR2/wheel"/><RefLink ref="link1"/>'

@@ -5,9 +5,9 @@ import pytest
 from scipy.signal import lfilter
 from support.further import further
 
-from aerobat_pin.aerobat.flight_record import known_inputs
+from aerobat_pin.aerobat import known_inputs
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.experiments.experiment import Experiment
+from aerobat_pin.experiments import Experiment
 from aerobat_pin.observers import Application, ForceLevelObserver, bias_of, calibrate_cusum, calibrate_level
 
 DT, GAIN = 1e-3, 200.0  # [s], [1/s]

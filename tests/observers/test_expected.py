@@ -15,19 +15,21 @@ from aerobat_pin.errors import ObserverError
 from aerobat_pin.observers import (
     OBSERVERS,
     Application,
+    Applications,
     Estimate,
     Expected,
     ForceLevelObserver,
     KalmanObserver,
     Observer,
+    Rows,
     SmootherObserver,
     momentum_equations,
+    with_record,
 )
 from aerobat_pin.observers import rows as believed_rows
-from aerobat_pin.observers.applications import Applications
-from aerobat_pin.observers.expected import CHANGES_TRIED, SIZES_TRIED, with_record
+from aerobat_pin.observers.expected import CHANGES_TRIED, SIZES_TRIED
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
-from aerobat_pin.observers.rows import ROWS, Rows
+from aerobat_pin.observers.rows import ROWS
 
 
 def some(model: pin.Model, components: int, force: float = 3.0) -> Expected:

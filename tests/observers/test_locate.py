@@ -7,8 +7,7 @@ from scipy.signal import lfilter
 from support.arm import arm, push, rest, settled
 
 from aerobat_description.meshes import parts
-from aerobat_pin.aerobat.aerobat import Aerobat, load_aerobat
-from aerobat_pin.aerobat.wing import LINKS
+from aerobat_pin.aerobat import LINKS, Aerobat, load_aerobat
 from aerobat_pin.errors import FrameNotFoundError, ObserverError
 from aerobat_pin.observers import Application, ForceLevelObserver, LineOfAction, locate, locate_series
 from aerobat_pin.observers.analysis.line_of_action import Panel

@@ -13,10 +13,9 @@ from support.mismatch import NOISY, Seen, estimated, made_up, scores, seen, thin
 from support.observer_conditions import TUNING, Condition, worst
 from support.observer_twins import believed, remembered
 
-from aerobat_pin.aerobat.aerobat import FORCE_POINTS
-from aerobat_pin.forces.scores import r_squared
-from aerobat_pin.observers import OBSERVERS
-from aerobat_pin.observers.redundancy import redundancy_of
+from aerobat_pin.aerobat import FORCE_POINTS
+from aerobat_pin.forces import r_squared
+from aerobat_pin.observers import OBSERVERS, redundancy_of
 
 FILTERS = ("kalman", "smoother")
 SEEDS = (1, 2)  # docs/observer_results.md has five

@@ -5,10 +5,9 @@ import pinocchio as pin
 import pytest
 from support.arm import arm, push, rest
 
-from aerobat_pin.aerobat.aerobat import FORCE_POINTS, load_aerobat
-from aerobat_pin.aerobat.flight_record import known_inputs
+from aerobat_pin.aerobat import FORCE_POINTS, known_inputs, load_aerobat
 from aerobat_pin.errors import ObserverError, ShapeError
-from aerobat_pin.experiments.experiment import Experiment
+from aerobat_pin.experiments import Experiment
 from aerobat_pin.observers import (
     Application,
     ForceLevelObserver,

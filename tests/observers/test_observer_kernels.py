@@ -6,12 +6,12 @@ from support import observer_twins as twins
 from support.kernel_cases import KINDS, MODELS, assert_equal, record, streamed
 
 from aerobat_pin.numerics import fields_of, new_state
-from aerobat_pin.observers import Observer
+from aerobat_pin.observers import Observer, Rows
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
 from aerobat_pin.observers.kernels.projection import project
 from aerobat_pin.observers.momentum_equations import Projection
-from aerobat_pin.observers.rows import ROWS, BelievedRows, Rows
+from aerobat_pin.observers.rows import ROWS, BelievedRows
 
 
 @pytest.mark.parametrize("gain", ["one", "each"])

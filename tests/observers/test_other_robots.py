@@ -20,8 +20,17 @@ from support.stepping import step
 from support.without_coriolis import AXES, JOINTS, chain, drift, links, mjcf_leg, random_record
 
 from aerobat_pin.errors import LogError, ObserverError
-from aerobat_pin.observers import OBSERVERS, AllBut, Application, MomentumObserver, Observer, Rows, Tie
-from aerobat_pin.observers.frames import external_forces, joint_wrench
+from aerobat_pin.observers import (
+    OBSERVERS,
+    AllBut,
+    Application,
+    MomentumObserver,
+    Observer,
+    Rows,
+    Tie,
+    external_forces,
+    joint_wrench,
+)
 from aerobat_pin.records.robot_files import FREE, named_robot
 
 FRAMES = {"borinot": "flying_arm_2__ee", "hector": "base_link", "solo12": "FL_FOOT", "talos": "gripper_left_base_link"}

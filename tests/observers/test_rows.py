@@ -22,11 +22,12 @@ from aerobat_pin.observers import (
     JointFriction,
     MomentumObserver,
     Observer,
+    Rows,
     Tie,
     fit_friction,
     tie_joints,
 )
-from aerobat_pin.observers.rows import BelievedRows, Rows
+from aerobat_pin.observers.rows import BelievedRows
 
 
 def arm_on_a_rail() -> tuple[pin.Model, str]:

@@ -15,8 +15,8 @@ from support.further import further
 from support.pages import run
 from support.walking_log import FEET, urdf, walk
 
-from aerobat_pin.aerobat.closed_model import bar_placements, visual_model_with_bars
-from aerobat_pin.aerobat.estimate import belief_about
+from aerobat_pin.aerobat import belief_about, visual_model_with_bars
+from aerobat_pin.aerobat.closed_model import bar_placements
 from aerobat_pin.aerobat.kind_of_log import RAW_TABLE, STATE_TABLE, table_units
 from aerobat_pin.observers import OBSERVERS
 

@@ -17,9 +17,9 @@ from aerobat_pin.errors import AerobatError, ScenarioError
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.observers import OBSERVERS, KalmanObserver
 from aerobat_pin.records import Map, describe_map
-from aerobat_pin.scenario import Scenario, Section, load_scenario
-from aerobat_pin.scenario.describe import COLUMNS, _keys_below, _part_of, describe_scenario, unit_and_meaning
-from aerobat_pin.scenario.tables import ObserverSection, sections_of
+from aerobat_pin.scenario import ObserverSection, Scenario, Section, describe_scenario, load_scenario
+from aerobat_pin.scenario.describe import COLUMNS, _keys_below, _part_of, unit_and_meaning
+from aerobat_pin.scenario.tables import sections_of
 
 
 def sections(section: type[Section] = Scenario) -> dict[str, type[Section]]:

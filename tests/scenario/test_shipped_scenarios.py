@@ -8,14 +8,18 @@ from scipy.signal import lfilter
 from support.commands import call
 from support.shipped import flown
 
-from aerobat_pin.aerobat.aerobat import believed_robot
-from aerobat_pin.aerobat.estimate import belief_about, estimate_flight
-from aerobat_pin.aerobat.flight_log import true_force
-from aerobat_pin.aerobat.flight_record import known_inputs
-from aerobat_pin.aerobat.tables import read_log, write_csv
-from aerobat_pin.experiments.experiment import run
-from aerobat_pin.forces.scores import point_label, r_squared
-from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
+from aerobat_pin.aerobat import (
+    belief_about,
+    believed_robot,
+    estimate_flight,
+    known_inputs,
+    read_log,
+    true_force,
+    write_csv,
+)
+from aerobat_pin.experiments import run
+from aerobat_pin.forces import point_label, r_squared
+from aerobat_pin.scenario import load_scenario, shipped_scenarios
 
 SHIPPED = shipped_scenarios()
 

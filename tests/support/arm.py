@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat.aerobat import Aerobat
+from aerobat_pin.aerobat import Aerobat
 from aerobat_pin.observers import Identifiability, MomentumObserver, Observer, Rows, Sample
 from aerobat_pin.observers.identifiability import judge
 from support.observer_twins import point_jacobian

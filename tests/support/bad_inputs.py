@@ -29,15 +29,13 @@ from typing import Any, NamedTuple, NoReturn, Self
 import numpy as np
 import tomli_w
 
-from aerobat_pin.aerobat.estimate import belief_about
-from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.tables import read_log, write_csv
+from aerobat_pin.aerobat import FlightLog, belief_about, read_log, write_csv
 from aerobat_pin.cli import app as cli
 from aerobat_pin.errors import AerobatError
-from aerobat_pin.experiments.experiment import run_recorded
-from aerobat_pin.flight.simulate import simulate
-from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization.replay.serve import serve
+from aerobat_pin.experiments import run_recorded
+from aerobat_pin.flight import simulate
+from aerobat_pin.scenario import load_scenario
+from aerobat_pin.visualization import serve
 from support import bad_recordings
 from support.bad_bytes import READERS, changed_bytes, write_readable
 from support.bad_folders import SWEEP, bad_comparison, bad_run, bad_sweep

@@ -18,8 +18,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.tables import write_csv
+from aerobat_pin.aerobat import FlightLog, write_csv
 
 Rng = np.random.Generator
 HARMLESS = ("columns in another order", "dimensions in another order")

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from aerobat_pin.numerics.arrays import Array
+from aerobat_pin.numerics import Array
 from aerobat_pin.visualization.replay.snapshots import BROWSER_FLAGS, BROWSERS, SEEK_AND_DRAW
 
 CHROMIUM = next((path for name in BROWSERS if (path := shutil.which(name))), None)

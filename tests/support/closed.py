@@ -7,10 +7,9 @@ import numpy as np
 import pinocchio as pin
 
 import aerobat_description as description
-from aerobat_pin.aerobat.aerobat import Aerobat
-from aerobat_pin.aerobat.closed_model import closed_state
+from aerobat_pin.aerobat import Aerobat, closed_state
 from aerobat_pin.flight import Plant
-from aerobat_pin.linkage.kinetic_sculpture import KineticSculpture
+from aerobat_pin.linkage import KineticSculpture
 from aerobat_pin.scenario import parse_scenario
 
 RATE = 2.0 * np.pi * 4.75  # [rad/s] of the crank

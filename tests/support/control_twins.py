@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.control.controller import PITCHED_IN, Controller, integral_shares
+from aerobat_pin.control import Controller
+from aerobat_pin.control.controller import PITCHED_IN, integral_shares
 from aerobat_pin.control.nominal_wrench import waves
 
 Vector = np.ndarray

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerobat_description.morphology import Morphology
-from aerobat_pin.aerobat import RobotAir
-from aerobat_pin.aerobat.wing import Wing
+from aerobat_pin.aerobat import RobotAir, Wing
 from aerobat_pin.aerodynamics import StripLoads
 from support.section_law import loads_of, settled_state
 

@@ -5,8 +5,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from aerobat_pin.numerics.arrays import Array
-from aerobat_pin.numerics.lie_runge_kutta import HALF_STEPS, Retraction, add_stage, lie_step, next_state, next_tangent
+from aerobat_pin.numerics import HALF_STEPS, Array, add_stage, lie_step, next_state, next_tangent
+from aerobat_pin.numerics.lie_runge_kutta import Retraction
 
 Output = TypeVar("Output")
 Rates = Callable[[float, Array, Array], tuple[Array, Array, Output]]

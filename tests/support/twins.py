@@ -12,13 +12,10 @@ import pinocchio as pin
 from scipy.linalg import cho_factor, cho_solve
 
 from aerobat_description.morphology import Morphology
-from aerobat_pin.aerobat import RobotAir
-from aerobat_pin.aerobat.prescribed_joints import joint_table
-from aerobat_pin.aerobat.wing import LINKS
+from aerobat_pin.aerobat import LINKS, RobotAir, joint_table
+from aerobat_pin.flight import Plant, Trajectory
 from aerobat_pin.flight.attitude_hold import AttitudeHold
-from aerobat_pin.flight.plant.plant import Plant
 from aerobat_pin.flight.plant.plant_state import Forces, PointForce
-from aerobat_pin.flight.plant.tables import Trajectory
 from support.observer_twins import point_jacobian
 from support.stepping import stage_mean, step
 
