@@ -6,9 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
-import numba
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -251,24 +249,3 @@ def test_a_compilation_is_announced_once(monkeypatch: pytest.MonkeyPatch, capsys
         jit.announce_compilation(entry)
         assert capsys.readouterr().err.count("compiling the kernels: once per installation") == said
         assert opened.count(entry) == said
-
-
-@compiled_only
-def test_kernels_compile_where_no_cache_can_be_written(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Numba raises RuntimeError where it finds no folder: for code without a file, and in a read-only installation."""
-    scope: dict[str, Any] = {}
-    exec("def triple(x):\n    return 3.0 * x\n", scope)
-    with pytest.raises(RuntimeError, match="cannot cache"):
-        numba.njit(cache=True)(scope["triple"])
-    assert jit.kernel(scope["triple"])(2.0) == 6.0
-
-    def read_only(*_: Any) -> Any:
-        raise RuntimeError("cannot cache function: no locator available")
-
-    monkeypatch.setattr(jit, "KernelCache", read_only)
-    solve = jit.kernel(small_matrices.solve_positive.py_func)
-    A, x = np.diag([2.0, 4.0]), np.ones(2)
-    solve(A, x)
-    assert solve.signatures
-    assert solve.stats.cache_path is None
-    np.testing.assert_allclose(x, [0.5, 0.25])

@@ -4,7 +4,9 @@ import importlib
 import os
 import pickle
 from pathlib import Path
+from typing import Any
 
+import numba
 import numpy as np
 import pytest
 from support.damaged_kernels import DAMAGES, ENDS, SOURCE, damage, small_kernel
@@ -159,6 +161,28 @@ def test_a_shared_folder_for_kernels_is_used_below_a_private_one(
     assert path.parent.name == f"aerobat-{os.geteuid()}"
     assert path.parent.stat().st_mode & 0o777 == 0o700
     assert path.stat().st_mode & 0o777 == 0o600
+
+
+def test_a_kernel_runs_where_nothing_can_be_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Code without a file; a read-only installation and no home, in which numba finds no folder.
+
+    Permissions do not stop root. A file where a folder must be made does: `__pycache__`, and the home.
+    """
+    scope: dict[str, Any] = {}
+    exec("def triple(x):\n    return 3.0 * x\n", scope)
+    assert jit.kernel(scope["triple"])(2.0) == 6.0
+    home, installed = tmp_path / "home", tmp_path / "installed"
+    installed.mkdir()
+    for file in (home, installed / "__pycache__"):
+        file.touch()
+    monkeypatch.setattr("numba.config.CACHE_DIR", "")
+    for name in ("HOME", "XDG_CACHE_HOME", "IPYTHONDIR"):
+        monkeypatch.setenv(name, str(home))
+    kernel = small_kernel(installed)
+    with pytest.raises(RuntimeError, match="no locator available"):
+        numba.njit(cache=True)(kernel.py_func)
+    assert kernel(np.ones(4), 0.5) == 2.0
+    assert kernel.stats.cache_path is None
 
 
 def test_a_full_disk_costs_only_time(

@@ -154,59 +154,6 @@ print(json.dumps({
     assert printed["mass"][0] == pytest.approx(printed["mass"][1], rel=1e-12)
 
 
-ONE_KERNEL = """
-import json
-import numba, numpy as np
-from aerobat_pin.flight import attitude_hold as hold
-
-try:
-    exec(compile("def one(x): return x\\nnumba.njit(cache=True)(one)", hold.__file__, "exec"), {"numba": numba})
-    refused = ""
-except RuntimeError as error:
-    refused = str(error)
-gains = dict(attitude_stiffness=np.ones(3), attitude_damping=np.ones(3), torque_limit=np.ones(3), speed_gain=1.0,
-             thrust_limit=1.0, lift=0.4, height_stiffness=1.0, height_damping=1.0, lift_limit=1.0)
-one = hold.AttitudeHold(rotation=np.eye(3), forward_speed=0.0, height=0.0, **gains)
-wrench = np.empty(6)
-packed = hold.AttitudeHold(*(np.asarray(value) for value in one))
-hold.hold_wrench(packed, np.append(np.eye(3), np.zeros(3)), np.zeros(6), np.empty((3, 3)), wrench)
-stats = hold.hold_wrench.stats
-print(json.dumps({"file": hold.__file__, "refused": refused, "wrench": wrench.tolist(), "cache": stats.cache_path,
-                  "compiled": len(hold.hold_wrench.signatures)}))
-"""
-
-
-@pytest.mark.parametrize("writable", [False, True])
-def test_it_works_where_no_cache_can_be_written(writable: bool, installed: Path, tmp_path: Path) -> None:
-    """A read-only installation and no home: numba finds no folder, and the kernels are compiled without one.
-
-    Permissions do not stop root. A file where a folder must be made does: numba's `__pycache__`, and the home. The
-    same code in a writable copy shows that it is this which makes numba refuse.
-    """
-    copy, home = tmp_path / "copy", tmp_path / "home"
-    for package in PACKAGES:
-        shutil.copytree(installed / package, copy / package, ignore=shutil.ignore_patterns("__pycache__"))
-    home.touch()
-    places = [folder / "__pycache__" for folder in {path.parent for path in (copy / "aerobat_pin").rglob("*.py")}]
-    if not writable:
-        for place in places:
-            place.touch()
-    said = json.loads(python(ONE_KERNEL, copy, tmp_path, HOME=str(home), IPYTHONDIR=str(home)))
-    assert Path(said["file"]).is_relative_to(copy)
-    assert said["compiled"] == 1
-    assert said["wrench"] == [0.0, 0.0, 0.4, 0.0, 0.0, 0.0]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["copy", "home"]
-    if writable:
-        assert said["refused"] == ""
-        cache = copy / "aerobat_pin" / "flight" / "__pycache__" / f"aerobat-{os.geteuid()}"
-        assert said["cache"] == str(cache)
-        assert list(cache.glob("attitude_hold.hold_wrench-*.nbi"))
-    else:
-        assert "no locator available" in said["refused"]
-        assert said["cache"] is None
-        assert all(place.is_file() for place in places)
-
-
 def test_the_page_of_licences_names_every_library() -> None:
     """Those of the package and of each extra, in words of their own."""
     page = (ROOT / "docs" / "licences.md").read_text("utf-8")
