@@ -92,20 +92,3 @@ def test_order_is_four_on_the_plant_with_its_air() -> None:
         errors = [float(np.linalg.norm(end[i] - exact)) for end in ends]
         assert np.all(observed_orders(errors) >= 3.9)
         assert errors[-1] > 1e-12 * np.linalg.norm(exact)  # still the method's error, not rounding
-
-
-def test_the_logged_configuration_moves_with_the_logged_velocity() -> None:
-    """Kinematics: log(q_k^-1 q_k+1) / dt is the mean twist, which the trapezoid of v gives up to a dt^2 error.
-
-    One wing alone is pushed, so that the body rolls and yaws too; every axis shrinks fourfold at each halving.
-    """
-    one_sided = [*SMOOTH, "simulation.duration=0.05", "unknown_force.1.amplitude=0.0", "unknown_force.0.axes=body"]
-    miss = []
-    for dt in (1e-3, 5e-4, 2.5e-4):
-        log = simulate(load_scenario("paper", [*one_sided, f"simulation.dt={dt}"]))
-        q, v = log.measured["q"].values[:, :7], log.measured["v"].values[:, :6]
-        moved = np.array([SE3.difference(a, b) for a, b in pairwise(q)]) / dt
-        miss.append(np.mean(np.abs(moved - 0.5 * (v[1:] + v[:-1])), axis=0))
-    for coarse, fine in pairwise(miss):
-        np.testing.assert_allclose(fine / coarse, 0.25, atol=0.002)
-    assert np.max(miss[0]) < 1e-4  # m/s and rad/s, at 1 ms
