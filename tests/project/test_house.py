@@ -1,11 +1,7 @@
 """The project itself: examples run, nothing points at somebody's machine, the documents hold what they promise."""
 
-import ast
-import functools
-import importlib.util
 import re
 import runpy
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -78,54 +74,3 @@ def test_the_readme_leads_with_the_two_commands() -> None:
     """Whoever opens it sees `make demo` and `make test` first."""
     first_block = (ROOT / "README.md").read_text().split("```")[1]
     assert first_block.index("make demo") < first_block.index("make test")
-
-
-@functools.cache
-def imports() -> dict[str, set[str]]:
-    """Return module -> modules of our own that it imports, also for types alone; doors lead to the defining module."""
-    files = {
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
-        for package in ("aerobat_description", "aerobat_pin")
-        for path in (ROOT / package).rglob("*.py")
-    }
-    listed = {module: path.with_suffix(".pyi") for module, path in files.items()}  # of a door that loads names lazily
-    named = {
-        module: list(named_imports(module, listed[module] if listed[module].is_file() else path))
-        for module, path in files.items()
-    }
-
-    def home(module: str, name: str) -> str:
-        """Return the module that defines what a module calls by a name."""
-        if f"{module}.{name}" in files:
-            return f"{module}.{name}"
-        if files[module].name == "__init__.py":
-            for source, known in named[module]:
-                if known == name and source in files:
-                    return home(source, name)
-        return module
-
-    return {
-        module: {home(source, name) for source, name in found if source in files} - {module}
-        for module, found in named.items()
-    }
-
-
-def named_imports(module: str, path: Path) -> Iterator[tuple[str, str]]:
-    """Yield module and name of every import of a file, wherever it stands; the name is empty for a whole module."""
-    package = module if path.stem == "__init__" else module.rpartition(".")[0]
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom):
-            source = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
-            yield from ((source, alias.name) for alias in node.names)
-        elif isinstance(node, ast.Import):
-            yield from ((alias.name, "") for alias in node.names)
-
-
-def test_no_modules_import_each_other_in_a_circle() -> None:
-    """A circle is found where nothing is left that imports nothing of the rest."""
-    left = dict(imports())
-    assert len(left) > 100
-    while free := [module for module, found in left.items() if not found & left.keys()]:
-        for module in free:
-            del left[module]
-    assert not left, f"among these there is a circle: {sorted(left)}"

@@ -90,6 +90,18 @@ def test_a_name_is_one_thing() -> None:
     assert {name: modules for name, modules in places.items() if len(modules) > 1} == {}
 
 
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    """Found where nothing is left that imports nothing of the rest; a name of a door stands for where it is defined."""
+    home = {name: module for module, tree in trees().items() for name in definitions(tree)}
+    named = {module: [one for one in imports(module) if one[0] in MODULES] for module in MODULES}
+    left = {module: {home.get(name, target) for target, name in found} - {module} for module, found in named.items()}
+    assert sum(map(len, left.values())) > 500
+    while free := [module for module, found in left.items() if not found & left.keys()]:
+        for module in free:
+            del left[module]
+    assert not left, f"among these there is a circle: {sorted(left)}"
+
+
 def test_rooms_are_entered_through_their_doors() -> None:
     """From another room: `from aerobat_pin.<room> import name`, a name that the room exports."""
     doors = {f"aerobat_pin.{room.name}" for room in ROOMS}
