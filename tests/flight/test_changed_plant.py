@@ -153,14 +153,6 @@ def test_a_robot_without_sensors_at_its_joints_shows_what_its_encoder_makes_of_t
         np.testing.assert_array_equal(seen.measured[name], hidden.truth[name])
 
 
-def test_a_slipped_encoder_changes_nothing_that_moves() -> None:
-    """The flight is bit for bit that of a good encoder."""
-    good, slipped = flown()[0], flown(*SLIPPED)[0]
-    for name in ("q", "v", "crank_angle"):
-        np.testing.assert_array_equal(slipped.truth[name], good.measured[name])
-    np.testing.assert_array_equal(slipped.measured["motor_torque"], good.measured["motor_torque"])
-
-
 def test_raw_samples_come_from_a_slipped_encoder_too() -> None:
     """The encoder's counts are two degrees further, the truth is not."""
     settings = ["simulation.duration=0.1", "air.warm_up_cycles=0"]

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerobat_pin.aerobat import Aerobat, FlightLog, flown_robot, joint_table, known_inputs
+from aerobat_pin.aerobat import Aerobat, FlightLog, flown_robot, known_inputs
 from aerobat_pin.errors import AerobatError, CrankError, TrimError
-from aerobat_pin.experiments import run
 from aerobat_pin.flight import ConstantRate, CrankDrive, Plant, RateControlledMotor, SpinUp, find_trim, simulate
 from aerobat_pin.flight.crank import CrankMotion, checked_motion, crank_drive
 from aerobat_pin.numerics import Array
@@ -139,13 +138,6 @@ def test_joints_and_log_follow_the_drive(drive: str) -> None:
         assert np.max(np.abs(rates[-1])) > 5.0
 
 
-def test_a_function_that_says_what_the_scenario_says_flies_the_same_flight() -> None:
-    chosen = scenario("constant")
-    default = simulate(chosen)
-    own = simulate(chosen, drive=ConstantRate(np.radians(-90.0), 2.0 * np.pi * 4.75))
-    assert own.measured.identical(default.measured)
-
-
 def test_the_air_about_resting_wings_warms_up_without_a_history_of_flapping() -> None:
     """A crank that starts at rest stood before: the air has settled, but for the old wake's last traces."""
     kept = ["crank.frequency=1.0", "air.warm_up_cycles=2"]
@@ -166,32 +158,6 @@ def test_the_modelled_torque_knows_the_cranks_acceleration(drive: str) -> None:
     measured, modelled = (known_inputs(log, robot, torque).tau[2:] for torque in ("measured", "modelled"))
     assert np.max(np.abs(measured)) > 5e-3
     assert modelled == pytest.approx(measured, rel=0.0, abs=0.01 * np.max(np.abs(measured)))
-
-
-@pytest.mark.parametrize("time", [0.03, 0.1, 0.17])
-def test_crank_and_joints_exchange_the_same_power_while_the_crank_speeds_up(time: float) -> None:
-    """At one instant of a spin-up: motor power = sum tau_j theta_j' = crank torque times crank rate, to rounding."""
-    chosen = scenario("spin_up", "air.warm_up_cycles=0")
-    plant = Plant(flown_robot(chosen), chosen)
-    robot, closed = plant.robot, plant.closure(np.array([time]))
-    q = robot.configuration(plant.initial.placement, closed.theta_s[0], closed.theta_e[0])
-    v = robot.velocity(plant.initial.twist, closed.theta_s_dot[0], closed.theta_e_dot[0])
-    held = np.zeros((2, len(plant.forces)))
-    forces = plant.rates(q, v, joint_table(closed)[0], plant.initial.air, held)[2]
-    left, right = (forces.motor[0, list(robot.idx_v[i : i + 2])] for i in (0, 2))
-    crank = closed.crank_torque(*left) + closed.crank_torque(*right)
-    assert abs(crank[0]) > 1e-3
-    assert crank * closed.crank_velocity == pytest.approx(forces.motor_power, rel=1e-12)
-    spread = closed.joint_torques(0.5 * crank)
-    again = 2.0 * (spread[0] * closed.theta_s_dot + spread[1] * closed.theta_e_dot)
-    assert again == pytest.approx(forces.motor_power, rel=1e-12)
-
-
-def test_forces_are_found_while_a_motors_crank_ripples() -> None:
-    """The observers need no steady crank."""
-    scores = run(scenario("motor")).metrics["observers"]["force_level"]
-    for wing in ("left", "right"):
-        assert min(scores[wing][axis]["r2"] for axis in ("Fx", "Fy", "Fz")) > 0.99
 
 
 def test_a_drive_of_ones_own_that_is_no_motion_is_refused_before_flying() -> None:

@@ -75,6 +75,7 @@ def changed(row: int, column: int, value: object) -> list[list[float]]:
             [[*row, 0.0, 0.0, 0.0] for row in table()],
             "wx, wy, wz: velocity and angular velocity were expected, both or none",
         ),
+        ([*HEADER[:8], *JOINTS], [[*row[:8], *[10.0, 40.0] * 2] for row in table()], "left_shoulder = 10: radians"),
         (HEADER, [[*row[:8], 1800.0 * row[0], 3.0] for row in table()], r"crank_angle .* turns by 18 rad .* degrees\?"),
     ],
 )
@@ -99,12 +100,8 @@ def test_no_cell_is_guessed_and_every_refusal_is_a_line(tmp_path: Path) -> None:
         assert len(str(told.value)) < 600
 
 
-def test_joints_in_degrees_and_files_that_are_not_tables_are_refused(tmp_path: Path) -> None:
-    """An elbow at 40 is in degrees; a picture is not a table."""
-    joints = ["left_shoulder", "left_elbow", "right_shoulder", "right_elbow"]
-    rows = [[*row[:8], 10.0, 40.0, 10.0, 40.0] for row in table()]
-    with pytest.raises(LogError, match="left_shoulder = 10: radians were expected"):
-        read_log(write(tmp_path / "hall.csv", [*HEADER[:8], *joints], rows))
+def test_files_that_are_not_tables_are_refused(tmp_path: Path) -> None:
+    """A picture, and none at all."""
     (tmp_path / "hall.csv").write_bytes(bytes(range(128, 256)))
     with pytest.raises(LogError, match="is no text in UTF-8"):
         read_log(tmp_path / "hall.csv")

@@ -42,27 +42,6 @@ def test_the_papers_flights_are_those_of_an_independent_integrator(name: str, mo
     assert np.max(np.abs(cranks)) > 0.0
 
 
-@pytest.mark.parametrize(
-    ("what", "values", "power", "tolerance"),
-    [("BAR_SHARE", (1.0, 0.5, 0.01), 1, 0.05), ("CLOSURE_TIME", (1e-3, 5e-4, 2.5e-4), 2, 0.4)],
-)
-def test_ever_lighter_bars_and_stiffer_closures_come_to_a_limit(
-    what: str, values: tuple[float, ...], power: int, tolerance: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where a free flight ends changes with the bars' mass linearly, with the closures' time squared.
-
-    So its limit is a linkage that has no mass and does not give. Over half a second see `mujoco_robot`.
-    """
-    pytest.importorskip("mujoco")
-    scenario, ends = load_scenario("paper_open_loop", ["simulation.duration=0.1"]), []
-    for value in values:
-        monkeypatch.setattr(f"aerobat_pin.flight.mujoco_robot.{what}", value)
-        flown = simulate(scenario, simulator=MujocoRobot(flown_robot(scenario)))
-        ends.append(flown.measured["q"].values[-1, :3])
-    slopes = np.diff(ends, axis=0) / np.diff(np.array(values) ** power)[:, None]
-    assert np.linalg.norm(slopes[1] - slopes[0]) < tolerance * np.linalg.norm(slopes[0])
-
-
 def test_an_observer_finds_the_forces_in_a_flight_of_mujoco() -> None:
     """The joint torques are those of MuJoCo's constraints; on 0.4 s of `paper` R2 is above 0.995."""
     pytest.importorskip("mujoco")

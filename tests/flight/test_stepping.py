@@ -129,18 +129,10 @@ def test_steps_that_cannot_be_flown_are_refused_in_a_line() -> None:
 PERFECT = []
 NOISY = ["sensors.gyro.noise=0.003", "sensors.attitude.noise=0.003", "sensors.velocity.walk=0.1"]
 POOR = [
-    "sensors.position.rate=90",
-    "sensors.position.delay=0.012",
-    "sensors.position.dropout=0.4",
-    "sensors.attitude.quantum=0.01",
-    "sensors.attitude.dropout=0.2",
-    "sensors.velocity.rate=250",
-    "sensors.velocity.delay=0.03",
-    "sensors.gyro.bias=[0.1, 0.2, 0.3]",
-    "sensors.joint_angle.noise=0.01",
-    "sensors.joint_rate.dropout=0.5",
-    "sensors.crank_angle.noise=0.02",
-    "sensors.crank_angle.delay=0.004",
+    *("sensors.position.rate=90", "sensors.position.delay=0.012", "sensors.position.dropout=0.4"),
+    *("sensors.attitude.quantum=0.01", "sensors.attitude.dropout=0.2", "sensors.gyro.bias=[0.1, 0.2, 0.3]"),
+    *("sensors.velocity.rate=250", "sensors.velocity.delay=0.03", "sensors.joint_angle.noise=0.01"),
+    *("sensors.joint_rate.dropout=0.5", "sensors.crank_angle.noise=0.02", "sensors.crank_angle.delay=0.004"),
 ]
 
 

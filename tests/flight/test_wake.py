@@ -7,11 +7,10 @@ import pinocchio as pin
 import pytest
 from support.flapping_robot import AIRSPEED, FREQUENCY, STEPS, flap_robot
 from support.further import further
-from support.gliding import BARE, evaluate, gliding, settled
 from support.shed_wake import impulse_lift, rectangle_wake, wake_at
 
 from aerobat_pin.aerobat import FlightLog, flown_robot
-from aerobat_pin.aerodynamics import Stroke, Wind
+from aerobat_pin.aerodynamics import Stroke
 from aerobat_pin.errors import LogError
 from aerobat_pin.flight import Wake, simulate, wake_of
 from aerobat_pin.scenario import AirSection, load_scenario
@@ -61,22 +60,6 @@ def test_trailing_vortices_cancel_and_follow_the_slope_of_the_bound_circulation(
     # A lifting flight leaves two counter-rotating halves behind.
     half = (count + 1) // 2
     assert found[:half].sum() > 0.0 > found[-half:].sum()
-
-
-def test_the_moment_of_what_a_glider_trails_is_its_lift() -> None:
-    """Kutta-Joukowski: rho V times the moment of the trailing vortices about the root, at 2 deg; lift from the kernel.
-
-    The vortices leave halfway between stations in theta. Two tips turn against each other, and nothing is left in sum.
-    """
-    speed, line = 3.0, BARE.line
-    twists = gliding(speed, np.radians(2.0))
-    _, _, strips = evaluate(BARE, twists, settled(BARE, twists))
-    wake = Wake(np.arange(2.0), np.zeros((2, 16, 3)), np.tile(strips.circulation, (2, 1)), Wind())
-    trailing = wake.mean_trailing(0.0, 1.0)
-    edges = 0.5 * line.span * np.cos((np.arange(17) + 0.5) * np.pi / 17.0)
-    assert speed * (trailing @ edges) == pytest.approx(strips.force_z.sum(), rel=3e-3)
-    assert np.all(trailing[:8] > 0.0)
-    np.testing.assert_allclose(trailing, -trailing[::-1], atol=1e-12)
 
 
 @pytest.mark.parametrize(("flap", "share"), [(0.0, 0.01), (30.0, 0.05)])
