@@ -4,7 +4,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.signal import lfilter
-from support.arm import arm, push, rest, settled
 
 from aerobat_description.meshes import parts
 from aerobat_pin.aerobat import LINKS, Aerobat, load_aerobat
@@ -185,19 +184,6 @@ def test_what_is_no_wrench_and_no_panel_is_refused(robot: Aerobat) -> None:
     bent[2, 2] = 0.05
     with pytest.raises(ObserverError, match="flat polygon"):
         locate(good, EXACT).cross(bent)
-
-
-def test_a_push_on_an_arms_last_link_is_found_through_an_observer() -> None:
-    """On a fixed base: six joints hold still against a force 0.1 m beside the tool; wrench, then its line."""
-    model, frame = arm()
-    beside = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.3]))
-    model.addFrame(pin.Frame("beside", model.njoints - 1, 0, beside, pin.FrameType.OP_FRAME))
-    q = np.random.default_rng(2).uniform(-1.0, 1.0, model.nq)
-    observer = ForceLevelObserver(model, [Application(frame, "wrench", "frame")], gain=1e4)
-    sample = settled(observer, q, rest(model, q) - push(model, "beside", q, np.array([1.5, -2.0, 0.7])))
-    square = np.array([[-0.2, -0.2, 0.0], [0.2, -0.2, 0.0], [0.2, 0.2, 0.0], [-0.2, 0.2, 0.0]])
-    crossing = locate(sample.components, 1e-6 * np.eye(6)).cross(square)
-    np.testing.assert_allclose(crossing.point, [0.1, 0.0, 0.0], atol=1e-6)
 
 
 def turning(count: int, rng: np.random.Generator) -> np.ndarray:

@@ -53,19 +53,8 @@ def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows
     before[2], after[2] = moving * before[2], moving * after[2]
     phi, mean = rng.standard_normal(nv), 0.5 * (before + after)
     weight = np.diag(twins.believed(model, "all", mean[2]))
-    sizes = ObserverSizes(
-        nv,
-        0,
-        3 * points,
-        filtered=nv,
-        basis=0,
-        tied=0,
-        project_first=0,
-        rows=ROWS.index(rows),
-        filter=0,
-        believed=nv,
-        directions=0,
-        expected=0,
+    sizes = ObserverSizes(**dict.fromkeys(ObserverSizes._fields, 0))._replace(
+        nv=nv, components=3 * points, filtered=nv, rows=ROWS.index(rows), believed=nv
     )
     memory = new_state(ObserverState, **sizes._asdict())
     observer, found = fields_of(memory, ObserverState), np.full(3 * points, np.nan)
