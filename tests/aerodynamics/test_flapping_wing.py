@@ -12,10 +12,7 @@ from aerobat_pin.aerodynamics import Halves, LiftingLine, Stroke, fly
 from aerobat_pin.errors import ShapeError
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
-
 STILL = float(LiftingLine(0.4, 0.1, strips=8).y[5])
-
-
 MIRROR_TWIST = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
 

@@ -1,7 +1,7 @@
 """The lifting line as a model: its matrices are its equations, any planform goes in.
 
 That it agrees with the classics is in test_lifting_line_ladder.py. Added mass of wings with open tips: closed forms of
-discs, tables of plates, reciprocity.
+discs, tables of plates.
 """
 
 from typing import Any
