@@ -111,13 +111,7 @@ def lagrangian_parts(robot: Aerobat, R0: np.ndarray, x: np.ndarray, x_dot: np.nd
     return paper_energy(robot, paper_bodies(robot, x[:3], R_B, x_dot[:3], omega_B, x[6:], x_dot[6:]))
 
 
-def euler_lagrange(
-    robot: Aerobat,
-    R0: np.ndarray,
-    x: np.ndarray,
-    x_dot: np.ndarray,
-    x_ddot: np.ndarray,
-) -> np.ndarray:
+def euler_lagrange(robot: Aerobat, R0: np.ndarray, x: np.ndarray, x_dot: np.ndarray, x_ddot: np.ndarray) -> np.ndarray:
     """Return d/dt (dL/dx') - dL/dx (10,) at phi = 0, for L = T - U."""
     h, units = 1e-30, np.eye(len(x))
 

@@ -2,7 +2,7 @@
 
 Derivatives are checked against differences of positions. `arms`, where pins and loops are linear in exp(i t), knows
 nothing of how the loops are closed and is checked against the closed form. Sigma_K as the paper writes it,
-x' = f_k + g_k u_k, agrees with the closed form, and drifts when it is integrated.
+x' = f_k + g_k u_k, agrees with the closed form.
 """
 
 from dataclasses import replace

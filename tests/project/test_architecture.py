@@ -78,7 +78,6 @@ def test_every_path_and_name_of_the_map_is_there() -> None:
     ("text", "complaint"),
     [
         ("`flight/simulate.py:simulate`", None),
-        ("`aerobat_pin/flight/simulate.py:simulate`", None),
         ("`flight/plant/plant.py:Plant.fly`", None),
         ("`errors/`, `observers/`, `docs/design/`, `aerobat_description/morphologies/aerobat.toml`", None),
         ("speeds in m/s, and/or `runs/paper`", None),

@@ -13,7 +13,7 @@ from matplotlib.image import imread
 from PIL import Image
 
 import aerobat_pin
-from aerobat_pin import load_aerobat, load_scenario, run, simulate
+from aerobat_pin import load_aerobat, load_scenario, simulate
 from aerobat_pin.aerobat import known_inputs
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -54,15 +54,6 @@ def test_the_doors_alone_import_nothing_heavy() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == [*DOORS, "aerobat_pin.cli"]
-
-
-def test_a_run_gives_scenario_robot_log_estimates_and_metrics() -> None:
-    """The names that scripts use."""
-    experiment = run(load_scenario("paper", ["simulation.duration=0.1"]))
-    assert experiment.scenario.name == experiment.metrics["scenario"] == "paper"
-    assert experiment.robot.model.nv == 10
-    assert len(experiment.log.time) == 101
-    assert set(experiment.estimates) == set(experiment.metrics["observers"]) == {"momentum", "force_level"}
 
 
 def test_the_first_script_of_the_readme_does_what_it_says(

@@ -358,16 +358,7 @@ class Doors:
     def _asked(self, rng: np.random.Generator) -> Attempt:
         """Ask for the page with the name of another host."""
         self._door = "the page that play serves"
-        hosts = (
-            "evil.example",
-            "127.0.0.1",
-            "localhost",
-            "",
-            "127.0.0.1:1",
-            "[::1]",
-            "evil.example:80",
-            "127.0.0.1.nip.io",
-        )
+        hosts = ["", *"evil.example 127.0.0.1 localhost 127.0.0.1:1 [::1] evil.example:80 127.0.0.1.nip.io".split()]
         host = hosts[rng.integers(len(hosts))]
         asked = urllib.request.Request(self.address, headers={"Host": host})
         answer = urllib.request.build_opener(AllAnswers).open(asked, timeout=self.patience)

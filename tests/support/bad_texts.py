@@ -101,18 +101,7 @@ def _missing(rng: Rng, door: str) -> str:
 
 def _syntax(rng: Rng, door: str) -> str:
     good = FORMATS[door][0]
-    broken = (
-        'a = "',
-        "a = [1,",
-        "[a",
-        "a =",
-        "= 1",
-        "a = 1 b = 2",
-        'a = """x',
-        "a = 1979-02-31",
-        "a = 1\na = 2",
-        "²=1",
-    )
+    broken = 'a = "', "a = [1,", "[a", "a =", "= 1", "a = 1 b = 2", 'a = """x', "a = 1979-02-31", "a = 1\na = 2", "²=1"
     line = str(rng.choice(broken))
     return f"{good}\n{line}" if rng.integers(2) else f"{line}\n{good}"
 
@@ -157,12 +146,8 @@ def _path(rng: Rng, place: Path) -> list[str]:
         rng.choice([long, f"{long}.toml", f"a/{long}", "pipe", "pipe.toml", "loop.toml", ".", "/", "/dev/null", "x"])
     )
     reads = (["run", name], ["sweep", name], ["linkage", name], ["urdf", name], ["trim", name], ["estimate", name])
-    reads += (
-        ["crank", name],
-        ["compare", name, name],
-        ["convert", name, "--out", "out.mcap"],
-        ["estimate", name, "--suggest"],
-    )
+    reads += (["crank", name], ["compare", name, name], ["estimate", name, "--suggest"])
+    reads += (["convert", name, "--out", "out.mcap"],)
     reads += (["calibrate", name, "--out", "out.nc"], ["estimate", "x.csv", "--map", name], ["describe", "map", name])
     reads += (["live", name], ["live", "x.csv", "--map", name], ["node", "--map", name])
     reads += (["check", name, "--calibration", "x.nc"], ["check", "x.nc", "--calibration", name])

@@ -19,17 +19,7 @@ from aerobat_pin import scenario
 from aerobat_pin.errors import AerobatError, ShapeError
 from support import drone
 
-DOORS = (
-    "observers",
-    "linkage",
-    "aerodynamics",
-    "scenario",
-    "aerobat",
-    "flight",
-    "estimation",
-    "control",
-    "experiments",
-)
+DOORS = tuple("observers linkage aerodynamics scenario aerobat flight estimation control experiments".split())
 
 
 class Stranger:
