@@ -9,11 +9,11 @@ All instants share errors of the masses of links, or of a factor of all efforts:
 
     y = J^T f + X b + W c + e,    f ~ N(0, S^2),    e ~ N(0, R),    c ~ N(0, s^2) of each link
 
-y are rows, X b friction, W what each link weighs, and c by which share of it its mass errs. Most of W c looks like a
-force at the points, so that R, which rows to spare show row by row, does not contain it. But all instants share c, so
-that they show some of its directions to some thousandths. How large it is in these says how large it is: the s that
-makes them most likely (empirical Bayes, Efron and Morris 1973). With it c in the others follows, and what it does to
-forces.
+y are rows, X b friction and rotors, W what each link weighs, and c by which share of it its mass errs. Most of W c
+looks like a force at the points, so that R, which rows to spare show row by row, does not contain it. But all instants
+share c, so that they show some of its directions to some thousandths. How large it is in these says how large it is:
+the s that makes them most likely (empirical Bayes, Efron and Morris 1973). With it c in the others follows, and what it
+does to forces.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def shared_error(model: pin.Model, instants: Instants, expected: Expected) -> Sh
     J = instants.jacobians[some][..., kept]
     R = expected.doubt * expected.row_deviation(instants.v[some])[:, kept] ** 2
     one = np.eye(len(kept))[instants.at].T
-    friction = np.concatenate([x[:, None] * one for x in instants.columns[:2, some][..., instants.at]], axis=2)
+    friction = np.concatenate([x[:, None] * one for x in instants.columns[:3, some][..., instants.at]], axis=2)
     white, y = J / R[:, None], instants.rows[some][:, kept]
     both = white @ np.concatenate([weights, y[:, :, None]], axis=2)
     both = np.linalg.solve(white @ np.swapaxes(J, 1, 2) + np.diag(expected.force**-2.0), both)
