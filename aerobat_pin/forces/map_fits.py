@@ -107,7 +107,8 @@ def used_by_fits(record: Record, values: FittedValues, time: Array) -> NDArray[n
     stretches = [] if friction is None or friction.fit is None else [friction.fit]
     stretches += [fitted_stretch(record)] if values.mass != 1.0 else []
     payload, free = record.map.payload, record.map.use.free
-    stretches += [] if payload is None or payload.com is not None else [payload.fit or free or (0.0, np.inf)]
+    if payload is not None and payload.com is None and friction is None:  # beside friction it is fitted with that
+        stretches.append(payload.fit or free or (0.0, np.inf))
     shares = [known.fit.part for known in record.map.known.values() if known.fit is not None]
     stretches += [(_time_after(record, low), _time_after(record, high)) for low, high in shares]
     used = np.zeros(len(when), bool) if free is None or fits_to_sensor(record.map) else ~in_stretch(when, free)

@@ -16,6 +16,7 @@ from aerobat_pin import calibrate, estimate
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation import Calibration, OnlineEstimator, calibration_bytes, read_calibration, stream_of
 from aerobat_pin.experiments import check_record
+from aerobat_pin.forces import FittedValues, used_by_fits
 from aerobat_pin.records import Record
 
 FACTORS = np.array([0.85, 1.1, 0.95, 1.15, 0.9, 1.1])
@@ -105,6 +106,14 @@ def test_rotors_that_no_law_asks_for_leave_the_factors_right(folder: Path) -> No
     found = calibrate([opened(folder, "rotors", payload=KNOWN)])
     deviations = [fit.values["deviation of the factor"] for fit in found.fitted.fits[-6:]]
     assert np.all(np.abs(found.fitted.scale / FACTORS - 1.0) < 2.5 * np.array(deviations))
+
+
+def test_a_payload_beside_friction_leaves_the_rest_to_tell_errors(folder: Path) -> None:
+    """It is fitted where friction is; all that is free counted as used, and deviations were 2.3 times as large."""
+    values = edited(six_map(payload=SOUGHT), {"joints.friction.fit": [0, 30], "use.free": [0, 45]})
+    record = recorded(folder / "light.csv", values)
+    used = used_by_fits(record, FittedValues(), record.start + np.array([10.0, 40.0, 50.0]))
+    assert used.tolist() == [True, False, True]
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
