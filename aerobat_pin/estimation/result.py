@@ -110,7 +110,7 @@ class Result:
     def observers(self) -> dict[str, ObserverScores]:
         """Observer -> scores."""
         return {
-            name: ObserverScores.of(estimate, self.compared[name], self.calibration)
+            name: ObserverScores.of(estimate, self.start, self.compared[name], self.calibration)
             for name, estimate in self.stored.items()
         }
 

@@ -54,8 +54,8 @@ class ObserverScores:
         notes: a line of text about each thing that the observer chose or found beside the forces.
         seen: point -> share of the time in which its three forces are seen; None if no force was expected.
         k: how many times as large as stated the squared errors of the rows are; None if that cannot be seen.
-        worst_k: the largest k over a second, and when after the first interval that begins [s]; None as for `k`, 0 of
-            a shorter record.
+        worst_k: the largest k over a second, and when after the start that begins [s]; None as for `k`, 0 of a shorter
+            record.
         events: contacts that were found; None where they were not sought, as without a calibration.
     """
 
@@ -80,10 +80,18 @@ class ObserverScores:
 
     @classmethod
     def of(
-        cls, estimate: StoredEstimate, compared: Iterable[PairedEstimate] = (), use: CalibrationUse | None = None
+        cls,
+        estimate: StoredEstimate,
+        start: float,
+        compared: Iterable[PairedEstimate] = (),
+        use: CalibrationUse | None = None,
     ) -> ObserverScores:
-        """Score an estimate, beside its references, with the contacts that were found by use of a calibration."""
+        """Score an estimate, beside its references, with the contacts that were found by use of a calibration.
+
+        Times count from a start [s].
+        """
         head, identifiability, components = estimate.head, estimate.head.identifiability, estimate.component_sizes()
+        worst = estimate.worst_doubt
 
         def by_point(values: list[float | None], stated: object) -> dict[str, list[float | None]] | None:
             if stated is None or not head.are_world_forces:
@@ -107,7 +115,7 @@ class ObserverScores:
             deviation=by_point([size.deviation for size in components], head.standard_deviation),
             seen=by_point([size.seen for size in components], head.seen),
             k=estimate.doubt,
-            worst_k=estimate.worst_doubt,
+            worst_k=None if worst is None else (worst[0], worst[1] - start),
             innovation=estimate.innovation,
             warnings=warnings_about(next(estimate.blocks())),
             events=found_contacts(estimate, use),

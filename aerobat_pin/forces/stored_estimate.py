@@ -182,9 +182,8 @@ class StoredEstimate:
 
     @property
     def worst_doubt(self) -> tuple[float, float] | None:
-        """Largest k over `DOUBT_STRETCH`, and the time after the first start at which it begins [s]; see `doubt`."""
-        k, begin = self._worst
-        return None if self.doubt is None else (k, begin - float(self.start[0]))
+        """Largest k over `DOUBT_STRETCH`, and the time at which it begins [s]; see `doubt`."""
+        return None if self.doubt is None else self._worst
 
     @property
     def redundancy(self) -> Redundancy:

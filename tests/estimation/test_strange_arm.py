@@ -328,6 +328,18 @@ def test_a_free_recording_in_which_something_seems_to_push_is_refused_with_what_
         calibrate([opened(tmp_path / "free.csv", ["tool0"])])
 
 
+def test_times_count_from_the_first_common_time(folder: Path, tmp_path: Path) -> None:
+    """Also where `use.when` leaves the beginning out: they counted from what is left, beside others that did not."""
+    table = pd.read_csv(folder / "push.csv")
+    efforts = [f"tau{k}" for k in range(6)]
+    table.loc[1500:1599, efforts] = table.loc[1500, efforts].to_numpy()
+    table.assign(flies=table["t"] >= 6.0).astype(float).to_csv(tmp_path / "log.csv", index=False)
+    chosen = edited(arm_map(["tool0"]), {"use.when": {"column": "flies", "above": 0.5}})
+    result = estimate(recorded(tmp_path / "log.csv", chosen))
+    assert "joints.effort does not change for 1.00 s, from 15.00 s on" in [one.text for one in result.findings]
+    assert result.observers["force_level"].worst_k[1] == pytest.approx(15.3, abs=0.3)
+
+
 def test_rest_says_nothing_of_the_errors_in_motion(folder: Path) -> None:
     """Free seconds at rest give no row an error, as friction hides it there; free seconds of motion give all."""
 

@@ -428,7 +428,7 @@ def test_an_arm_that_rests_between_its_moves_is_not_held(rest: float) -> None:
     for shown, said in ((angle, "note"), (coarse, "note"), (every_fifth, "warning"), (frozen, "warning")):
         values = series_of(spool, shown[:, None])
         channel = Channel("joints.position", ("q",), series_of(spool, time), values)
-        found = channel_findings(channel, [(0.0, float(time[-1]))], alone=False)
+        found = channel_findings(channel, [(0.0, float(time[-1]))], alone=False, start=0.0)
         assert [one.verdict for one in found if one.check == "held channel"] == [said]
 
 

@@ -55,7 +55,7 @@ def sample_findings(record: Record) -> Iterator[Finding]:
     clocks = {(len(channel.time), channel.time[0], channel.time[-1]) for channel in record.channels.values()}
     for channel in record.channels.values():
         angles = record.channels.get("joints.position") if channel.key == "joints.effort" else None
-        yield from channel_findings(channel, parts, alone=len(clocks) > 1, angles=angles)
+        yield from channel_findings(channel, parts, alone=len(clocks) > 1, angles=angles, start=record.start)
         for begin, end, whose in channel.holes:
             if end > record.start and record.knots is None:
                 gaps.setdefault((begin, end), []).append(whose)
@@ -148,12 +148,12 @@ def _repeated(name: str, clock: Clock, count: int) -> Finding:
 
 
 def channel_findings(
-    channel: Channel, parts: list[tuple[float, float]], *, alone: bool, angles: Channel | None = None
+    channel: Channel, parts: list[tuple[float, float]], *, alone: bool, start: float, angles: Channel | None = None
 ) -> Iterator[Finding]:
     """Yield a channel's rate, and that its samples are held, interpolated, or do not change for long.
 
     In the used `parts` [s] it may rest as long as joint positions, `angles`, do. `alone` says whether it has a clock of
-    its own: in a table with one clock, slower channels are interpolated.
+    its own: in a table with one clock, slower channels are interpolated. Times are told after a `start` [s].
     """
     key, count = channel.key, len(channel.values)
     changed = _changes(channel)
@@ -170,7 +170,7 @@ def channel_findings(
         what = f"{changes} only {rate * (1.0 - share):.3g} times a second among {rate:.4g} samples a second; {EMPTY}"
         yield Finding("held channel", "warning", what, share, "1")
     elif share <= MOSTLY_HELD and not key.startswith("known"):
-        yield from _stuck(channel, changed, parts, channel if key == "joints.position" else angles)
+        yield from _stuck(channel, changed, parts, channel if key == "joints.position" else angles, start)
         if (straight := _straight(channel)) > STRAIGHT:
             what = f"{100.0 * straight:.0f} % of the neighbours in {title} lie on straight lines"
             yield Finding("interpolated channel", "warning" if alone else "note", f"{what}; {EMPTY}", straight, "1")
@@ -268,7 +268,7 @@ def _held(changed: NDArray[np.bool_]) -> bool:
 
 
 def _stuck(
-    channel: Channel, changed: NDArray[np.bool_], parts: list[tuple[float, float]], angles: Channel | None
+    channel: Channel, changed: NDArray[np.bool_], parts: list[tuple[float, float]], angles: Channel | None, start: float
 ) -> Iterator[Finding]:
     """Yield stretches of the used parts in which a channel does not change although it does elsewhere.
 
@@ -281,7 +281,7 @@ def _stuck(
         k = int(np.argmax(np.diff(edges)))
         begin, end = float(channel.time[int(edges[k])]), float(channel.time[int(edges[k + 1])])
         if len(changes) > 1 and end - begin > STUCK:
-            what = f"{channel.key} does not change for {end - begin:.2f} s, from {begin - parts[0][0]:.2f} s on"
+            what = f"{channel.key} does not change for {end - begin:.2f} s, from {begin - start:.2f} s on"
             at_rest = angles is not None and not _moved(angles, begin, end)
             yield Finding("held channel", "note" if at_rest else "warning", what, end - begin, "s")
 
