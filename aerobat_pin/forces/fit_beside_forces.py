@@ -51,7 +51,7 @@ UNKNOWN_SPEED = 1.0  # [m/s] that a robot may gain over a record
 NEXT_TO_NOTHING = 1e-6  # of what forces are expected to make of the rows
 LEAST_SIZE = 1e-9  # of r: of a joint that carries nothing all rows are 0
 HARDLY_MOVES = (
-    "it hardly moves: it is taken to rub as the others do, in proportion to the efforts that joints can bear, and up "
+    "hardly moves: it is taken to rub as the others do, in proportion to the efforts that joints can bear, and up "
     "to its Coulomb friction it counts as unknown"
 )
 CHECKED = 0.02  # of a row's error that other rows show at least: else a force passes for it, and it is as expected
@@ -218,7 +218,7 @@ def _fitted(
             float(before[at[i]]),
             float(error_rms[at[i]]),
             float("nan"),
-            untold="" if slid[i] > SLIDES_AT else HARDLY_MOVES,
+            untold="" if slid[i] > SLIDES_AT else f"{joint} {HARDLY_MOVES}",
         )
         for i, joint in enumerate(instants.joints)
     ]
