@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.forces.deviations import ComponentSize, InnovationScore, worst_stretch
+from aerobat_pin.forces.deviations import DOUBT_STRETCH, ComponentSize, InnovationScore, worst_stretch
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import Estimate, Redundancy
 from aerobat_pin.records import MOST_SAMPLED, Series, Spool, spread_stretches
@@ -57,7 +57,7 @@ class StoredEstimate:
         if not self._counts:
             self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
             self._sum, self._squares, self._shown = np.zeros((3, block.components.shape[1]))
-            self._doubt, self._judged, self._worst = 0.0, 0, (0.0, float(block.time[0]))
+            self._doubt, self._judged, self._worst, self._whole = 0.0, 0, (0.0, float(block.time[0])), 0
             self._columns = {name: Series(self._spool, *rows.shape[1:]) for name, rows in columns.items()}
             self.head = empty
         judged = self.head.identifiability, block.identifiability
@@ -81,7 +81,11 @@ class StoredEstimate:
         if block.doubt is not None:
             self._doubt += float(np.nansum(block.doubt))
             self._judged += int(np.sum(np.isfinite(block.doubt)))
-            self._worst = max(self._worst, worst_stretch(block.time, block.doubt))
+            at = len(self) - len(block.doubt)
+            self._whole = self._whole if at and self._end[at - 1] == block.time[0] else at  # no hole since
+            first = max(self._whole, self.start.index(block.time[0] - DOUBT_STRETCH))
+            time = np.append(self.start[first:], block.time[-1])
+            self._worst = max(self._worst, worst_stretch(time, self._columns["doubt"][first:]))
 
     def __len__(self) -> int:
         """Return the number of intervals."""

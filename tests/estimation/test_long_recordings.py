@@ -14,6 +14,7 @@ from support.six_joints import six_map, swing
 
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.experiments import write
+from aerobat_pin.forces.stored_estimate import StoredEstimate, some_intervals
 from aerobat_pin.records.spool import Series, Spool, series_of
 
 MASS = 1.5
@@ -146,6 +147,10 @@ def test_errors_that_last_are_remembered_over_the_border_of_a_block(
         off = np.abs(found[0][name].components - whole.components) / whole.standard_deviation
         assert off.max() < 0.1
         assert (found[0][name].standard_deviation / whole.standard_deviation).min() > 0.9
+    whole, pieces = found[1]["force_level"], StoredEstimate(Spool())
+    for piece in (slice(0, 14_600), slice(14_600, len(whole.components))):
+        pieces.append(some_intervals(whole, piece))
+    assert pieces.worst_doubt == pytest.approx(StoredEstimate.of(whole).worst_doubt)  # its border is in the push
 
 
 @pytest.mark.usefixtures("in_small_pieces")
