@@ -37,6 +37,7 @@ from .deviations import tilt_of as tilt_of
 from .deviations import with_tilt as with_tilt
 from .deviations import without_lag as without_lag
 from .expected_of_record import CARRIES as CARRIES
+from .expected_of_record import EFFORT_ERROR as EFFORT_ERROR
 from .expected_of_record import SLIDES_AT as SLIDES_AT
 from .expected_of_record import expected_from as expected_from
 from .expected_of_record import expected_of as expected_of

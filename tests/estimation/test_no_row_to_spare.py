@@ -36,8 +36,13 @@ def scara(count: int, beside: float = 0.0) -> str:
     return f'<robot name="scara">{"".join(parts)}</robot>'
 
 
-def swung(folder: Path, robot: str, seed: int, rubs: float, lasts: float) -> tuple[Record, Vector, Vector]:
-    """Write a recording of a SCARA, and return it, its times and the true force."""
+def swung(
+    folder: Path, robot: str, seed: int, rubs: float, lasts: float, loaded: float = 0.0
+) -> tuple[Record, Vector, Vector]:
+    """Write a recording of a SCARA, and return it, its times and the true force.
+
+    Its friction grows by a share `loaded` of what its joints bear.
+    """
     (folder / "scara.urdf").write_text(robot)
     model, rng = pin.buildModelFromUrdf(str(folder / "scara.urdf")), np.random.default_rng(seed)
     n, time = model.nv, np.arange(round(RATE * SECONDS)) / RATE
@@ -50,7 +55,8 @@ def swung(folder: Path, robot: str, seed: int, rubs: float, lasts: float) -> tup
     dry, viscous, noise = (
         np.array(each)[:n] for each in ([1.2, 0.7, 1.5, 0.1], [0.5, 0.3, 8.0, 0], [0.05, 0.03, 0.3, 0.02])
     )
-    tau = efforts(model, "tool", q, v, a, force) + rubs * (dry * np.tanh(v / 0.01) + viscous * v)
+    tau = efforts(model, "tool", q, v, a, force)
+    tau += rubs * (dry * np.tanh(v / 0.01) + viscous * v) + loaded * np.abs(tau) * np.tanh(v / 0.01)
     tau += noise * rng.standard_normal(tau.shape)
     table = {f"{name}{k}": values[:, k] for name, values in {"q": q, "v": v, "tau": tau}.items() for k in range(n)}
     pd.DataFrame({"t": time, **table}).to_csv(folder / "log.csv", index=False)
@@ -89,6 +95,15 @@ def test_friction_that_nobody_knows_is_among_the_errors_where_no_row_is_to_spare
     assert np.all(shown.mean(axis=0) > (0.3 if rubs else 0.9))
     if not rubs:
         assert np.all(found.standard_deviation[shown.all(axis=1)].mean(axis=0) < 1.2)
+
+
+@pytest.mark.parametrize("seed", [41, *further(42, 43, 44)])
+def test_friction_that_grows_with_the_load_makes_no_push_elsewhere_of_one_at_the_point(
+    seed: int, tmp_path: Path
+) -> None:
+    """By 8 %: what no force explained leant 5 to 6 times as far as usual, while 14 N pushed at the tool."""
+    record, _, _ = swung(tmp_path, scara(4, 0.15), seed, 0.2, 2.0, 0.08)
+    assert [str(one) for one in estimate(record).findings if one.warns] == []
 
 
 @pytest.mark.parametrize(("beside", "untested"), [(0.0, ["Fx", "Fy", "Fz"]), (0.15, ["Fz"])])

@@ -6,7 +6,8 @@ is left is alike whenever the robot moves. A push at another place does not canc
 compared with those that are usual in the same record. How large errors are need not be known: where that is found
 beside the forces, a push passes for one. But a mean must be as large as what is stated for an instant, too: as a robot
 that stood begins to move, errors are others for a moment, and smaller. A push that lasts is usual itself, and raises
-what is stated beside it: there half of that is enough, if the mean stands out of half of the record.
+what is stated beside it: there half of that is enough, if the mean stands out of half of the record. A push at a point
+makes rows err, too, as by friction that grows with the load: by a tenth of what it does to them.
 
 Rows to spare may all belong to other components than those that are seen: what is wrong with the rows that show these
 would look like a force. Of a gantry each slide alone shows a force along it; that its last joint feels none tests
@@ -22,6 +23,7 @@ import numpy as np
 from aerobat_pin.estimation.findings import UNTESTED, WOULD_LOOK, Finding
 from aerobat_pin.forces import (
     CHECKED,
+    EFFORT_ERROR,
     MISFIT,
     ROWS_READ,
     Instants,
@@ -90,9 +92,12 @@ def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tu
             block, estimated = record.block(begin, begin + count * piece), estimate.between(done, done + count * piece)
             at, done = np.arange(count) * piece + piece // 2, done + count * piece
             v, J = block.v[at], applications.jacobian(block.q[at])
-            error = np.sqrt(believed.of(expected.row_deviation(v) ** 2, v, power=2))
+            force = estimated.components.reshape(count, piece, -1).mean(axis=1)
+            carried, B = np.einsum("mcv,mc->mv", J, force), believed.of(J, v)
+            square = expected.row_deviation(v) ** 2 + (EFFORT_ERROR * carried) ** 2
+            error = np.sqrt(believed.of(square, v, power=2))
             y = estimated.unexplained.reshape(count, piece, -1)[:, :, : believed.count].mean(axis=1) / error
-            B = believed.of(J, v) / error[:, None]
+            B /= error[:, None]
             A = B @ np.swapaxes(B, 1, 2) + np.diag(expected.force**-2.0)
             y -= np.einsum("mck,mc->mk", B, np.linalg.solve(A, np.einsum("mck,mk->mc", B, y)[..., None])[..., 0])
             pieces.append((y, v**2))
