@@ -21,7 +21,7 @@ from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import Result, calibration_bytes
 from aerobat_pin.experiments.experiment import Experiment
-from aerobat_pin.numerics import guarded
+from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import Estimate
 from aerobat_pin.records import Map, netcdf_bytes, read_netcdf, seal_netcdf
 from aerobat_pin.scenario import RecordedForce, Scenario, described, scenario_of_run, scenario_toml
@@ -91,14 +91,14 @@ def read_estimates(path: Path, log: FlightLog) -> xr.Dataset:
     return forces.to_dataset()
 
 
-def estimate_table(estimates: dict[str, Estimate]) -> str:
+def estimate_table(estimates: dict[str, Estimate], ends: Array) -> str:
     """Return the estimates as CSV text, with a row for each interval and a column for each observer and component.
 
-    A cell is empty where the component is not seen.
+    A cell is empty where the component is not seen. The ends (m,) [s] of intervals are beside a hole not where the next
+    one starts.
     """
-    first = next(iter(estimates.values()))
-    ends = {"start [s]": first.time[:-1], "end [s]": first.time[1:]}  # Unix stamps need more digits than forces
-    columns: dict[str, Any] = {name: [f"{stamp:.9f}" for stamp in stamps] for name, stamps in ends.items()}
+    stamps = {"start [s]": next(iter(estimates.values())).time[:-1], "end [s]": ends}  # Unix's need more digits
+    columns: dict[str, Any] = {name: [f"{stamp:.9f}" for stamp in column] for name, column in stamps.items()}
     for name, estimate in estimates.items():
         shown = estimate.shown
         for i, (label, unit) in enumerate(zip(estimate.identifiability.components, estimate.units, strict=True)):
@@ -129,8 +129,8 @@ def write(outcome: Experiment | Result, folder: Path) -> None:
         (folder / "calibration.nc").write_bytes(calibration_bytes(outcome.calibration))
     if not (folder / "flight.nc").exists():
         with (folder / "estimate.csv").open("w", encoding="utf-8", newline="") as file:
-            for blocks in _together(result):
-                text = estimate_table(blocks)
+            for blocks, ends in _together(result):
+                text = estimate_table(blocks, ends)
                 file.write(text.partition("\n")[2] if file.tell() else text)
     write_netcdf(_datasets(result), len(next(iter(result.stored.values()))), folder / "estimate.nc")
     write_metrics(result.metrics(), folder)
@@ -203,18 +203,21 @@ def write_netcdf(blocks: Iterable[xr.Dataset], count: int, path: Path) -> None:
     seal_netcdf(path)
 
 
-def _together(result: Result) -> Iterator[dict[str, Estimate]]:
-    """Yield blocks of the estimates of all observers, for the same intervals."""
-    names = list(result.stored)
+def _together(result: Result) -> Iterator[tuple[dict[str, Estimate], Array]]:
+    """Yield blocks of the estimates of all observers, for the same intervals, and the ends (m,) of these [s]."""
+    names, (stored, *_), done = list(result.stored), result.stored.values(), 0
     for blocks in zip(*(estimate.blocks() for estimate in result.stored.values()), strict=True):
-        yield dict(zip(names, blocks, strict=True))
+        ends = stored.ends[done : done + len(blocks[0].components)]
+        done += len(ends)
+        yield dict(zip(names, blocks, strict=True)), ends
 
 
 def _datasets(result: Result) -> Iterator[xr.Dataset]:
     """Yield the content of `estimate.nc`: the forces, and beside them those of a sensor."""
     first, sensors = 0, [reference for reference in result.references if reference.kind == "sensor"]
-    for blocks in _together(result):
+    for blocks, ends in _together(result):
         data = estimate_dataset(blocks)
+        data = data.assign_coords(interval_end=data["interval_end"].copy(data=ends))
         rows = slice(first, first + data.sizes["interval"])
         first = rows.stop
         for sensor in sensors:

@@ -29,10 +29,13 @@ class StoredEstimate:
     Attributes:
         head: what all blocks have in common, without intervals.
         start: (m,) starts of the intervals [s].
+        ends: (m,) their ends [s].
+        holes: ends [s] of intervals that no other one follows at once.
     """
 
     def __init__(self, spool: Spool) -> None:
-        self.start, self._end = Series(spool), Series(spool)
+        self.start, self.ends = Series(spool), Series(spool)
+        self.holes: list[float] = []
         self._spool = spool
         self._columns: dict[str, Series] = {}
         self._counts: list[int] = []
@@ -65,8 +68,10 @@ class StoredEstimate:
         self.head = replace(self.head, innovation=empty.innovation, identifiability=worst)
         for name, series in self._columns.items():
             series.append(columns[name])
+        if self._counts and block.time[0] > self.end:
+            self.holes.append(self.end)
         self.start.append(block.time[:-1])
-        self._end.append(block.time[1:])
+        self.ends.append(block.time[1:])
         self._counts.append(len(block.components))
         self._blocks.append(block.redundancy)
         if block.innovation is not None:
@@ -94,7 +99,7 @@ class StoredEstimate:
     @property
     def end(self) -> float:
         """End of the last interval [s]."""
-        return float(self._end[-1])
+        return float(self.ends[-1])
 
     def index(self, time: float) -> int:
         """Return the index of the first interval that does not start before a time [s]."""
@@ -106,7 +111,7 @@ class StoredEstimate:
         columns: dict[str, Any] = {name: series[rows] for name, series in self._columns.items()}
         if self.head.innovation is not None:
             columns["innovation"] = replace(self.head.innovation, nis=columns.pop("nis"))
-        return replace(self.head, time=np.concatenate([self.start[rows], self._end[rows][-1:]]), **columns)
+        return replace(self.head, time=np.concatenate([self.start[rows], self.ends[rows][-1:]]), **columns)
 
     def blocks(self) -> Iterator[Estimate]:
         """Yield all intervals, at most `ROWS_READ` at once."""

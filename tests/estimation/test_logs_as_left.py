@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import tomli_w
+import xarray as xr
+from matplotlib.transforms import Bbox
 from support.foreign_channels import with_foreign_channels
 from support.recorded import edited, recorded
 from support.swinging_arm import JOINTS, arm, arm_map, recording
@@ -15,15 +17,18 @@ from support.walking_log import bag, bag_map, urdf, walk
 
 from aerobat_pin import open_record
 from aerobat_pin.errors import LogError, MapError
-from aerobat_pin.estimation import OnlineEstimator, estimate
+from aerobat_pin.estimation import OnlineEstimator, Result, estimate
 from aerobat_pin.estimation.checks.motion import record_findings
 from aerobat_pin.estimation.checks.samples import sample_findings
+from aerobat_pin.experiments import write
 from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import Record, parse_map, suggested_map
 from aerobat_pin.records.columns import GrowingTable, in_order
 from aerobat_pin.records.resample import without_turns
 from aerobat_pin.records.spool import Spool, series_of
+from aerobat_pin.visualization.figures.estimation import draw_estimation
+from aerobat_pin.visualization.figures.record import draw_unexplained
 
 ROBOT = {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]}
 WITHOUT_FRICTION = edited(arm_map(), {"joints.friction": None})
@@ -96,6 +101,33 @@ def test_a_hole_that_is_interpolated_would_cost_a_force(swing: pd.DataFrame, tmp
     settled = np.abs(found.time[:-1] - 1.0) > 0.3
     np.testing.assert_allclose(found.components[settled], whole.components[at][settled], atol=0.9)  # of 29 N
     assert not np.any((found.time > 0.81) & (found.time < 1.19))
+
+
+@pytest.fixture
+def holed(swing: pd.DataFrame, tmp_path: Path) -> Result:
+    """Return the estimate of the arm that was not recorded from 0.8 to 1.2 s."""
+    return estimate(opened(swing.drop(index=range(400, 600)), tmp_path))
+
+
+def test_no_interval_of_an_estimates_files_goes_over_a_hole(holed: Result, tmp_path: Path) -> None:
+    """Force times time is an impulse: the last interval before the hole has the length of the others."""
+    (tmp_path / "found").mkdir()
+    write(holed, tmp_path / "found")
+    table = pd.read_csv(tmp_path / "found" / "estimate.csv")
+    with xr.open_dataset(tmp_path / "found" / "estimate.nc") as data:
+        for lasts in (table["end [s]"] - table["start [s]"], data["interval_end"] - data["interval"]):
+            assert float(lasts.max()) == pytest.approx(2e-3)
+
+
+def test_no_line_of_a_figure_goes_over_a_hole(holed: Result) -> None:
+    """Nor an area: what is not known there is not called unseen, either."""
+    for figure in (draw_estimation(holed), draw_unexplained(holed)):
+        axis = figure.axes[0]
+        time = axis.lines[0].get_xdata()
+        assert np.nanmax(np.diff(time)) < 3e-3
+        assert np.isnan(time[np.nanargmin(np.abs(time - 0.8)) :][:2]).any()
+        areas = [path for part in axis.collections for path in part.get_paths()]
+        assert not [area for area in areas if area.intersects_bbox(Bbox([[0.9, -1e6], [1.1, 1e6]]))]
 
 
 @pytest.mark.parametrize("seconds", [-1e7, 0.5])

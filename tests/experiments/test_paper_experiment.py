@@ -152,7 +152,7 @@ def test_moments_are_not_called_newtons_in_the_files_of_an_estimate(tmp_path: Pa
     time, q, v, tau, known = record(model)
     both = [kind(model, there).run(time, q, v, tau, known) for kind in (ForceLevelObserver, KalmanObserver)]
     estimates = {one.observer: one for one in both}
-    header, *rows = estimate_table(estimates).splitlines()
+    header, *rows = estimate_table(estimates, time[1:]).splitlines()
     table = dict(zip(header.split(","), np.array([row.split(",") for row in rows], float).T, strict=True))
     estimate_dataset(estimates).to_netcdf(tmp_path / "estimate.nc", engine="h5netcdf")
     found = xr.load_dataset(tmp_path / "estimate.nc", engine="h5netcdf")

@@ -124,7 +124,7 @@ class _Panels:
         if known is not None:
             actual = partial(_actual, reference=known[0], k=known[1])
             time, force = self._lines(self.first, actual, span)
-            smooth = ROUGHER * max(float(np.std(np.diff(force))), 1e-6)
+            smooth = ROUGHER * max(_roughness(force), 1e-6)
             axis.plot(time, force, color=style.TRUTH, linewidth=2.0, label=ACTUAL[known[0].kind], zorder=2.2)
         for name, estimate, colour, line in self._estimates():
             labels = estimate.head.identifiability.components
@@ -132,7 +132,7 @@ class _Panels:
                 continue
             k = labels.index(name_of)
             time, force, low, high = self._lines(estimate, partial(_band, k=k), span)
-            rough = float(np.nanstd(np.diff(force))) > smooth if np.any(np.isfinite(np.diff(force))) else False
+            rough = _roughness(force) > smooth
             order = 2.1 if rough else 2.3
             axis.plot(time, force, line, color=colour, linewidth=0.8, label=f"estimated: {name}", zorder=order)
             if rough:
@@ -140,9 +140,9 @@ class _Panels:
             if estimate.head.standard_deviation is not None:
                 words = f"{name}: {DEVIATIONS:g} standard deviations"
                 axis.fill_between(time, low, high, color=colour, alpha=0.25, lw=0, zorder=2.0, label=words)
-            if estimate is self.first and np.any(np.isnan(force)):
+            if estimate is self.first and np.any(unseen := np.isnan(force) & np.isfinite(time)):
                 words, whole_height = "not seen: the pose does not show it", axis.get_xaxis_transform()
-                axis.fill_between(time, 0, 1, where=np.isnan(force), transform=whole_height, label=words, **HATCHED)
+                axis.fill_between(time, 0, 1, where=unseen, transform=whole_height, label=words, **HATCHED)
         letter = f"${label[0]}_{label[1]}$" if frame else label
         axis.set_ylabel(f"{letter} [{self.units.get((frame, label), 'N')}]", parse_math=bool(frame))
 
@@ -176,6 +176,12 @@ class _Panels:
         begin, end = (time + self.result.start for time in span)
         time, values = estimate_lines(estimate, values_of, begin, end)
         return time - self.result.start, *values.T
+
+
+def _roughness(force: Array) -> float:
+    """Return the standard deviation of the steps of a series, as far as it is known; 0 if nowhere."""
+    steps = np.diff(force)
+    return float(np.nanstd(steps)) if np.any(np.isfinite(steps)) else 0.0
 
 
 def _actual(part: Estimate, at: int, reference: Reference, k: int) -> Array:
@@ -230,7 +236,7 @@ def _enlarged(result: Result, panels: _Panels, events: Sequence[TrueEvent]) -> _
     begin = begin if begin < first.start[-1] else -np.inf
     drawn = [k for k, (frame, label) in enumerate(panels.places) if frame in panels.frames and label in panels.labels]
     time, force = estimate_lines(first, lambda part, _: np.where(part.shown, part.components, np.nan)[:, drawn], begin)
-    middle, column = _fastest_change(time, force, length)
+    middle, column = _fastest_change(np.fmax.accumulate(time), force, length)
     label = panels.places[drawn[column]][1]
     start, end = _samples_around(first, middle - 0.5 * length, middle + 0.5 * length)
     return _Enlarged(start - result.start, end - result.start, label, "fastest change")

@@ -41,15 +41,20 @@ def estimate_lines(
 ) -> Lines:
     """Return values (n, k) of an estimate over the middles (n,) [s] of its intervals that start in [begin, end) [s].
 
-    `values_of` returns the values (n, k) of some intervals, given these and the index of the first.
+    `values_of` returns the values (n, k) of some intervals, given these and the index of the first. In a hole stand a
+    time and values that are NaN, so that no line goes over it.
     """
     low, high = estimate.index(begin), estimate.index(end)
 
     def read(first: int, last: int) -> Lines:
-        part = estimate.between(low + first, low + last)
-        return 0.5 * (part.time[1:] + part.time[:-1]), values_of(part, low + first)
+        rows = slice(low + first, low + last)
+        middle = 0.5 * (estimate.start[rows] + estimate.ends[rows])
+        return middle, values_of(estimate.between(rows.start, rows.stop), rows.start)
 
-    return thinned(high - low, read)
+    time, values = thinned(high - low, read)
+    at = np.searchsorted(time, estimate.holes)
+    at = at[(at > 0) & (at < len(time))]
+    return np.insert(time, at, np.nan), np.insert(values, at, np.nan, axis=0)
 
 
 def fit_errors(rows: Sequence[Sequence[Axes]], begin: float = -np.inf) -> None:
