@@ -81,15 +81,18 @@ def verdict_of(
     kind: str,
     findings: Iterable[Finding],
     model: ModelCheck | None,
+    *,
+    level: bool = True,
 ) -> str:
     """Return the sentence about what an observer estimated, by its scores; times count from a start [s].
 
     `kind` is what the scores compare it with, `truth`, `sensor` or nothing; `model` says whether the belief is still
-    that of its calibration, if there is one.
+    that of its calibration, if there is one; `level` says that z is up in the world's axes.
     """
     head, contacts = estimate.head, scores.events or ()
     sought = scores.events is not None and (head.are_world_forces or not head.frames)
-    pushes, least = pushes_of(estimate, start, contacts if sought else ()), dict[str, float]()
+    level = level and bool(head.frames)  # else rows of a base are in its own axes
+    pushes, least = pushes_of(estimate, start, contacts if sought else (), level=level), dict[str, float]()
     for unit, size in [(one.unit, one.peak) for one in pushes] + [(one.unit, one.size) for one in contacts]:
         least[unit] = max(least.get(unit, 0.0), CROSSTALK * size)
     if head.expected_force is None:  # else the deviations contain the errors of the belief
@@ -100,7 +103,8 @@ def verdict_of(
     if sought:
         blows = [push for push in certain if push.short]  # too short for a contact
         named = sorted(contacts, key=lambda event: -event.size)[: SAID_AT_MOST - len(blows[:1])]
-        certain = [contact_push(estimate, one, start) for one in sorted(named, key=lambda event: event.onset)] + blows
+        named.sort(key=lambda event: event.onset)
+        certain = [contact_push(estimate, one, start, level=level) for one in named] + blows
         count = len(contacts) + len(blows)
         places = {place_of(event, estimate) for event in contacts} | {push.place for push in blows}
         what = what if count == 1 else f"{count} {plural}, at"

@@ -45,6 +45,7 @@ def versions() -> dict[str, str]:
     return {name: metadata.version(name) for name in VERSIONED_PACKAGES}
 
 
+LEVEL = 0.95  # share of gravity along z from which that is up
 NUMBERS = re.compile(r"[-+]?\d[\d.e+-]*")  # of a message, by which two that say the same may differ
 
 
@@ -137,7 +138,9 @@ class Result:
         """What pushed, how much, how sure that is and what could not be seen, in a sentence, by the first observer."""
         name, estimate = next(iter(self.stored.items()))
         kind = self.references[0].kind if self.references else ""
-        return verdict_of(estimate, self.observers[name], self.start, kind, self.findings, self.model)
+        down = np.array([0.0, 0.0, -1.0]) if self.record is None else self.record.robot.model.gravity.linear
+        level = bool(-down[2] >= LEVEL * np.linalg.norm(down))
+        return verdict_of(estimate, self.observers[name], self.start, kind, self.findings, self.model, level=level)
 
     @cached_property
     def stances(self) -> dict[str, tuple[Stance, ...]]:

@@ -23,7 +23,8 @@ LASTING = 1.5  # or its rms: noise alone has one error
 SHORT_BLOW = 3.5  # times what size over errors without lag usually is: a blow, however sure its size is
 USUALLY = 0.99  # share of the time
 MOSTLY = 0.8  # share of a force that is along an axis before the axis is named
-WAYS = {"Fx": ("along x", "against x"), "Fy": ("along y", "against y"), "Fz": ("upward", "downward")}
+WAYS = {f"F{axis}": (f"along {axis}", f"against {axis}") for axis in "xyz"}
+WAYS_OF_LEVEL = WAYS | {"Fz": ("upward", "downward")}  # in axes whose z is up
 
 
 @dataclass(frozen=True)
@@ -87,8 +88,8 @@ class _Largest:
 class _Group:
     """The components at one place that have one unit: where they are largest, and sums over all intervals."""
 
-    def __init__(self, place: str, unit: str, columns: list[int], axes: list[str], start: float) -> None:
-        self.place, self.unit, self.columns, self.axes = place, unit, columns, axes
+    def __init__(self, place: str, unit: str, columns: list[int], axes: list[str], start: float, level: bool) -> None:
+        self.place, self.unit, self.columns, self.axes, self.level = place, unit, columns, axes, level
         self.contacts: list[tuple[float, float]] = []  # from and to [s], beside which a blow is sought
         none = np.zeros(len(columns))
         self.largest, self.blow = (_Largest(start, none, none + 1.0) for _ in range(2))
@@ -126,7 +127,7 @@ class _Group:
             unit=self.unit,
             peak=peak,
             at=found.time - start,
-            way=_way(found.force, self.axes),
+            way=_way(found.force, self.axes, level=self.level),
             deviation=None if stated == [None] * len(stated) or (short and along > peak) else along,
             sure=found.sure / SURE_OF_CONTACT,
             rms=(self.squares / count) ** 0.5,
@@ -136,16 +137,19 @@ class _Group:
         )
 
 
-def pushes_of(estimate: StoredEstimate, start: float, contacts: Iterable[Contact] = ()) -> list[Push]:
+def pushes_of(
+    estimate: StoredEstimate, start: float, contacts: Iterable[Contact] = (), *, level: bool = True
+) -> list[Push]:
     """Return the force, and the moment, at each place once the estimate has risen, at times after the start [s].
 
-    Outside of contacts that a calibration found, a blow at the same place is sought.
+    `level` says that z is up in the axes of forces. Outside of contacts that a calibration found, a blow at the same
+    place is sought.
     """
     places = dict[tuple[str, str], dict[int, str]]()
     for k, label in enumerate(estimate.head.identifiability.components):
         place, _, axis = label.rpartition(".")
         places.setdefault((place or axis, estimate.head.units[k]), {})[k] = axis
-    groups = [_Group(*place, list(axes), list(axes.values()), start) for place, axes in places.items()]
+    groups = [_Group(*place, list(axes), list(axes.values()), start, level) for place, axes in places.items()]
     settles = TIME_CONSTANTS_TO_SETTLE * estimate.time_constant
     for contact in contacts:
         end = np.inf if contact.end is None else contact.end
@@ -165,13 +169,13 @@ def pushes_of(estimate: StoredEstimate, start: float, contacts: Iterable[Contact
     return [group.push(start, max(count, 1), sizes, noise) for group in groups]
 
 
-def _way(force: Array, axes: Sequence[str]) -> str:
+def _way(force: Array, axes: Sequence[str], *, level: bool) -> str:
     """Return the direction of a force (n,) along axes such as `Fx`, in words; nothing of a moment, or of one axis."""
     size, at = float(np.linalg.norm(force)), int(np.argmax(np.abs(force)))
     if len(force) == 1 or size == 0.0 or axes[at] not in WAYS:
         return ""
     if abs(force[at]) > MOSTLY * size:
-        return f" {WAYS[axes[at]][int(force[at] < 0.0)]}"
+        return f" {(WAYS_OF_LEVEL if level else WAYS)[axes[at]][int(force[at] < 0.0)]}"
     return f" along ({', '.join(f'{part:.2f}' for part in (force / size).round(2) + 0.0)})"
 
 
@@ -180,8 +184,8 @@ def place_of(event: Contact, estimate: StoredEstimate) -> str:
     return event.point if estimate.head.frames else point_label(event.point.rpartition(".")[0])
 
 
-def contact_push(estimate: StoredEstimate, event: Contact, start: float) -> Push:
-    """Return a contact that a calibration found, at its largest."""
+def contact_push(estimate: StoredEstimate, event: Contact, start: float, *, level: bool = True) -> Push:
+    """Return a contact that a calibration found, at its largest; `level` as of `pushes_of`."""
     head, components = estimate.head, estimate.head.identifiability.components
     frames = [point_label(frame) for frame in head.frames]
     columns = [3 * frames.index(event.point) + k for k in range(3)] if frames else [components.index(event.point)]
@@ -193,7 +197,7 @@ def contact_push(estimate: StoredEstimate, event: Contact, start: float) -> Push
         return Push(place, event.unit, event.size, ends[0], "", None, np.inf, ends=ends)
     sure = during.standard_deviation
     at = largest_of(force, None if sure is None else sure[:, columns])
-    way = _way(force[at], [components[k].rpartition(".")[2] for k in columns])
+    way = _way(force[at], [components[k].rpartition(".")[2] for k in columns], level=level)
     along = None if sure is None else float(along_itself(force[at], sure[at, columns]))
     along = along if along is not None and np.isfinite(along) else None
     return Push(place, event.unit, event.size, float(during.time[at]) - start, way, along, np.inf, ends=ends)

@@ -1,6 +1,7 @@
 """Records as loggers leave them: holes in a column, cut rows, clocks that jump, equal stamps, channels nobody reads."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +102,18 @@ def test_a_hole_that_is_interpolated_would_cost_a_force(swing: pd.DataFrame, tmp
     settled = np.abs(found.time[:-1] - 1.0) > 0.3
     np.testing.assert_allclose(found.components[settled], whole.components[at][settled], atol=0.9)  # of 29 N
     assert not np.any((found.time > 0.81) & (found.time < 1.19))
+
+
+def test_a_force_on_a_robot_that_hangs_is_not_said_to_be_upward(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """It is told in its root's axes, of which z points down."""
+    standing = estimate(opened(swing, tmp_path))
+    record = standing.record
+    assert record is not None
+    model = record.robot.model.copy()
+    model.gravity.linear = -model.gravity.linear
+    hanging = replace(standing, record=replace(record, robot=replace(record.robot, model=model)))
+    assert re.search(r" N upward, at ", standing.verdict)
+    assert re.search(r" N along z, at ", hanging.verdict)
 
 
 @pytest.fixture
