@@ -88,13 +88,21 @@ class ContactWatch:
 
 
 def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
-    """Return the contacts of every point, in blocks of an estimate in order; none where these are no world forces."""
-    times, found = list[Array](), list[Stance]()
+    """Return the contacts of every point, in blocks of an estimate in order; none where these are no world forces.
+
+    A contact ends where a hole begins before the next block.
+    """
+    times, count, ended, found = list[Array](), 0, np.inf, list[Stance]()
     vertical, sure = defaultdict[str, list[Array]](list), defaultdict[str, float](float)
     for block in blocks:
         if not block.are_world_forces:
             return ()
+        if block.time[0] > ended:
+            times.append(np.array([ended]))
+            for parts in vertical.values():
+                parts.append(np.zeros(1))
         times.append(block.time[:-1])
+        count, ended = count + len(block.components), float(block.time[-1])
         for k, point in enumerate(block.frames):
             up, deviation = block.force[:, k, 2], block.standard_deviation
             vertical[point].append(up)
@@ -108,8 +116,8 @@ def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
         change = np.diff(on.astype(int), prepend=0)
         onset, end = time[change > 0], time[change < 0]
         end = np.pad(end, (0, len(onset) - len(end)), constant_values=np.nan)
-        count = max(len(on), 1)
-        found.append(Stance(point, onset, end, float(on.sum()) / count, sure[point] / count))
+        whole = max(count, 1)
+        found.append(Stance(point, onset, end, float(on.sum()) / whole, sure[point] / whole))
     return tuple(found)
 
 
@@ -124,7 +132,7 @@ def stances_on_ground(record: Record, stored: Mapping[str, StoredEstimate]) -> d
     robot = record.robot
     if not walks_on(robot, record.map):
         return {}
-    by_observer = {name: stances_of(estimate.blocks(), robot.weight) for name, estimate in stored.items()}
+    by_observer = {name: stances_of(estimate.stretches(), robot.weight) for name, estimate in stored.items()}
     return {name: stances for name, stances in by_observer.items() if stances}
 
 

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -117,6 +118,13 @@ class StoredEstimate:
         """Yield all intervals, at most `ROWS_READ` at once."""
         for first in range(0, len(self), ROWS_READ):
             yield self.between(first, min(first + ROWS_READ, len(self)))
+
+    def stretches(self) -> Iterator[Estimate]:
+        """Yield all intervals as `blocks`, but none together with another one over a hole."""
+        borders = [0, *map(self.index, self.holes), len(self)]
+        for begin, end in pairwise(borders):
+            for first in range(begin, end, ROWS_READ):
+                yield self.between(first, min(first + ROWS_READ, end))
 
     def whole(self) -> Estimate:
         """Return all intervals at once, in memory.

@@ -22,14 +22,16 @@ from support.walking_log import FEET, bag, bag_map, table, table_map, urdf, walk
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.forces.balance import factors_by_balance, motion_of
-from aerobat_pin.forces.contacts import contact_probability, stances_of, touching
+from aerobat_pin.forces.contacts import contact_probability, stances_of, stances_on_ground, touching
 from aerobat_pin.forces.deviations import with_tilt
 from aerobat_pin.forces.expected_of_record import lifted_errors
 from aerobat_pin.forces.fit_known_forces import given_forces
 from aerobat_pin.forces.inputs import change_of_axes
 from aerobat_pin.forces.run_observers import inputs_between
+from aerobat_pin.forces.stored_estimate import StoredEstimate
 from aerobat_pin.observers import low_passed
 from aerobat_pin.records import base_requests, parse_map
+from aerobat_pin.records.spool import Spool
 from aerobat_pin.visualization.figures import lines
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.figures.record import draw_contacts, draw_motion, draw_unexplained
@@ -262,6 +264,18 @@ def test_contacts_begin_and_end_where_the_weight_says(by_imu: Result) -> None:
             np.testing.assert_array_equal(one.onset, other.onset)
             np.testing.assert_array_equal(one.end, other.end)
             assert one.share == pytest.approx(other.share)
+
+
+def test_no_contact_goes_on_over_a_hole(by_imu: Result) -> None:
+    """Whether a foot stood where nothing was recorded nobody knows."""
+    whole, holed = by_imu.stored["force_level"], StoredEstimate(Spool())
+    for first, last in ((0, 300), (500, 1400)):
+        holed.append(whole.between(first, last))
+    hole = float(holed.start[300])
+    [stances] = stances_on_ground(by_imu.record, {"force_level": holed}).values()
+    for one in stances:
+        assert not np.any((one.onset < hole) & ~(one.end < hole))
+    assert sum(hole in one.onset for one in stances) >= 3
 
 
 def test_a_base_by_its_imu_is_one_topic(folder: Path) -> None:
