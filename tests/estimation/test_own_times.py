@@ -57,7 +57,7 @@ def test_a_pause_is_no_time_of_a_record(table: tuple[Path, pd.DataFrame]) -> Non
     bands = [(band.get_x(), band.get_x() + band.get_width()) for band in draw_motion(record).get_axes()[0].patches]
     np.testing.assert_allclose(bands, [(0.0, 4.998), (95.0, 99.998)])
     rubbing = recorded_at("own", folder, stopped, **{"joints.friction": None})
-    assert replay_result(estimate(rubbing, trust=True)).subtitle == "0 to 4.998 s of 9.996 s that are used"
+    assert replay_result(estimate(rubbing, trust=True)).subtitle == "0 to 4.998 s; 9.996 s are used in all"
     check_fits(record)
 
 

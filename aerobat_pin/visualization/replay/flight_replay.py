@@ -147,7 +147,7 @@ def replay_result(outcome: Experiment | Result) -> Replay:
     replay = Replay(model, visual, block.time[rows] - record.start, block.q[rows], title=outcome.name)
     if last - first < sum(end - begin for begin, end in record.parts):
         shown = f"{block.time[0] - record.start:.4g} to {block.time[-1] - record.start:.4g} s"
-        replay.subtitle = f"{shown} of {record.duration:.4g} s that are used"
+        replay.subtitle = f"{shown}; {record.duration:.4g} s are used in all"  # holes left out
     low = next(iter(outcome.stored.values())).index(block.time[0])
     at = np.minimum(rows, last - first - 1)
     for name, stored in outcome.stored.items():
