@@ -16,7 +16,8 @@ from aerobat_description import PACKAGE_PATH
 from aerobat_description.generate import shipped_text
 from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import AerobatError, LogError
-from aerobat_pin.records.robot_files import model_of_file
+from aerobat_pin.records.robot_files import model_of_file, robot_of_map
+from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.visualization.replay.any_robot import load_any_robot, replay_table, sticks, visible_parts
 from aerobat_pin.visualization.replay.moving_page import Replay
 from aerobat_pin.visualization.replay.scene import box_corners, drawable
@@ -140,11 +141,11 @@ def test_a_robot_without_visible_parts_is_drawn_by_its_joints(folder: Path) -> N
     (folder / "arm.urdf").write_text(ARM.replace(f"<visual><geometry>{SHAPE}</geometry></visual>", ""))
     skeleton = replay_table(folder / "motion.csv", folder / "arm.urdf")
     assert "hinge" not in skeleton.title
-    assert [part.name for part in skeleton.visual_model.geometryObjects] == ["box"]
+    assert [part.name.partition("_")[0] for part in skeleton.visual_model.geometryObjects] == ["box", *["stick"] * 4]
     (folder / "ball.urdf").write_text('<robot name="r"><link name="base"/></robot>')
     (folder / "ball.csv").write_text("time,a,b,c,d,e,f,g\n0,0,0,0,0,0,0,1\n1,1,0,0,0,0,0,1\n")
     ball = replay_table(folder / "ball.csv", folder / "ball.urdf")
-    assert (ball.duration, ball.visual_model.ngeoms) == (1.0, 1)
+    assert (ball.duration, ball.visual_model.ngeoms) == (1.0, 5)
 
 
 @pytest.mark.parametrize("text", MOTIONS)
@@ -238,3 +239,15 @@ def test_a_motion_far_away_is_shown_where_it_begins(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(uuid, "uuid1", lambda: "the same")
     near, away = (Replay(drone, sticks(drone), time, each, floor=float(each[0, 2]) - 1.0) for each in (q, far))
     assert away.html() == near.html()
+
+
+def test_arrows_come_out_of_a_robot_that_is_one_body() -> None:
+    """Of a drone by its numbers, the box hid each arrow along x or y: no force was to be seen."""
+    body = {"body": {"mass": 1, "inertia": [1, 1, 1]}, "points": ["body"]}
+    drone = robot_of_map(RobotTable.model_validate(body), Path())
+    model, shapes = drone.model, sticks(drone.model)
+    replay = Replay(model, shapes, [0.0, 1.0], np.tile(pin.neutral(model), (2, 1)))
+    replay.add_forces("force", "#000000", {"body": [[2.1, 0.0, 0.0]] * 2})
+    [box] = [part.geometry for part in shapes.geometryObjects if isinstance(part.geometry, coal.Box)]
+    length = 2.1 / (100.0 * replay.newtons_per_centimetre)
+    assert length > 2.0 * max(box.halfSide)

@@ -163,7 +163,10 @@ def visible_parts(path: Path | None, model: pin.Model, name: str) -> tuple[pin.M
 
 
 def sticks(model: pin.Model) -> pin.GeometryModel:
-    """Return shapes for a robot without any: a stick from each joint to the next ones and to its frames, and a box."""
+    """Return shapes for a robot without any: a stick from each joint to the next ones and to its frames, and a box.
+
+    The longest arrow that begins in the box must come out of it, so that a body alone gets arms as a drone has them.
+    """
     visual, data = pin.GeometryModel(), model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
     places = [place.translation for place in (*data.oMi, *data.oMf)]
@@ -174,9 +177,11 @@ def sticks(model: pin.Model) -> pin.GeometryModel:
             end = frame.placement.translation
             if frame.parentJoint == joint and not any(np.allclose(other, end) for other in ends):
                 ends.append(end)
-        shapes = {}
+        shapes, box = {}, length
+        if joint == 1 and not any(np.linalg.norm(end) > 1e-3 * length for end in ends):
+            ends, box = [0.35 * length * np.array([x, y, 0.0]) for x in (-1, 1) for y in (-1, 1)], 0.3 * length
         if joint == 1:
-            shapes["box"] = coal.Box(0.3 * length, 0.2 * length, 0.08 * length), pin.SE3.Identity()
+            shapes["box"] = coal.Box(0.3 * box, 0.2 * box, 0.08 * box), pin.SE3.Identity()
         for k, end in enumerate(ends):
             size = float(np.linalg.norm(end))
             if size > 1e-3 * length:
