@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -21,11 +22,15 @@ LONG_STEP = 10.0  # usual steps; a longer one ends a stretch of rows, as the clo
 ROUNDED_FROM = 1.5  # rows per stamp from which stamps may be rounded
 SAME_COUNT = 0.9  # share of rounded stamps at even distances, and with as many rows as others, or one more or less
 OTHER_EPOCH = 3600.0  # [s] from all others, of a single first or last stamp that is left out
+SPELLINGS = {r"s-(?=[12]$)": "/s", r"/s1$": "/s", r"degrees?": "deg", r"radians?": "rad"}  # as others spell -> as here
 
 
 def same_unit(text: str, unit: str) -> bool:
-    """Return whether a text names a unit: `N·m` and `Nm` are `N m`."""
-    return text.strip().replace("·", "").replace(" ", "") == unit.replace(" ", "")
+    """Return whether a text names a unit: `N·m` and `N.m` are `N m`, and `degrees s-1` are `deg/s`."""
+    plain = re.sub(r"[·.*^\s]", "", text).replace("²", "2")
+    for pattern, short in SPELLINGS.items():
+        plain = re.sub(pattern, short, plain)
+    return plain == unit.replace(" ", "")
 
 
 @dataclass(frozen=True)

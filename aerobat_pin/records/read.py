@@ -93,26 +93,29 @@ def _read_clock(variables: Mapping[str, StoredVariable], clock: str, unit: float
     """Read all numbers over the dimension of one clock, piece by piece."""
     (over,) = variables[clock].dims
     labels = {
-        name: _labels(variable, variables)
+        name: _labels(variable, variables, over)
         for name, variable in variables.items()
-        if name != clock and variable.dims[:1] == (over,) and variable.kind in "fiu"
+        if name != clock and variable.dims.count(over) == 1 and variable.kind in "fiu"
     }
     table = GrowingTable(spool)
     for first in range(0, variables[clock].shape[0], ROWS_AT_ONCE):
         rows = slice(first, first + ROWS_AT_ONCE)
         columns: dict[str, Array] = {}
         for name, ends in labels.items():
-            piece: Array = np.asarray(variables[name][rows], float)
+            at = variables[name].dims.index(over)
+            piece: Array = np.moveaxis(np.asarray(variables[name][(slice(None),) * at + (rows,)], float), at, 0)
             piece = piece.reshape(len(piece), len(ends))
             columns |= {f"{name}{end}": piece[:, k] for k, end in enumerate(ends)}
         table.add(np.asarray(variables[clock][rows], float) * unit, columns)
     return table
 
 
-def _labels(variable: StoredVariable, variables: Mapping[str, StoredVariable]) -> list[str]:
-    """Return what is added to a variable's name for each of its columns: `.x`, ` [rad]`, or nothing."""
+def _labels(variable: StoredVariable, variables: Mapping[str, StoredVariable], over: str) -> list[str]:
+    """Return what is added to a variable's name for each column over a clock: `.x`, ` [rad]`, or nothing."""
     labels = [""]
-    for dim, size in zip(variable.dims[1:], variable.shape[1:], strict=True):
+    for dim, size in zip(variable.dims, variable.shape, strict=True):
+        if dim == over:
+            continue
         coordinate = variables.get(dim)
         entries = range(size) if coordinate is None or coordinate.dims != (dim,) else coordinate[:]
         labels = [f"{label}.{entry}" for label in labels for entry in entries]

@@ -546,6 +546,28 @@ def test_the_time_of_a_netcdf_log_need_not_be_the_coordinate_of_its_dimension(tm
     np.testing.assert_allclose(columns.clocks["stamp"].time, 1e-3 * stamp)
 
 
+def test_variables_of_a_netcdf_log_are_read_whichever_dimension_is_the_time(tmp_path: Path) -> None:
+    """MATLAB writes the last one first: such a file had no columns, and the error said "there are" and nothing."""
+    turn = np.arange(30.0).reshape(3, 5, 2)
+    labels = {"time": 0.1 * np.arange(5.0), "leg": ["a", "b", "c"], "joint": ["hip", "knee"]}
+    data = xr.Dataset({"q": (("leg", "time", "joint"), turn, {"units": "rad"})}, labels)
+    data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")
+    values = read_columns(tmp_path / "log.nc", LogTable()).values
+    assert len(values) == 6
+    np.testing.assert_array_equal(values["q.b.knee [rad]"][:], turn[1, :, 1])
+
+
+@pytest.mark.parametrize(
+    ("spelt", "unit"),
+    [("degrees", "deg"), ("radian s-1", "rad/s"), ("degree s^-1", "deg/s"), ("m s-2", "m/s2"), ("mN.m", "mN m")],
+)
+def test_units_may_be_spelt_as_conventions_of_netcdf_do(spelt: str, unit: str, tmp_path: Path) -> None:
+    """They passed for no unit: degrees were taken as rad, and mN m as N m, for 3,500 N in place of 3 N."""
+    data = xr.Dataset({"x": ("time", np.zeros(5), {"units": spelt})}, {"time": 0.1 * np.arange(5.0)})
+    data.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")
+    assert read_columns(tmp_path / "log.nc", LogTable(), ["x"]).units == {"x": unit}
+
+
 def test_the_unit_of_a_netcdf_log_s_time_is_the_file_s(tmp_path: Path) -> None:
     """Dates are whole milliseconds there: they passed for seconds, and a gain 1,000 times too small was suggested."""
     dates = np.datetime64("2026-11-03T12:00:00") + np.arange(0, 1000, 2).astype("timedelta64[ms]")
