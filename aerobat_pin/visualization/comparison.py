@@ -128,7 +128,7 @@ class RunComparison:
     def verdict(self) -> str:
         """One sentence on the first observer that both runs have: how far it is off the true force in each."""
         if not self.shared:
-            return "No force is compared with its truth in both."
+            return "No observer's forces are compared with their truth in both."
         name = self.shared[0][0]
         keys = [key for key in self.shared if key[0] == name]
         count, runs = len({point for _, point, _ in keys}), (self.first, self.second)

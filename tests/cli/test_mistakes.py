@@ -7,6 +7,7 @@ import re
 import socket
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from typer.main import get_command
 
 import aerobat_pin
 from aerobat_pin.cli.app import app
+from aerobat_pin.visualization.comparison import compare_runs
 
 FLIGHT = ["run", "paper", "--set", "simulation.duration=0.01"]
 THRUSTER = 'name = "left_force_point"\nposition = [0.1, 0, 0]\ndirection = [0, 0, 1]\nthrust = 0.1\n'
@@ -158,6 +160,9 @@ def test_two_runs_stand_side_by_side(here: Path, capsys: pytest.CaptureFixture[s
     assert "momentum is off the true force by " in page
     assert page.count("data:image/png;base64,") == 3
     assert score[1] in page
+    pair = compare_runs(here / "one, calm", here / "two")
+    others = {("kalman", *place): score for (_, *place), score in pair.second.scores.items()}
+    assert replace(pair, second=replace(pair.second, scores=others)).verdict.startswith("No observer's forces")
     assert call("compare", "one, calm", "runs") == 2
     assert "runs is not the folder of a run: it has no scenario.toml" in capsys.readouterr().err
     assert call("play", str(folder)) == 2
