@@ -23,6 +23,7 @@ from aerobat_pin.estimation.checks.motion import record_findings
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.experiments import write
 from aerobat_pin.forces.known_forces import FittedValues
+from aerobat_pin.forces.stored_estimate import StoredEstimate
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import Record, parse_map, suggested_map
 from aerobat_pin.records.columns import GrowingTable, in_order
@@ -141,6 +142,16 @@ def test_no_line_of_a_figure_goes_over_a_hole(holed: Result) -> None:
         assert np.isnan(time[np.nanargmin(np.abs(time - 0.8)) :][:2]).any()
         areas = [path for part in axis.collections for path in part.get_paths()]
         assert not [area for area in areas if area.intersects_bbox(Bbox([[0.9, -1e6], [1.1, 1e6]]))]
+
+
+def test_a_figure_enlarges_what_changes_in_short_parts(holed: Result) -> None:
+    """Though no stretch without a hole is as long as what is enlarged."""
+    whole, parts = holed.stored["force_level"], StoredEstimate(Spool())
+    for first in range(0, 380, 12):
+        part = whole.between(first, first + 10)
+        parts.append(replace(part, components=np.where(part.time[:-1, None] > 0.5, 9.0, 0.0) + 0.0 * part.components))
+    low, high = draw_estimation(replace(holed, stored={"force_level": parts})).axes[-1].get_xlim()
+    assert low < 0.5 < high < 0.6
 
 
 @pytest.mark.parametrize("seconds", [-1e7, 0.5])
