@@ -137,8 +137,12 @@ def write(outcome: Experiment | Result, folder: Path) -> None:
 
 
 def map_toml(result: Result) -> str:
-    """Return the map of a record as TOML."""
+    """Return the map of a record as TOML, which finds the robot's file from any folder."""
     values = read_map(result).model_dump(exclude_none=True, exclude_defaults=True, by_alias=True, mode="json")
+    assert result.record is not None
+    robot = values.get("robot", {})
+    for key in {"urdf", "mjcf"} & robot.keys():
+        robot[key] = os.path.abspath(result.record.folder / robot[key])
     return tomli_w.dumps(values)
 
 

@@ -46,6 +46,7 @@ def test_a_map_gives_every_file(folder: Path, capsys: pytest.CaptureFixture[str]
     assert len(pd.read_csv(folder / "out" / "estimate.csv")) == 500
     for name in ("report.html", "replay.html", "map.toml"):
         assert (folder / "out" / name).stat().st_size > 200
+    assert open_by_map(folder / "walk.csv", folder / "out" / "map.toml").robot.title == "quadruped"  # from there, too
     assert {"estimation.png", "motion.pdf"} <= {path.name for path in (folder / "out" / "figures").iterdir()}
     assert "http://" not in (folder / "out" / "report.html").read_text()
     with highlevel.AnyReader([folder / "forces.mcap"]) as reader:
