@@ -22,6 +22,7 @@ from aerobat_pin.visualization.replay.any_robot import load_any_robot, replay_ta
 from aerobat_pin.visualization.replay.moving_page import Replay
 from aerobat_pin.visualization.replay.scene import box_corners, drawable
 
+HOPPER = Path(__file__).parents[2] / "examples" / "recordings" / "teststand.urdf"
 HINGE = '<joint name="j{0}" type="continuous"><parent link="l{0}"/><child link="l{1}"/><axis xyz="0 0 1"/></joint>'
 BODY = (
     '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -251,3 +252,5 @@ def test_arrows_come_out_of_a_robot_that_is_one_body() -> None:
     [box] = [part.geometry for part in shapes.geometryObjects if isinstance(part.geometry, coal.Box)]
     length = 2.1 / (100.0 * replay.newtons_per_centimetre)
     assert length > 2.0 * max(box.halfSide)
+    leg = model_of_file(HOPPER, mjcf=False, free=False)
+    assert "stick_1_0" not in [part.name for part in sticks(leg).geometryObjects]  # its hip has no arms
