@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from aerobat_pin.forces.calibration_use import SURE_OF_CONTACT, CalibrationUse, 
 from aerobat_pin.forces.scores import point_label
 from aerobat_pin.forces.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Estimate, LevelDetector
+from aerobat_pin.observers import Estimate, Event, LevelDetector
 from aerobat_pin.records import Map, PlainRobot, Record
 
 TINY = 1e-12  # [N, N m]
@@ -195,8 +196,8 @@ def _lasting(estimate: StoredEstimate, contacts: Iterable[Contact]) -> list[Cont
     resolved = max(1, round(len(over) * estimate.time_constant / (time[-1] - time[0])))
     over = grey_closing(over, (resolved, 1))  # a filter does not see shorter pauses
     lasts = LevelDetector(np.zeros(()), ROW_CONTACT_ENDS, ROW_CONTACT_ENDS, 0.0)
-    each = np.split(over, len(head.frames), axis=1)
-    stretches = {frame: lasts.detect(time, part.max(axis=1)) for frame, part in zip(head.frames, each, strict=True)}
+    each = zip(head.frames, np.split(over, len(head.frames), axis=1), strict=True)
+    stretches = {frame: _events(estimate, lasts, part.max(axis=1)) for frame, part in each}
     for contact in contacts:
         end = np.inf if contact.end is None else contact.end
         after = (event for event in stretches.get(contact.point, ()) if event.end is None or event.end > contact.onset)
@@ -232,6 +233,17 @@ def _over_bars(estimate: StoredEstimate) -> tuple[Array, Array, Array]:
     return np.concatenate([estimate.start[:], [estimate.end]]), values, np.abs(values) / bars
 
 
+def _events(estimate: StoredEstimate, detector: LevelDetector, series: Array) -> list[Event]:
+    """Return what a detector finds in a series (m,) of an estimate; it ends where a hole begins."""
+    events, borders = list[Event](), [0, *map(estimate.index, estimate.holes), len(estimate)]
+    for first, last in pairwise(borders):
+        edges = np.append(estimate.start[first:last], estimate.ends[last - 1])
+        found = detector.detect(edges, series[first:last])
+        cut = float(edges[-1]) if last < len(estimate) else None
+        events += [replace(event, end=cut if event.end is None else event.end) for event in found]
+    return events
+
+
 def during_contact(estimate: StoredEstimate, contact: Contact) -> Estimate:
     """Return the intervals of an estimate from that in which a contact begins."""
     last = len(estimate) if contact.end is None else estimate.start.index(contact.end)
@@ -246,7 +258,7 @@ def row_contacts(estimate: StoredEstimate) -> list[Contact] | None:
     time, values, over = _over_bars(estimate)
     contacts, detector = [], LevelDetector(np.zeros(()), ROW_CONTACT_ENDS, 1.0, 0.0)
     for k, label in enumerate(head.identifiability.components):
-        for event in detector.detect(time, over[:, k]):
+        for event in _events(estimate, detector, over[:, k]):
             during = (time[1:] > event.onset) & (time[:-1] < (np.inf if event.end is None else event.end))
             size = float(np.max(np.abs(values[during, k])))
             contacts.append(Contact(label, event.onset, event.alarm, event.end, size))

@@ -175,6 +175,9 @@ def test_a_short_push_is_the_only_contact_and_one_beside_the_point_is_said_with_
         assert 1 <= len(contacts) <= 2
         assert contacts[0].onset == pytest.approx(25.0, abs=0.1)
         assert contacts[-1].end == pytest.approx(27.0, abs=0.2)
+    pd.read_csv(tmp_path / "at.csv").query("t < 26 or t > 28").to_csv(tmp_path / "holed.csv", index=False)
+    holed = estimate(opened(tmp_path / "holed.csv", ["tool0"]), calibration=learnt).observers["force_level"].events
+    assert [(one.onset, one.end) for one in holed] == [pytest.approx((25.0, 26.0), abs=0.1)]  # what was then is unknown
     words, wrong = judged["beside"].observers["force_level"].judgement
     assert wrong
     begin = float(re.search(r"times from ([0-9.]+) to", words).group(1))

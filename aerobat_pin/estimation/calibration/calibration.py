@@ -239,6 +239,7 @@ class CalibrationWatch:
         self._calibration, self._model = calibration, model
         self._excess: list[tuple[Array, Array]] = []
         self._contacts: list[Contact] = []
+        self._until: float | None = None  # end of the part before [s]
         self._turns: list[tuple[Array, Array]] = []  # times [s] and cycles
 
     def take(self, record: Record, inputs: KnownInputs, kept: slice, *, ends: bool) -> None:
@@ -261,8 +262,10 @@ class CalibrationWatch:
         if ends:
             times, sizes = zip(*self._excess, strict=True)
             time = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])
+            until = self._until  # a hole is behind what lasts until the end of a part
+            self._contacts = [one if one.end is not None else replace(one, end=until) for one in self._contacts]
             self._contacts += detection.contacts(time, np.concatenate(sizes))
-            self._excess = []
+            self._excess, self._until = [], float(time[-1])
 
     def use(self) -> CalibrationUse:
         """Return how the calibration was used."""
