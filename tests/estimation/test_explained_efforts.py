@@ -54,6 +54,14 @@ KINOVA = Arm(
     [0.9, 0.6, 0.7, 0.9, 0.8, 0.9],
     [2.0, 2.0, 2.0, 0.8, 0.8, 0.6],
 )
+UR10 = Arm(
+    "ur_description/urdf/ur10_robot.urdf",
+    "ee_link",
+    ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint"],
+    [0.0, -1.3, 1.2, -0.6, 0.5, 0.3],
+    [0.9, 0.6, 0.8, 0.9, 0.9, 0.9],
+    [8.0, 8.0, 5.0, 2.0, 2.0, 2.0],
+)
 JOINTS = PANDA.joints
 READINGS = {"joint zero", "joint sense", "swapped joints"}
 NAMED = READINGS | {"late efforts", "load", "effort unit or mass", "effort unit", "effort sign", "mounting", "mass"}
@@ -76,17 +84,20 @@ def told(
     noise: float = 0.0,
     late: int = 0,
     rotors: float = 0.0,
+    aside: Sequence[float] = (),
 ) -> list[Finding]:
     """Return what is said of an arm's efforts, times factors, of which a joint's zero [rad] and its base may be off.
 
     One joint's columns may count the other way, or two have each other's. From 4 s on it is pushed at a lever [m] from
     its hand. Its rates have noise [rad/s], its efforts come so many samples of 5 ms late, and behind each gear turns a
-    rotor that the model lacks [kg m2].
+    rotor that the model lacks [kg m2]. The centre of mass of the last link but one may lie aside [m].
 
     Joints that stand still are held by half of their friction, or less where the rest of what they need is less.
     """
     urdf = str(ROBOTS / arm.urdf)
     model, rng, n = pin.buildModelFromUrdf(urdf), np.random.default_rng(seed), len(arm.joints)
+    if aside:
+        model.inertias[len(arm.joints) - 1].lever += np.array(aside)
     model.gravity.linear = 9.81 * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
     time, size, coulomb = np.arange(2400) / 200.0, np.array(arm.size), np.array(arm.coulomb)
     size[list(still)] = 0.0
@@ -200,6 +211,16 @@ def test_a_factor_of_one_effort_is_told_of_that_effort(joint: int, rubs: float, 
     assert one.check == ("effort sign" if given < 0.0 else "effort unit")
     assert JOINTS[joint] in one.text
     assert one.value == pytest.approx(1.0 / given, rel=0.1)
+
+
+@pytest.mark.parametrize(("aside", "check"), [((0.0, 0.0, 0.1), "effort unit"), ((0.0, 0.1, 0.0), "effort sign")])
+def test_a_centre_of_mass_that_lies_aside_may_look_like_a_wrong_effort(
+    aside: Sequence[float], check: str, tmp_path: Path
+) -> None:
+    """As in recordings of UR10s, whose common file has those of the wrist in its joints: only a unit was blamed."""
+    said = told(tmp_path, 1, 0.5, arm=UR10, aside=aside, until=4.0)
+    assert "wrist_1_joint" in said[-1].text
+    assert (said[-1].check, "or a centre of mass beyond it" in said[-1].text) == (check, True)
 
 
 @pytest.mark.parametrize("joint", [1, 3])

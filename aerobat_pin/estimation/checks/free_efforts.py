@@ -261,14 +261,14 @@ def of_all(record: Record, names: Sequence[str], factor: float) -> Finding:
 def reversed_effort(name: str, factor: float) -> Finding:
     """Return that an effort is reversed."""
     what = f"the effort of {name} is reversed: it would have to be {factor:.3g} times as large: torque_per_unit"
-    return Finding("effort sign", "warning", what, factor, "1")
+    return Finding("effort sign", "warning", what + "; or a centre of mass beyond it" * (factor > -0.5), factor, "1")
 
 
 def wrong_effort(name: str, factor: float) -> Finding:
     """Return that an effort is wrong by a factor."""
-    friction = "; or friction: joints.friction" if factor < 1.0 else ""
     what = f"the effort of {name} would have to be {factor:.3g} times as large: its unit (A, N m): torque_per_unit"
-    return Finding("effort unit", "warning", f"{what}{friction}", factor, "1")
+    what += "; friction: joints.friction" * (factor < 1.0) + "; or a centre of mass beyond it"
+    return Finding("effort unit", "warning", what, factor, "1")
 
 
 def no_effort(what: str) -> Finding:
