@@ -112,8 +112,8 @@ def urdf_of(table: RobotTable, folder: Path) -> Path | None:
 
 
 def option_of_robot(said: str) -> dict[str, str]:
-    """Return what a map says of a robot that an option gives: a URDF file, or a name (no folder, no ending)."""
-    named = Path(said).name == said and not Path(said).suffix and not os.path.exists(said)
+    """Return what a map says of a robot that an option gives: a URDF file, or a name (without / and ending)."""
+    named = Path(said).name == said and not Path(said).suffix and not os.path.isfile(said)
     return {"name": said} if named else {"urdf": os.path.abspath(said)}
 
 

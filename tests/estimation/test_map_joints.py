@@ -32,7 +32,7 @@ from aerobat_pin.observers import AllBut, JointFriction
 from aerobat_pin.records import parse_map, robot_of_map, suggested_map
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
-from aerobat_pin.records.robot_files import FIXED, FREE
+from aerobat_pin.records.robot_files import FIXED, FREE, option_of_robot
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.suggest import _suggest_base
 from aerobat_pin.records.suggest_joints import suggest_joints
@@ -334,6 +334,14 @@ def test_a_topic_without_efforts_is_marked() -> None:
     assert "/silent" not in "\n".join(suggest_joints(cast(Columns, stands), None))
     stands.names = stands.names[:0]
     assert [*suggest_joints(cast(Columns, stands), None)] == []
+
+
+def test_a_folder_called_like_a_robot_does_not_hide_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`--urdf panda` beside a folder of its recordings was refused: "a file was expected"."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "panda").mkdir()
+    (tmp_path / "mine").touch()
+    assert (option_of_robot("panda"), [*option_of_robot("mine")]) == ({"name": "panda"}, ["urdf"])
 
 
 def test_a_goal_is_no_pose_of_the_base() -> None:
