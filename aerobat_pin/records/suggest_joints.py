@@ -48,9 +48,17 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         alike = nearest_joints((name for name in heard if name not in joints), (j for j in joints if j not in heard))
         if alike:
             yield f"{as_names(alike)}  # the robot calls them otherwise: are these the same?"
+        told = {*heard, *alike.values()}
+        silent = [joint for joint in joints if joint not in told]
+        if 0 < len(silent) < len(joints):
+            places = ", ".join(f"{toml_key(joint)} = 0.0" for joint in silent)
+            yield f"held = {{{places}}}  # do they stand still? The topic says nothing of them"
         yield ""
         return
     if columns.kinds and not topic:
+        if robot is not None and robot.joints:
+            yield "# MISSING: [joints]. No topic is a sensor_msgs/JointState with positions: their columns, or held"
+            yield ""
         return
     if robot is None:
         yield from _without_robot(columns)

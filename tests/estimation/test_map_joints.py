@@ -29,7 +29,7 @@ from aerobat_pin.experiments import check_record
 from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.forces.run_observers import rows_of
 from aerobat_pin.observers import AllBut, JointFriction
-from aerobat_pin.records import parse_map, robot_of_map, suggested_map
+from aerobat_pin.records import PlainRobot, parse_map, robot_of_map, suggested_map
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
 from aerobat_pin.records.robot_files import FIXED, FREE, option_of_robot
@@ -332,8 +332,12 @@ def test_a_topic_without_efforts_is_marked() -> None:
     assert lines[2].startswith("# or /gripper?")
     stands.kinds["/silent"] = stands.kinds["/arm"]
     assert "/silent" not in "\n".join(suggest_joints(cast(Columns, stands), None))
+    robot = cast(PlainRobot, SimpleNamespace(joints=("lift", "finger"), mimics={}))
+    assert any(line.startswith("held = {finger = 0.0}") for line in suggest_joints(cast(Columns, stands), robot))
     stands.names = stands.names[:0]
     assert [*suggest_joints(cast(Columns, stands), None)] == []
+    stands.values = {}
+    assert "# MISSING: [joints]" in "\n".join(suggest_joints(cast(Columns, stands), robot))
 
 
 def test_a_folder_called_like_a_robot_does_not_hide_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
