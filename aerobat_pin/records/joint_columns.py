@@ -55,7 +55,7 @@ def joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str
 
 def _described(columns: Columns) -> list[str]:
     """Return the columns that may be a joint's, what was measured of it before what was wanted."""
-    words = {name: set(words_of_name(name)) for name in columns.values}
+    words = {name: set(words_of_name(humps_apart(name))) for name in columns.values}
     likely = [name for name in words if not words[name] & OTHER_WORDS]
     return sorted(likely, key=lambda name: bool(words[name] & WANTED_WORDS))
 
@@ -63,6 +63,11 @@ def _described(columns: Columns) -> list[str]:
 def words_of_name(name: str) -> list[str]:
     """Return letters and numbers of a name, in small letters, between what is neither."""
     return re.split(r"[^a-z0-9]+", name.lower())
+
+
+def humps_apart(name: str) -> str:
+    """Return a name with _ before each hump: JointPosFR_hip becomes Joint_Pos_FR_hip."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
 
 
 def _part_in(text: str) -> str | None:
@@ -83,9 +88,11 @@ def columns_by_name(columns: Columns, names: list[str]) -> dict[str, dict[str, s
     }
     parts_of, forces = dict[str, dict[str, str]](), dict[str, str]()
     for name in _described(columns):
-        joint = next((joint for joint, pattern in patterns.items() if pattern.search(name.lower())), None)
+        forms = (name.lower(), humps_apart(name).lower())
+        found = ((joint, text) for text in forms for joint, pattern in patterns.items() if pattern.search(text))
+        joint, text = next(found, (None, ""))
         if joint is not None:
-            others = patterns[joint].sub(" ", name.lower())
+            others = patterns[joint].sub(" ", text)
             part = _part_in(others) or ("position" if {*words_of_name(others)} <= {""} else None)
             if part is not None:
                 parts_of.setdefault(joint, {}).setdefault(part, name)

@@ -18,7 +18,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import SECONDS, header_of
-from aerobat_pin.records.joint_columns import WANTED_WORDS, joint_columns, named_unit
+from aerobat_pin.records.joint_columns import WANTED_WORDS, humps_apart, joint_columns, named_unit
 from aerobat_pin.records.map_tables import LogTable, TimeSection
 from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
@@ -122,7 +122,7 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
         return
     axes_of: dict[tuple[str, str], dict[str, str]] = {}
     for name in columns.names:
-        for match in filter(None, (stem.match(UNIT_BEHIND.sub("", name)) for stem in STEMS)):
+        for match in filter(None, (stem.match(humps_apart(UNIT_BEHIND.sub("", name))) for stem in STEMS)):
             key = match["stem"].lower(), match["tail"].lower()
             axes_of.setdefault(key, {})[match["axis"].lower()] = name
     taken, turns = set[str](), ""

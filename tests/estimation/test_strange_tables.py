@@ -195,6 +195,21 @@ def test_a_column_is_that_of_the_joint_with_the_longest_name_in_it(names: tuple[
     assert joints["effort"]["columns"] == [f"{names[0]}_torque", f"f_{names[1]}"]  # a force only if there is no torque
 
 
+def test_words_that_only_humps_part_are_read(tmp_path: Path) -> None:
+    """BaseAx to BaseAz, of an accelerometer, were suggested as the base's position, JointPosFR_hip as no joint's."""
+    parts = [link("base"), *(link(f"{side}_leg", 1.0, "0 0 -0.1", 3 * [0.01]) for side in ("FL", "FR"))]
+    parts += [joint(f"{side}_hip_joint", "revolute", "base", f"{side}_leg") for side in ("FL", "FR")]
+    (tmp_path / "legs.urdf").write_text(f'<robot name="legs">{"".join(parts)}</robot>')
+    names = [f"{part}{side}_hip" for side in ("FR", "FL") for part in ("TargetPos", "JointPos", "JointTorque")]
+    names += [f"BaseA{axis}" for axis in "xyz"]
+    swings = {column: np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, column in enumerate(names)}
+    pd.DataFrame({"t": 0.01 * np.arange(50.0), **swings}).to_csv(tmp_path / "log.csv", index=False)
+    found = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "legs.urdf"))
+    assert (found["robot"]["root"], found["check"]["specific_force"]["columns"]) == ("fixed", names[-3:])
+    for part, word in (("position", "JointPos"), ("effort", "JointTorque")):
+        assert found["joints"][part]["columns"] == [f"{word}{side}_hip" for side in ("FL", "FR")]
+
+
 def test_names_with_quotes_are_texts_of_a_suggested_map(tmp_path: Path) -> None:
     """The map was no TOML: the reader said so of a file that this program had written."""
     (tmp_path / "arm.urdf").write_text(arm_of(2))
