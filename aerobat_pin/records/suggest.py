@@ -74,7 +74,7 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
         *(f"# {note}" for note in columns.notes),
         "",
     ]
-    free = "position" in groups or bool(_pose_topic(columns))
+    free = "position" in groups or bool(_pose_topic(columns)) or (built is not None and not built.joints)
     lines += _robot(columns, known, free)
     if built is not None and (following := followers(columns, built)):
         lines.append(f"rows = {{ignore = {listed(following)}}}  # they follow other joints, whose motors move them")
@@ -256,12 +256,7 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         unit = named_unit("length", groups["position"]) or "m"
         yield f'position = {{columns = {listed(groups["position"])}, unit = "{unit}"}}'
         if "quaternion" in groups:
-            means = [float(np.abs(columns.sample(name)).mean()) for name in groups["quaternion"]]
-            numbered = groups["quaternion"] in [*_numbered_by_four(columns)]
-            order = "wxyz" if numbered and means[0] > means[3] else "xyzw"
-            asked = f"  # or {'xyzw' if order == 'wxyz' else 'wxyz'}?" if numbered else ""
-            columns_of = f'{{columns = {listed(groups["quaternion"])}, order = "{order}", sense = "body_to_world"}}'
-            yield f"quaternion = {columns_of}{asked}"
+            yield _line_of_attitude(columns, groups["quaternion"])
         else:
             yield "# quaternion = {columns = [...]}  # which columns are the attitude?"
         if "velocity" in groups:
@@ -284,11 +279,19 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         if imu:
             yield f'# topic = "{imu}"'
         else:
-            yield f"# quaternion = {{columns = {listed(groups['quaternion'])}}}"
+            yield f"# {_line_of_attitude(columns, groups['quaternion'])}"
             yield f"# {_rate(columns, groups['rate'])}"
         if felt:
             yield f"# acceleration = {_felt(columns, felt)}"
         yield ""
+
+
+def _line_of_attitude(columns: Columns, names: tuple[str, ...]) -> str:
+    means = [float(np.abs(columns.sample(name)).mean()) for name in names]
+    numbered = names in [*_numbered_by_four(columns)]
+    order = "wxyz" if numbered and means[0] > means[3] else "xyzw"
+    asked = f"  # or {'xyzw' if order == 'wxyz' else 'wxyz'}?" if numbered else ""
+    return f'quaternion = {{columns = {listed(names)}, order = "{order}", sense = "body_to_world"}}{asked}'
 
 
 def _rate(columns: Columns, names: tuple[str, ...]) -> str:

@@ -30,6 +30,8 @@ ENDLESS = 100.0  # [rad]: a joint that goes so far turns on
 
 def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | None = None) -> Iterator[str]:
     """Yield the lines of the table `joints`; `step` is the time between samples [s], if it is known."""
+    if robot is not None and not robot.joints:
+        return
     topic = joint_topic(columns)
     following = {} if robot is None else followers(columns, robot)
     if topic and not following:
@@ -56,7 +58,7 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         yield ""
         return
     if columns.kinds and not topic:
-        if robot is not None and robot.joints:
+        if robot is not None:
             yield "# MISSING: [joints]. No topic is a sensor_msgs/JointState with positions: their columns, or held"
             yield ""
         return

@@ -210,6 +210,19 @@ def test_words_that_only_humps_part_are_read(tmp_path: Path) -> None:
         assert found["joints"][part]["columns"] == [f"{word}{side}_hip" for side in ("FL", "FR")]
 
 
+def test_a_robot_without_joints_moves_as_a_whole(tmp_path: Path) -> None:
+    """A drone's log without a position was refused ("no joint of it moves"); w first was suggested as w last."""
+    (tmp_path / "drone.urdf").write_text(f'<robot name="drone">{link("body", 1.0, "0 0 0", 3 * [0.01])}</robot>')
+    turn = 0.1 * np.sin(0.1 * np.arange(50.0))
+    attitude = {f"q{k}": each for k, each in enumerate((np.cos(turn), np.sin(turn), 0.0 * turn, 0.0 * turn))}
+    rate = {f"ang_vel_{axis}": turn for axis in "xyz"}
+    pd.DataFrame({"t": 0.01 * np.arange(50.0), **attitude, **rate}).to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "drone.urdf")
+    assert 'root = "free_flyer"' in text
+    assert '# quaternion = {columns = ["q0", "q1", "q2", "q3"], order = "wxyz"' in text
+    assert "[joints]" not in text
+
+
 def test_names_with_quotes_are_texts_of_a_suggested_map(tmp_path: Path) -> None:
     """The map was no TOML: the reader said so of a file that this program had written."""
     (tmp_path / "arm.urdf").write_text(arm_of(2))
