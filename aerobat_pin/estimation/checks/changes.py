@@ -114,15 +114,14 @@ def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, wit
     driven = driven_rows(record, instants)
     names, at = [joint for joint, _ in driven], [place for _, place in driven]
     one, moving = np.eye(len(instants.kept))[:, at], bool(sliding_rows(instants).any())
+    all_alike, each_own = partial(_common, record, names, moving), partial(_own_factors, names, moving)
+    one_own = [partial(_own_factors, [name], moving) for name in names]
     for true in (rows.needed, rows.needed - without.around):  # forces that wrong efforts show are wrong, too
         needed = true[:, :, None] * one
-        common = Change(partial(_common, record, names, moving), needed.sum(axis=2, keepdims=True), doubt=FACTOR)
-        single = [
-            Change(partial(_own_factors, [name], moving), needed[:, :, [k]], doubt=FACTOR)
-            for k, name in enumerate(names)
-        ]
+        common = Change(all_alike, needed.sum(axis=2, keepdims=True), doubt=FACTOR)
+        single = [Change(told, needed[:, :, [k]], doubt=FACTOR) for k, told in enumerate(one_own)]
         yield common
-        yield Change(partial(_own_factors, names, moving), needed, doubt=FACTOR, cases=(common, *single))
+        yield Change(each_own, needed, doubt=FACTOR, cases=(common, *single))
         yield from single
     for pair in [*joint_pairs(record.robot, names), *(limb_pairs(record) if len(names) == len(record.driven) else [])]:
         shift = np.zeros_like(rows.y)

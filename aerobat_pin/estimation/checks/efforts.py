@@ -165,10 +165,15 @@ def _explained(
         if findings is not None and after < change.enough(found) * share:
             explaining.append((gain, findings, change))
     by_name = {change: gain for gain, findings, change in explaining if findings}
+    said = {change.told for change in by_name}  # the same change of what is needed with and without the forces
     told = [  # too many factors to name are one of all, where that explains most of what they do
         (gain, findings)
         for gain, findings, change in explaining
-        if findings or max((by_name.get(case, 0.0) for case in change.cases[:1]), default=0.0) < MOST_OF_IT * gain
+        if findings
+        or (
+            change.told not in said
+            and max((by_name.get(case, 0.0) for case in change.cases[:1]), default=0.0) < MOST_OF_IT * gain
+        )
     ]
     most = max((gain for gain, _ in told), default=0.0)
     rotating = any(change.told is no_names and gain > most - AS_LIKELY for gain, _, change in explaining)
