@@ -162,7 +162,7 @@ def _explained(
         after = left(found)
         leaves = f"{100.0 * after**0.5:.3g} % of what is needed, as mapped {100.0 * (before or share) ** 0.5:.3g} %"
         findings = change.told(found, leaves) if lasts else []
-        if findings is not None and after < change.enough(found) * share:
+        if findings is not None and after < change.enough(found) * min(share, before or share):
             explaining.append((gain, findings, change))
     by_name = {change: gain for gain, findings, change in explaining if findings}
     said = {change.told for change in by_name}  # the same change of what is needed with and without the forces
