@@ -88,7 +88,7 @@ class StoredEstimate:
             self._doubt += float(np.nansum(block.doubt))
             self._judged += int(np.sum(np.isfinite(block.doubt)))
             at = len(self) - len(block.doubt)
-            self._whole = self._whole if at and self._end[at - 1] == block.time[0] else at  # no hole since
+            self._whole = self._whole if at and self.ends[at - 1] == block.time[0] else at  # no hole since
             first = max(self._whole, self.start.index(block.time[0] - DOUBT_STRETCH))
             time = np.append(self.start[first:], block.time[-1])
             self._worst = max(self._worst, worst_stretch(time, self._columns["doubt"][first:]))
