@@ -532,7 +532,7 @@ def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
     for row in table.head(500).to_dict("records"):
         found += online.push(row["t"], row)
     whole = estimate(recorded(here / "log.csv", few)).estimates["force_level"].components[len(found) - 1]
-    np.testing.assert_allclose(list(found[-1].components.values()), whole, atol=0.01)  # other expected sizes
+    np.testing.assert_allclose(list(found[-1].components.values()), whole, atol=0.015)  # other expected sizes
 
 
 def test_a_file_gets_a_free_base_or_keeps_its_own(tmp_path: Path) -> None:

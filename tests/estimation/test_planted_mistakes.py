@@ -286,7 +286,7 @@ def test_late_efforts_are_named_also_where_their_factors_are_known(records: dict
 
 
 # Noise and friction of the efforts, shares of their rms.
-LOUD = ((0.02, 0.1), *further((0.0, 0.0), (0.02, 0.0), (0.1, 0.0)))
+LOUD = ((0.02, 0.1), (0.1, 0.0), *further((0.0, 0.0), (0.02, 0.0)))
 
 
 @pytest.mark.parametrize("noise", [0.1, 2.0, *further(0.02, 0.5)])

@@ -191,7 +191,7 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
         left = balance.beside_friction(balance.needed - balance.given @ np.where(turned, -1.0, 1.0))
         before = balance.beside_friction(balance.residual)
         if left < RIGHT_PLACES * before:
-            yield from _reversed(record, gain, np.flatnonzero(turned))
+            yield from _reversed(record, gain, np.flatnonzero(turned | np.all(signs < 0.0)))
         elif balance.imbalance() > 1.0:  # more is left than is needed
             yield left_unexplained("no signs", 100.0 * float(np.sqrt(balance.imbalance())))
         return
