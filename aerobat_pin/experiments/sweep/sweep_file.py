@@ -18,7 +18,7 @@ from aerobat_pin.scenario import Number, Positive, Whole, explain_plainly, read_
 
 SHIPPED_SWEEPS = Path(__file__).with_name("shipped")
 SEED, DRAW = "seed", "draw"
-WORDS = frozenset({"from", "to", "count", "distribution"})  # of tables that say which values a key takes
+OF_VALUES = frozenset({"from", "to", "count", "distribution"})  # of tables that say which values a key takes
 KINDS = ("list", "span", "number", "uniform", "log_uniform", "normal")  # tags that pydantic adds to error locations
 
 
@@ -86,7 +86,7 @@ def _dotted(tables: Any) -> Any:
         return tables
     keys: dict[str, Any] = {}
     for key, value in tables.items():
-        whole = "." in key or not isinstance(value, dict) or not WORDS.isdisjoint(value)
+        whole = "." in key or not isinstance(value, dict) or not OF_VALUES.isdisjoint(value)
         below = {} if whole else _dotted(value)
         keys |= {f"{key}.{name}": item for name, item in below.items()} or {key: value}
     return keys
