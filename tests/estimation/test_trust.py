@@ -123,7 +123,7 @@ def test_noise_of_large_forces_is_said_in_their_unit() -> None:
     time, still = np.arange(401) * 1e-3, np.zeros((401, 6))
     tau = 1e8 * rng.standard_normal((400, 6))
     estimate = OBSERVERS["force_level"](model, ("tool0",), 1000.0, "all").run(time, still, still, tau, {})
-    assert any("kN of" in line for line in warnings_about(estimate))
+    assert any("kN beside" in line for line in warnings_about(estimate))
 
 
 def test_deviations_contain_what_a_filter_lags_behind() -> None:
