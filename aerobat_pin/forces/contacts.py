@@ -59,7 +59,7 @@ class Stance:
 def touching(force: Array, weight: float) -> Array:
     """Return whether a point is in contact, by hysteresis of vertical forces (m,) in shares of the weight [N]."""
     above = force > END_SHARE * weight
-    stretch = np.cumsum(np.diff(above, prepend=not above[:1].any()))  # its number is odd where the force is above
+    stretch = np.cumsum(np.diff(above, prepend=False))  # its number is odd where the force is above
     return np.asarray(above & np.isin(stretch, stretch[force > ONSET_SHARE * weight]))
 
 
