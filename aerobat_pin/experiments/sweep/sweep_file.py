@@ -18,7 +18,7 @@ from aerobat_pin.scenario import Number, Positive, Whole, explain_plainly, read_
 
 SHIPPED_SWEEPS = Path(__file__).with_name("shipped")
 SEED, DRAW = "seed", "draw"
-OF_VALUES = frozenset({"from", "to", "count", "distribution"})  # of tables that say which values a key takes
+OF_VALUES = frozenset({"from", "to", "count", "distribution", "low", "mean"})  # of a key's values
 KINDS = ("list", "span", "number", "uniform", "log_uniform", "normal")  # tags that pydantic adds to error locations
 
 
