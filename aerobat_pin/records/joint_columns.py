@@ -82,10 +82,10 @@ def columns_by_name(columns: Columns, names: list[str]) -> dict[str, dict[str, s
 
     A column is that of the longest name in it: wrist_roll_pos is none of wrist.
     """
-    shorts = {joint: joint.lower().removesuffix("_joint") for joint in sorted(names, key=len, reverse=True)}
-    patterns = {
-        joint: re.compile(rf"(?<![a-z0-9]){re.escape(short)}(_joint)?(?![a-z0-9])") for joint, short in shorts.items()
-    }
+    patterns = dict[str, re.Pattern[str]]()
+    for joint in sorted(names, key=len, reverse=True):
+        shorts = (re.escape(form.lower().removesuffix("_joint")) for form in (joint, humps_apart(joint)))
+        patterns[joint] = re.compile(rf"(?<![a-z0-9])({'|'.join(shorts)})(_joint)?(?![a-z0-9])")
     parts_of, forces = dict[str, dict[str, str]](), dict[str, str]()
     for name in _described(columns):
         forms = (name.lower(), humps_apart(name).lower())
@@ -109,7 +109,7 @@ def rivals(columns: Columns, parts_of: dict[str, dict[str, str]]) -> list[str]:
     free = replace(columns, values={name: each for name, each in columns.values.items() if name not in taken})
     again = columns_by_name(free, list(parts_of)).items()
     names = (column for joint, parts in again for part, column in parts.items() if part in parts_of[joint])
-    return [name for name in names if not set(words_of_name(name)) & WANTED_WORDS]
+    return [name for name in names if not set(words_of_name(humps_apart(name))) & WANTED_WORDS]
 
 
 def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:

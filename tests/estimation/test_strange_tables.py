@@ -5,6 +5,8 @@ import tomllib
 from collections.abc import Callable
 from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import h5py
 import numpy as np
@@ -21,7 +23,9 @@ from aerobat_pin.estimation.checks.samples import channel_findings
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Channel, parse_map, read_columns, suggested_map
 from aerobat_pin.records.channels import Request, channel_of
+from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import read_csv_columns
+from aerobat_pin.records.joint_columns import columns_by_name
 from aerobat_pin.records.map_tables import LogTable
 from aerobat_pin.records.spool import Spool, series_of
 
@@ -204,10 +208,20 @@ def test_words_that_only_humps_part_are_read(tmp_path: Path) -> None:
     names += [f"BaseA{axis}" for axis in "xyz"]
     swings = {column: np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, column in enumerate(names)}
     pd.DataFrame({"t": 0.01 * np.arange(50.0), **swings}).to_csv(tmp_path / "log.csv", index=False)
-    found = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "legs.urdf"))
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "legs.urdf")
+    assert "spring or a gear" not in text, "what was wanted is no other side of a gear"
+    found = tomllib.loads(text)
     assert (found["robot"]["root"], found["check"]["specific_force"]["columns"]) == ("fixed", names[-3:])
     for part, word in (("position", "JointPos"), ("effort", "JointTorque")):
         assert found["joints"][part]["columns"] == [f"{word}{side}_hip" for side in ("FL", "FR")]
+
+
+def test_humps_part_the_names_of_joints_as_those_of_columns() -> None:
+    """The columns of wristRoll were those of a wrist, and wristRoll was suggested as held."""
+    names = [f"{joint}{part}" for joint in ("wristRoll", "wrist") for part in ("Pos", "Tau")]
+    columns = cast(Columns, SimpleNamespace(values=dict.fromkeys(names)))
+    found = columns_by_name(columns, ["wrist", "wristRoll"])
+    assert found == {joint: {"position": f"{joint}Pos", "effort": f"{joint}Tau"} for joint in ("wristRoll", "wrist")}
 
 
 def test_a_robot_without_joints_moves_as_a_whole(tmp_path: Path) -> None:
