@@ -7,7 +7,8 @@ compared with those that are usual in the same record. How large errors are need
 beside the forces, a push passes for one. But a mean must be as large as what is stated for an instant, too: as a robot
 that stood begins to move, errors are others for a moment, and smaller. A push that lasts is usual itself, and raises
 what is stated beside it: there half of that is enough, if the mean stands out of half of the record. A push at a point
-makes rows err, too, as by friction that grows with the load: by a tenth of what it does to them.
+makes rows err, too, as by friction that grows with the load: by a tenth of what it does to them. What carries a free
+robot does so all the time, so that this is usual.
 
 Rows to spare may all belong to other components than those that are seen: what is wrong with the rows that show these
 would look like a force. Of a gantry each slide alone shows a force along it; that its last joint feels none tests
@@ -84,6 +85,7 @@ def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tu
     model, piece, done = record.robot.model, max(1, round(LEANS_FOR * record.rate / PIECES)), 0
     rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
     observer = MomentumObserver(model, points_of(record.map), float(record.map.observer.gain), rows)
+    by_load = 0.0 if record.robot.free else EFFORT_ERROR
     believed, applications, stretches = observer.believed, observer.applications, list[tuple[Array, Array, Array]]()
     for first, last in record.parts:
         pieces: list[tuple[Array, Array]] = []
@@ -94,7 +96,7 @@ def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tu
             v, J = block.v[at], applications.jacobian(block.q[at])
             force = estimated.components.reshape(count, piece, -1).mean(axis=1)
             carried, B = np.einsum("mcv,mc->mv", J, force), believed.of(J, v)
-            square = expected.row_deviation(v) ** 2 + (EFFORT_ERROR * carried) ** 2
+            square = expected.row_deviation(v) ** 2 + (by_load * carried) ** 2
             error = np.sqrt(believed.of(square, v, power=2))
             y = estimated.unexplained.reshape(count, piece, -1)[:, :, : believed.count].mean(axis=1) / error
             B /= error[:, None]
