@@ -83,9 +83,9 @@ def columns_by_name(columns: Columns, names: list[str]) -> dict[str, dict[str, s
     A column is that of the longest name in it: wrist_roll_pos is none of wrist.
     """
     patterns = dict[str, re.Pattern[str]]()
-    for joint in sorted(names, key=len, reverse=True):
-        shorts = (re.escape(form.lower().removesuffix("_joint")) for form in (joint, humps_apart(joint)))
-        patterns[joint] = re.compile(rf"(?<![a-z0-9])({'|'.join(shorts)})(_joint)?(?![a-z0-9])")
+    for each in sorted(names, key=len, reverse=True):
+        shorts = (re.escape(form.lower().removesuffix("_joint")) for form in (each, humps_apart(each)))
+        patterns[each] = re.compile(rf"(?<![a-z0-9])({'|'.join(shorts)})(_joint)?(?![a-z0-9])")
     parts_of, forces = dict[str, dict[str, str]](), dict[str, str]()
     for name in _described(columns):
         forms = (name.lower(), humps_apart(name).lower())
