@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from math import isnan
 from typing import Any, Literal
 
 from aerobat_pin.forces.scores import quantity
@@ -54,7 +55,8 @@ class Contact:
             return f"from {self.onset - zero:.3f} s {until}"
 
         stamps = f" (by the log's stamps {times(0.0)})" if abs(start) >= LEAST_START else ""
-        return f"contact at {self.point} {times(start)}{stamps}, up to {quantity(self.size, self.unit)}"
+        size = "" if isnan(self.size) else f", up to {quantity(self.size, self.unit)}"  # before it is estimated
+        return f"contact at {self.point} {times(start)}{stamps}{size}"
 
 
 @dataclass(frozen=True)

@@ -189,6 +189,7 @@ def test_contacts_at_one_point_that_overlap_are_one() -> None:
     """One half sine was told as two contacts, from 4.25 s to 4.78 s and from 4.59 s to 4.90 s."""
     tip, late, other = Contact("tip", 4.25, 4.3, 4.78), Contact("tip", 4.59, 4.6, 4.9), Contact("arm", 4.3, 4.4, None)
     last = Contact("tip", 6.0, 6.1, None)
+    assert str(last) == "contact at tip from 6.000 s to the end"
     found = [(each.point, each.onset, each.end) for each in joined_contacts([last, late, other, tip])]
     assert found == [("tip", 4.25, 4.9), ("arm", 4.3, None), ("tip", 6.0, None)]
 
