@@ -73,6 +73,18 @@ def test_factors_of_five_joints_are_told_and_the_sixth_is_not(folder: Path) -> N
         estimate(opened(folder, "alone", payload=SOUGHT), calibration=again)
 
 
+@pytest.mark.parametrize(("k", "joint", "factor", "told"), [(2, "elbow", 0.5, []), (1, "lift", -1.0, ["effort sign"])])
+def test_a_factor_that_is_fitted_is_no_wrong_unit(
+    k: int, joint: str, factor: float, told: list[str], folder: Path
+) -> None:
+    """Of half an effort another factor than the fitted one was warned of, in each later estimate, too."""
+    factors = FACTORS * np.where(np.arange(6) == k, factor, 1.0)
+    swing(folder / "far.csv", 1, factors)
+    found = calibrate([opened(folder, "far")])
+    assert found.fitted.scale[k] == pytest.approx(factors[k], rel=0.02)
+    assert [text.partition(":")[0] for text in found.warnings if f"effort of {joint}" in text] == told
+
+
 @pytest.mark.parametrize("links", ["_wrong", *further("")])
 def test_a_known_payload_tells_all_factors_and_they_tell_another_payload(folder: Path, links: str) -> None:
     """Within 2.5 deviations and 3 %, wrong links or not; the centre of the first payload may be sought beside them."""

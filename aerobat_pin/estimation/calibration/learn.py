@@ -152,7 +152,9 @@ def calibrate(
     values, learnt = kept_of(records[0], forces[0].values), tested is not runs or identified is not None
     bar = error_bar([(raw, replace(known, series=tested_series)) for raw, known in zip(plain, forces, strict=True)])
     for raw, known in zip(plain, forces, strict=True):  # friction that is fitted first takes up a reversed effort
-        findings += efforts_and_friction(raw or known, known, inputs_between(known.record, known), findings)
+        scale = known.values.scale  # a factor that is fitted is no wrong unit
+        given = known if raw is None or (np.any(scale != 1.0) and np.all(scale > 0.0)) else raw
+        findings += efforts_and_friction(given, known, inputs_between(known.record, known), findings)
         findings += fit_findings(known)
     notes.append(f"as calibrated: {_sizes(runs)} unexplained" if runs else "contacts: not learnt, as something pushed")
     return Calibration(
