@@ -178,7 +178,7 @@ def sticks(model: pin.Model) -> pin.GeometryModel:
             if frame.parentJoint == joint and not any(np.allclose(other, end) for other in ends):
                 ends.append(end)
         shapes, box = {}, length
-        if model.njoints == 2 and not any(np.linalg.norm(end) > 1e-3 * length for end in ends):
+        if model.joints[1].nq == model.nq == 7 and not any(np.linalg.norm(end) > 1e-3 * length for end in ends):
             ends, box = [0.35 * length * np.array([x, y, 0.0]) for x in (-1, 1) for y in (-1, 1)], 0.3 * length
         if joint == 1:
             shapes["box"] = coal.Box(0.3 * box, 0.2 * box, 0.08 * box), pin.SE3.Identity()
