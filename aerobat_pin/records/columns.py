@@ -123,7 +123,9 @@ class Columns:
         return np.concatenate(self.values[name].spread())
 
     def missing(self, name: str, key: str) -> LogError:
-        """Return the error for a name that the log does not have."""
+        """Return the error for a name that the log does not have, or only as its time, or without numbers."""
+        if name in self.names:
+            return LogError(f"log {self.path}: '{name}', which {key} of the map names, is the time, or has no numbers")
         what = "topic" if self.kinds and "." not in name else "column"
         hint = did_you_mean(name, list(self.kinds) if what == "topic" else self.names, "there are")
         return LogError(f"log {self.path}: no {what} '{name}', which {key} of the map names: {hint}")

@@ -73,6 +73,8 @@ def test_a_header_behind_the_sign_of_a_comment_names_the_columns(separator: str,
     found = read_csv_columns(tmp_path / "log.txt", LogTable(), None)
     assert found.names == ("t", "x", "y")
     np.testing.assert_array_equal(np.stack([found.values[name][:] for name in "xy"], axis=1), values[:, 1:])
+    with pytest.raises(LogError, match=r"'t', which use\.when\.column of the map names, is the time"):
+        found.series("t", "use.when.column")
 
 
 @pytest.mark.parametrize("above", ["# logged by me\n# 2026-11-01", "# logged by me", "sep=,"])
