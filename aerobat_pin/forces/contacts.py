@@ -235,8 +235,8 @@ def _over_bars(estimate: StoredEstimate) -> tuple[Array, Array, Array]:
 
 def _events(estimate: StoredEstimate, detector: LevelDetector, series: Array) -> list[Event]:
     """Return what a detector finds in a series (m,) of an estimate; it ends where a hole begins."""
-    events, borders = list[Event](), [0, *map(estimate.index, estimate.holes), len(estimate)]
-    for first, last in pairwise(borders):
+    events = list[Event]()
+    for first, last in pairwise(estimate.borders):
         edges = np.append(estimate.start[first:last], estimate.ends[last - 1])
         found = detector.detect(edges, series[first:last])
         cut = float(edges[-1]) if last < len(estimate) else None

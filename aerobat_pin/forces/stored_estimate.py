@@ -61,7 +61,7 @@ class StoredEstimate:
         if not self._counts:
             self._least, self._most = np.full((2, block.components.shape[1]), np.inf) * [[1.0], [-1.0]]
             self._sum, self._squares, self._shown = np.zeros((3, block.components.shape[1]))
-            self._doubt, self._judged, self._worst, self._whole = 0.0, 0, (0.0, float(block.time[0])), 0
+            self._doubt, self._judged, self._worst = 0.0, 0, (0.0, float(block.time[0]))
             self._columns = {name: Series(self._spool, *rows.shape[1:]) for name, rows in columns.items()}
             self.head = empty
         judged = self.head.identifiability, block.identifiability
@@ -87,9 +87,7 @@ class StoredEstimate:
         if block.doubt is not None:
             self._doubt += float(np.nansum(block.doubt))
             self._judged += int(np.sum(np.isfinite(block.doubt)))
-            at = len(self) - len(block.doubt)
-            self._whole = self._whole if at and self.ends[at - 1] == block.time[0] else at  # no hole since
-            first = max(self._whole, self.start.index(block.time[0] - DOUBT_STRETCH))
+            first = max(self.borders[-2], self.start.index(block.time[0] - DOUBT_STRETCH))
             time = np.append(self.start[first:], block.time[-1])
             self._worst = max(self._worst, worst_stretch(time, self._columns["doubt"][first:]))
 
@@ -119,10 +117,14 @@ class StoredEstimate:
         for first in range(0, len(self), ROWS_READ):
             yield self.between(first, min(first + ROWS_READ, len(self)))
 
+    @property
+    def borders(self) -> list[int]:
+        """Indices of the first interval, of each behind a hole, and behind the last one."""
+        return [0, *map(self.index, self.holes), len(self)]
+
     def stretches(self) -> Iterator[Estimate]:
         """Yield all intervals as `blocks`, but none together with another one over a hole."""
-        borders = [0, *map(self.index, self.holes), len(self)]
-        for begin, end in pairwise(borders):
+        for begin, end in pairwise(self.borders):
             for first in range(begin, end, ROWS_READ):
                 yield self.between(first, min(first + ROWS_READ, end))
 

@@ -20,6 +20,7 @@ from support.pages import ROOT, Values, run, save, table
 sys.path.insert(0, str(ROOT / "examples" / "recordings"))
 import hopper
 import tiago
+import ur10e
 
 from aerobat_pin import open_record
 from aerobat_pin.errors import LogError
@@ -194,6 +195,7 @@ def find() -> Values:
     with tempfile.TemporaryDirectory() as place:
         values = hopper_text(folder, Path(place)) | {"tiago": tiago_text(folder, Path(place))}
     values |= {"nanobench": nanobench_text(folder), "neural-fly": neural_fly_text(folder)}
+    values |= ur10e.weighed(folder / "dynamic_calibration")
     return {"docs/real_recordings.md": values}
 
 

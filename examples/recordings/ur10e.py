@@ -43,8 +43,9 @@ def opened(clone: Path, name: str, folder: Path, **changes: Any) -> Record:
     return open_record(folder / f"{name}.csv", parse_map(values, "ur10e.toml"), clone)
 
 
-def main(clone: Path) -> None:
-    """Print what each recording is found to carry."""
+def weighed(clone: Path) -> dict[str, str]:
+    """Return a table of what each recording carries and what is found, and the constants of the motors [N m/A]."""
+    rows = ["| recording | carries | found |", "|---|---|---|"]
     with tempfile.TemporaryDirectory() as place:
         law = {"law": "coulomb+viscous", "scale": True}
         known = opened(clone, KNOWN, Path(place), payload={"mass": 2.805}, joints={"friction": law})
@@ -53,11 +54,16 @@ def main(clone: Path) -> None:
             try:
                 fit = estimate(opened(clone, name, Path(place)), calibration=calibration).fits[-1]
             except MapError as error:  # it says how little the record shows
-                found = str(error).rpartition(": ")[2]
+                found = f"refused: {str(error).rpartition(': ')[2]}"
             else:
                 found = f"{fit.values['mass']:.3f} kg with a deviation of {fit.values['deviation of mass']:.3f} kg"
-            print(f"{name}: {carried}; found {found}")
+            rows.append(f"| {name} | {carried} | {found} |")
+    effort = known.map.joints.effort
+    assert effort is not None
+    told = [effort.torque_per_unit[joint] for joint in calibration.fitted.joints]
+    constants = ", ".join(f"{constant:.2f}" for constant in calibration.fitted.scale * told)
+    return {"ur10e": "\n".join(rows), "ur10e motors": constants}
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    print(*weighed(Path(sys.argv[1])).values(), sep="\n")

@@ -23,12 +23,11 @@ from support.without_coriolis import LEG
 
 from aerobat_pin import load_robot
 from aerobat_pin.errors import AerobatError, CalibrationError, LogError, MapError
-from aerobat_pin.estimation import OnlineEstimator, calibrate, estimate, record_findings
+from aerobat_pin.estimation import OnlineEstimator, calibrate, estimate, record_findings, stream_of
 from aerobat_pin.estimation.checks.readings import joint_pairs
 from aerobat_pin.experiments import check_record
-from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.forces.run_observers import rows_of
-from aerobat_pin.observers import AllBut, JointFriction
+from aerobat_pin.observers import AllBut
 from aerobat_pin.records import PlainRobot, parse_map, robot_of_map, suggested_map
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
@@ -526,13 +525,12 @@ def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
     assert np.abs(estimate(record).estimates["force_level"].components[100:]).max() < 0.05
     check_record(record)
     calibrate([record], parameters=["mass"])
-    none = np.zeros(len(kinds))  # of friction, which the stream would else count among the errors of its rows
-    told = FittedValues(joints=record.robot.joints, friction=JointFriction(none, none, none, none), scale=none + 1.0)
-    online, found = OnlineEstimator(parse_map(few, "of the test"), here, values=told), []
+    record = recorded(here / "log.csv", few)
+    online, found = stream_of(record), []
     for row in table.head(500).to_dict("records"):
         found += online.push(row["t"], row)
-    whole = estimate(recorded(here / "log.csv", few)).estimates["force_level"].components[len(found) - 1]
-    np.testing.assert_allclose(list(found[-1].components.values()), whole, atol=0.015)  # other expected sizes
+    whole = estimate(record).estimates["force_level"].components[len(found) - 1]
+    np.testing.assert_allclose(list(found[-1].components.values()), whole, atol=1e-6)
 
 
 def test_a_file_gets_a_free_base_or_keeps_its_own(tmp_path: Path) -> None:
