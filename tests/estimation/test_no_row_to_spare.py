@@ -37,11 +37,11 @@ def scara(count: int, beside: float = 0.0) -> str:
 
 
 def swung(
-    folder: Path, robot: str, seed: int, rubs: float, lasts: float, loaded: float = 0.0
+    folder: Path, robot: str, seed: int, rubs: float, lasts: float, loaded: float = 0.0, creeps: float = 0.01
 ) -> tuple[Record, Vector, Vector]:
     """Write a recording of a SCARA, and return it, its times and the true force.
 
-    Its friction grows by a share `loaded` of what its joints bear.
+    Its friction grows by a share `loaded` of what its joints bear, and sets in at speeds of `creeps` [rad/s, m/s].
     """
     (folder / "scara.urdf").write_text(robot)
     model, rng = pin.buildModelFromUrdf(str(folder / "scara.urdf")), np.random.default_rng(seed)
@@ -56,7 +56,7 @@ def swung(
         np.array(each)[:n] for each in ([1.2, 0.7, 1.5, 0.1], [0.5, 0.3, 8.0, 0], [0.05, 0.03, 0.3, 0.02])
     )
     tau = efforts(model, "tool", q, v, a, force)
-    tau += rubs * (dry * np.tanh(v / 0.01) + viscous * v) + loaded * np.abs(tau) * np.tanh(v / 0.01)
+    tau += rubs * (dry * np.tanh(v / creeps) + viscous * v) + loaded * np.abs(tau) * np.tanh(v / 0.01)
     tau += noise * rng.standard_normal(tau.shape)
     table = {f"{name}{k}": values[:, k] for name, values in {"q": q, "v": v, "tau": tau}.items() for k in range(n)}
     pd.DataFrame({"t": time, **table}).to_csv(folder / "log.csv", index=False)
@@ -104,6 +104,15 @@ def test_friction_that_grows_with_the_load_makes_no_push_elsewhere_of_one_at_the
     """By 8 %: what no force explained leant 5 to 6 times as far as usual, while 14 N pushed at the tool."""
     record, _, _ = swung(tmp_path, scara(4, 0.15), seed, 0.2, 2.0, 0.08)
     assert [str(one) for one in estimate(record).findings if one.warns] == []
+
+
+@pytest.mark.parametrize(("seed", "beside", "creeps"), [(7, 0.0, 0.1), *further((3, 0.0, 0.1), (4, 0.1, 0.2))])
+def test_a_joint_that_stops_while_others_move_makes_no_push_elsewhere(
+    seed: int, beside: float, creeps: float, tmp_path: Path
+) -> None:
+    """Its friction sets in slowly: three times as far as usual, whenever the hand alone turned round."""
+    record, _, _ = swung(tmp_path, scara(4, beside), seed, 1.0, 3.0, creeps=creeps)
+    assert "push elsewhere" not in [one.check for one in estimate(record).findings]
 
 
 @pytest.mark.parametrize(("beside", "untested"), [(0.0, ["Fx", "Fy", "Fz"]), (0.15, ["Fz"])])

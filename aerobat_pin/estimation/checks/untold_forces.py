@@ -44,7 +44,7 @@ from aerobat_pin.records import Record
 LEANS_FOR = 0.2  # [s] over which rows are averaged
 PIECES = 4  # of this time, by which it moves on
 IN_MOTION = 0.25  # of the mean square speed: a robot that is slower rests, and friction hides its errors
-AT_REST = 3.0  # times as far as in motion a mean must lean where all joints stop at once, and stick
+AT_REST = 3.0  # times as far as in motion a mean must lean where the joints of its rows stop, and stick
 NO_ERROR = (  # share of the time in motion that tells what is usual; times the usual, and times what is stated
     (0.8, 3.0, 1.0),
     (0.5, 10.0, 0.5),
@@ -61,12 +61,13 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
     time, means, speeds = _leaning(record, estimate, expected)
     if not len(time):
         return
-    fast = np.mean(speeds / np.maximum(speeds.mean(axis=0), 1e-12), axis=1) > IN_MOTION
-    moves = settled(record, time) & fast
+    moving = speeds / np.maximum(speeds.mean(axis=0), 1e-12)
+    moves = settled(record, time) & (moving.mean(axis=1) > IN_MOTION)
     if moves.sum() < FEWEST_MEANS:
         return
-    lean = np.linalg.norm(means - np.median(means[moves], axis=0), axis=1)
-    doubtful = lean / np.where(fast, 1.0, AT_REST)
+    squares = (means - np.median(means[moves], axis=0)) ** 2
+    lean = np.sqrt(squares.sum(axis=1))
+    doubtful = lean / np.where(np.sum(squares * moving, axis=1) > IN_MOTION * lean**2, 1.0, AT_REST)
     worst = int(np.argmax(np.where(settled(record, time), doubtful, 0.0)))
     stated = np.sqrt(estimate.redundancy.redundant)
     for share, times, size in NO_ERROR:
@@ -81,7 +82,7 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
 
 
 def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tuple[Array, Array, Array]:
-    """Return starts (n,) [s] of means of rows over their errors, these means (n, k), and squares of v (n, nv)."""
+    """Return starts (n,) [s] of means of rows over their errors, these means and squares of speeds (n, k)."""
     model, piece, done = record.robot.model, max(1, round(LEANS_FOR * record.rate / PIECES)), 0
     rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
     observer = MomentumObserver(model, points_of(record.map), float(record.map.observer.gain), rows)
@@ -102,7 +103,7 @@ def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tu
             B /= error[:, None]
             A = B @ np.swapaxes(B, 1, 2) + np.diag(expected.force**-2.0)
             y -= np.einsum("mck,mc->mk", B, np.linalg.solve(A, np.einsum("mck,mk->mc", B, y)[..., None])[..., 0])
-            pieces.append((y, v**2))
+            pieces.append((y, believed.of(v**2, v, power=2)))
         done += (last - first) % piece
         if sum(len(y) for y, _ in pieces) >= PIECES:
             y, squares = (
