@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -24,6 +25,7 @@ KINDS_OF_JOINTS = {  # what Pinocchio calls a joint of more coordinates than one
     "JointModelComposite": ("stands for several joints of one body", IN_STEPS),
     "JointModelFreeFlyer": ("floats freely", "Leave what floats beside the base out of the file"),
 }
+ROBOT_HEAD = 65536  # bytes of a robot's file in which its outermost element begins
 MOST_JOINTS = 150  # that move: TIAGo with two arms and hands has 101; what is expected of 200 takes 1 GB
 FOLDER = Path("share", "example-robot-data", "robots")  # in an environment, or in the folder where cmeel installs
 FREE = {  # robots whose base moves: name -> file
@@ -112,9 +114,13 @@ def urdf_of(table: RobotTable, folder: Path) -> Path | None:
 
 
 def option_of_robot(said: str) -> dict[str, str]:
-    """Return what a map says of a robot that an option gives: a URDF file, or a name (without / and ending)."""
-    named = Path(said).name == said and not Path(said).suffix and not os.path.isfile(said)
-    return {"name": said} if named else {"urdf": os.path.abspath(said)}
+    """Return what a map says of a robot that an option gives: a URDF or MJCF file, or a name (without / and ending)."""
+    if not os.path.isfile(said):
+        named = Path(said).name == said and not Path(said).suffix
+        return {"name": said} if named else {"urdf": os.path.abspath(said)}
+    with open(said, "rb") as file:
+        outermost = re.search(rb"<(mujoco|robot)\b", file.read(ROBOT_HEAD))
+    return {"mjcf" if outermost and outermost[1] == b"mujoco" else "urdf": os.path.abspath(said)}
 
 
 def _built(table: RobotTable, folder: Path) -> PlainRobot:

@@ -175,7 +175,7 @@ def _is_attitude(columns: Columns, names: tuple[str, ...]) -> bool:
 
 
 def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
-    if known is None or (urdf := urdf_of(known, Path())) is None:
+    if known is None:
         rows = 'rows = {ignore = ["base.Mx", "base.My", "base.Mz"]}'
         return [
             "[robot]",
@@ -186,7 +186,8 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
             'points = ["body"]  # where may something push?',
             f"{rows}  # are all moments on the body known? Then leave this out",
         ]
-    model = model_of_file(urdf, mjcf=False, free=free)
+    path = urdf_of(known, Path()) or Path(known.mjcf or "")
+    model = model_of_file(path, mjcf=known.mjcf is not None, free=free)
     moved = {model.getJointId(name) for name in joint_columns(columns, model.names.tolist()[1:])} or {model.njoints - 1}
     leaves = sorted(moved - {int(model.parents[joint]) for joint in moved})
     bodies = [frame for frame in model.frames.tolist()[1:] if frame.type == pin.FrameType.BODY]
@@ -197,7 +198,7 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
         # a file's whole path, as the map may be in another folder
         *(
             f"{key} = {json.dumps(value, ensure_ascii=False)}"
-            for key, value in known.model_dump(include={"name", "urdf"}, exclude_none=True).items()
+            for key, value in known.model_dump(include={"name", "urdf", "mjcf"}, exclude_none=True).items()
         ),
         f'root = "{"free_flyer" if free else "fixed"}"  # does its base move?',
         f"points = {listed(ends)}  # where may something push? Its frames: {frames}",

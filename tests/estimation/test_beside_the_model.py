@@ -1,5 +1,6 @@
 """What a robot's file says and its model does not have is named: joints that mimic others, springs, equalities."""
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,8 @@ def test_what_an_mjcf_file_says_beyond_the_model_is_noted(tmp_path: Path) -> Non
     (tmp_path / "leg.xml").write_text(LEG)
     notes = opened(tmp_path, {"mjcf": "leg.xml"}, "shank", "knee").notes
     assert "not read from the robot's file: body gravcomp, joint stiffness, option gravity" in notes
+    suggested = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "leg.xml"))["robot"]
+    assert suggested == {"mjcf": str(tmp_path / "leg.xml"), "root": "fixed", "points": ["shank"]}
 
 
 @pytest.mark.parametrize(
