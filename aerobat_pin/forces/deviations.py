@@ -191,17 +191,21 @@ def warnings_about(estimate: Estimate) -> list[str]:
 def rows_as_components(estimate: Estimate, observer: Observer, v: Array, expected: Expected | None) -> Estimate:
     """Return an estimate, of an observer without points, whose components are its believed rows, such as `elbow.M`.
 
-    Their deviations, at velocities v (m + 1, nv), are what is expected where nothing touches, if that is known.
+    Their deviations, at velocities v (m + 1, nv), are what is expected where nothing touches, if that is known, or
+    their noise, if that is larger.
     """
     names, rows = row_names(observer.model), observer.believed.rows
     kept = rows.kept(observer.model) if isinstance(rows, AllBut) else list(range(len(names)))
     labels = [name if "." in name else f"{name}.{'F' if unit == 'N' else 'M'}" for name, unit in names.items()]
     units, count = tuple(np.array(list(names.values()))[kept].tolist()), len(kept)
-    deviation = None if expected is None else expected.row_deviation(0.5 * (v[1:] + v[:-1]))[:, kept]
+    components, deviation = estimate.residual[:, kept], None
+    if expected is not None:
+        deviation = expected.row_deviation(0.5 * (v[1:] + v[:-1]))[:, kept]
+        deviation = np.maximum(deviation, local_noise(components))
     known = Identifiability(tuple(labels[k] for k in kept), count, np.ones(count), np.zeros((0, count)), np.ones(count))
     return replace(
         estimate,
-        components=estimate.residual[:, kept],
+        components=components,
         units=units,
         identifiability=known,
         standard_deviation=deviation,
