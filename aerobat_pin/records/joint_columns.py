@@ -20,6 +20,7 @@ PART_WORDS = {  # what a joint's column may be -> words beside the joint's name,
 FORCE_WORDS = {"", "f", "force", "n"}  # beside a joint's name: its effort, if no other column is
 CURRENT_WORDS = {"current", "cur", "i"}
 WANTED_WORDS = {"target", "desired", "des", "cmd", "command", "commanded", "setpoint", "goal", "ref", "reference"}
+MEASURED_WORDS = {"actual", "act", "measured", "meas"}
 OTHER_WORDS = {"voltage", "volt", "temp", "temperature", "acc", "accel", "acceleration", "ext", "external", "error"}
 UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
     "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
@@ -33,7 +34,7 @@ UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
     "acceleration": {"g": "g", "mg": "mg", "ms2": "m/s2"},
 }
 BEHIND_NUMBERS = {  # words that a numbered joint's column may end in
-    *("", "j", "joint", "motor", "actual", "act", "measured", "meas", *WANTED_WORDS),
+    *("", "j", "joint", "motor", *MEASURED_WORDS, *WANTED_WORDS),
     *("per", "s", "sec", "n", "m", "mn", "mm"),
     *(word for words in PART_WORDS.values() for word in words),
     *(word for kind in JOINT_KINDS.values() for word in UNITS_IN_NAMES[kind]),
@@ -54,10 +55,10 @@ def joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str
 
 
 def _described(columns: Columns) -> list[str]:
-    """Return the columns that may be a joint's, what was measured of it before what was wanted."""
-    words = {name: set(words_of_name(humps_apart(name))) for name in columns.values}
+    """Return the columns that may be a joint's, what is said to be measured first, what was wanted last."""
+    words = {name: set(re.findall("[a-z]+", humps_apart(name).lower())) for name in columns.values}
     likely = [name for name in words if not words[name] & OTHER_WORDS]
-    return sorted(likely, key=lambda name: bool(words[name] & WANTED_WORDS))
+    return sorted(likely, key=lambda name: (bool(words[name] & WANTED_WORDS), not words[name] & MEASURED_WORDS))
 
 
 def words_of_name(name: str) -> list[str]:

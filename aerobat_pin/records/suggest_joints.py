@@ -89,7 +89,8 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
     endless = [name for name in turning if not limit[robot.q_index(name)] < ENDLESS]
     units = dict(_units(columns, parts_of, turning, slides, endless, step))
     size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
-    asked = f"; {', '.join(endless)}: radians, or degrees?" if endless and size > LARGEST_RADIANS else ""
+    unsure = endless or (turning if size < ENDLESS and not said_unit("position", whole["position"]) else [])
+    asked = f"; {', '.join(unsure)}: radians, or degrees?" if unsure and size > LARGEST_RADIANS else ""
     yield f"position = {{columns = {listed(whole['position'])}{units['position']}  # the largest is {size:.3g}{asked}"
     if len(whole["velocity"]) == len(placed):
         yield f"velocity = {{columns = {listed(whole['velocity'])}{units['velocity']}"

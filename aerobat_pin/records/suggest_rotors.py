@@ -9,14 +9,14 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.records.columns import Columns
-from aerobat_pin.records.joint_columns import WANTED_WORDS
+from aerobat_pin.records.joint_columns import MEASURED_WORDS, WANTED_WORDS
 from aerobat_pin.records.suggest_joints import listed, toml_text
 
 LAST_NUMBER = re.compile(r"^(?P<stem>.*\D)(?P<number>\d+)(?P<tail>\D*)$")
 ROTOR_WORDS = {"rotor", "rotors", "rot", "prop", "propeller", "thrust", "throttle", "esc", "pwm"}
 SPEED_WORDS = {"rpm", "erpm", "omega", "speed"}
 DRIVE_WORDS = {"motor", "motors", "m", *SPEED_WORDS}  # those of joints, too
-BESIDE_ROTORS = {"", "n", "rad", "rads", "s", "us", "link", "meas", "measured", "act", "actual", *WANTED_WORDS}
+BESIDE_ROTORS = {"", "n", "rad", "rads", "s", "us", "link", *MEASURED_WORDS, *WANTED_WORDS}
 
 
 def suggest_rotors(columns: Columns, model: pin.Model | None, forces: Sequence[str], used: str) -> Iterator[str]:

@@ -446,6 +446,19 @@ def test_numbers_and_units_within_names_say_whose_columns_these_are(
     assert (torques in text) == (units[2] in ("A", "mA"))
 
 
+def test_numbers_behind_words_leave_the_words_as_they_are(tmp_path: Path) -> None:
+    """As `tau_ext1`: what was measured is taken before what was asked for or is said of something else."""
+    (tmp_path / "arm.urdf").write_text(arm_of(3))
+    kinds = ["pos_des", "tau_ext", "tau_con", "pos", "pos_meas", "vel_des", "vel_meas", "tau_meas"]
+    columns = {f"{kind}{k}": 10.0 * k * np.sin(np.arange(50) / 10.0) for kind in kinds for k in (1, 2, 3)}
+    pd.DataFrame({"t": np.arange(50) / 100.0, **columns}).to_csv(tmp_path / "log.csv", index=False)
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    table = tomllib.loads(text)["joints"]
+    for part, stem in (("position", "pos"), ("velocity", "vel"), ("effort", "tau")):
+        assert table[part]["columns"] == [f"{stem}_meas{k}" for k in (1, 2, 3)]
+    assert "the largest is 30; joint1, joint2, joint3: radians, or degrees?" in text
+
+
 def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> None:
     """Half of its samples repeat a force of exactly zero, and no check calls the channel held."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
