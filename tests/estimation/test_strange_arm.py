@@ -256,7 +256,7 @@ def test_without_points_each_joint_has_its_residual(folder: Path) -> None:
 
 
 def test_without_points_deviations_hold_the_noise_of_the_rates(folder: Path, tmp_path: Path) -> None:
-    """Of rates that are off by 0.2 rad/s residuals are 18 N m of noise; they had deviations of a tenth of the effort."""
+    """Of rates that err by 0.2 rad/s residuals are 18 N m of noise; their deviations were a tenth of the effort."""
     table = pd.read_csv(folder / "free.csv", nrows=2000)
     table["v1"] += 0.2 * np.random.default_rng(1).standard_normal(len(table))
     table.to_csv(tmp_path / "noisy.csv", index=False)
