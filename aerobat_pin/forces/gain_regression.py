@@ -258,7 +258,7 @@ def regression(
         q, a, v = halfway(record, block), accelerations(block, record), 0.5 * (block.v[1:] + block.v[:-1])
         table = np.zeros((len(rows), len(a), at + friction + 2))
         for k in np.flatnonzero(chosen[0] | chosen[1]).tolist():
-            Y = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k])[rows]
+            Y = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k]).reshape(model.nv, -1)[rows]
             table[:, k, :p], table[:, k, p:at] = Y @ errors, Y[:, carrier]
         table[:, :, at] = (required_torque(record, block, a) - explained(record, forces, block))[:, rows].T
         table[:, :, -1] = forces.torque(block)[:, rows].T

@@ -168,8 +168,8 @@ def shared_error(model: pin.Model, instants: Instants, expected: Expected) -> Sh
     """Return what instants of a record show of the errors of links, beside forces and friction."""
     some, kept, still, data = instants.weighed, instants.kept, np.zeros(model.nv), model.createData()
     links = np.array([inertia.toDynamicParameters() for inertia in model.inertias[1:]]).ravel()
-    weighs = [pin.computeJointTorqueRegressor(model, data, q, still, still)[kept] * links for q in instants.q[some]]
-    weights = np.reshape(weighs, (len(weighs), len(kept), -1, 10)).sum(axis=3)
+    weighs = [pin.computeJointTorqueRegressor(model, data, q, still, still) * links for q in instants.q[some]]
+    weights = np.reshape(weighs, (len(weighs), model.nv, -1, 10))[:, kept].sum(axis=3)  # of one joint they are (10,)
     J = instants.jacobians[some][..., kept]
     R = expected.doubt * expected.row_deviation(instants.v[some])[:, kept] ** 2
     one = np.eye(len(kept))[instants.at].T

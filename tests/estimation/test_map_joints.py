@@ -515,7 +515,7 @@ def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
     """Estimate by all observers with checks, friction, a known force and pages; self-check; calibrate; stream."""
     table, few = robot_table(here, *kinds, motors=len(kinds)), robot_map(len(kinds))
     table.to_csv("log.csv", index=False)
-    values = robot_map(len(kinds), friction={"fit": [0.0, 1.0], "to": "check.wrench"})
+    values = robot_map(len(kinds), friction={"fit": [0.0, 1.0], "to": "check.wrench", "scale": True})
     values["observer"] = {"names": ["momentum", "force_level", "kalman", "smoother", "second_order", "super_twisting"]}
     Path("map.toml").write_text(tomli_w.dumps(values))
     assert call("estimate", "log.csv", "--map", "map.toml", "--out", "out") == 0, capsys.readouterr()
