@@ -122,7 +122,11 @@ def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, 
         if part is not None:
             stem = "_".join(word for word in words_of_name(name) if word not in PART_WORDS[part] | units | WANTED_WORDS)
             parts_of.setdefault(stem, {}).setdefault(part, name)
-    whole = [parts for stem, parts in parts_of.items() if stem and "position" in parts and len(parts) > 1]
+    whole = [
+        parts
+        for stem, parts in parts_of.items()
+        if (stem or len(names) == 1) and "position" in parts and len(parts) > 1
+    ]
     return dict(zip(names, whole, strict=True)) if len(whole) == len(names) else {}
 
 

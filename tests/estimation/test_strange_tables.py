@@ -459,6 +459,16 @@ def test_numbers_behind_words_leave_the_words_as_they_are(tmp_path: Path) -> Non
     assert "the largest is 30; joint1, joint2, joint3: radians, or degrees?" in text
 
 
+def test_columns_of_a_single_joint_need_no_name(tmp_path: Path) -> None:
+    """As of a pendulum's log: t, position, velocity, torque."""
+    (tmp_path / "arm.urdf").write_text(arm_of(1))
+    names = ("position", "velocity", "torque")
+    swing = {name: np.sin(np.arange(50) / 10.0) for name in names}
+    pd.DataFrame({"t": np.arange(50) / 100.0, **swing}).to_csv(tmp_path / "log.csv", index=False)
+    table = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))["joints"]
+    assert [table[part]["columns"] for part in ("position", "velocity", "effort")] == [[name] for name in names]
+
+
 def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> None:
     """Half of its samples repeat a force of exactly zero, and no check calls the channel held."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
