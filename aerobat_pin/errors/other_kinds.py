@@ -12,6 +12,7 @@ OTHER_KINDS = {
     (b"\x1f\x8b",): "is gzip-compressed: unpack it first",
     (b"PK\x03\x04",): "is a zip archive or a spreadsheet: unpack it, or save it as CSV, first",
     (b"PAR1",): "is in the Parquet format: save it as CSV or NetCDF first",
+    (b'{"', b"{\n", b"[{", b"[\n"): "is JSON: save it as CSV, a column for each number, first",
     (b"\xff\xfe", b"\xfe\xff"): "is text in UTF-16: save it as UTF-8 first",
 }
 
