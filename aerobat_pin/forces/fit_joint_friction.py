@@ -185,6 +185,7 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
     if section.scale or (payload is not None and payload.com is None):
         forces, deviations, untold = fit_gains(forces, section.fit, rate)
         inside, outside = _fitted_samples(forces.record, forces, rows, section.fit)
+        plain = plain if section.scale else outside  # what a payload explains is no friction
     try:
         residual = inside.needed - inside.given - inside.tau
         friction = fit_friction(inside.q, inside.v, _rotor(section, inside), residual, rate, _share_taken(record))

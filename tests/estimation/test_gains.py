@@ -146,6 +146,8 @@ def test_known_gains_tell_a_payload_beside_friction(noise: float, folder: Path) 
         assert abs(values[axis] - true) < 2.0 * values[f"deviation of {axis}"]
     if noise > 0.0:
         return
+    [lift] = [fit for fit in found.fitted.fits if fit.name == "friction of lift"]
+    assert 5.0 < lift.before < 9.0  # what friction explains; 21 N m with what the payload does
     before, after = found.error_bar["tool.Fz"]
     assert after < 2.5
     assert not before < 5.0 * after  # NaN: without friction the rows err by so much that Fz is never seen
