@@ -7,6 +7,7 @@ factor of all efforts, whose forces are wrong by as much, was found in one of th
 import itertools
 import sysconfig
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -240,6 +241,20 @@ def test_a_centre_of_mass_that_lies_aside_may_look_like_a_wrong_effort(
 def test_what_is_found_beside_rotors_leaves_less_than_the_map(tmp_path: Path) -> None:
     """A load beside a UR10's tool was named that leaves 7.64 %, as mapped 7.48 %: what pushed, pushed beside it."""
     assert not told(tmp_path, 3, 0.5, arm=UR10, lever=(0.3, 0.0, -0.3), until=9.0)
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.1, []), (0.9, ["effort unit"])])
+def test_what_leaves_more_than_the_map_is_not_named(
+    share: float, said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A factor of 2 only made the constant of a surgical robot's counterweight likelier; the effort was right."""
+    twice = Change(lambda *_: [Finding("effort unit", "warning", "twice as large")])
+
+    def likely(_: EffortRows, without: Explanation, __: list[Change]) -> Iterator[Any]:
+        yield 100.0, replace(without, errors=share * without.errors), twice, True
+
+    monkeypatch.setattr("aerobat_pin.estimation.checks.efforts._likely", likely)
+    assert [one.check for one in told(tmp_path, 1, 0.3)] == said
 
 
 @pytest.mark.parametrize("joint", [1, 3])

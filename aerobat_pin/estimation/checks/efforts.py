@@ -159,10 +159,12 @@ def _explained(
         changes += changes_of_reading(record, inputs, instants, rows, without, as_mapped, formed)
     explaining = []
     for gain, found, change, lasts in _likely(rows, without, changes):
-        after = left(found)
+        after, mapped = left(found), min(share, before or share)
         leaves = f"{100.0 * after**0.5:.3g} % of what is needed, as mapped {100.0 * (before or share) ** 0.5:.3g} %"
         findings = change.told(found, leaves) if lasts else []
-        if findings is not None and after < change.enough(found) * min(share, before or share):
+        if findings and after >= mapped:
+            findings = []  # it only makes constants smaller
+        if findings is not None and after < change.enough(found) * mapped:
             explaining.append((gain, findings, change))
     by_name = {change: gain for gain, findings, change in explaining if findings}
     said = {change.told for change in by_name}  # the same change of what is needed with and without the forces
