@@ -19,7 +19,7 @@ from aerobat_pin.forces.calibration_use import SURE_OF_CONTACT, CalibrationUse, 
 from aerobat_pin.forces.scores import point_label
 from aerobat_pin.forces.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import Estimate, Event, LevelDetector
+from aerobat_pin.observers import Estimate, Event, LevelDetector, typical_step
 from aerobat_pin.records import Map, PlainRobot, Record
 
 TINY = 1e-12  # [N, N m]
@@ -193,7 +193,7 @@ def _lasting(estimate: StoredEstimate, contacts: Iterable[Contact]) -> list[Cont
     if head.expected_force is None or head.standard_deviation is None:
         return list(contacts)
     time, _, over = _over_bars(estimate)
-    resolved = max(1, round(len(over) * estimate.time_constant / (time[-1] - time[0])))
+    resolved = max(1, round(estimate.time_constant / typical_step(time)))
     over = grey_closing(over, (resolved, 1))  # a filter does not see shorter pauses
     lasts = LevelDetector(np.zeros(()), ROW_CONTACT_ENDS, ROW_CONTACT_ENDS, 0.0)
     each = zip(head.frames, np.split(over, len(head.frames), axis=1), strict=True)
