@@ -156,8 +156,8 @@ class OnlineEstimator:
         if parted := {keys[c]: lacked[0] for c, lacked in self._parted.items() if len(lacked) == PARTED}:
             obstacles.append(
                 f"no message of late has all of {', '.join(parted)}: {', '.join(parted.values())} missing where others "
-                "are; one publisher for all joints (joint_state_publisher with source_list joins several), or "
-                "joints.held, was expected"
+                "are; one publisher for all joints (joint_state_publisher with source_list joins several), "
+                "joints.held, or robot.rows.ignore of a joint without effort, was expected"
             )
         return stream_health(self._rings, keys, counts, self._wait, self._together.recent_k, obstacles)
 

@@ -108,9 +108,7 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
             if numbers is None:
                 table.useless = True
                 continue
-            # NaN is how ROS 2's broadcaster writes the effort of a joint that has none.
-            there = {name: x for name, x in numbers.items() if x == x or not name.startswith("effort.")}
-            table.add(stamp(message), 1e-9 * recorded, there)
+            table.add(stamp(message), 1e-9 * recorded, numbers)
     clocks: dict[str, Clock] = {}
     values, clock_of = {}, {}
     for topic, table in tables.items():

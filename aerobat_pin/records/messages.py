@@ -25,8 +25,9 @@ def entries(message: Any) -> dict[str, float] | None:
         columns: dict[str, float] = {}
         for part in ("position", "velocity", "effort"):
             values = getattr(message, part)
-            if len(values) == len(message.name):
-                columns |= {f"{part}.{joint}": float(x) for joint, x in zip(message.name, values, strict=True)}
+            if len(values) == len(message.name):  # NaN is how ROS 2's broadcaster writes that a joint has no effort
+                pairs = [(joint, float(x)) for joint, x in zip(message.name, values, strict=True)]
+                columns |= {f"{part}.{joint}": x for joint, x in pairs if x == x or part != "effort"}
         return columns
     if vectors := _vectors(message):
         return {

@@ -322,6 +322,13 @@ def test_what_keeps_a_stream_from_estimates_is_said(folder: Path) -> None:
     state = SimpleNamespace(header=header, name=["a"], position=[0.0], velocity=[0.0], effort=[0.0])
     assert stream.message("/joint_states", state) == []
     assert "/joint_states: its messages have no stamp" in stream.health.obstacles
+    stream, header.stamp.sec = OnlineEstimator(mapped(folder, joints={"topic": "/js"}), folder), 1
+    zeros = [0.0] * len(stream.joints)
+    for header.stamp.nanosec in range(10):
+        state = SimpleNamespace(header=header, name=stream.joints, position=zeros, velocity=zeros)
+        state.effort = [*zeros[1:], np.nan]  # as ROS 2's broadcaster writes that a joint has none
+        stream.message("/js", state)
+    assert f"all of joints.effort: /js.effort.{stream.joints[-1]} missing" in str(stream.health)
     waiting = OnlineEstimator(mapped(folder, None), folder, wait=0.5)
     for k in range(LENGTH + 1):
         waiting.push(1e-4 * k, stamped[0][1])
