@@ -29,8 +29,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records import KnownSection, Map, PlainRobot, Record, encoder_words, torque_per_unit
 
 TORQUE = "observers.torque"  # which joint torque is known, among the assumptions of a robot that can choose
-EFFORT, SI_EFFORT = "the effort of ", "1 N m per unit"  # of a joint, among what is believed; where no map tells
-ENCODER = "the encoder of "  # of a joint, among what is believed
+EFFORT, ENCODER = "the effort of ", "the encoder of "  # of a joint that has channels, among what is believed
 RAREST, POSITIONS = (0.01, 0.99), 20_000  # quantiles of a joint's positions, and of how many
 LEAST_OUTSIDE, OUTSIDE, OFTEN = 0.1, 0.2, 0.1  # [rad, m], share of a range, of the time: farther and oftener is told
 # torque of a calibration -> torques of the records that it serves
@@ -59,7 +58,7 @@ class Belief:
                 f"the calibration belongs to the robot '{self.robot}'{same}: calibrate this one again"
             )
         for key, value in self.settings.items():
-            believed = other.settings.get(key, _unsaid(key))
+            believed = other.settings.get(key, value if key.startswith((EFFORT, ENCODER)) else "nothing of that name")
             if believed not in (USABLE_WITH.get(value, (value,)) if key == TORQUE else (value,)):
                 raise CalibrationError(
                     f"the calibration was learnt with {key} = {value}, but {believed} is believed: calibrate again "
@@ -73,19 +72,11 @@ def belief_of(chosen: Map, robot: PlainRobot, joints: Sequence[str]) -> Belief:
     The robot is as believed at first, and the joints are those that have channels.
     """
     effort, settings = chosen.joints.effort, dict(robot.assumptions)
-    if effort is not None:
-        settings |= {f"{EFFORT}{name}": f"{torque_per_unit(effort, name):.9g} N m per unit" for name in joints}
+    settings |= {f"{EFFORT}{name}": f"{torque_per_unit(effort, name):.9g} N m per unit" for name in joints}
     if not robot.moves_joints:
         settings |= {f"{ENCODER}{name}": words for name, words in encoder_words(chosen.joints, joints).items()}
     settings |= {f"known.{name}": _law(known) for name, known in chosen.known.items()}
     return Belief(robot.title, robot.fingerprint(), settings)
-
-
-def _unsaid(key: str) -> str:
-    """Return what holds where a belief does not say it."""
-    if key.startswith(ENCODER):
-        return f"1 {key.removeprefix(ENCODER)}"
-    return SI_EFFORT if key.startswith(EFFORT) else "nothing of that name"
 
 
 def _law(known: KnownSection) -> str:
