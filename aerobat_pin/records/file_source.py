@@ -295,8 +295,8 @@ def _parts(
             good &= height <= (np.inf if when.below is None else when.below)
         covered, used = covered + len(good), used + int(np.sum(good))
         for first, last in runs_of_true(good):
-            near = knots is None or (first == 0 and time[0] - time_of(max(low - 1, 0)) <= chosen.log.longest_gap)
-            if near and runs and runs[-1][1] == low + first - 1:
+            follows = runs and runs[-1][1] == low + first - 1
+            if follows and (knots is None or not any(time_of(low - 1) <= begin < time[0] for begin, _ in missing)):
                 runs[-1] = (runs[-1][0], low + last - 1)
             else:
                 runs.append((low + first, low + last - 1))

@@ -61,6 +61,19 @@ def test_a_pause_is_no_time_of_a_record(table: tuple[Path, pd.DataFrame]) -> Non
     check_fits(record)
 
 
+@pytest.mark.parametrize("piece", [100, 1 << 16])
+def test_steps_as_long_as_the_usual_ones_end_no_part(
+    table: tuple[Path, pd.DataFrame], piece: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At 10 samples a second, those of over 0.1 s did where pieces of a long recording meet; a real hole does."""
+    monkeypatch.setattr("aerobat_pin.records.file_source.EXTENT", piece)
+    folder, whole = table
+    count = np.arange(450)
+    slow = whole.iloc[10 * count].assign(t=0.1 * count + 0.02 * np.sin(count))
+    record = recorded_at("own", folder, slow.drop(slow.index[230:234]))
+    assert record.parts == ((0, 229), (230, 445))
+
+
 def test_channels_are_seen_between_the_stamps(table: tuple[Path, pd.DataFrame]) -> None:
     """As at even times, and beyond the last one; rows at the next stamps were given, and none beyond."""
     even, own = (recorded_at(times, *table) for times in ("even", "own"))
