@@ -69,6 +69,11 @@ def _refuse_the_untellable(record: Record, payload: PayloadSection) -> None:
             "map: payload has no mass, and joints.friction.scale = true: a heavier payload and smaller factors look "
             "alike, only their ratio is seen; payload.mass was expected, or factors by --calibration FILE"
         )
+    if friction is not None and friction.fit is not None and payload.fit not in (None, friction.fit):
+        raise MapError(
+            f"map: payload.fit = {list(payload.fit)}: the payload is sought with the friction, so that of "
+            f"joints.friction, {list(friction.fit)}, or none was expected"
+        )
     if fitted:
         raise MapError(
             f"map: known.{fitted[0]}.fit takes the mass as given, so the payload's mass and com were expected"

@@ -91,8 +91,10 @@ def _with_law(record: Record, law: str, *, mass: bool) -> tuple[Record, list[Fit
 
 def fitted_stretch(record: Record) -> tuple[float, float]:
     """Return from where to where a record is fitted [s]: what the map says, or the first three quarters."""
-    friction = record.map.joints.friction
-    return (0.0, _time_after(record, FITTED_SHARE)) if friction is None or friction.fit is None else friction.fit
+    friction, payload = record.map.joints.friction, record.map.payload
+    stated = [None if friction is None else friction.fit]
+    stated += [None if payload is None or payload.com is not None else payload.fit]
+    return next(filter(None, stated), (0.0, _time_after(record, FITTED_SHARE)))
 
 
 def held_out_stretch(record: Record) -> tuple[float, float]:

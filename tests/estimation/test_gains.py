@@ -16,7 +16,7 @@ from aerobat_pin import calibrate, estimate
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation import Calibration, OnlineEstimator, calibration_bytes, read_calibration, stream_of
 from aerobat_pin.experiments import check_record
-from aerobat_pin.forces import FittedValues, used_by_fits
+from aerobat_pin.forces import FittedValues, taken_as_free, used_by_fits
 from aerobat_pin.records import Record
 
 FACTORS = np.array([0.85, 1.1, 0.95, 1.15, 0.9, 1.1])
@@ -126,6 +126,11 @@ def test_a_payload_beside_friction_leaves_the_rest_to_tell_errors(folder: Path) 
     record = recorded(folder / "light.csv", values)
     used = used_by_fits(record, FittedValues(), record.start + np.array([10.0, 40.0, 50.0]))
     assert used.tolist() == [True, False, True]
+    values = edited(values, {"joints.friction.scale": False, "payload.fit": [0, 20]})  # which went unheard
+    with pytest.raises(AerobatError, match=r"payload\.fit = \[0\.0, 20\.0\]: the payload is sought with the friction"):
+        estimate(recorded(folder / "light.csv", values))
+    record = recorded(folder / "light.csv", edited(values, {"joints.friction.fit": None}))
+    assert taken_as_free(record).map.joints.friction.fit == (0.0, 20.0)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
