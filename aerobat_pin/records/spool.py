@@ -7,11 +7,13 @@ ends. It lies in the folder that Python's `tempfile` chooses (`TMPDIR`).
 
 from __future__ import annotations
 
+import io
+import os
 import tempfile
 import weakref
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -26,32 +28,38 @@ MOST_SAMPLED = 200_000  # rows of such a sample; a median of more hardly differs
 
 
 class Spool:
-    """A temporary file of numbers."""
+    """A temporary file of numbers, which threads and forked processes may read at once."""
 
     def __init__(self) -> None:
-        self._file = tempfile.SpooledTemporaryFile(max_size=IN_MEMORY)
+        self._file: IO[bytes] = io.BytesIO()
         self._size = 0
-        weakref.finalize(self, self._file.close)
 
     def write(self, rows: Array) -> int:
         """Append numbers and return their place. Raises LogError if the temporary folder is full."""
-        place = self._size
+        place, size = self._size, self._size + rows.nbytes
         try:
+            if isinstance(self._file, io.BytesIO) and size > IN_MEMORY:
+                memory, self._file = self._file, tempfile.TemporaryFile()
+                weakref.finalize(self, self._file.close)
+                self._file.write(memory.getbuffer())
             self._file.seek(place)
             self._file.write(np.ascontiguousarray(rows, float).data)
+            self._file.flush()
         except OSError as error:
-            size = f"{(place + rows.nbytes) / 1e9:.2g} GB"
             raise LogError(
-                f"temporary folder {tempfile.gettempdir()}: {error.strerror or error}, {size} are needed so far; "
-                "TMPDIR names another one"
+                f"temporary folder {tempfile.gettempdir()}: {error.strerror or error}, {size / 1e9:.2g} GB are needed "
+                "so far; TMPDIR names another one"
             ) from error
-        self._size += rows.nbytes
+        self._size = size
         return place
 
     def read(self, place: int, numbers: Array) -> None:
-        """Read numbers from a place on."""
-        self._file.seek(place)
-        self._file.readinto(numbers.data.cast("B") if numbers.size else bytearray())
+        """Read numbers from a place on, whoever else reads: none may move the file's own place, which all share."""
+        view = numbers.data.cast("B") if numbers.size else memoryview(bytearray())
+        if isinstance(self._file, io.BytesIO):
+            view[:] = self._file.getbuffer()[place : place + len(view)]
+        else:
+            os.preadv(self._file.fileno(), [view], place)
 
 
 class Series:

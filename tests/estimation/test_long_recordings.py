@@ -1,6 +1,7 @@
 """Long recordings: read, estimated and written piece by piece, in memory that does not grow with their length."""
 
 import tracemalloc
+from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
@@ -170,6 +171,20 @@ def test_a_series_on_disk_is_read_like_an_array() -> None:
             assert stamps.index(value, side) == np.searchsorted(time, value, side=side)
     np.testing.assert_array_equal(np.concatenate(stamps.spread(2300)), time)
     assert sum(map(len, stamps.spread(1600))) == 1600
+
+
+def test_a_series_on_disk_is_read_by_several_threads_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One moved the file's place before another had read: of an estimate in threads or a pool forces were 185 N off."""
+    monkeypatch.setattr("aerobat_pin.records.spool.IN_MEMORY", 1)
+    numbers = np.arange(1_000_000.0)
+    series = series_of(Spool(), numbers)
+
+    def wrong(seed: int) -> int:
+        begins = np.random.default_rng(seed).integers(0, len(numbers), 2000).tolist()
+        return sum(not np.array_equal(series[k : k + 2000], numbers[k : k + 2000]) for k in begins)
+
+    with ThreadPoolExecutor(4) as pool:
+        assert [*pool.map(wrong, range(4))] == [0, 0, 0, 0]
 
 
 def test_unix_stamps_have_the_step_of_their_samples() -> None:
