@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import threading
 from array import array
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -30,6 +31,7 @@ FOOTER, CHUNK = 0x02, 0x06
 ROS_PROFILE = "ros2"  # of an MCAP file's header
 RECORD_HEAD = 9  # bytes: opcode and length
 CRC_IN_CHUNK = 24  # bytes of a content that are before its checksum
+ONE_AT_A_TIME = threading.Lock()  # a bag, as functions of `rosbags` are replaced while it is open
 
 
 @contextmanager
@@ -61,7 +63,7 @@ def _opened(path: Path) -> Iterator[Any]:
         (rosbag2, "zstd", SimpleNamespace(open=rosbag2.zstd.open, decompress=unpack.zstd)),
         (rosbag2, "shutil", SimpleNamespace(copyfileobj=unpack.copy)),
     )
-    with ExitStack() as stack:
+    with ONE_AT_A_TIME, ExitStack() as stack:
         for module, name, value in changes:
             stack.callback(setattr, module, name, getattr(module, name))
             setattr(module, name, value)

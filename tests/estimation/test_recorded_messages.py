@@ -2,6 +2,7 @@
 
 import re
 from ast import literal_eval
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import MapError
 from aerobat_pin.estimation import estimate
+from aerobat_pin.records import LogTable, read_columns
 from aerobat_pin.records.messages import stamp
 
 
@@ -51,6 +53,17 @@ def test_the_stream_of_the_docs_finds_the_forces(folder: Path, capsys: pytest.Ca
     assert online.message("/joint_states", first) == []
     assert online.health.samples["joints.position"]["late"] + online.health.samples["joints.position"]["outlier"] == 1
     assert online.health.starts == 1
+
+
+def test_threads_that_read_bags_at_once_leave_their_reader_as_it_was(folder: Path) -> None:
+    """One put back what another had replaced: a budget of unpacked bytes stayed for all that is read later."""
+    storage = pytest.importorskip("rosbags.rosbag2.storage_mcap")
+    own = storage.DECOMPRESSORS
+    bag(walk(0.3), folder / "walk")
+    with ThreadPoolExecutor(3) as pool:
+        read = pool.map(lambda _: read_columns(folder / "walk", LogTable()), range(9))
+        assert len({columns.names for columns in read}) == 1
+    assert storage.DECOMPRESSORS is own
 
 
 def test_currents_of_all_joints_have_one_constant(folder: Path) -> None:
