@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -89,7 +90,8 @@ class OnlineEstimator:
     ) -> None:
         self.robot: PlainRobot = robot_of_map(chosen.robot, folder)
         self._map = chosen = with_held_joints(chosen, self.robot)
-        self._heard = heard
+        self._heard, self._folder, self._calibration = heard, folder, calibration
+        self._further: dict[str, Any] = {"wait": wait, "expected": expected, "values": values}
         self._values = values or FittedValues()
         if calibration is not None:
             self._values = replace(calibration.fitted, row_noise=calibration.row_noise)
@@ -103,14 +105,12 @@ class OnlineEstimator:
         elif len(self._values.links):
             self.robot = self.robot.with_links(self._values.links)
         self.robot = self.robot.carrying(chosen.payload)
-        every_request = (*base_requests(chosen), *joint_requests(chosen, self.robot, names))
-        self._requests = {request.key: request for request in every_request}
+        requests = (*base_requests(chosen), *joint_requests(chosen, self.robot, names))
+        self._requests = {request.key: request for request in requests}
         self._check()
-        requests = tuple(self._requests.values())
         self._columns = [request.names for request in requests]
-        self._readers: list[tuple[int, Any, Array]] = [
-            (c, itemgetter(*names), np.zeros(len(names))) for c, names in enumerate(self._columns)
-        ]
+        readers = ((c, itemgetter(*names), np.zeros(len(names))) for c, names in enumerate(self._columns))
+        self._readers: list[tuple[int, Any, Array]] = [*readers]
         lead = [key for key in LEADING if key in self._requests]
         self._leading = [*self._requests].index(lead[0] if lead else next(iter(self._requests)))
         self._memory = ring_kernels.new_rings(chosen, self.robot, names, requests, self._values, wait)
@@ -132,6 +132,10 @@ class OnlineEstimator:
         add_lag_of_filter(np.zeros(0), 0.0, np.zeros((LAGS, 0)), np.zeros(0))
         self.reset()
         self._rings.tally[:] = 0
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy as a stream without samples: views of its rings cannot be copied with them."""
+        return partial(type(self), self._map, self._folder, self._heard, self._calibration, **self._further), ()
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -165,9 +169,8 @@ class OnlineEstimator:
         """Forget all samples and start again with the next ones; what is counted stays."""
         rings = self._rings
         rings.head[:], rings.filled[:], rings.usual[:], rings.pending[:] = 0, 0, 0.0, 0.0
-        rings.shown[:] = rings.changed[:] = np.nan
+        rings.shown[:] = rings.changed[:] = rings.now[: ring_kernels.COUNT] = np.nan
         rings.jumped[:], rings.stuck[:] = 0.0, 0
-        rings.now[: ring_kernels.COUNT] = np.nan
         rings.now[ring_kernels.BROKEN] = 0.0
         self._epoch = None
         self._parted.clear()
@@ -192,8 +195,7 @@ class OnlineEstimator:
 
     def message(self, topic: str, message: object) -> list[OnlineSample]:
         """Take a ROS message of any client library; return the estimates that it completes."""
-        fields = entries(message)
-        time = stamp(message)
+        fields, time = entries(message), stamp(message)
         if fields is None or time <= 0.0:
             self._unstamped |= {topic} if fields else set()
             return []
@@ -294,7 +296,6 @@ class OnlineEstimator:
             if self._learns:
                 self._learnt.take(together, samples, q, tau, dt)
         settled, epoch = bool(end - now[ring_kernels.BEGAN] >= self._wait), self._epoch or 0.0
-        k = self._together.recent_k
         kept, estimates = math.exp(-dt * float(self._map.observer.gain)), list[OnlineSample]()
         for observer, sample, (behind, recent) in zip(self._observers, samples, self._behind, strict=False):
             if sample is None:
@@ -309,7 +310,7 @@ class OnlineEstimator:
             if deviation is not None and self._tilt > 0.0:
                 deviation = with_tilt(components, deviation, self._tilt)
             times = epoch + end - dt, epoch + end
-            estimates.append(OnlineSample(observer, *times, settled, components, deviation, of_rows, k))
+            estimates.append(OnlineSample(observer, *times, settled, components, deviation, of_rows, together.recent_k))
             if self._heard is not None:
                 self._heard(estimates[-1])
         return estimates

@@ -1,6 +1,8 @@
 """A stream is the road of records, a sample at a time: equal to the batch, and nothing that arrives ends it."""
 
+import pickle
 import tracemalloc
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -125,6 +127,18 @@ def test_by_the_stamps_of_its_joints_a_stream_is_the_record(folder: Path) -> Non
     assert max(found[-1].seen.values()) <= 1.0
     assert not found[0].settled
     assert found[-1].settled
+
+
+def test_a_copy_of_a_stream_begins_anew(folder: Path) -> None:
+    """It found no force at all (0 N): its kernels wrote into other memory than it read."""
+    stamped = messages(walk(0.1))
+    stream = OnlineEstimator(mapped(folder, None), folder)
+    streamed(stream, stamped[:10])
+    stream.tune("momentum", 300.0)
+    fresh = OnlineEstimator(mapped(folder, None, observer={"names": ["momentum"], "gain": 300.0}), folder)
+    expected = values_of(streamed(fresh, stamped), "momentum")
+    for copy in (deepcopy(stream), pickle.loads(pickle.dumps(stream))):
+        np.testing.assert_array_equal(values_of(streamed(copy, stamped), "momentum"), expected)
 
 
 def test_a_leg_in_the_air_tells_a_stream_what_it_tells_a_record(folder: Path) -> None:
