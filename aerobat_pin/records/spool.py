@@ -23,8 +23,8 @@ from aerobat_pin.numerics import Array
 IN_MEMORY = 1 << 23  # [bytes] of a spool before it moves to disk
 EXTENT = 1 << 16  # rows that are read or written at once, at most
 SPREAD = 16  # stretches of a sample that is spread over a series
-ROUNDING = 4.0  # of the last bit of a stamp: Unix time has steps of 2.4e-7 s
 MOST_SAMPLED = 200_000  # rows of such a sample; a median of more hardly differs
+LAST_BITS = 4.0  # of a stamp, by which its rounding changes a step at most: one is 2.4e-7 s of Unix time
 
 
 class Spool:
@@ -148,5 +148,5 @@ def typical_spacing(time: Series) -> float:
     """Return the median step [s] of stamps (n,), but for their rounding; of a long series that of a sample of it."""
     steps = np.concatenate([np.diff(piece) for piece in time.spread()])
     usual = float(np.median(steps))
-    near = steps[np.abs(steps - usual) <= ROUNDING * np.spacing(time[-1])]
+    near = steps[np.abs(steps - usual) <= LAST_BITS * np.spacing(time[-1])]
     return float(np.mean(near)) if len(near) else usual
