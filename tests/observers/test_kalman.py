@@ -1,5 +1,6 @@
 """Kalman filter and smoother: equal to the textbook, honest about their own error, and what they do not know."""
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,9 @@ def test_a_stream_is_a_batch_with_its_standard_deviation(case: str) -> None:
     model, frames = MODELS["aerobat"]
     time, q, v, tau, known = record(model)
     observer = KalmanObserver(model, frames, force_walk=1.0, **CASES[case])
+    observer.trust_model(0.2)
     batch = observer.run(time, q, v, tau, known)
+    observer = copy.deepcopy(observer)
     for k, sample in enumerate(streamed(observer, time, q, v, tau, known)):
         if k == 7:
             observer.run(time, q, v, tau, known)

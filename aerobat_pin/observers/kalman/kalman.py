@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -188,6 +188,12 @@ class KalmanObserver(Observer):
     def trust_model(self, misfit: float) -> None:
         """Assume smaller errors of the model, which somebody else states: at least `misfit` [N] a row, over 10 ms."""
         self._kalman.filter.doubtful[1] = _positive("misfit", misfit)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (*super().__reduce__(), float(self._kalman.filter.doubtful[1]))
+
+    def __setstate__(self, misfit: float) -> None:
+        self._kalman.filter.doubtful[1] = misfit
 
     def update(
         self, time: float, q: ArrayLike, v: ArrayLike, tau: ArrayLike, known: Mapping[str, ArrayLike] | None = None
