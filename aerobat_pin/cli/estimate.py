@@ -73,7 +73,7 @@ def estimate_command(
     from aerobat_pin.experiments import run_recorded
     from aerobat_pin.records import load_map, suggested_map, with_options
 
-    if out is not None and out.suffix == ".mcap":
+    if out is not None and out.suffix.lower() == ".mcap":
         if out_mcap is not None:
             raise LogError(f"estimate: --out {out} and --out-mcap {out_mcap}: one MCAP file was expected")
         out, out_mcap = None, out

@@ -50,6 +50,7 @@ def _opened(path: Path) -> Iterator[Any]:
     except ImportError as error:
         raise LogError(f"log {path}: reading bags needs the extra ros: pip install 'aerobat-pinocchio[ros]'") from error
     check_bag(path)
+    kinds, ending = rosbag2.Reader.STORAGE_PLUGINS, path.suffix
     unpack, get_msgdef = Unpacking(path), storage_mcap.get_msgdef
     changes: tuple[tuple[Any, str, Any], ...] = (
         (storage_mcap, "read_string", lambda file: _string(file, storage_mcap.read_bytes)),
@@ -59,6 +60,7 @@ def _opened(path: Path) -> Iterator[Any]:
             lambda schema: get_msgdef(schema if not schema or schema.encoding in KNOWN_SCHEMAS else None),
         ),
         (storage_mcap, "DECOMPRESSORS", unpack.of_mcap),
+        (rosbag2.Reader, "STORAGE_PLUGINS", {**kinds, ending: kinds.get(ending.lower())}),  # LOG.MCAP, too
         (rosbag1, "decompressors", unpack.of_rosbag1),
         (rosbag2, "zstd", SimpleNamespace(open=rosbag2.zstd.open, decompress=unpack.zstd)),
         (rosbag2, "shutil", SimpleNamespace(copyfileobj=unpack.copy)),

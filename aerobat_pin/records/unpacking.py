@@ -21,7 +21,7 @@ def check_bag(path: Path) -> None:
     for file in files:
         if not os.path.isdir(file):
             foreign_file(file, f"log {file}", LARGEST_DESCRIPTION if file.name == "metadata.yaml" else float("inf"))
-        if file.suffix == ".db3":
+        if file.suffix.lower() == ".db3":
             _check_tables(file)
 
 

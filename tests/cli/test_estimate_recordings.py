@@ -67,13 +67,13 @@ def test_a_map_gives_every_file(folder: Path, capsys: pytest.CaptureFixture[str]
     late = [np.std(np.array(efforts)[20:-20] - WALK.tau[20 + k : -21 + k]) for k in (-1, 0, 1)]
     assert late[1] < 0.2 * min(late[0], late[2])  # each effort is that of its stamp
     assert call(*words) == 2  # the folder is not empty
-    words = ["estimate", "walk.csv", "--map", "map.toml", "--out", "again.mcap"]
+    words = ["estimate", "walk.csv", "--map", "map.toml", "--out", "again.MCAP"]
     (folder / "runs" / "walk-estimate").mkdir(parents=True)
     (folder / "runs" / "walk-estimate" / "report.html").write_text("of an earlier run")
     (folder / "runs" / "walk-estimate" / "estimate.nc").write_text("of an earlier run")
     assert call(*words) == 2
     assert call(*words, "--force") == 0
-    assert (folder / "again.mcap").is_file()
+    assert (folder / "again.MCAP").is_file()
     assert "force_level" in (folder / "runs" / "walk-estimate" / "report.html").read_text()
 
 
