@@ -30,6 +30,7 @@ from aerobat_pin.scenario import AirSection
 
 LONGEST_STEP = 1.5e-3  # [s]: longer steps change the lift by more than a thousandth at 5 m/s and 6.7 Hz
 LARGEST_MODE_STEP = 1.4  # rate of the fastest mode times the step; the method is unstable from 2.785 on
+CRANK_ANGLES_TRIED = 721  # every half degree
 FLAP_ANGLES = 60  # number of crank angles in a turn at which its airspeeds are computed
 WARM_UP_LIMIT = 3.0  # [s]: for a crank that hardly turns; the wake matters for about ten chords of travel
 LONGEST_GAP = 0.5  # [s]: the motion of the wings during a longer gap is unknown
@@ -96,13 +97,14 @@ class AirAlongMotion:
 
     def start(self, moved: Motion) -> Array:
         """Return the state of the aerodynamic model at the first sample, after the warm-up cycles."""
-        cycles = self.section.warm_up_cycles
-        rate = 0.0 if moved.crank is None else float(np.median(np.abs(moved.crank[1])))
+        cycles, crank = self.section.warm_up_cycles, moved.crank
+        if crank is None:
+            crank = _crank_of_joints(self.robot, moved.q[:1], moved.v[:1])
+        rate = float(np.median(np.abs(crank[1])))
         if rate == 0.0 or cycles == 0 or not self.air.state_size:
             return np.zeros(self.air.state_size)
-        assert moved.crank is not None
         body = through_air(moved.q[0], moved.v[0], moved.wind[0, 0])
-        angle, turning = moved.crank[:2, 0]
+        angle, turning = crank[:2, 0]
         duration = min(cycles * 2.0 * np.pi / rate, WARM_UP_LIMIT)
         count = int(np.ceil(duration / self.longest_in_flap(*body, turning)))
         back = (np.arange(2 * count + 1) * 0.5 / count - 1.0) * duration
@@ -146,6 +148,14 @@ class AirAlongMotion:
                 mean /= count
             half += 2 * count
         return means[:, 0], means[:, 1]
+
+
+def _crank_of_joints(robot: Aerobat, q: Array, v: Array) -> Array:
+    """Return angle and rate (2, 1) of the crank at which the linkage is closest to the joints at one sample."""
+    turn = np.linspace(0.0, 2.0 * np.pi, CRANK_ANGLES_TRIED)
+    angles, slopes, _ = np.tile(joint_table(robot.linkage.solve(turn, 1.0)), 2).swapaxes(0, 1)  # of both wings
+    at = int(np.argmin(np.sum((angles - q[:, list(robot.idx_q)]) ** 2, axis=1)))
+    return np.stack([turn[[at]], v[:, list(robot.idx_v)] @ slopes[at] / (slopes[at] @ slopes[at])])
 
 
 def through_air(q: Array, v: Array, wind: Array) -> tuple[Array, Array]:
