@@ -131,9 +131,11 @@ def _passes_self_check(belief: Scenario) -> bool:
     checks = self_check(believed_robot(belief), belief)
     for check in checks:
         typer.echo(str(check))
-    passed = all(check.ok for check in checks)
-    typer.echo("self-check: sign, frame and unit are right" if passed else "self-check: FAILED")
-    return passed
+    wrong = dict.fromkeys(check.observer for check in checks if not check.ok)
+    lag = ", whose forces lag behind wings that turn: the more, the lower the gain" if [*wrong] == ["momentum"] else ""
+    failed = f"FAILED for {', '.join(wrong)}{lag}"
+    typer.echo(f"self-check: {failed if wrong else 'sign, frame and unit are right'}")
+    return not wrong
 
 
 def estimate_by_map(

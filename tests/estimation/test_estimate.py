@@ -172,6 +172,9 @@ def test_a_known_force_is_found_where_it_acts(tmp_path: Path) -> None:
     assert done.stdout.count("ok   momentum: +0.0196 N") == 6
     assert done.stdout.endswith("self-check: sign, frame and unit are right\n")
     assert list(tmp_path.iterdir()) == []
+    slow = aerobat("estimate", "--self-check", "--set", "observers.gain=50", cwd=tmp_path)
+    assert slow.returncode == 1
+    assert "self-check: FAILED for momentum, whose forces lag behind wings that turn" in slow.stdout
 
 
 def test_a_wrong_sign_frame_or_unit_does_not_pass() -> None:
