@@ -222,14 +222,18 @@ def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:
         stream.update(0.3, {})
 
 
-def test_the_causal_filter_waits_for_an_encoder_that_begins_later() -> None:
+@pytest.mark.parametrize(("sensor", "missed"), [("crank", (0.0, 0.1)), ("orientation", (0.015, 0.045))])
+def test_the_causal_filter_waits_for_what_begins_later_or_is_lost_for_a_while(
+    sensor: str, missed: tuple[float, float]
+) -> None:
+    """For an encoder; for attitudes of a marker whose position was seen all the time."""
     smoother, record, found = smoothed("measured")
-    crank = record.channels["crank"]
-    seen = crank.time > 0.1
-    channels = {**record.channels, "crank": replace(crank, time=crank.time[seen], values=crank.values[seen])}
+    one = record.channels[sensor]
+    seen = (one.time < missed[0]) | (one.time > missed[1])
+    channels = {**record.channels, sensor: replace(one, time=one.time[seen], values=one.values[seen])}
     stream = JointFilter(smoother, found.tuning, channels, "measured")
     samples = stream.run(RawRecord(record.time[:121], channels, record.known[:120], "measured"))
-    assert next(k for k, sample in enumerate(samples) if sample is not None) == 110
+    assert next(k for k, sample in enumerate(samples) if sample is not None) == (110 if sensor == "crank" else 100)
 
 
 def test_the_causal_filter_lets_a_force_jump() -> None:

@@ -102,14 +102,14 @@ def wing_motion(wings: Array, rate: Array, bend: Array | float) -> tuple[Array, 
 def first_guess(record: RawRecord) -> NominalMotion:
     """Return a first guess: position and crank by splines, attitude by the gyro held to the poses. Raises LogError."""
     channels, time = record.channels, record.time
-    position, crank = channels["position"], channels["crank"]
-    for channel in (position, crank):
+    position, orientation, crank = (channels[name] for name in ("position", "orientation", "crank"))
+    for channel in (position, orientation, crank):
         if len(channel.time) < 8:
             raise LogError(f"flight log: {len(channel.time)} samples of {channel.name}: 8 or more were expected")
-    marker = np.array([pin.Quaternion(q / np.linalg.norm(q)).matrix() for q in channels["orientation"].values])
-    body = marker @ channels["orientation"].turn.T
-    rotation = _attitude(time, position.time, body, channels.get("gyro"))
-    seen = position.values - body @ position.place
+    marker = np.array([pin.Quaternion(q / np.linalg.norm(q)).matrix() for q in orientation.values])
+    body = marker @ orientation.turn.T
+    rotation = _attitude(time, orientation.time, body, channels.get("gyro"))
+    seen = position.values - _slerped(position.time, orientation.time, body) @ position.place
     path = _spline(time, position.time, seen, POSITION_KNOTS)
     where, velocity = path(time), path.derivative()(time)
     steps = np.array([pin.log3(a.T @ b) for a, b in itertools.pairwise(rotation)]) / np.diff(time)[:, None]
