@@ -145,9 +145,8 @@ class Sensing:
     def read(self, k: int, q: Array, v: Array) -> tuple[Array, Array]:
         """Return what the sensors show at sample k of a flight whose true q and v are given; k counts up by one."""
         self.draw(k)
-        if self._readers:
-            q, v = q.copy(), v.copy()
-            self._show(k, {"q": q, "v": v})
+        q, v = q.copy(), v.copy()
+        self._show(k, {"q": q, "v": v})
         return q, v
 
     def crank(self, k: int, angle: float) -> float:
