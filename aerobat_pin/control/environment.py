@@ -90,7 +90,6 @@ class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasiu
         self._trim = Allocation(self._thrusters, self.scenario.believed_thrusters.factor).thrusts(nominal.wrench)
         self._course = pin.Quaternion(nominal.quaternion)
         self.neutral: Array = 2.0 * self._trim / self._thrusters.limit - 1.0
-        self._edges = np.arange(self.scenario.simulation.count + 1) * self.scenario.simulation.dt
         self.action_space = spaces.Box(-1.0, 1.0, (len(self._thrusters.limit),), np.float64)
         self.observation_space = spaces.Box(-np.inf, np.inf, (SIZE,), np.float64)
         self._done = -1
@@ -104,10 +103,10 @@ class AerobatEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]  # gymnasiu
         super().reset(seed=seed)
         noise = int(self.np_random.integers(2**31))
         scenario = self._drawn({} if options is None else options)
-        plant = self._plant
+        plant, dt = self._plant, scenario.simulation.dt
+        self._edges = np.arange(scenario.simulation.count + 1) * dt
         plant.start(interval_means(plant.forces, self._edges, noise))
         self._sensing = Sensing(plant.robot, scenario.sensors, self._edges, noise)
-        dt = scenario.simulation.dt
         self._thrust = LaggedThrust(self._thrusters, scenario.thrusters, dt, self._trim)
         self._done = 0
         self._seen = self._observation()

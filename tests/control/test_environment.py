@@ -59,6 +59,17 @@ def test_seeds_decide_the_noise_and_nothing_else_does() -> None:
     assert end[4]["state"] == "LOST"
 
 
+def test_what_an_environment_gives_away_is_not_its_robot() -> None:
+    """With exact sensors, q and v in `info` were those of the plant: who wrote into them moved the robot."""
+    env, ends = AerobatEnv(settings=[*QUICK, "sensors={}"]), []
+    for written in (False, True):
+        _, info = env.reset(seed=1)
+        for name in ("q", "v"):
+            info[name] += 9.0 * written
+        ends.append(env.step(env.neutral)[0])
+    np.testing.assert_array_equal(*ends)
+
+
 def test_what_cannot_be_flown_is_refused() -> None:
     """A scenario without thrusters, a step before the start."""
     with pytest.raises(ScenarioError, match="no table control"):
@@ -107,6 +118,12 @@ def test_starts_wind_and_parameters_are_drawn_anew_at_each_reset() -> None:
     assert env.scenario is course
     still = env.reset(seed=1, options={"draw": {}})[0]
     assert abs(still[3]) < 0.03 < abs(env.reset(seed=1, options={"draw": {"flight.roll_deg": (5.0, 5.0)}})[0][3])
+    for dt, steps in ((0.02, 15), (0.005, 60)):
+        env.reset(seed=1, options={"draw": {"simulation.dt": (dt, dt)}})
+        times = [env.step(env.neutral)[4]["time"] for _ in range(steps)]
+        np.testing.assert_allclose(times, dt * np.arange(1, steps + 1))
+        with pytest.raises(SimulationError, match="the episode is over"):
+            env.step(env.neutral)
     huge = {"thrusters.lag": 10**5000}  # which Python does not print
     for wrong in ({"flight.rol_deg": (0.0, 1.0)}, {"thrusters.factor": (-2.0, -1.0)}, {"thrusters.lag": 1.0}, huge):
         with pytest.raises(ScenarioError, match=next(iter(wrong)).split(".")[1]):
