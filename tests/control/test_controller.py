@@ -140,6 +140,12 @@ def test_a_scenario_without_a_table_control_has_no_controller() -> None:
         simulate(load_scenario("hover_closed_loop"))
 
 
+def test_a_course_in_millimetres_is_refused_at_once() -> None:
+    """Its warm-up took millions of steps, and all memory."""
+    with pytest.raises(ScenarioError, match=r"the wings meet air at 3e\+03 m/s in a flap: at most 100"):
+        controller("flight.velocity=[3000,0,0]")
+
+
 @pytest.mark.parametrize(("dt", "bound"), [(1e-3, 1e-3), (1e-2, 0.03)])
 def test_the_air_of_a_stream_is_that_of_the_whole_record(dt: float, bound: float) -> None:
     """Sample by sample within a thousandth of the batch reconstruction, three hundredths at 100 Hz."""

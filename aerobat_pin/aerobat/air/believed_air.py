@@ -23,7 +23,7 @@ from aerobat_pin.aerobat.air.robot_in_air import RobotInAir
 from aerobat_pin.aerobat.motion import Motion, robot_air, wind_of
 from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE, joint_table
 from aerobat_pin.aerodynamics import LARGEST_AIRSPEED
-from aerobat_pin.errors import LogError, ShapeError
+from aerobat_pin.errors import LogError, ScenarioError, ShapeError
 from aerobat_pin.numerics import Array, Integers, fields_of, guarded, new_state
 from aerobat_pin.observers import rotations
 from aerobat_pin.scenario import AirSection
@@ -79,7 +79,11 @@ class AirAlongMotion:
     def longest_in_flap(self, placement: Array, twist: Array, crank_rate: float) -> float:
         """Return the longest step [s] for the fastest airspeed of a flap, of a body as `through_air` returns it."""
         turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, FLAP_ANGLES), crank_rate))
-        return float(np.min(self.longest_step(self.airspeed(self.in_air.flapping_twists(placement, twist, turn)))))
+        airspeed = float(np.max(self.airspeed(self.in_air.flapping_twists(placement, twist, turn))))
+        if airspeed > 1.1 * LARGEST_AIRSPEED:  # which would take millions of steps
+            most = f"at most {LARGEST_AIRSPEED:g}, in metres and seconds, was expected"
+            raise ScenarioError(f"the wings meet air at {airspeed:.3g} m/s in a flap: {most}")
+        return float(self.longest_step(np.array([airspeed]))[0])
 
     def steps(self, moved: Motion) -> Integers:
         """Return the number of integration steps (m,) of each interval between samples."""
