@@ -250,7 +250,8 @@ def _mean_rates(integral: Array, edges: Array) -> Array:
 
 def _ticks(time: Array, tick: float) -> Integers:
     """Return the numbers of the clock's ticks from the one in which the first of the times lies to the last one's."""
-    return np.arange(int(np.floor(time[0] / tick + 1e-6)), int(np.ceil(time[-1] / tick - 1e-6)))
+    first = int(np.floor(time[0] / tick + 1e-6))
+    return np.arange(first, max(int(np.ceil(time[-1] / tick - 1e-6)), first + 1))
 
 
 def _read_series(path: Path, column: str) -> tuple[Array, Array]:

@@ -132,13 +132,16 @@ def test_a_file_that_is_no_series_is_refused(tmp_path: Path, text: str | None, m
 
 
 def test_every_signal_may_carry_noise_of_its_own_stream() -> None:
-    """The same noise as the paper's signal at the same place in the list: 5 standard errors."""
+    """The same noise as the paper's signal at the same place in the list: 5 standard errors; held however long."""
     edges = np.arange(20_001) * 1e-3
     [noisy] = scenario(signal="sine", noise=0.03).unknown_force
     [papers] = scenario(noise=0.03).unknown_force
     drawn = noisy.interval_means(edges, np.random.default_rng(5))[0]
     assert drawn.std() == pytest.approx(0.03, rel=5.0 / np.sqrt(4e4))
     np.testing.assert_array_equal(drawn, papers.interval_means(edges, np.random.default_rng(5))[0])
+    [held] = scenario(noise=0.03, tick=1e9).unknown_force
+    whole = held.interval_means(edges, np.random.default_rng(5))[0]
+    np.testing.assert_allclose(whole, 0.03 * np.random.default_rng(5).standard_normal(), rtol=1e-9)
 
 
 def test_all_signals_survive_writing_and_reading(tmp_path: Path) -> None:
