@@ -41,6 +41,17 @@ def test_single_steps_make_the_same_flight_to_the_bit(settings: tuple[str, ...])
         np.testing.assert_allclose([q for q, _ in samples], whole.q, rtol=0.0, atol=1e-12)
 
 
+def test_who_writes_into_what_a_step_returns_does_not_move_the_robot() -> None:
+    """As one that takes off where the flight began, or turns a quaternion's sign."""
+    plant, ends = plant_of("paper"), []
+    for moved in (0.0, 1.0):
+        for q, v in (plant.start(held_of(plant), DT), plant.step(), plant.as_measured()[:2]):
+            q += moved
+            v += moved
+        ends.append(np.concatenate(plant.step()))
+    np.testing.assert_array_equal(*ends)
+
+
 def test_a_wrench_on_the_body_is_a_known_force_and_replaces_the_hold() -> None:
     """Its mean stands in the log's thruster channel, and the body accelerates as M and nle say."""
     plant = plant_of("paper")

@@ -209,7 +209,7 @@ class Plant:
             if self.simulator is None
             else FlightElsewhere(self, step_means, dt, begin, endless, self.simulator)
         )
-        return self.flight.q, self.flight.v
+        return self.flight.q.copy(), self.flight.v
 
     def step(self, command: Array | None = None, crank_rate: float | None = None) -> tuple[Array, Array]:
         """Fly the next interval of the flight that `start` began.
@@ -277,7 +277,7 @@ class Plant:
         flight = self.flight
         assert flight is not None
         angle, rate = np.array(flight.crank_angle), np.array(flight.crank_rate)
-        q, v, shown = as_measured(self.scenario, self.robot, flight.q, flight.v, angle, rate)
+        q, v, shown = as_measured(self.scenario, self.robot, flight.q.copy(), flight.v, angle, rate)
         return q, v, float(shown)
 
     def substeps(self, dt: float) -> int:

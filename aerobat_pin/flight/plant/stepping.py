@@ -122,7 +122,7 @@ class SteppedFlight:
         v = self.v
         if not v @ v < HOPELESS * HOPELESS:
             self.trajectory(self.done - self._window + 1)
-        return self.q, v
+        return self.q.copy(), v
 
     def trajectory(self, samples: int | None = None) -> Trajectory:
         """Return the flight so far, or its first samples. Raises SimulationError if it diverged."""
