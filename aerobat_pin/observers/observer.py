@@ -290,7 +290,7 @@ class Observer:
             gain=self.gain.copy(),
             rows=self.believed.name,
             frames=self.applications.frames,
-            time=time,
+            time=time.copy(),
             components=observed.components,
             units=self.applications.units,
             residual=observed.residual,

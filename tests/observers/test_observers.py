@@ -17,6 +17,7 @@ from aerobat_pin.observers import (
     MomentumObserver,
     Observer,
     SmootherObserver,
+    locate,
 )
 
 KINDS = [kind for kind in OBSERVERS.values() if kind is not SmootherObserver]  # which takes whole records only
@@ -88,6 +89,19 @@ def test_no_force_and_a_reset_in_flight_give_zero_without_a_spike(kind: type[Obs
     spike = np.abs(pin.crba(model, data, q) @ v).max() / 1e-4  # what a missing p0 would show first
     assert spike > 100.0
     assert largest < 1e-6
+
+
+def test_results_stay_as_they_are_where_a_caller_uses_arrays_again() -> None:
+    """The times of an estimate, the wrench of a line of action."""
+    model, frame = arm()
+    time, q, wrench = np.array([5.0, 5.1]), pin.neutral(model), np.array([0.0, 0.0, 1.0, 0.0, 0.1, 0.0])
+    tau = rest(model, q)[None]
+    estimate = MomentumObserver(model, [frame]).run(time, np.array([q, q]), np.zeros((2, model.nv)), tau)
+    line = locate(wrench, 1e-6 * np.eye(6))
+    time -= 5.0
+    wrench *= [0.0, 0.0, 1.0, 0.0, 5.0, 0.0]
+    np.testing.assert_array_equal(estimate.time, [5.0, 5.1])
+    np.testing.assert_allclose(line.point, [-0.1, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("kind", KINDS)

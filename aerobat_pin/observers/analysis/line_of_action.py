@@ -200,7 +200,7 @@ def locate(wrench: ArrayLike, covariance: ArrayLike) -> LineOfAction:
         ShapeError: an array has the wrong shape.
         ObserverError: a number is not finite, or the covariance is not symmetric and positive semidefinite.
     """
-    return LineOfAction(shaped(wrench, (6,), "wrench"), checked_covariance(wrench, covariance))
+    return LineOfAction(shaped(wrench, (6,), "wrench").copy(), checked_covariance(wrench, covariance).copy())
 
 
 def checked_covariance(wrenches: ArrayLike, covariance: ArrayLike) -> Array:
