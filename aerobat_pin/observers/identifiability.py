@@ -21,13 +21,13 @@ class Identifiability:
 
     A pattern is a combination of components. It leaves no trace if it does not change the rows that the observer uses.
     Everything here is computed from the map of components to these rows. In this map, moments are divided by a lever
-    arm of 50 mm to compare them with forces.
+    arm of 50 mm to compare them with forces; `null_space` alone has them as they are.
 
     Attributes:
         components: (c,) labels of the components, such as `tool.Fx`.
         rank: number of independent components that the rows determine.
         singular_values: (c,) singular values of the weighted map, largest first.
-        null_space: (c - rank, c) unit patterns of components that leave no trace; the last is the faintest.
+        null_space: (c - rank, c) unit patterns of components [N, N m] that leave no trace; the last is the faintest.
         deviation: (c,) standard deviation [N or N m] of each component if every weighted row has white noise of 1 N;
             infinite if the component belongs to a pattern that leaves no trace. Each at its own worst instant.
     """
@@ -92,11 +92,12 @@ def judge(
         with np.errstate(divide="ignore", invalid="ignore"):
             seen = np.sqrt(np.sum((vectors[:rank] / values[:rank, None]) ** 2, axis=0))
     hidden = np.any(np.abs(vectors[rank:]) > UNSEEN_SHARE, axis=0)
+    unseen = vectors[rank:] * scale  # as forces and moments, in N and N m
     return Identifiability(
         components=applications.components,
         rank=rank,
         singular_values=values,
-        null_space=vectors[rank:],
+        null_space=unseen / np.linalg.norm(unseen, axis=1, keepdims=True),
         deviation=np.where(hidden, np.inf, scale * seen),
     )
 
@@ -114,5 +115,5 @@ def _pattern(components: Sequence[str], row: Array) -> str:
     loud = [frame for frame, force in points.items() if np.linalg.norm(force) > 1e-6]
     if len(loud) == 2 and np.allclose(points[loud[0]], -points[loud[1]], atol=1e-6):
         return f"equal and opposite along the line from {loud[0]} to {loud[1]}"
-    parts = [f"{value:+.2f} {name}" for name, value in zip(components, row, strict=True) if abs(value) > 5e-3]
+    parts = [f"{value:+.2g} {name}" for name, value in zip(components, row, strict=True) if abs(value) > 1e-3]
     return "together: " + ", ".join(parts)

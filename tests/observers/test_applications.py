@@ -175,6 +175,21 @@ def test_every_pattern_that_leaves_no_trace_is_listed(more: list[str], rows: Row
     np.testing.assert_allclose(np.abs(np.ravel(found.null_direction)), np.abs(found.null_space[-1]), atol=1e-9)
 
 
+def test_a_pattern_with_moments_leaves_no_trace_as_it_is_told() -> None:
+    """A wrench and a force 0.1 m beside it: 1 N there is undone by 1 N and 0.1 N m, not by 2 N m."""
+    model = load_aerobat().model.copy()
+    wing = model.frames[model.getFrameId("left_distal")]
+    beside = wing.placement * pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.0]))
+    model.addFrame(pin.Frame("beside", wing.parentJoint, 0, beside, pin.FrameType.OP_FRAME))
+    there = [Application(frame, kind, "frame") for frame, kind in (("left_distal", "wrench"), ("beside", "force"))]
+    applications = Applications(model, there)
+    J = applications.jacobian(pin.neutral(model))
+    found = judge(applications, J[None], np.zeros((1, model.nv)), BelievedRows(model, "all"))
+    np.testing.assert_allclose(found.null_space @ J, 0.0, atol=1e-9)
+    for pattern in found.null_space:
+        np.testing.assert_allclose(pattern[4:6], -0.1 * pattern[[8, 7]] * [-1.0, 1.0], atol=1e-9)
+
+
 def test_the_deviation_of_a_component_is_that_of_many_noisy_fits() -> None:
     """White noise on the weighted rows, ten thousand times through the pseudo-inverse."""
     robot = load_aerobat()
