@@ -132,7 +132,7 @@ def check_command(
     from aerobat_pin.visualization import draw_unexplained, render_figure
 
     figure = out or Path("runs") / f"{flight.stem}-check.png"
-    kind = figure.suffix.removeprefix(".")
+    kind = figure.suffix.lower().removeprefix(".")
     if kind not in FIGURE_KINDS:
         raise CalibrationError(f"check: --out {figure}: a file .{' or .'.join(FIGURE_KINDS)} was expected")
     check_file(figure, force=force or out is None)

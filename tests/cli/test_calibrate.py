@@ -44,9 +44,9 @@ def test_a_free_run_calibrates_another_run_and_its_log(here: Path, capsys: pytes
     model = json.loads((here / "thin" / "metrics.json").read_text())["model"]
     assert (model["verdict"], model["cause"]["name"], model["corrected"]) == ("changed", "air_density", True)
     assert model["cause"]["estimate"][0] == pytest.approx(-10.0, abs=3.0)
-    assert call("check", "thin", "--calibration", "c.nc", "--out", "other.png") == 3
+    assert call("check", "thin", "--calibration", "c.nc", "--out", "other.PNG") == 3
     assert "density of the air: change -" in capsys.readouterr().out
-    assert (here / "other.png").stat().st_size > 1000
+    assert (here / "other.PNG").stat().st_size > 1000
     log = FlightLog.load(here / "free" / "flight.nc")
     write_csv(log, here / "free.csv")
     robot = ["--morphology", "aerobat_guard", "--set", "robot.changes.wing.offset_x=-0.06", "--set", "air.strips=4"]
