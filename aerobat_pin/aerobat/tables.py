@@ -101,9 +101,9 @@ def read_log(path: Path) -> FlightLog:
 def write_csv(log: FlightLog, path: str | Path) -> None:
     """Write the measured channels of a flight as a table that `read_log` reads, with units in the header.
 
-    Reading the table returns the samples to ten digits, and forces and torques smoothed over neighbouring intervals:
-    a table has them as samples, a log as means of intervals. Of raw samples, place and turn of the sensors are not
-    written, nor are the log's attributes, such as the name of its robot.
+    Reading the table returns the samples to ten digits, times to 15, and forces and torques smoothed over neighbouring
+    intervals: a table has them as samples, a log as means of intervals. Of raw samples, place and turn of the sensors
+    are not written, nor are the log's attributes, such as the name of its robot.
 
     Raises:
         LogError: the table has no column for one of the known forces.
@@ -121,7 +121,8 @@ def write_csv(log: FlightLog, path: str | Path) -> None:
             rows = np.round(log.time if samples.means else stamps, 9) if log.is_raw else None
             parts.append(pd.DataFrame(values, index=rows, columns=header))
     table = pd.concat(parts, axis=1).sort_index()
-    table.insert(0, "time [s]", table.index if log.is_raw else log.time)
+    time = table.index if log.is_raw else log.time
+    table.insert(0, "time [s]", [f"{stamp:.15g}" for stamp in time])  # seconds since 1970 have ten digits alone
     try:
         table.to_csv(path, index=False, float_format="%.10g", lineterminator="\n")  # a missing number is an empty cell
     except OSError as error:

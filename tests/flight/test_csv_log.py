@@ -160,20 +160,21 @@ def test_a_simulated_flight_comes_back_from_its_table(paper: Experiment, tmp_pat
 
 
 def test_a_recorded_table_comes_back_as_it_was_read(tmp_path: Path) -> None:
-    """Every column there is, in any order, after a byte-order mark: read, written, read."""
+    """Every column there is, in any order, after a byte-order mark, in seconds since 1970: read, written, read."""
     rng = np.random.default_rng(1)
     t = 0.01 * np.arange(30)
     quaternion = rng.normal(size=(4, 30)) * 0.1 + np.array([[0.0], [0.0], [0.0], [1.0]])
     quaternion /= np.linalg.norm(quaternion, axis=0)
     columns = sorted(UNITS, reverse=True)
     values = {name: np.polyval(rng.normal(size=2), t) for name in columns}
-    values |= {"time": t, **dict(zip(("qx", "qy", "qz", "qw"), quaternion, strict=True))}
+    values |= {"time": 1.7e9 + t, **dict(zip(("qx", "qy", "qz", "qw"), quaternion, strict=True))}
     header, rows = [f"{name} [{UNITS[name]}]" for name in columns], np.column_stack(list(values.values())).tolist()
     file = write(tmp_path / "all.csv", header, rows)
     file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
     log = read_log(file)
     write_csv(log, tmp_path / "again.csv")
     again = read_log(tmp_path / "again.csv")
+    np.testing.assert_allclose(again.time, log.time, rtol=0.0, atol=1e-6)
     for name in log.measured.data_vars:
         np.testing.assert_allclose(again.measured[name], log.measured[name], rtol=1e-8, atol=1e-8, err_msg=str(name))
     channels = {"pose", "twist", "joint_angle", "joint_rate", "wind_W", "airspeed", "crank_angle", "crank_rate"}
