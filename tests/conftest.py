@@ -55,10 +55,7 @@ def paper() -> Experiment:
 
 @pytest.fixture(scope="session")
 def paper_folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder with everything that `aerobat run paper` writes: one for all processes that run tests.
-
-    Tests write nothing into it.
-    """
+    """Return the folder of all that `aerobat run paper` writes, one for all processes: tests write nothing into it."""
     shared = tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         shared = shared.parent

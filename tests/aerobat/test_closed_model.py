@@ -44,10 +44,7 @@ def test_accelerations_are_those_of_prescribed_joints(name: str, bars: str) -> N
 
 @pytest.mark.parametrize("bars", ["light", "cad"])
 def test_a_free_flight_keeps_its_momenta(bars: str) -> None:
-    """No gravity, a heavy rotor on each crank: the angular momentum to 1 % in 200 steps of 1 ms (mu = 1e-8: 195 %).
-
-    With light bars it is the flight of prescribed joints, to 0.03 mm.
-    """
+    """No gravity, heavy rotors: angular momentum to 1 % in 200 steps of 1 ms; light bars as prescribed, to 0.03 mm."""
     model, constraints = closed_model("aerobat", bars, gravity=0.0)
     robot = load_aerobat(gravity=0.0)
     model.armature = 10.0 * np.isin(

@@ -1,9 +1,6 @@
-"""Identities of rigid-body dynamics on the shipped robots, each against something that does not share its code.
+"""Identities of rigid-body dynamics on the shipped robots, each against something that does not share its code."""
 
-Mdot = C + C^T and p' = tau + J^T f + C^T v - g (Haddadin, De Luca & Albu-Schaeffer 2017, the ground of every momentum
-observer); external forces in three reference frames; the prescribed-joint dynamics. Quadrature decides how accurate an
-observer is: trapezoid and mean inputs, against what is often written.
-"""
+# Mdot = C + C^T and p' = tau + J^T f + C^T v - g: Haddadin, De Luca & Albu-Schaeffer 2017.
 
 import numpy as np
 import pinocchio as pin
@@ -71,12 +68,8 @@ def momentum_balance(log_dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def test_momentum_obeys_its_equation_along_a_forced_flight() -> None:
-    """Derivation: p' = tau + J^T f + C^T v - g, over each interval, with noise, air, hold and motor acting.
-
-    The trapezoid of C^T v - g errs by dt^2/12 of its second derivative: at 1 ms less than 1e-3 of the largest force in
-    any row, a quarter of that at each halving. Simpson's rule over the same 1 ms, its middle from the run at half the
-    step, errs with dt^4 and leaves less than 1e-7: what the trapezoid leaves is quadrature, not a missing term.
-    """
+    """Over each interval p' = tau + J^T f + C^T v - g: the trapezoid errs with dt^2/12 times its second derivative."""
+    # Simpson's rule, its middle from the run at half the step, errs with dt^4: the rest is quadrature, no missing term.
     dt = 1e-3
     runs = {n: momentum_balance(dt / n) for n in (1, 2, 4)}
     trapezoid = {}
@@ -97,10 +90,7 @@ def test_momentum_obeys_its_equation_along_a_forced_flight() -> None:
 def test_external_forces_enter_inverse_dynamics_as_minus_jacobian_transposed_times_wrench(
     robot: Aerobat, reference: pin.ReferenceFrame
 ) -> None:
-    """Derivation: rnea(fext) - rnea() = -J^T f with the frame's Jacobian in the frame that the wrench is given in.
-
-    J^T f is linear, also where several wrenches share a joint, so that all frames are pushed at once.
-    """
+    """Derivation: rnea(fext) - rnea() = -J^T f, J in the frame of the wrench; linear, so all frames are pushed."""
     model, data, rng = robot.model, robot.model.createData(), np.random.default_rng(2)
     q, v, a = random_motion(0)
     pin.computeJointJacobians(model, data, q)

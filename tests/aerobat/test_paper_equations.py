@@ -1,10 +1,6 @@
-"""The paper's flight dynamics, written out by hand, is what Pinocchio computes.
+"""The paper's flight dynamics, by Euler-Lagrange from T and U of section II-B, is what Pinocchio computes."""
 
-Positions, angular velocities, T and U of the five bodies are written with numpy alone from the paper's section II-B,
-for the left wing as printed and for the right wing mirrored. The equations of motion M_d a_d = h_d + u then come from
-that Lagrangian by Euler-Lagrange, without Pinocchio. Derivatives are exact to rounding: T is quadratic in the rates,
-so differences of it give the momentum without error, and the complex step differentiates by the coordinates.
-"""
+# Exact to rounding: T is quadratic in the rates, and the complex step differentiates by the coordinates.
 
 from dataclasses import dataclass
 
@@ -69,10 +65,7 @@ def paper_bodies(
     angles: np.ndarray,
     rates: np.ndarray,
 ) -> Bodies:
-    """Write out the paper's positions and angular velocities; angles (4,): left s, e, right s, e.
-
-    The right wing turns about -x, so R_x(-theta) with length vectors mirrored in y.
-    """
+    """Write out positions and velocities; angles (4,): left s, e, right s, e. Right wing: R_x(-theta), y mirrored."""
     p, p_dot, omega = [p_B], [p_B_dot], [omega_B]
     l1, l2 = np.array(robot.morphology.shoulder), np.array(robot.morphology.elbow)
     for sign, mirror, (s, e), (s_dot, e_dot) in (
@@ -129,10 +122,7 @@ def paper_bodies_of(robot: Aerobat, q: np.ndarray, v: np.ndarray) -> Bodies:
 
 
 def chart(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return R0, x, x', x'' at phi = 0, and P with v = P x'.
-
-    There omega' = phi'', because phi' x phi' = 0, and p_B'' = R (v' + omega x v).
-    """
+    """Return R0, x, x', x'' at phi = 0, and P with v = P x'; omega' = phi'' there, and p_B'' = R (v' + omega x v)."""
     R = quaternion_matrix(q[3:7])
     P = np.eye(10)
     P[:3, :3] = R.T
@@ -143,10 +133,7 @@ def chart(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, ...]
 
 @pytest.mark.parametrize("seed", range(20))
 def test_positions_and_angular_velocities_written_out_equal_pinocchio(robot: Aerobat, seed: int) -> None:
-    """Paper, section II-B: positions of the five bodies; angular velocities, theta_s in place of the printed theta_p.
-
-    The former in world, the latter each in its own frame.
-    """
+    """Paper, section II-B: positions in world, angular velocities in own frames, theta_s for the printed theta_p."""
     q, v, _ = random_motion(seed)
     data, bodies = robot.model.createData(), paper_bodies_of(robot, q, v)
     pin.forwardKinematics(robot.model, data, q, v)

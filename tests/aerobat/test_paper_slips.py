@@ -1,8 +1,6 @@
-"""Slips in the paper's print and in its laboratory's public simulator: here the right form holds and theirs fails.
+"""Slips in the paper's print and in its laboratory's public simulator: here the right form holds and theirs fails."""
 
-Every test carries both forms and judges them by something that neither of them defines: a limit, a conservation law,
-a motion flown by the simulation, or virtual work.
-"""
+# What judges them neither defines: a limit, a conservation law, a motion flown by the simulation, or virtual work.
 
 from typing import NamedTuple
 
@@ -75,11 +73,8 @@ def test_minus_k_r_converges_to_the_force_and_the_printed_plus_k_r_runs_away() -
 
 
 def test_the_integral_form_of_the_paper_is_the_momentum_observer(flight: Flight) -> None:
-    """Paper, section III, r = K (p - int(u - gamma + r) - p0), integrated literally between the samples of a flight.
-
-    s = int r is solved for, with p - p0 - int(u - gamma) linear between samples. With the sign of the printed
-    differential form, s' = K (... + s), the same integral runs away.
-    """
+    """Paper, section III: r = K (p - int(u - gamma + r) - p0), integrated literally between the samples of a flight."""
+    # With the sign of the printed differential form, s' = K (... + s) for s = int r, it runs away.
     model, inputs, dt = flight.model, flight.inputs, np.diff(flight.inputs.time)
     p, _, CTv, g = flight.terms
     drift, total = CTv - g, p - p[0]
@@ -105,10 +100,7 @@ def test_the_integral_form_of_the_paper_is_the_momentum_observer(flight: Flight)
 
 @pytest.mark.parametrize("speed", [0.0, 3.0])
 def test_bias_belongs_on_the_right_with_a_minus_or_the_robot_falls_upward(robot: Aerobat, speed: float) -> None:
-    """Newton: while flapping freely the COM accelerates with gravity. M a = h + u needs h = -(C v + g).
-
-    With h = C v + g a robot at rest rises at 9.81 m/s2.
-    """
+    """Newton: M a = h + u needs h = -(C v + g); with h = C v + g a robot at rest rises at 9.81 m/s2."""
     rng = np.random.default_rng(0)
     model, data = robot.model, robot.model.createData()
     q = robot.q0
@@ -173,12 +165,8 @@ def test_seven_linkage_angles_leave_one_freedom_and_nine_would_leave_three(robot
 
 @pytest.mark.parametrize("airspeed", [1.5, 2.0, 3.0, 4.0, 8.0])
 def test_steady_section_lift_is_two_pi_and_each_slip_of_the_lag_states_misses_it(airspeed: float) -> None:
-    """Thin-aerofoil theory: steady lift per span is a0 rho b U w. Ratio of w_eff to w, right: 1 at every airspeed.
-
-    A lag state zeta' = drive w - decay zeta adds output zeta to w_eff. Slips: one lag driven by w_n, the other by the
-    vortex downwash, which a section has not; decay without U; one output not divided by b. All three together, driven
-    by U w as in the laboratory's simulator, give 0.5 + 0.165 U^2.
-    """
+    """Thin-aerofoil theory: steady lift per span is a0 rho b U w, so w_eff over w is 1 at every airspeed."""
+    # Slips: a lag driven by w_n, or by a vortex downwash; decay without U; an output not over b. All: 0.5 + 0.165 U^2.
     U, b = airspeed, 0.08
     decay, output = EPS * U / b, PSI * EPS * U / b
     one_side, without_b = np.array([1.0, 0.0]), np.array([1.0, b])
@@ -203,10 +191,8 @@ def test_steady_section_lift_is_two_pi_and_each_slip_of_the_lag_states_misses_it
 
 
 def test_steady_lift_coefficient_of_an_elliptic_wing_does_not_depend_on_airspeed_unless_the_slips_are_in() -> None:
-    """Prandtl: CL = a0 alpha / (1 + a0 / (pi AR)) at every airspeed; aspect ratio 6, with the vortex downwash at work.
-
-    The slipped steady state: Gamma = a0 b w_eff, w_eff = Phi0 w + U^2 (Psi_1 w_n - Psi_2 b D Gamma).
-    """
+    """Prandtl: CL = a0 alpha / (1 + a0 / (pi AR)) at every airspeed; aspect ratio 6, with vortex downwash."""
+    # The slipped steady state: Gamma = a0 b w_eff, w_eff = Phi0 w + U^2 (Psi_1 w_n - Psi_2 b D Gamma).
     span, aspect_ratio, alpha = 1.0, 6.0, np.radians(5.0)
     root, area = 4.0 * span / (np.pi * aspect_ratio), span**2 / aspect_ratio
     line = LiftingLine(span, lambda y: root * np.sqrt(1.0 - (2.0 * y / span) ** 2), strips=16)
@@ -237,10 +223,8 @@ def mapped(robot: Aerobat, q: np.ndarray, frame: str, wrench: list[float], slot:
 def test_force_conjugate_to_the_absolute_forearm_angle_does_not_belong_on_the_relative_elbow(
     robot: Aerobat, crank_deg: float
 ) -> None:
-    """Virtual work with t6 = theta_s + theta_e: Q5 t5' + Q6 t6' = (Q5 + Q6) theta_s' + Q6 theta_e'.
-
-    The laboratory's simulator puts Q5 and Q6 straight on shoulder and elbow, which loses Q6 theta_s'.
-    """
+    """Virtual work with t6 = theta_s + theta_e: Q5 t5' + Q6 t6' = (Q5 + Q6) theta_s' + Q6 theta_e'."""
+    # The laboratory's simulator puts Q5 and Q6 straight on shoulder and elbow, which loses Q6 theta_s'.
     closure = robot.linkage.solve(np.radians(crank_deg), rate := 30.0)
     force = np.random.default_rng(0).standard_normal(3)
     shape, t6 = robot.morphology, closure.theta_s + closure.theta_e
@@ -261,10 +245,7 @@ def test_force_conjugate_to_the_absolute_forearm_angle_does_not_belong_on_the_re
 
 @pytest.mark.parametrize("reference", ["LOCAL_WORLD_ALIGNED", "WORLD"])
 def test_a_body_torque_does_not_fit_in_a_world_frame_slot(robot: Aerobat, reference: str) -> None:
-    """Virtual work: a torque in body axes does work on the body's own angular velocity, at every attitude.
-
-    The laboratory's simulator writes it into a slot that is read in world axes.
-    """
+    """Virtual work: a torque in body axes acts on the body's own angular velocity; theirs is read in world axes."""
     q, (torque, omega) = robot.q0, np.random.default_rng(0).standard_normal((2, 3))
     rotation = pin.exp3(np.array([1.0, -0.5, 0.8]))
     q[3:7] = pin.Quaternion(rotation).coeffs()

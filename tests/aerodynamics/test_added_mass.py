@@ -28,10 +28,7 @@ def link_energy(plant: Plant, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def test_thin_aerofoil_theory_gives_the_mass_of_the_strips(plant: Plant) -> None:
-    """Pi rho b^2 per span at mid-chord, a cylinder of air on each chord, 7.99 g in all; 6.60 g between open tips.
-
-    That is a sixth of the 42 g robot. The scenario's factor scales it, and 0 takes it away.
-    """
+    """Pi rho b^2 per span, a cylinder of air on each chord: 7.99 g in all, 6.60 g between open tips, 0 by factor 0."""
     line = plant.air.line
     cylinders = np.pi * 1.225 * (line.chord / 2.0) ** 2
     assert 1e3 * float(cylinders @ line.width) == pytest.approx(7.985, abs=1e-3)
@@ -44,11 +41,7 @@ def test_thin_aerofoil_theory_gives_the_mass_of_the_strips(plant: Plant) -> None
 
 
 def moving_air(plant: Plant) -> list[tuple[int, np.ndarray, float]]:
-    """Return the air that the pieces of strips move: link, row (6,) that picks a velocity from its twist, and mass.
-
-    The velocity is that of mid-chord along the normal, with mass m, or the rate of turning about the span, with
-    m b^2 / 8. The row is also the wrench of a unit force along that velocity.
-    """
+    """Return the air of pieces: link, row (6,) of normal velocity (mass m) or turn about span (m b^2 / 8), mass."""
     line, (strip, link, *point, share, _), up = plant.air.line, plant.air.pieces, np.array([0.0, 0.0, 1.0])
     found = []
     for i, joint, place, part in zip(strip, link, np.column_stack(point), share, strict=True):
@@ -63,11 +56,8 @@ def moving_air(plant: Plant) -> list[tuple[int, np.ndarray, float]]:
 def test_the_force_is_minus_mass_times_the_rate_of_each_strips_normal_velocity(
     seed: int, settings: tuple[str, ...]
 ) -> None:
-    """What the plant logs against finite differences of kinematics along its own motion; neither M_a nor C_a is used.
-
-    Along q(t) with v(t) = v + a t the force of a piece is -m d/dt(normal . (velocity - wind)), its couple -m b^2/8
-    times the rate of its turning, both central differences.
-    """
+    """What the plant logs against finite differences of kinematics along its own motion; no M_a, no C_a."""
+    # A piece's force is -m d/dt(normal . (velocity - wind)), its couple -m b^2/8 times the rate of its turning.
     plant, time = plant_of("paper", COLD, *settings), 0.6
     q, v, joints, air, held = instant(plant, seed)
     acceleration, _, forces = plant.rates(q, v, joints, air, held, time)

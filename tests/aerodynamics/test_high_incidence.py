@@ -22,10 +22,8 @@ TOWED, CHANNEL, TUNNEL, STALLED = plates()
 
 
 def test_on_a_steady_plate_beyond_stall_the_limit_of_one_is_nearest() -> None:
-    """Rms error of the force coefficient at 15 to 40 degrees: less than half of the default's, on three plates.
-
-    Pelletier & Mueller (2000), Taira et al. (2007), EPFL; see `measurements.plates`.
-    """
+    """Rms error of the force coefficient at 15 to 40 degrees: less than half of the default's, on three plates."""
+    # Pelletier & Mueller (2000), Taira et al. (2007), EPFL; see `measurements.plates`.
     for plate, default, limited in ((TOWED, 0.56, 0.30), (CHANNEL, 1.53, 0.18), (TUNNEL, 0.39, 0.16)):
         found = {law: errors(law, plate)[1] for law in (*MOVING, POTENTIAL)}
         assert min(found, key=lambda law: found[law]) == LIMIT_1
@@ -52,10 +50,8 @@ def test_no_law_has_the_drag_of_a_plate_across_the_stream() -> None:
 
 @pytest.mark.parametrize("at", range(3))
 def test_a_section_that_plunges_beyond_stall_lifts_as_the_default_says(at: int) -> None:
-    """At k = 0.94 about 0, 5 and 9 degrees, up to 34: first harmonic of lift within 10 %, others further off.
-
-    Chiereghin, Cleaver & Gursul (2019); the mean lift of the default is not too large, a limit of 1 halves it.
-    """
+    """At k = 0.94 about 0, 5 and 9 degrees, up to 34: first harmonic of lift within 10 %, others further off."""
+    # Chiereghin, Cleaver & Gursul (2019); the mean lift of the default is not too large, a limit of 1 halves it.
     measured = plunging()[at]
     found = {law: plunge(law, measured, measured.reduced_frequency[-1]) for law in MOVING}
     off = {law: abs(first / measured.first_harmonic[-1] - 1.0) for law, (first, _) in found.items()}

@@ -1,9 +1,7 @@
-"""Flapping, plunging and pitching rectangles against an unsteady vortex lattice, lift, thrust and moment.
+"""Flapping, plunging and pitching rectangles against an unsteady vortex lattice (PteraSoftware 5.1.0, k = 0.39)."""
 
-PteraSoftware 5.1.0, k = 0.39 (`support.references.LATTICE_CASES` has settings and numbers). The line's moment about the
-leading edge is larger. Most of that is the lattice's time step: half of it adds 18 % to its moment in plunge, 14 % in
-pitch. The rest is its aerodynamic centre, 0.205 c in steady flow: a lifting line knows no chordwise part of downwash.
-"""
+# The line's moment is larger: half the lattice's time step adds 18 % to its own in plunge, 14 % in pitch; the rest is
+# the aerodynamic centre, 0.205 c in steady flow: a lifting line knows no chordwise part of downwash.
 
 import numpy as np
 import pytest
@@ -60,10 +58,8 @@ def test_at_small_angles_the_robots_strips_give_the_same(name: str) -> None:
     ],
 )
 def test_the_indicial_rise_of_a_finite_wing_is_near_jones(aspect: float, off: dict[float, float]) -> None:
-    """R. T. Jones, NACA TR 681 (1940), elliptic wings, share of the final lift at s mean semichords; in percent.
-
-    The line starts higher, with Wagner's half of a lift that downwash has not reduced yet, and rises more slowly.
-    """
+    """R. T. Jones, NACA TR 681 (1940), elliptic wings, share of the final lift at s mean semichords; in percent."""
+    # The line starts higher, with Wagner's half of a lift that downwash has not reduced yet, and rises more slowly.
     s = np.array(list(off))
     line = LiftingLine(1.0, lambda y: 4.0 / (np.pi * aspect) * np.sqrt(1.0 - 4.0 * y**2))
     lift = line.step_response([*(s / 2.0 / aspect), 1e4], 1.0, 1.0) @ line.width

@@ -1,8 +1,4 @@
-"""The lifting line as a model: its matrices are its equations, any planform goes in.
-
-That it agrees with the classics is in test_lifting_line_ladder.py. Added mass of wings with open tips: closed forms of
-discs, tables of plates.
-"""
+"""The lifting line as a model: its matrices are its equations, any planform goes in; closed forms of added mass."""
 
 from typing import Any
 
@@ -170,10 +166,8 @@ WIDTH = 0.5 * np.sin(ANGLES) * np.pi / 400  # of stations 0.5 cos(angle) along a
 
 @pytest.mark.parametrize("aspect", [1.0, 2.0, 5.0, 20.0])
 def test_an_elliptic_disc_has_lambs_added_mass_at_every_section(aspect: float) -> None:
-    """Hydrodynamics, art. 373: 1 / E of pi rho b^2, E the complete integral of modulus^2 1 - 1/aspect^2; a disc 2/pi.
-
-    The sum is within 0.6 %, a section within 1.5 % out to 0.8 of the half span. `aspect` is span over root chord.
-    """
+    """Hydrodynamics, art. 373: 1 / E of pi rho b^2, E complete integral of modulus^2 1 - 1/aspect^2; a disc 2/pi."""
+    # The sum is within 0.6 %, a section within 1.5 % out to 0.8 of the half span. `aspect` is span over root chord.
     root = 1.0 / aspect
     factor = added_mass_factor(lambda y: root * np.sqrt(1.0 - 4.0 * y**2), 1.0, 0.5 * np.cos(ANGLES))
     exact = 1.0 / ellipe(1.0 - root**2)

@@ -1,8 +1,6 @@
-"""The lifting line agrees with the classics: Wagner and Theodorsen in two dimensions, Prandtl in three.
+"""The lifting line agrees with the classics: Wagner and Theodorsen in two dimensions, Prandtl in three."""
 
-Two dimensions are the limit of a span far larger than the chord (1e9 m here), which leaves no downwash. Angles are
-small: the normal velocity of a section at incidence a and speed U is U a. Flapping is in test_flapping_wing.py.
-"""
+# Two dimensions: a span of 1e9 m, which leaves no downwash. Angles are small: U a is a section's normal velocity.
 
 from typing import Any
 
@@ -72,11 +70,8 @@ def test_steady_rectangular_wing_is_glauerts(aspect_ratio: float, lift: float, d
 
 
 def test_impulsive_start_grows_as_the_vortex_lattice_says() -> None:
-    """Rectangle of aspect ratio 4 at 5 deg against an unsteady vortex lattice; s in semichords.
-
-    The line, which has one vortex per section, starts 11, 5 and 2 % above the lattice at s = 0.25, 1 and 2; at 5 and
-    10 the two agree within 0.5 %.
-    """
+    """Rectangle of aspect ratio 4 at 5 deg against an unsteady vortex lattice; s in semichords."""
+    # One vortex per section starts 11, 5, 2 % above the lattice at s = 0.25, 1, 2; at 5 and 10 they agree to 0.5 %.
     line = rectangle(4.0)
     lift = 2.0 * line.step_response(np.array(list(LATTICE_START)) / 2.0, 1.0, INCIDENCE) @ line.width / line.area
     ratio = lift / np.array(list(LATTICE_START.values())) - 1.0

@@ -1,8 +1,6 @@
-"""The air pushes each link of the robot where it should, mirrors with the motion, and never divides by a speed.
+"""The air pushes each link where it should, mirrors with the motion, never divides by a speed, and knows wind."""
 
-Twists are those of each link at and in its own frame, linear part first, as Pinocchio's LOCAL velocities; still air. In
-wind and gusts, what the air does depends on velocities against it, and on nothing else.
-"""
+# Twists are those of each link at and in its own frame, linear part first, as Pinocchio's LOCAL velocities.
 
 from dataclasses import replace
 
@@ -107,10 +105,7 @@ def test_the_tail_pushes_against_sink_and_pitching() -> None:
 @pytest.mark.parametrize("incidence", [0.0, 30.0, 90.0, 150.0, 180.0, -90.0])
 @pytest.mark.parametrize("speed", [0.0, 1e-300, 1e-9, 5.0])
 def test_any_speed_and_incidence_gives_finite_loads_without_a_warning(speed: float, incidence: float) -> None:
-    """Rest, creeping, broadside and backward flight, and one link still among moving ones.
-
-    Only at 1e-300 m/s, whose square is no longer a number, may a product round to zero.
-    """
+    """Rest, creeping, broadside, backward, one link still. At 1e-300 m/s, with no square, a product may round to 0."""
     twists = gliding(speed, np.radians(incidence))
     state = 0.1 * np.random.default_rng(9).normal(size=AIR.state_size)
     with np.errstate(all="raise", under="ignore" if speed == 1e-300 else "raise"):
@@ -151,10 +146,7 @@ WIND = np.array([-1.3, 0.8, 0.5])
 
 @pytest.mark.parametrize("model", ["lifting_line", "quasi_steady"])
 def test_flying_in_moving_air_is_flying_in_still_air_seen_from_a_moving_cart(model: str) -> None:
-    """Galilei: wind and start shifted by the same velocity give the same flight, shifted by velocity times time.
-
-    Forces, motor torque and the air's state agree; with added mass, whose wind terms do not cancel one by one.
-    """
+    """Galilei: wind and start shifted by one velocity: the same flight, shifted by it times time; with added mass."""
     start = np.array([5.0, 0.0, 0.0])
     options = ["unknown_force=[]", f"air.model={model}", "simulation.duration=0.3", "flight.gravity=2.0"]
     logs = []

@@ -1,7 +1,4 @@
-"""The flow past a strip from every side, limits of its lift, the quasi-steady model, nonsense; strips across joints.
-
-Strips that lie across joints are shared between their links, so the robot's loads converge in their number.
-"""
+"""The flow past a strip from every side, limits of its lift, the quasi-steady model, nonsense; strips across joints."""
 
 from dataclasses import replace
 from typing import Any
@@ -18,10 +15,7 @@ from aerobat_pin.numerics import fields_of
 
 
 def test_flow_from_behind_is_flow_from_ahead_in_a_mirror() -> None:
-    """Turn every velocity about z by half a turn and swap the ends of the chords: the same strip seen from behind.
-
-    A wing whose mid-chords lie at x = 0 is its own mirror image: x forces and y moments change sign, the rest stays.
-    """
+    """All velocities turned by half a turn about z, chords' ends swapped: the same strip from behind; Fx, My turn."""
     air = RobotAir(Wing(replace(SHAPE, tail=None)))
     fields_of(air.memory, AirConstants).pieces.x[:] = 0.0
     turn = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0])  # reflection in the y-z plane: u, omega_y, omega_z change sign
@@ -36,10 +30,7 @@ def test_flow_from_behind_is_flow_from_ahead_in_a_mirror() -> None:
 
 @pytest.mark.parametrize("options", [{}, *further({"lift_limit": 1.5}, {"model": "quasi_steady"})])
 def test_no_load_jumps_as_the_flow_turns_all_the_way_round(options: dict[str, Any]) -> None:
-    """Loads at 4,000 incidences around the circle: a step of 1.6 mrad changes none by more than it changes elsewhere.
-
-    Suction that followed the sign of u jumped at broadside by twice its size.
-    """
+    """Loads at 4,000 incidences: no step of 1.6 mrad changes one by more than others, as suction at broadside did."""
     air = RobotAir(WING, **options)
     state = 0.05 * np.random.default_rng(13).normal(size=air.state_size)
     angles = np.linspace(-np.pi, np.pi, 4001)
@@ -69,10 +60,8 @@ def test_the_lift_limit_bends_the_lift_and_is_never_passed() -> None:
     ("degrees", "cl", "cd"), [(0.0, 0.0, 0.3927), (9.0, 0.5527, 0.3872), (45.0, 1.8046, 1.7037), (90.0, 0.0, 3.4609)]
 )
 def test_the_quasi_steady_wing_has_dickinsons_coefficients(degrees: float, cl: float, cd: float) -> None:
-    """CL = 0.225 + 1.58 sin(2.13 a - 7.2), CD = 1.92 - 1.55 cos(2.04 a - 9.82), by hand; CL led to 0 at 0 and 90.
-
-    Source: Dickinson, Lehmann & Sane 1999, Science 284, 1954.
-    """
+    """CL = 0.225 + 1.58 sin(2.13 a - 7.2), CD = 1.92 - 1.55 cos(2.04 a - 9.82), by hand; CL led to 0 at 0 and 90."""
+    # Source: Dickinson, Lehmann & Sane 1999, Science 284, 1954.
     air = RobotAir(Wing(replace(SHAPE, tail=None, aerodynamics=NO_DRAG)), model="quasi_steady")
     angle, area = np.radians(degrees), air.line.width * air.line.chord
     wrenches, rates, strips = evaluate(air, gliding(4.0, angle), np.zeros(0))
@@ -102,10 +91,7 @@ def test_nonsense_is_refused_by_name() -> None:
 
 @pytest.mark.parametrize("strips", [1, 2, 7, 16, 29, 64])
 def test_the_pieces_cover_every_strip_and_every_link_once(strips: int) -> None:
-    """Shares of a strip sum to 1; lengths on a link to the link's; mirrored links have mirrored pieces.
-
-    A joint on a strip's edge, up to rounding, leaves no sliver: the least share is that of a real overlap.
-    """
+    """Shares of a strip sum to 1, lengths to the link's, mirrored; a joint on a strip's edge leaves no sliver."""
     air = RobotAir(WING, strips=strips)
     pieces, (shoulder, elbow, tip) = air.pieces, WING.breaks
     assert np.bincount(pieces.strip, pieces.share) == pytest.approx(np.ones(strips), rel=1e-14)
@@ -124,10 +110,7 @@ def test_the_pieces_cover_every_strip_and_every_link_once(strips: int) -> None:
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_links_power_is_the_strips_force_times_the_strips_velocity(seed: int) -> None:
-    """A strip across a joint gives each link its share of force, and moves with the mean of their velocities.
-
-    A straight wing whose quarter chord is taken at mid-chord (lead 0, broadside) has no other power than that.
-    """
+    """A strip across a joint gives each link its share of force, and moves with their mean velocity: equal power."""
     rng = np.random.default_rng(seed)
     twists = np.zeros((5, 6))
     twists[:, [1, 2, 3]] = rng.normal(size=(5, 3))  # broadside: the links rise and flap, none moves forward

@@ -1,9 +1,6 @@
-"""The section law of the robot's strips, held to the lifting line's own: where they are equal, and how they part.
+"""The section law of the robot's strips, held to the lifting line's own: where they are equal, and how they part."""
 
-A pitching section has Theodorsen's lift and moment and Garrick's thrust, through `fly` and the robot's kernel: axes at
-the 1/4, 1/2 and 3/4 chord; reduced frequencies from 0.05 to 2; 1 mrad. The line has the C(k) of R. T. Jones's fit, so
-that against the C(k) of Theodorsen the fit's own error of up to 2.3 % comes in.
-"""
+# Pitch: Theodorsen's lift and moment, Garrick's thrust; by the C(k) of R. T. Jones's fit, whose error is up to 2.3 %.
 
 import numpy as np
 import pytest
@@ -17,10 +14,7 @@ from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly
 
 
 def test_at_small_incidence_the_robots_strips_are_the_lifting_line() -> None:
-    """Flapping, pitching and a state, all of one size: halve it, and what the two laws differ by falls to a quarter.
-
-    Rates of the state, normal force and suction, each over its own size.
-    """
+    """Flapping, pitching and a state of one size: halve it, and what the two laws differ by falls to a quarter."""
     line = LiftingLine(0.4, lambda y: 0.1 - 0.1 * np.abs(y), quarter_chord=lambda y: -0.2 * np.abs(y))
     air, rng = memory_of(line), np.random.default_rng(15)
     state, turn, half = 0.05 * rng.normal(size=3 * line.strips), rng.normal(size=(2, 3)), np.where(line.y > 0.0, 0, 1)
@@ -47,10 +41,7 @@ def test_at_small_incidence_the_robots_strips_are_the_lifting_line() -> None:
 
 @pytest.mark.parametrize("degrees", [-60.0, 5.0, 39.0, 60.0, 85.0, 135.0])
 def test_a_steady_wing_has_the_attached_normal_force_at_any_incidence(degrees: float) -> None:
-    """Robot's planform, whole lifting line: rho |u| times Prandtl's circulation of the normal velocity itself.
-
-    5 deg, 3 m/s, 1 kg/m3, body gap at root chord: 78.6 mN upward, lift and suction together; the normal force is 78.5.
-    """
+    """Whole line: rho |u| times Prandtl's circulation of the normal velocity: 5 deg, 3 m/s, 1 kg/m3, 78.6 mN."""
     speed, incidence = 3.0, np.radians(degrees)
     twists = gliding(speed, incidence)
     wrenches, rates, strips = evaluate(BARE, twists, settled(BARE, twists))
@@ -64,11 +55,8 @@ def test_a_steady_wing_has_the_attached_normal_force_at_any_incidence(degrees: f
 
 
 def test_a_steady_plate_has_the_drag_of_its_closed_form() -> None:
-    """Without ends, over rho V Gamma with the attached Gamma = 2 pi b V s, whose normal force is c of that.
-
-    With w_eff = V s c the suction is lead s c^2, lead = c (3 - c^2) / 2, so that the drag c s - lead s c^3 is
-    s c (1 - c^3 (3 - c^2) / 2): potential flow has none, and at a small incidence this is its cube.
-    """
+    """Without ends, over rho V Gamma with the attached Gamma = 2 pi b V s, whose normal force is c of that."""
+    # Suction is lead s c^2, lead = c (3 - c^2) / 2: potential flow has no drag c s - lead s c^3, small: the cube of it.
     for incidence in np.radians([-70.0, -20.0, 5.0, 20.0, 30.0, 39.0, 60.0, 85.0]):
         normal, drag = plate(incidence)
         assert normal == pytest.approx(np.cos(incidence), rel=1e-8)

@@ -45,10 +45,8 @@ def test_rate_and_drift_are_derivative_and_integral_of_the_velocity(settings: tu
 
 
 def test_turbulence_has_drydens_variance_and_autocorrelation() -> None:
-    """R(t) is s^2 exp(-t / T) along the flight and s^2 exp(-t / T) (1 - t / 2T) across, T = L / V (Dryden's model).
-
-    Over 120 seeds; above `HIGHEST_TONE` the spectrum has 0.8 % of the variance along, and 1.3 % across.
-    """
+    """R(t) is s^2 exp(-t / T) along the flight and s^2 exp(-t / T) (1 - t / 2T) across, T = L / V (Dryden's model)."""
+    # Over 120 seeds; above `HIGHEST_TONE` the spectrum has 0.8 % of the variance along, and 1.3 % across.
     lags, T = np.array([0.0, 0.1, 0.3, 0.6, 1.0, 1.6]), LENGTH / SPEED
     begins = np.arange(40) * 0.9
     found = np.zeros((len(lags), 3))

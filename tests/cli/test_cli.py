@@ -137,10 +137,7 @@ def test_a_robot_of_ones_own_is_found_beside_its_scenario_and_travels_with_the_r
 
 
 def test_trim_writes_a_scenario_that_flies(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Standard output alone is the scenario; with --out it is a file, here of a second search from there.
-
-    Of few strips and steps, which is fast; `tests/flight/test_flights.py` holds the trim of the shipped flight.
-    """
+    """Standard output alone is the scenario; with --out it is a file, here of a second search from there, quick."""
     coarse = ["--set", "simulation.dt=2e-3", "--set", "air.strips=4"]
     assert call("trim", "paper_open_loop", "--set", "crank.frequency=6.8", *coarse) == 0
     printed = capsys.readouterr()

@@ -1,7 +1,4 @@
-"""Long work shows itself, with a terminal and without; what the command line does not load, so that it starts quickly.
-
-`benchmarks/bench.py` measures the seconds.
-"""
+"""Long work shows itself, with a terminal and without; what the command line does not load, to start quickly."""
 
 import os
 import pty
@@ -67,10 +64,7 @@ def test_what_is_compiled_is_told_by_its_name() -> None:
 
 
 def test_kernels_that_are_left_are_counted() -> None:
-    """Those that a kernel calls by name, and those that they call, each once; not one that becomes part of another.
-
-    When they are compiled, not when they are called again; kernels of others are not ours to tell.
-    """
+    """Those that a kernel calls by name and those that they call, each once, when they are compiled; none of others."""
     assert kernels_within(outer) == 3
     told: list[tuple[str, float]] = []
     for each in (halved, middle, outer):
@@ -179,10 +173,8 @@ LIBRARIES = (*SLOW, "numpy", "numba", "pinocchio", "xarray", "pandas", "pydantic
 def test_a_command_loads_nothing_slow_that_it_does_not_need(
     tmp_path: Path, words: str, absent: tuple[str, ...]
 ) -> None:
-    """A module is absent where it is not in `sys.modules`, or only a note there that says so.
-
-    The first of two runs may have to compile kernels, which loads the compiler and scipy's linear algebra.
-    """
+    """A module is absent where it is not in `sys.modules`, or only a note there that says so."""
+    # The first of two runs may have to compile kernels, which loads the compiler and scipy's linear algebra.
     code = (
         "import atexit, os, sys; from aerobat_pin.cli import main; "
         f"atexit.register(lambda: open('loaded', 'w').write(' '.join(m for m in {absent} if sys.modules.get(m)))); "

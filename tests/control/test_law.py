@@ -52,10 +52,7 @@ def test_the_law_is_its_readable_twin(settings: tuple[str, ...], monkeypatch: py
 
 
 def test_the_swing_is_that_of_the_flaps_and_pitch_is_steered_against() -> None:
-    """At 3 Hz all pitching with the crank is; at 4.75 Hz as much of it as leaves the thrusters room, most of 1.9 deg.
-
-    The body heaves by 5 mm. Velocity is the rate of position.
-    """
+    """At 3 Hz all pitching with the crank is; at 4.75 Hz what leaves the thrusters room. The body heaves by 5 mm."""
     slow, fast = (load_scenario("hover_closed_loop", [f"crank.frequency={rate}"]) for rate in (3.0, 4.75))
     robot = believed_robot(fast)
     nominal = nominal_flight(slow, robot)

@@ -80,10 +80,7 @@ def undisturbed() -> Array:
 def test_bad_samples_of_every_channel_hardly_change_a_flight_and_are_counted(
     kind: str, length: int, undisturbed: Array
 ) -> None:
-    """Channels one after the other, all in one flight: together within 10 mm of the flight without.
-
-    50 ms of swapped axes have a flight of their own for the velocity, and share one else.
-    """
+    """Channels in turn in one flight: within 10 mm of the flight without; 50 ms of swapped axes of velocity alone."""
     flights: list[tuple[str, ...]] = [CHANNELS]
     if (kind, length) == ("swapped", 50):
         flights = [("velocity",), tuple(name for name in CHANNELS if name != "velocity")]
@@ -105,10 +102,7 @@ def test_bad_samples_of_every_channel_hardly_change_a_flight_and_are_counted(
 
 
 def test_a_blow_is_not_taken_for_bad_samples(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A wing is hit by 50 mN s: as far off as without any check of the gyro, within 1 mm, and no sample counts as bad.
-
-    The jump of the first millisecond waits for the next one; all others are believed at once.
-    """
+    """A wing is hit by 50 mN s: within 1 mm of no check of the gyro, no sample bad; the first jump waits 1 ms."""
     hit = 'unknown_force=[{frame="left_force_point", signal="impulse", impulse=0.05, start=0.3, direction=[0, 0, -1]}]'
     short = ["simulation.duration=0.6", "simulation.seed=5", hit]
     checked, pilot = flown(short)

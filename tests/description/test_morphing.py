@@ -94,10 +94,7 @@ def test_a_change_reaches_every_model_and_the_disk_is_not_touched(monkeypatch: p
 )
 @pytest.mark.filterwarnings("ignore::aerobat_pin.errors.NearSingularWarning")
 def test_limits_hold_whatever_a_changed_linkage_reaches(bar: str, factors: tuple[float, ...], tmp_path: Path) -> None:
-    """Turn and reference configurations of Pinocchio's models keep within Pinocchio's limits, with a tenth to spare.
-
-    A change in memory, one at loading, and a file that extends a robot make the same robot.
-    """
+    """In memory, at loading, or by a file that extends: one robot, within Pinocchio's limits with a tenth to spare."""
     robot = load_aerobat()
     for factor in factors:
         length = factor * getattr(robot.morphology.linkage, bar)

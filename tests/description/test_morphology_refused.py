@@ -1,7 +1,4 @@
-"""Robots whose parts do not fit each other are refused on load, by key, value and rule; and TOML from strangers.
-
-Its limits are checked before parsing, strings and comments do not count, messages name lines.
-"""
+"""Robots whose parts do not fit are refused on load, by key, value and rule; TOML from strangers, before parsing."""
 
 import math
 import os

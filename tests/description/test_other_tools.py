@@ -1,8 +1,6 @@
-"""Other people's tools take the description as it is: same mass, joints and places.
+"""Other people's tools take the description as it is: same mass, joints and places, worked out here by hand."""
 
-The robot's own figures are worked out here from the published numbers, without any of the tools. Crocoddyl's and
-PlaCo's wheels want other releases of Pinocchio than this project: `make tools` tries them.
-"""
+# Crocoddyl's and PlaCo's wheels want other releases of Pinocchio than this project: `make tools` tries them.
 
 import sys
 from os.path import join
@@ -24,10 +22,7 @@ VISIBLE_PARTS = Path(description.URDF_PATH).read_text().count("<mesh ")
 
 
 def force_point(shoulder: float = 0.0, elbow: float = 0.0) -> np.ndarray:
-    """Return the left force point from the body's COM [m].
-
-    Pins J5 and J6 of Aerobat_MuJoCo's parameter.py; distal COM, mean of left and right, of its Flappy_v8.xml.
-    """
+    """Return the left force point from the body's COM [m]: Aerobat_MuJoCo's parameter.py, Flappy_v8.xml."""
     twenty, fifteen = np.radians([20.0, 15.0])
     to_shoulder = np.array([7.5, 22.0 * np.cos(twenty), 22.0 * np.sin(twenty)])
     to_elbow = np.array([0.0, 50.0 - 6.0 * np.sin(fifteen), 6.0 * np.cos(fifteen)])
@@ -98,10 +93,7 @@ class Loader:
 
 @pytest.mark.parametrize("name", description.MORPHOLOGIES)
 def test_a_loader_shaped_like_example_robot_datas_loads_every_morphology(name: str) -> None:
-    """A subclass a robot, as there: folders `urdf` and `srdf` of the package, reference posture and pairs from SRDF.
-
-    Pinocchio's own wrapper finds every visible part, and a collision box on each link of weight.
-    """
+    """A subclass a robot, as there: folders `urdf`, `srdf`, posture and pairs; all visible parts, boxes on links."""
     files = {"urdf_filename": f"{name}.urdf", "srdf_filename": f"{name}.srdf"}
     loader = type("AerobatLoader", (Loader,), files)()
     assert set(loader.robot.model.names) == {"universe", "root_joint", *JOINTS}

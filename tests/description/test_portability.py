@@ -43,11 +43,7 @@ def in_pinocchio_axes(model: pin.Model, seed: int) -> tuple[np.ndarray, np.ndarr
 
 
 def in_mujoco_axes(model: pin.Model, twin: mujoco.MjModel, seed: int) -> tuple[mujoco.MjData, np.ndarray]:
-    """Return MuJoCo's data at a drawn state, and P with v = P v_mj: columns by joint name, linear velocity turned.
-
-    MuJoCo's free joint has its quaternion with w first and its linear velocity in world axes, its angular one in the
-    body's.
-    """
+    """Return MuJoCo's data at a drawn state, and P with v = P v_mj: quaternion w first, linear velocity in world."""
     angles, placement, v = state(seed)
     data = mujoco.MjData(twin)
     data.qpos[:7] = placement[[0, 1, 2, 6, 3, 4, 5]]
@@ -142,11 +138,8 @@ def test_every_reader_places_every_frame_alike(name: str) -> None:
 
 @ROBOTS
 def test_mujoco_and_pinocchio_agree_on_mass_matrix_and_bias(name: str) -> None:
-    """Derivation: v = P v_mj with P = diag(R^T, 1, joints), so M_mj = P^T M P and b_mj = P^T (nle + M P' v_mj).
-
-    P' v_mj = (-omega x v, 0): without this turning term the biases differ. MuJoCo adds no passive force of its own: no
-    damping and no fluid. Each entry relative to its size over all states: 1e-9.
-    """
+    """Derivation: v = P v_mj with P = diag(R^T, 1, joints), so M_mj = P^T M P and b_mj = P^T (nle + M P' v_mj)."""
+    # P' v_mj = (-omega x v, 0). MuJoCo adds no damping and no fluid. Relative to each entry's size over states: 1e-9.
     model, twin = in_pinocchio(name), in_mujoco(name)
     data, found, expected, unturned = model.createData(), [], [], []
     for seed in range(STATES):

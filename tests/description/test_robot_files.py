@@ -1,7 +1,4 @@
-"""`aerobat urdf`: a robot as files that every tool loads from anywhere; `aerobat_description` is also a ROS package.
-
-A valid one, installed by CMake, and found by those who look the ROS way.
-"""
+"""`aerobat urdf`: a robot as files that every tool loads from anywhere; `aerobat_description` as a ROS package, too."""
 
 import os
 import re

@@ -1,7 +1,4 @@
-"""Files and folders are written whole or not at all; the user's own stay; signals end a program in one line.
-
-Whatever befalls a run, its folder holds the old result or the new one, and a line says what happened.
-"""
+"""Files and folders are written whole or not at all; the user's own stay; signals end a program in one line."""
 
 import errno
 import os
@@ -355,10 +352,7 @@ with cleaned(lambda: os.write(write, b"gone")), ProcessPoolExecutor(2, mp_contex
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_the_helpers_of_a_program_end_with_it(number: signal.Signals) -> None:
-    """After `kill PID`, which the helpers do not get: two of 250 MB each stayed for good, and held the output open.
-
-    What writes to one that is gone, as a thread of the pool may, ends nothing before the others are ended.
-    """
+    """After `kill PID`, which the helpers do not get, they stayed for good; writing to a dead one ends nothing."""
     with subprocess.Popen([sys.executable, "-c", POOL], stdout=subprocess.PIPE, start_new_session=True) as program:
         assert program.stdout is not None
         helpers = [int(word) for word in program.stdout.readline().split()]

@@ -1,8 +1,6 @@
-"""Links of every kind at every place where something is written or read: nothing outside changes, nothing is passed on.
+"""Links of every kind at every place where something is written or read: nothing outside changes or is passed on."""
 
-A repository or an archive of somebody else brings links. Those at the places where this package works lead a plain
-command elsewhere, unless each is refused. (Linux manual, open(2): O_NOFOLLOW; CWE-59, improper link resolution.)
-"""
+# Linux manual, open(2): O_NOFOLLOW; CWE-59, improper link resolution.
 
 import os
 import shutil

@@ -193,10 +193,7 @@ def test_a_header_is_one(header: str, said: str, tmp_path: Path) -> None:
 
 
 def test_a_file_in_which_the_hdf5_library_hangs_is_refused(tmp_path: Path) -> None:
-    """Zeros in the heap of its texts and references: the library looks for their end for ever, in a process of its own.
-
-    The same zeros under a checksum of ours are damage, and are refused by it.
-    """
+    """Zeros in the heap of texts and references: the library looks for their end for ever; under a checksum: damage."""
     whole = netcdf_bytes(xr.Dataset({"x": ("time", np.arange(5.0))}, {"time": np.arange(5.0)}))
     made = bytearray(whole)
     heap = made.index(b"GCOL") + 16  # HDF5 File Format Specification, III.E: the first object follows 16 bytes

@@ -44,10 +44,7 @@ def stripped(log: FlightLog, every: int = 1) -> FlightLog:
     ids=lambda settings: " ".join(settings) or "default",
 )
 def test_the_air_of_a_flight_comes_back_from_its_motion(settings: list[str]) -> None:
-    """Against the plant's own interval means, which come by another way: stages of the integrator, base solved for.
-
-    What is left is the motion between samples: a thousandth of the largest force in a row.
-    """
+    """Against the plant's interval means, which come by its stages: a thousandth of the largest force is left."""
     scenario = load_scenario("paper", [*SHORT, *settings])
     log = simulate(scenario)
     found = known_inputs(log, flown_robot(scenario)).known
@@ -95,10 +92,7 @@ def test_a_slow_camera_still_gives_the_air(paper: Experiment, every: int) -> Non
 
 
 def test_a_noisy_crank_is_mended_by_its_rate() -> None:
-    """1 mrad at 1 kHz, differenced twice, drowns the force where the crank stands for the joints.
-
-    The numbers of docs/recorded.md: parabolas through 21 ms, K = 500 1/s.
-    """
+    """1 mrad at 1 kHz, differenced twice, drowns the force; docs/recorded.md: parabolas through 21 ms, K = 500 1/s."""
     scenario = load_scenario("paper", ["sensors.crank_angle.noise=1e-3"])
     flight, robot = simulate(scenario), flown_robot(scenario)
     measured, truth = flight.measured, true_force(flight, "left_force_point")[1]

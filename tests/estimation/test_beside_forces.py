@@ -83,11 +83,7 @@ def test_a_robot_in_a_plane_has_rows_that_are_zero() -> None:
 
 @pytest.mark.parametrize("root", ["fixed", "free_flyer"])
 def test_rows_are_known_to_a_share_of_what_they_move(root: Literal["fixed", "free_flyer"]) -> None:
-    """An arm of a humanoid whose other joints are held, by its URDF's masses; of a free one the legs carry it all.
-
-    Where a calibration measured a row, that counts, down to a share of the bodies beyond its joint alone: the 0.08 N m
-    of an arm hid what its fingers grip.
-    """
+    """An arm of a held humanoid, by its masses; of a free one the legs carry all. A measured row counts as such."""
     robot = robot_of_map(RobotTable(name="g1", root=root, points=("left_rubber_hand",)), Path())
     model, arm = robot.model, re.compile("left_(shoulder|elbow|wrist)")
     rows = AllBut(*(joint for joint in robot.joints if not arm.match(joint)))
@@ -121,10 +117,7 @@ def test_friction_of_a_joint_that_hardly_moves_is_no_larger_than_its_row_ever_is
 
 
 def moving_alike(seed: int) -> tuple[Array, Array, Array, Array, Array]:
-    """Return rows y (m, 4), friction's columns x, its true size, forces (m, 2) and J: joints of a pair move alike.
-
-    So friction of both looks like the force that both feel.
-    """
+    """Return rows y (m, 4), friction's columns x, its size, forces (m, 2), J: pairs move alike, as a force has it."""
     rng, m = np.random.default_rng(seed), 200
     rate = rng.standard_normal((m, 2))[:, [0, 0, 1, 1]] + 0.1 * rng.standard_normal((m, 4))
     x, f = np.stack([-np.sign(rate), -rate]), 3.0 * rng.standard_normal((m, 2))
@@ -162,10 +155,7 @@ def test_friction_is_as_unsure_as_a_least_squares_of_all_unknowns_at_once_says()
 
 
 def test_forces_beside_friction_are_within_two_deviations() -> None:
-    """Of thirty records: 85 % without the errors of friction, above 90 % with them, and rows as wrong as is stated.
-
-    It is not 95 %, as a deviation of each row forgets that friction errs in both rows of a pair alike.
-    """
+    """Of thirty records: 85 % without the errors of friction, above 90 % with them; both rows of a pair err alike."""
     within, wrong, stated = np.zeros((30, 2)), np.zeros(30), np.zeros(30)
     for seed in range(30):
         y, x, true, f, J = moving_alike(seed)

@@ -1,8 +1,6 @@
-"""Calibration from free flights: what it gives back under a wrong belief, what it finds out, and what it says later.
+"""Calibration from free flights: what it gives back under a wrong belief, what it finds out, and what it says later."""
 
-Seed 1 here; `make evidence` and docs/structural_error.md have five. The figures asked for come from measurements of
-2026 on these flights; those of robots that changed, from a simulator that shares no code with the package.
-"""
+# Seed 1 here, five in docs/structural_error.md. Figures are of 2026; of changed robots from a foreign simulator.
 
 import re
 from dataclasses import replace
@@ -205,10 +203,7 @@ def test_a_flight_that_was_not_free_is_refused_or_doubted() -> None:
 
 
 def test_the_error_bar_is_that_of_a_part_that_no_fit_has_seen() -> None:
-    """Of the last quarter, with a series of the first three: .14 mN of Fy for 104, not twice that on a flight alike.
-
-    There the air, whose past nobody knows, has forgotten it after .3 s. At another pitch .42 mN are left.
-    """
+    """Of the last quarter, unseen: .14 mN of Fy for 104, not twice that on a flight alike, .42 mN at another pitch."""
     found = learnt(QUASI_STEADY)
     without, bar = found.error_bar["left_force_point.Fy"]
     assert without == pytest.approx(0.104, abs=2e-3)
@@ -241,10 +236,7 @@ def nees(result: Result) -> np.ndarray:
 
 
 def test_an_unchanged_flight_is_said_to_be_unchanged_with_true_deviations() -> None:
-    """Ratio below 1.3, no cause, no contact; squared errors .05 to 2.5 of the stated ones.
-
-    Exact sensors: the flight is in the state that was learnt, where no error is stated below a twentieth of what was.
-    """
+    """Ratio below 1.3, no cause, no contact; squared errors .05 to 2.5 of the stated ones, which have a floor."""
     for name, noise, bounds in (("force_level", (), (0.05, 2.5)), ("smoother", NOISY, (0.2, 1.5))):
         result = seen(flown("no force", 7, (*OTHER_START, *noise))[0], free_flight(QUASI_STEADY, noise), name=name)
         assert (result.model.verdict, result.model.cause) == ("unchanged", None)

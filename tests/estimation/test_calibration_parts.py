@@ -77,10 +77,7 @@ def test_a_joint_bends_in_a_log_whose_time_comes_twice(free: FreeFlight) -> None
 
 @pytest.mark.parametrize("model", ["lifting_line", "quasi_steady"])
 def test_all_forces_of_air_grow_with_the_square_of_all_velocities_at_once(model: str, free: FreeFlight) -> None:
-    """The same path flown 1.3 times as fast: per flap the state is the same, and so is the force per squared frequency.
-
-    With a wake and added mass within 0.1 %, as these are integrated; that is why a calibration counts so.
-    """
+    """1.3 times as fast: per flap the state is the same, and so is the force per squared frequency, to 0.1 %."""
     robot, fast = free.plugged(), 1.3
     block = flight_record(free.log, robot).block(0, 600)
     extra = {**block.extra, "crank": block.extra["crank"] * fast ** np.arange(3.0)[:, None]}

@@ -1,8 +1,4 @@
-"""A robot that has changed since its calibration: noticed, named, corrected; `benchmarks/learnt_error.py` counts more.
-
-One pushed flight of each kind, with exact sensors, and the calibration of a flight day: slow, fast and lively, each for
-2.5 s.
-"""
+"""A robot that has changed since a calibration on a flight day: noticed, named, corrected, beside four pushes."""
 
 from dataclasses import replace
 
@@ -39,10 +35,7 @@ def seen(name: str, calibration: Calibration, *more: str) -> Verdict:
 
 
 def test_a_robot_that_has_not_changed_is_not_called_changed() -> None:
-    """At a speed, frequency and pitch between those of the calibration; all its pushes are found, deviations cautious.
-
-    Slow and fast flights differ in speed and frequency alike; this one is slow in one and fast in the other.
-    """
+    """Slow in speed, fast in frequency, within the calibration's range: all pushes found, deviations cautious."""
     found = estimated((*PUSH, *somewhere(1001)), learnt(*FREE_DAY))
     for name in ("kalman", "smoother"):
         assert np.all((np.array(found.nees[name]) > 0.1) & (np.array(found.nees[name]) < 1.5))

@@ -1,8 +1,6 @@
-"""What explains the efforts of an arm that swings, beside friction that nobody knows and a push at its hand.
+"""What explains the efforts of an arm that swings, beside friction that nobody knows and a push at its hand."""
 
-Before changes were compared by likelihood, one in six good logs of light arms was told a wrong sign or unit, and a
-factor of all efforts, whose forces are wrong by as much, was found in one of three.
-"""
+# One in six good logs of light arms was told a wrong sign or unit; one of three factors of all efforts was found.
 
 import itertools
 import sysconfig
@@ -87,14 +85,9 @@ def told(
     rotors: float = 0.0,
     aside: Sequence[float] = (),
 ) -> list[Finding]:
-    """Return what is said of an arm's efforts, times factors, of which a joint's zero [rad] and its base may be off.
-
-    One joint's columns may count the other way, or two have each other's. From 4 s on it is pushed at a lever [m] from
-    its hand. Its rates have noise [rad/s], its efforts come so many samples of 5 ms late, and behind each gear turns a
-    rotor that the model lacks [kg m2]. The centre of mass of the last link but one may lie aside [m].
-
-    Joints that stand still are held by half of their friction, or less where the rest of what they need is less.
-    """
+    """Return what is said of an arm's efforts, times factors; it is pushed at a lever [m] from its hand from 4 s."""
+    # A joint's zero [rad] or base off, the other way or swapped; noise of rates [rad/s], late by samples of 5 ms; rotor
+    # [kg m2], a centre of mass aside [m]; joints that stand still are held by half of their friction at most.
     urdf = str(ROBOTS / arm.urdf)
     model, rng, n = pin.buildModelFromUrdf(urdf), np.random.default_rng(seed), len(arm.joints)
     if aside:
@@ -302,10 +295,7 @@ def test_joints_in_another_order_are_told(pair: tuple[int, int], arm: Arm, tmp_p
 
 @pytest.mark.evidence
 def test_of_many_misread_joints_few_pass_and_hardly_one_is_called_something_else(tmp_path: Path) -> None:
-    """Zeros of four joints of two arms, 20 to 180 deg away; six joints the other way; seven pairs: design note 23.
-
-    Where two mistakes are the same, one of them may come first.
-    """
+    """Zeros of four joints of two arms, six joints the other way, seven pairs (design note 23); equals in any order."""
     zeros = [{"zero": (k, np.radians(off))} for k in range(1, 5) for off in (90, -90, 180, 45, -45, 60, 130, -20)]
     senses = [{"other_way": k} for k in range(6)]
     pairs = [{"exchanged": pair} for pair in ((0, 1), (0, 2), (1, 2), (2, 3), (1, 3), (3, 4), (4, 5))]

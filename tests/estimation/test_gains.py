@@ -29,10 +29,7 @@ KNOWN = SOUGHT | {"mass": LIGHT[0], "com": list(LIGHT[1])}
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with swings of an arm: alone, with two loads, and of one whose links are not as in its URDF.
-
-    The efforts of `unloaded` need no factors.
-    """
+    """Return a folder with swings of an arm: alone, with two loads, `unloaded` of one with links unlike its URDF's."""
     folder = tmp_path_factory.mktemp("six")
     swing(folder / "alone.csv", 1, FACTORS)
     swing(folder / "unloaded.csv", 7)
@@ -135,10 +132,7 @@ def test_a_payload_beside_friction_leaves_the_rest_to_tell_errors(folder: Path) 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_known_gains_tell_a_payload_beside_friction(noise: float, folder: Path) -> None:
-    """Within twice its deviation and 3 %; the forces are those of the loaded arm, and what it carried is not kept.
-
-    With noise of the rates [rad/s], too, whose differences are far larger than the accelerations.
-    """
+    """Within twice its deviation and 3 %, with noise of rates [rad/s], too; what the arm carried is not kept."""
     swing(folder / "right.csv", 6, payload=HEAVY)
     table, rng = pd.read_csv(folder / "right.csv"), np.random.default_rng(6)
     rates = [name for name in table if name.endswith("_v")]

@@ -98,10 +98,7 @@ def test_a_base_without_position_gives_the_forces_of_the_feet(
 
 
 def walked_while_pushed(folder: Path, errors: np.ndarray, force: np.ndarray) -> Result:
-    """Return the estimate of the walk with errors (n, 12) of its efforts, pushed at the trunk's origin.
-
-    The force, (3,) or (n, 3) in world axes, is borne by the feet.
-    """
+    """Return the estimate of the walk with errors (n, 12) of efforts, and a push (3,) or (n, 3) that its feet bear."""
     walked, log, tau = walk(), table(walk()), walk().tau + errors
     model = pin.buildModelFromUrdf(str(folder / "quadruped.urdf"), pin.JointModelFreeFlyer())
     data, axes = model.createData(), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -202,11 +199,7 @@ def test_a_base_slower_than_the_joints_shows_as_much_noise(folder: Path) -> None
 
 @pytest.mark.parametrize(("noise", "within"), [(0.01, 0.02), *further((0.003, 0.01), (0.03, 0.05))])
 def test_noise_of_the_base_makes_no_feet_lighter(noise: float, within: float, folder: Path, tmp_path: Path) -> None:
-    """A right log in which each foot lifts in turn, with noise [m/s] of its base: feet carry the weight.
-
-    Forces of a size that is expected made smaller efforts likelier, and so did feet about to land: 13 % of the weight
-    were missed at 10 mm/s, 30 % at 30 mm/s, where less than half of the errors were within two deviations.
-    """
+    """A right log with noise [m/s] of its base: feet carry the weight; 13 % were missed at 10 mm/s, 30 % at 30 mm/s."""
     walked, rng = walk(), np.random.default_rng(4)
     model = pin.buildModelFromXML(urdf(), pin.JointModelFreeFlyer())
     data, axes, feet = model.createData(), pin.LOCAL_WORLD_ALIGNED, [model.getFrameId(foot) for foot in FEET]
@@ -231,10 +224,7 @@ def test_noise_of_the_base_makes_no_feet_lighter(noise: float, within: float, fo
 
 
 def test_the_weight_tells_factors_of_efforts() -> None:
-    """Two legs of one sliding joint each carry 100 N in turn; one shows 4 % too much: so much of its factor, and size.
-
-    What a sum does not tell apart stays unsure: two legs that stand together carry 2 % too much.
-    """
+    """Two sliding legs carry 100 N in turn, one shows 4 % too much: so much of its factor; standing together, 2 %."""
     attitude, G = np.broadcast_to(np.eye(3), (400, 3, 3)), np.broadcast_to(np.eye(2), (400, 2, 2))
     for together, errors in ((False, [0.0, 0.04]), (True, [0.02, 0.02])):
         arm = np.array([0.0, 0.0] if together else [0.2, -0.2])  # left and right of the base [m]

@@ -206,10 +206,7 @@ def test_a_last_row_cut_by_a_killed_logger_is_left_out(cut: int, swing: pd.DataF
 
 
 def test_a_short_row_is_cut_only_if_it_is_the_last(swing: pd.DataFrame, tmp_path: Path) -> None:
-    """A last one with too few cells is left out though its line ends; in the middle it is an error, even of one cell.
-
-    Lines without anything may stand anywhere, also with a carriage return.
-    """
+    """A last one with too few cells is left out though its line ends; in the middle it is an error; empty lines no."""
     lines = swing.to_csv(index=False).splitlines()
     for short, cells in ((lines[7].rpartition(",")[0], 12), ("5", 1)):
         assert counts(opened("\n".join([*lines[:500], short, ""]), tmp_path)) == [499]
@@ -264,10 +261,7 @@ def test_a_table_without_a_header_is_asked_about(swing: pd.DataFrame, tmp_path: 
 def test_a_clock_that_jumps_costs_no_sample_but_those_whose_time_is_lost(
     rows: Any, seconds: float, expected: list[int], finding: str, swing: pd.DataFrame, tmp_path: Path
 ) -> None:
-    """Parts in the order of their stamps; common times need not meet the stamps beyond a jump, hence one less.
-
-    The joints are there where they are at the right time.
-    """
+    """Parts in the order of their stamps; common times need not meet those beyond a jump: one less; q is in time."""
     table = swing.copy()
     table.loc[list(rows), "t"] += seconds
     record = opened(table, tmp_path)

@@ -93,10 +93,7 @@ def peak(log: Path) -> int:
 
 @pytest.mark.usefixtures("in_small_pieces")
 def test_memory_does_not_grow_with_the_record(tmp_path: Path) -> None:
-    """A row holds 17 numbers, its estimate 25 more: of these 340 bytes hardly any stay in memory.
-
-    What stays is where the pieces are, which are tiny here, and the stamps whose median is sought.
-    """
+    """A row and its estimate take 340 bytes, of which hardly any stay: tiny pieces, and stamps with their median."""
     short, long = swinging(SHORT, tmp_path), swinging(LONG, tmp_path)
     estimated(short)  # what is made once
     assert (peak(long) - peak(short)) / (LONG - SHORT) < 75.0

@@ -415,10 +415,7 @@ def test_joints_far_beyond_their_limits_are_refused_by_name(folder: Path) -> Non
 
 
 def test_what_is_in_force_is_not_proposed_and_a_sign_that_would_do_is(folder: Path) -> None:
-    """A joint at -3 rad or so, whose limits are 0 to 6, by a map that says degrees; nor what leaves next to nothing.
-
-    A slide at -0.2 m, whose limits are 0 to 0.3, was told to be in mm: 0.2 mm is within them.
-    """
+    """-3 rad, limits 0 to 6, by a map in degrees; a slide at -0.2 m, limits 0 to 0.3, was told to be in mm."""
     before, lift, after = arm().partition('<joint name="lift"')
     high = before + lift + after.replace('lower="-99" upper="99"', 'lower="-0.2" upper="6"', 1)
     [found] = limits(folder, high, np.degrees(1.0), np.degrees(-3.0), "deg")
@@ -459,10 +456,7 @@ def robot_urdf(*kinds: str) -> str:
 
 
 def robot_table(folder: Path, *kinds: str, motors: int = 1) -> pd.DataFrame:
-    """Write links in a row; return a table of their swing while 3 N push upwards at the tip.
-
-    Joints before the last `motors` have none: a force along x, and along z at a slide, is what they need.
-    """
+    """Write links in a row; return a table of their swing; 3 N push upwards at the tip; the last `motors` have one."""
     (folder / "few.urdf").write_text(robot_urdf(*kinds))
     model = pin.buildModelFromXML(robot_urdf(*[kind.replace("continuous", "revolute") for kind in kinds]))
     data, time, order = model.createData(), np.arange(1000) / 500.0, np.arange(model.nv)

@@ -25,12 +25,8 @@ TIMES, SHIFT = "known.wrist would have to be", "known.wrist seems to show"
 def told(
     folder: Path, seed: int, factor: float = 1.0, shift: float = 0.0, order: str = "012345", **section: Any
 ) -> list[Finding]:
-    """Return what is warned of an arm whose wrist's sensor shows so many times the wrench there, and a constant.
-
-    The map names its columns in an order, and says more of them.
-
-    It holds 1 kg beside the wrist, something pushes it, and for two seconds its elbow; all joints rub.
-    """
+    """Return what is warned of an arm whose wrist's sensor shows multiples of the wrench, in an order, plus offset."""
+    # It holds 1 kg beside the wrist, something pushes it, and for two seconds its elbow; all joints rub.
     (folder / "six.urdf").write_text(six_joints())
     model, rng, time = pin.buildModelFromXML(six_joints()), np.random.default_rng(seed), np.arange(2000) / 100.0
     pace, phase = rng.uniform(0.6, 2.2, (2, 6)), rng.uniform(0.0, 6.0, (2, 6))
@@ -116,10 +112,7 @@ def test_of_a_sensor_that_is_right_nothing_is_said(seed: int, tmp_path: Path) ->
 
 
 def test_what_ankles_sensors_show_of_nothing_is_named(tmp_path: Path) -> None:
-    """Of a hip it was said that it counts from another zero; of sensors that are right nothing is said.
-
-    A humanoid moves all joints, leans from one sole to the other, and something pulls a hand.
-    """
+    """A humanoid leans from sole to sole, a hand is pulled: no hip counts from another zero, no sensor is wrong."""
     robot, rng, time = load_robot("icub_reduced"), np.random.default_rng(3), np.arange(0.0, 5.0, 1.0 / RATE)
     model, data, n = robot.model, robot.model.createData(), len(robot.joints)
     pace, phase, size = rng.uniform(0.6, 3.0, n), rng.uniform(0.0, 6.0, n), 0.15

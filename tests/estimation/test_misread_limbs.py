@@ -159,10 +159,7 @@ def test_all_efforts_of_a_walk_that_rubs_are_wrong_by_a_factor(
 def test_a_go2_that_mujoco_moves_is_read_right(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, gait: str, base: str, least: int
 ) -> None:
-    """Another writer, another robot, friction of which nobody tells: how many of the same mistakes are named.
-
-    Its calves pass their limits, which is said besides. Of the good log nothing is said, and of no log an effort.
-    """
+    """Another writer, robot and friction: how many of the same mistakes are named; of the good log nothing is said."""
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
     legs, trot = (importlib.import_module(name) for name in ("legs", "trot"))
     values, log = legs.mapped(base, 200.0), legs.sensed(trot.walked(getattr(trot, gait), 9.0), 5)

@@ -93,10 +93,7 @@ def test_nothing_is_compared_with_gravity_in_an_orbit(gravity: float, tmp_path: 
 
 
 def ball_in_orbit(tumbles: bool = True, jets: float = 1.0) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Return table and map of a ball that tumbles or spins, moved by jets, whose forces are logged in axes of the body.
-
-    Nobody knows the moment by which it tumbles.
-    """
+    """Return table and map of a ball that tumbles or spins, nobody knows why, moved by jets, logged in its axes."""
     time, mass, rates, spin = np.arange(800) / 100.0, 10.0, np.array([1.3, 0.9, 1.7]), np.array([0.3, -0.6, 0.2])
     other = spin[::-1] * tumbles
     first, then = (Rotation.from_rotvec(time[:, None] * axis) for axis in (spin, other))
@@ -140,10 +137,7 @@ def test_forces_of_the_other_sign_and_rates_in_the_other_axes_are_named(
 
 
 def test_a_push_of_a_fiftieth_of_what_a_ball_weighs_on_earth_is_found_in_an_orbit(tmp_path: Path) -> None:
-    """2 N for a second beside jets of 0.8 N: errors were a thousandth of 98 N, forces a third of it, so none stood out.
-
-    What errors there are, here the noise of the velocity and nothing of the jets, the record shows.
-    """
+    """2 N for a second beside jets of 0.8 N: none stood out; what errors there are, the record itself shows."""
     table, values = ball_in_orbit(tumbles=False, jets=0.1)
     time, rng, mass = table["t"].to_numpy(), np.random.default_rng(4), 10.0
     force = 2.0 * ((time > 3.0) & (time < 4.0))

@@ -39,10 +39,7 @@ def scara(count: int, beside: float = 0.0) -> str:
 def swung(
     folder: Path, robot: str, seed: int, rubs: float, lasts: float, loaded: float = 0.0, creeps: float = 0.01
 ) -> tuple[Record, Vector, Vector]:
-    """Write a recording of a SCARA, and return it, its times and the true force.
-
-    Its friction grows by a share `loaded` of what its joints bear, and sets in at speeds of `creeps` [rad/s, m/s].
-    """
+    """Write a SCARA whose friction sets in at speeds of `creeps`, and grows by a share `loaded` of what joints bear."""
     (folder / "scara.urdf").write_text(robot)
     model, rng = pin.buildModelFromUrdf(str(folder / "scara.urdf")), np.random.default_rng(seed)
     n, time = model.nv, np.arange(round(RATE * SECONDS)) / RATE
@@ -77,11 +74,7 @@ def swung(
 def test_friction_that_nobody_knows_is_among_the_errors_where_no_row_is_to_spare(
     seed: int, rubs: float, lasts: float, tmp_path: Path
 ) -> None:
-    """A SCARA stated 54 N +-4 where 14 N pushed, and 15 to 40 % of its errors were within two deviations.
-
-    Where its joints do not rub it loses nothing: the push moves least absolute errors so little. For half of a record
-    it moved them as much as friction: 38 % or more were within two deviations.
-    """
+    """A SCARA stated 54 N +-4 for 14 N; where joints do not rub it loses nothing; for half a record 38 % are inside."""
     record, time, force = swung(tmp_path, scara(3), seed, rubs, lasts)
     [found] = estimate(record).estimates.values()
     middle = 0.5 * (found.time[1:] + found.time[:-1])
@@ -119,11 +112,7 @@ def test_a_joint_that_stops_while_others_move_makes_no_push_elsewhere(
 def test_a_row_to_spare_that_feels_none_of_a_force_tests_nothing_of_it(
     beside: float, untested: list[str], tmp_path: Path
 ) -> None:
-    """A hand that turns about the tool's axis: its row is to spare, and the verdict was that of a tested belief.
-
-    Other masses or a sign of the slide's effort would be a push. A tool beside the axis leaves two forces for three
-    joints that turn about a vertical.
-    """
+    """A hand about the tool's axis: its row is to spare, and passed for a tested belief; a tool aside: two forces."""
     robot = scara(4, beside)
     record, _, _ = swung(tmp_path, robot, 41, 0.0, 1.5)
     (tmp_path / "free").mkdir()

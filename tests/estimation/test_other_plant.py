@@ -1,9 +1,6 @@
-"""A calibration outside the package's own simulator: flights of a plant that shares no code with it.
+"""A calibration outside the package's own simulator: flights of a plant that shares no code with it."""
 
-Logs of such a plant gave, in 2026 and with other elastic wings: plain belief 23/52/50 mN made up where nothing pushes,
-and six harmonics learnt on 4 s of free flight 1/3/1 mN; R2 of a push 0.99 along its axis. Here 1.4 seconds are learnt;
-docs/structural_error.md learns four.
-"""
+# Elastic wings: 23/52/50 mN are made up by the plain belief, 1/3/1 after 4 s of free flight (2026); here 1.4 s.
 
 from dataclasses import replace
 

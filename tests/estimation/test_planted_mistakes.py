@@ -371,10 +371,7 @@ def test_efforts_to_which_a_controller_adds_the_weight_are_told_so(
 def test_a_load_beside_the_point_is_called_a_load(
     kilograms: float, place: tuple[float, float, float], tmp_path: Path
 ) -> None:
-    """Of 1 to 4 kg that the robot's file lacks: the weight passes for a push at the point, the moment about it is left.
-
-    That moment once passed for wrong units of efforts. Its size errs by what the load's moments of inertia need.
-    """
+    """Of 1 to 4 kg that the robot's file lacks: a push and a moment, once wrong units; less its moments of inertia."""
     ur5 = load_robot("ur5")
     model, tool = ur5.model.copy(), ur5.model.frames[ur5.model.getFrameId("tool0")]
     model.inertias[tool.parentJoint] += pin.Inertia(kilograms, np.array(place), 1e-3 * np.eye(3))

@@ -247,10 +247,7 @@ def test_the_causal_filter_lets_a_force_jump() -> None:
 
 @pytest.mark.parametrize(("by", "begin", "start"), [(40, 0, 110), (10, 55, 140)])
 def test_poses_may_come_late_to_the_causal_filter(by: int, begin: int, start: int) -> None:
-    """By so many ms: carried along its motion they say what they would have said at once.
-
-    A pose that is handed on twice is refused, those before the first update are left out: neither counts for the start.
-    """
+    """By so many ms: carried along its motion they say it at once; poses given twice or before the first are left."""
     smoother, record, found = smoothed("measured")
     stream, waiting = JointFilter(smoother, found.tuning, record.channels, "measured"), []
     found_at: dict[int, Any] = {}

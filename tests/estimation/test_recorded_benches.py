@@ -91,10 +91,7 @@ def leg(rail: str) -> str:
 
 
 def hopper(folder: Path, moves: float = 0.0) -> None:
-    """Write leg.urdf and hopper.csv: a leg on a rail over a force sensor, with gear friction and a torque scale.
-
-    The hip moves along the rail by `moves` [m]; the column `height` has its place.
-    """
+    """Write leg.urdf, hopper.csv: a leg on a rail over a force sensor, friction, torque scale; moved [m]: `height`."""
     (folder / "leg.urdf").write_text(leg("prismatic"))
     model = pin.buildModelFromXML(leg("prismatic"))
     time = np.arange(8000) * 1e-3

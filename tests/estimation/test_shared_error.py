@@ -1,8 +1,6 @@
-"""Errors that all rows share, as of masses or of drifting efforts, and look like a force at a hand or at feet.
+"""Errors that all rows share, as of masses or of drifting efforts, and look like a force at a hand or at feet."""
 
-Deviations contained none of them: of a Panda whose masses were off by a tenth 68 to 90 % of the samples of Fz were
-beyond five of them, of one whose efforts drifted by a tenth over 20 s 40 to 49 %, and no warning was given.
-"""
+# Masses off by a tenth put 68 to 90 % of Fz beyond five deviations, efforts that drift by a tenth 40 to 49 %.
 
 import re
 import sysconfig
@@ -33,11 +31,7 @@ with_robots = pytest.mark.skipif(not URDF.is_file(), reason="pip install 'aeroba
 def pushed(
     folder: Path, seed: int, masses: float = 1.0, hand: float = 1.0, drift: float = 0.0, rotors: float = 0.0
 ) -> tuple[Result, Array]:
-    """Return what is found of a Panda that is pushed twice, and the true force (m, 3).
-
-    Its masses are so many times those of its file, those of its hand once more; factors of its efforts drift. Each
-    joint has a rotor that its file lacks [kg m2].
-    """
+    """Return what is found of a Panda pushed twice, and the true force: masses, hand, drifting efforts, rotors."""
     rng, model = np.random.default_rng(seed), pin.buildModelFromUrdf(str(URDF))
     time, n = np.arange(round(SECONDS * RATE)) / RATE, len(JOINTS)
     q, v, a = np.zeros((3, len(time), model.nv))
@@ -175,10 +169,7 @@ def test_how_far_masses_are_off_follows_from_those_that_forces_do_not_hide() -> 
 
 
 def test_what_wheels_bear_is_no_error_of_their_masses(tmp_path: Path) -> None:
-    """A pendulum between two wheels: its weight passed for wheels of five times their mass, and noise for a misfit.
-
-    Its moment needs nothing: such a row has the error of its noise, or k of that row makes all others as uncertain.
-    """
+    """A pendulum between two wheels: its moment needs nothing, so such a row has the error of its noise."""
     parts, mass, low, inertia = [link("base", 8.0, "0 0 -0.3", 3 * [0.1])], 8.0, 0.3, 0.1
     for name, y in (("left", 0.2), ("right", -0.2)):
         parts += [link(name, 1.0, "0 0 0", 3 * [2e-3]), joint(f"{name}_axle", "revolute", "base", name, f"0 {y} 0")]

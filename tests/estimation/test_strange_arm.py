@@ -103,10 +103,7 @@ def test_late_efforts_are_named_with_the_delay_that_mends_the_estimate(seed: int
 def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(
     seed: int, pace: float, load: dict[str, Any] | None, known: str, tmp_path: Path
 ) -> None:
-    """20 N on an arm of 17 kg with friction of another law: 7 N rms, 95 % within two deviations, nothing absurd.
-
-    Friction and errors are learnt from another log, in which nothing touches, or beside the forces.
-    """
+    """20 N on an arm of 17 kg with friction of another law, by a free log or beside the forces: 7 N rms, 95 % in."""
 
     def found(name: str, lever: float) -> tuple[np.ndarray, Result]:
         force = write_log(tmp_path / name, seed, pushed, (lever, 0.0, 0.0), pace=pace, load=load)
@@ -153,11 +150,7 @@ def test_rotors_that_the_file_lacks_are_found_beside_the_forces(
 def test_a_short_push_is_the_only_contact_and_one_beside_the_point_is_said_with_its_time(
     learnt: Calibration, tmp_path: Path
 ) -> None:
-    """Two seconds of a push 25 cm beside the point hardly move the mean of k; the worst second shows them.
-
-    At the point they are the only contact, whatever friction does as joints begin to move, and
-    though a fifth of the samples is lost.
-    """
+    """Two seconds of a push 25 cm beside the point show as the worst second; at the point they are the only contact."""
 
     def shortly(time: np.ndarray) -> np.ndarray:
         return 20.0 * ((time > 25.0) & (time < 27.0))[:, None] * np.array([0.0, 1.0, 0.0])
@@ -384,10 +377,7 @@ def test_each_observer_is_as_right_as_it_says(folder: Path, learnt: Calibration)
     ("names", "still"), [(["force_level", "kalman"], 0), (["force_level"], 2), *further((["kalman"], 0))]
 )
 def test_friction_that_nobody_told_a_stream_is_in_its_deviations(names: list[str], still: int, tmp_path: Path) -> None:
-    """The filter made 45 N of it, with +-10, and nothing said so; a stream cannot tell it from a push that lasts.
-
-    Nor what joints at rest hold.
-    """
+    """The filter made 45 N of it, with +-10; a stream cannot tell it from a push that lasts, nor what rest holds."""
     write_log(tmp_path / "push.csv", 5, pushed, pace=1.6, still=still)
     chosen = edited(arm_map(["tool0"]), {"observer.names": names, "check": None})
     stream = OnlineEstimator(parse_map(chosen, "of the test"), tmp_path)
@@ -466,10 +456,7 @@ def test_a_blow_that_is_too_short_for_a_contact_is_named_beside_a_calibration(
 
 @pytest.mark.parametrize(("seed", "still"), [(61, 1), *further((62, 2), (63, 4))])
 def test_joints_at_rest_may_rub_as_those_that_move(seed: int, still: int, tmp_path: Path) -> None:
-    """What stiction holds passed for a push: 13 N were made of a shoulder's, with +-5 N.
-
-    Also with a calibration from a log in which the same joints rest.
-    """
+    """What stiction holds passed for a push, 13 N of a shoulder's, with +-5 N; also after a log with the same rest."""
     force = write_log(tmp_path / "still.csv", seed, pushed, still=still)
     write_log(tmp_path / "free.csv", seed + 100, nothing, still=still)
     calibration = calibrate([opened(tmp_path / "free.csv", ["tool0"], friction=True)], trust=True)

@@ -297,10 +297,7 @@ def test_a_joint_that_turns_on_may_have_any_angle(largest: tuple[float, float], 
     ],
 )
 def test_a_pose_is_found_by_what_its_columns_share(place: str, attitude: str, free: bool, tmp_path: Path) -> None:
-    """Whatever the robot is called; a tool's is none, nor an attitude's. A moving base was suggested to be fixed.
-
-    An arm's base was suggested to be where its tool was, or was to be.
-    """
+    """Whatever the robot is called; a tool's pose or goal is none, nor an attitude's. It was suggested to be fixed."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
     time = 0.01 * np.arange(50.0)
     columns = {place.format(axis): np.sin(time) for axis in "xyz"}
@@ -358,10 +355,7 @@ def test_an_attitude_and_a_gyro_ask_whether_the_base_moves(rate: str, felt: str,
 
 @pytest.mark.parametrize("name", ["log.csv", "LOG.NC"])
 def test_units_behind_names_are_those_of_suggestions(name: str, tmp_path: Path) -> None:
-    """A force in kN was suggested in N without a question, a rate in mm/s in m/s, a turn in radians.
-
-    So it was of a NetCDF file, whose attributes nobody read; a map of another unit is refused.
-    """
+    """A force in kN, a rate in mm/s, a turn in degrees were taken as SI; of NetCDF, too; another unit is refused."""
     (tmp_path / "arm.urdf").write_text(arm_of(1))
     time = 0.01 * np.arange(50.0)
     groups = (("pos", "mm"), ("vel", "mm/s"), ("F", "kN"))
@@ -481,10 +475,7 @@ def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("rest", [0.6, 1.4])
 def test_an_arm_that_rests_between_its_moves_is_not_held(rest: float) -> None:
-    """Its encoder stands still then, which is a note; one that is read at 100 Hz into a log of 500 Hz is held.
-
-    So is one that stands still in motion, and jumps.
-    """
+    """A still encoder is a note; one read at 100 Hz into a log of 500 Hz is held, or still in motion, with a jump."""
     time = np.arange(0.0, 16.0, 0.002)
     angle = np.round(np.cumsum(np.where(time % 4.0 < rest, 0.0, np.sin(time))) * 0.002 * 2**17) / 2**17
     spool = Spool()

@@ -81,11 +81,8 @@ def test_momentum_says_what_it_loses_when_the_motors_torque_alone_is_known() -> 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_is_told_from_a_force_that_swings_and_steps(seed: int) -> None:
-    """White noise of 3 mN on a wave of 6 Hz and 100 mN with a step and a push: found within a tenth.
-
-    Source: the variance of the n-th difference of white noise is the sum of the squared binomial coefficients,
-    comb(2 n, n).
-    """
+    """White noise of 3 mN on a wave of 6 Hz and 100 mN with a step and a push: found within a tenth."""
+    # The variance of the n-th difference of white noise is the sum of squared binomial coefficients, comb(2 n, n).
     time = 1e-3 * np.arange(2000)
     force = 0.1 * np.sin(2.0 * np.pi * 6.0 * time) + 0.1 * (time > 1.0) + 1.0 * (np.abs(time - 1.5) < 5e-4)
     noisy = force + np.random.default_rng(seed).normal(0.0, 3e-3, len(time))

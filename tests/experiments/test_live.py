@@ -114,10 +114,7 @@ def test_what_is_known_of_the_joint_torques_counts_while_it_lives() -> None:
 
 
 def test_a_filter_that_doubts_the_air_lives() -> None:
-    """Known forces have the names that they have in a run; before, it was "lost: OK" at every second step.
-
-    A gain of the scenario beyond those of the page is no reason to refuse a push.
-    """
+    """Names of known forces are a run's: it was "lost: OK" at every second step; a large gain is no refusal."""
     settings = ["air.strips=4", "observers.names=['kalman']", "observers.kalman.known_error={aerodynamic=0.2}"]
     live = LiveFlight(load_scenario("hover_closed_loop", [*settings, "observers.gain=4000"]))
     assert len(live.advance(0.05, LONG)) == 49

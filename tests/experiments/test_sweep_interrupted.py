@@ -1,8 +1,4 @@
-"""Sweeps that are killed in the middle, or refused: what is finished stays, the end is that of an undisturbed one.
-
-By one process, many, or a cluster. What a sweep refuses before its first flight: its size, its names, and a folder that
-holds what no sweep wrote.
-"""
+"""Sweeps that are killed or refused: what is finished stays, the end is that of an undisturbed one; clusters, too."""
 
 import contextlib
 import json
@@ -116,10 +112,7 @@ def interrupted(file: Path, folder: Path, count: int) -> None:
 def test_a_sweep_interrupted_and_killed_ends_as_if_it_had_not_been(
     file: Path, uninterrupted: Path, tmp_path: Path
 ) -> None:
-    """Ctrl-C and `kill -9` at random moments on two processes; no line that was finished is lost or flown again.
-
-    After Ctrl-C: exit code 130, one line and no traceback of a worker; and it goes on.
-    """
+    """Ctrl-C and `kill -9` at random moments: no line is lost or flown again; code 130, one line, and it goes on."""
     tmp_path = tmp_path / "out"
     interrupted(file, tmp_path, 3)
     chance, kept = random.Random(time.time_ns()), [line for line in lines(tmp_path) if line.endswith("\n")]

@@ -31,10 +31,7 @@ def log() -> FlightLog:
 def test_a_bad_log_is_read_right_or_refused_in_one_message(
     kind: Kind, seeds: range, log: FlightLog, tmp_path: Path
 ) -> None:
-    """Each kind: an error of the package, of one line and readable length, that names the file.
-
-    A wrong attribute may only be noticed when the believed robot is loaded.
-    """
+    """Each kind: an error of one line that names the file; a wrong attribute perhaps when the belief is loaded."""
     for seed in seeds:
         path = write_kind(kind, np.random.default_rng(seed), log, tmp_path)
         if kind.name in HARMLESS:
@@ -49,10 +46,7 @@ def test_a_bad_log_is_read_right_or_refused_in_one_message(
 
 
 def test_joints_in_another_order_give_the_same_forces(log: FlightLog, tmp_path: Path) -> None:
-    """A log whose joints stand in reverse, through the file and in memory: the numbers go where their names say.
-
-    Before, such a log was misread in silence: the left Fx was off by 45 mN.
-    """
+    """Joints in reverse, by file and memory: numbers go where their names say; the left Fx was off by 45 mN."""
     backwards = log.measured.isel(q_axis=slice(None, None, -1), v_axis=slice(None, None, -1))
     backwards.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")
     for again in (FlightLog.load(tmp_path / "log.nc"), FlightLog(backwards)):

@@ -64,10 +64,7 @@ def test_one_joint_swings_at_its_frequency_and_decays_by_its_damping(stiffness: 
 
 
 def test_four_elastic_joints_fly_as_in_mujoco() -> None:
-    """Gravity, flapping, payload, no air: MuJoCo's own reading of the URDF, its mass matrix and its Runge-Kutta.
-
-    MuJoCo knows springs about a fixed angle only, so the same law is applied as a force at each of its stages.
-    """
+    """Gravity, flapping, payload: MuJoCo's reading of the URDF, matrix and Runge-Kutta, with our law of springs."""
     plant = plant_of("tumble", *VACUUM, *BOTH, *PAYLOAD, "unknown_force=[]")
     robot, bent = plant.robot, [0.1, -0.05, 0.02, 0.08, 0.0, 0.0, 1.0, -2.0]
     found = still(plant, 0.2, bent)

@@ -1,7 +1,4 @@
-"""Crank drives: what they promise of angle, rate and acceleration; wrong drives refused; what a scenario builds.
-
-Flights whose crank speeds up, ripples or does what a function says: motion, log, warm-up, torques and power.
-"""
+"""Crank drives: angle, rate, acceleration; wrong ones refused; flights that speed up, ripple or follow a function."""
 
 from collections.abc import Callable
 from typing import Any

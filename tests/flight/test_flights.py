@@ -25,11 +25,8 @@ def r2(experiment: Experiment, observer: str, wing: str = "left") -> np.ndarray:
 
 
 def test_a_trimmed_flight_repeats_itself_every_flap() -> None:
-    """Without noise and step the trimmed robot keeps its height within a body's height for 2 s, open loop.
-
-    Floquet: heading and height are neutral (two multipliers of one), longitudinal motion nearly so, and one lateral
-    mode grows: drooped wings roll away.
-    """
+    """Without noise and step the trimmed robot keeps its height within a body's height for 2 s, open loop."""
+    # Floquet: heading and height are neutral, longitudinal motion nearly so; drooped wings roll away.
     found = find_trim(load_scenario("paper_open_loop", ["crank.frequency=6.7", "flight.pitch_deg=10"]))
     assert found.residual < 1e-8
     assert found.scenario.crank.frequency == pytest.approx(6.5007, abs=1e-3)
@@ -47,10 +44,7 @@ def test_a_trimmed_flight_repeats_itself_every_flap() -> None:
 
 
 def test_a_trim_in_the_wind_is_that_in_still_air_seen_from_the_ground() -> None:
-    """Galilei: along y at 4 m/s into 1 m/s of wind is along x at 5 m/s in still air; a gust passes and changes nothing.
-
-    Nose first across the wind is no symmetric flight.
-    """
+    """Galilei: along y at 4 m/s into 1 m/s of wind is along x at 5 m/s in still air; nose first across it is not."""
     into = ["flight.velocity=[0.0, 4.0, 0.0]", "air.wind=[0.0, -1.0, 0.0]"]
     gust = "air.gust={amplitude = [0.0, 0.0, 1.0], start = 0.0, duration = 0.1}"
     still, found = (

@@ -60,10 +60,8 @@ def test_the_series_are_the_closed_linkage(changes: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_the_cranks_acceleration_is_the_one_at_which_its_torques_balance(seed: int) -> None:
-    """In wind, held, pushed: rotor t1'' = torque - friction - sum of g' u_m, u_m from the twin's prescribed joints.
-
-    The torque that prescribed joints need is linear in their acceleration, so two of the twin's evaluations give t1''.
-    """
+    """In wind, held, pushed: rotor t1'' = torque - friction - sum of g' u_m, u_m from the twin's prescribed joints."""
+    # The torque that prescribed joints need is linear in their acceleration: two of the twin's evaluations give t1''.
     chosen = scenario("air.wind=[0.5, 0.3, -0.2]", "crank.motor.friction=2e-4")
     plant = Plant(flown_robot(chosen), chosen)
     robot, motor = plant.robot, plant.fields.motor
@@ -128,10 +126,7 @@ def test_the_linkage_stays_closed_and_the_log_tells_the_crank() -> None:
 
 
 def test_a_short_blow_changes_the_cranks_rate_by_its_impulse() -> None:
-    """0.1 ms: the change is (T^T M T + rotor)^-1 T^T J^T p, by Pinocchio's M and J and the closed linkage.
-
-    M without added mass, which the flight leaves out here.
-    """
+    """0.1 ms: (T^T M T + rotor)^-1 T^T J^T p, by Pinocchio's M and J and the closed linkage; without added mass."""
     settings = ["air.added_mass=0.0", "simulation.dt=1e-4", "simulation.duration=0.2601"]
     struck, calm = (flown(*settings, blow(impulse, BLOW, 1e-4)) for impulse in (5e-3, 0.0))
     robot = flown_robot(scenario())
@@ -149,10 +144,7 @@ def test_a_short_blow_changes_the_cranks_rate_by_its_impulse() -> None:
 
 
 def test_the_books_of_energy_close() -> None:
-    """Kinetic, potential and rotor energy change by the work of motor, air, hold and blow, less friction: to 1e-6.
-
-    Relative to the motor's work; powers are means over the steps, from the integrator's own stages.
-    """
+    """Kinetic, potential and rotor energy change by the work of motor, air, hold, blow, friction: 1e-6 of motor's."""
     chosen = scenario("crank.motor.friction=1e-4")
     log, robot = flown("crank.motor.friction=1e-4"), flown_robot(chosen)
     data, truth, dt = robot.model.createData(), log.truth, chosen.simulation.dt

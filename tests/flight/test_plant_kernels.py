@@ -59,10 +59,7 @@ def test_what_is_not_positive_definite_gives_nan_and_not_a_plausible_number() ->
 
 @pytest.mark.parametrize("below", [np.pi, np.pi - 1e-9, 3.0, 2.0, 1.0, 0.5, 0.04, 1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 0.0])
 def test_the_rotation_vector_is_exact_up_to_half_a_turn(below: float) -> None:
-    """Also where sin(angle) vanishes; at half a turn itself both signs are right.
-
-    All four branches of the quaternion, around random axes and the three axes of the frame.
-    """
+    """Also where sin(angle) vanishes, at half a turn with either sign; all branches of the quaternion, any axis."""
     axes = np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(1).standard_normal((20, 3))])
     for axis in axes / np.linalg.norm(axes, axis=1, keepdims=True):
         half = np.sin(below / 2.0)  # cos(angle / 2), without cancellation
@@ -169,10 +166,7 @@ def test_one_instant_of_the_plant_equals_the_twin_plant(morphology: str, case: s
 
 @pytest.mark.parametrize("case", ["all forces, hold", "all forces, no hold, tail tilted", "quasi-steady, wind"])
 def test_a_few_steps_equal_the_twin(case: str) -> None:
-    """Three steps from a warmed-up start, in a gust, so that every stage has a time of its own.
-
-    The twin steps the base on SE(3) with the general integrator.
-    """
+    """Three steps from a warmed-up start, in a gust; the twin steps the base on SE(3) with the general integrator."""
     plant = built("aerobat", case)
     held = np.random.default_rng(11).uniform(-0.2, 0.2, (2, len(plant.forces), 3))
     found, expected = plant.fly(3, 2e-3, held), twins.fly(plant, 3, 2e-3, held)

@@ -27,10 +27,7 @@ def test_the_step_is_on_for_more_than_1_s_up_to_1_6_s() -> None:
 
 
 def test_the_noise_is_a_hundredth_of_a_newton_and_the_seeds_alone() -> None:
-    """Section III-A: N(0, 0.01^2), white, within five standard errors; equal seeds give equal noise, others another.
-
-    Two forces with streams of their own are independent.
-    """
+    """Section III-A: N(0, 0.01^2), white, within five standard errors; equal seeds give equal noise, two forces not."""
     edges = clock(20.0)
     one, again = (SIGNAL.interval_means(edges, np.random.default_rng([1, 0]))[0] for _ in range(2))
     other_force = SIGNAL.interval_means(edges, np.random.default_rng([1, 1]))[0]

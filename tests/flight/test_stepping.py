@@ -1,8 +1,4 @@
-"""A flight in single steps is the flight in one call, a wrench between the steps is a known force of it.
-
-Sensors in the loop show what the log of the same flight shows. With many strips and a long step, the flight takes as
-many integration steps in an interval as its air needs.
-"""
+"""A flight in single steps is the flight in one call; wrenches between them are known forces, sensors as in the log."""
 
 import numpy as np
 import pinocchio as pin

@@ -38,11 +38,8 @@ def test_what_is_bound_and_what_was_shed_add_up_to_the_start(flown: tuple[Flight
 
 
 def test_trailing_vortices_cancel_and_follow_the_slope_of_the_bound_circulation(flown: tuple[FlightLog, Wake]) -> None:
-    """Their sum is nil; their mean over whole flaps is minus the spanwise change of the mean bound circulation.
-
-    The slope comes from the sine series of Gamma, whose derivative is known in closed form, not from differences:
-    integrated from station to station it gives each vortex.
-    """
+    """Their sum is nil; their mean over whole flaps is minus the spanwise change of the mean bound circulation."""
+    # The slope is that of the sine series of Gamma in closed form: integrated between stations it gives each vortex.
     log, wake = flown
     np.testing.assert_allclose(wake.trailing.sum(axis=1), 0.0, atol=1e-15)
     period = 1.0 / 4.75

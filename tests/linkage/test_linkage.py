@@ -1,10 +1,6 @@
-"""The Kinetic Sculpture closes, at every crank angle, in the assembly of the real robot, with exact derivatives.
+"""The Kinetic Sculpture closes, at every crank angle, in the assembly of the real robot, with exact derivatives."""
 
-The loops are written out a second time here, with rotation matrices and from the bar angles alone; the closed form in
-the package is checked against them. The golden figures of the nominal linkage were measured on these loops with the
-laboratory's published bar lengths ("taken from solidworks"); tests/visualization/test_linkage_sheet.py has the ranges.
-Where the linkage cannot close, what would help; where it nearly locks, a warning, once.
-"""
+# The loops are written out a second time, from the bar angles; golden figures are of the published bar lengths.
 
 import math
 import warnings
@@ -103,11 +99,8 @@ def test_a_crank_torque_spread_over_the_joints_has_its_power_and_nothing_to_spar
 
 
 def test_the_trees_joints_lie_on_the_linkages_pins() -> None:
-    """At any crank angle shoulder and elbow of the tree are J5 and J6, and the forearm turns by t6; mirrored right.
-
-    The derived elbow lies at (0, 48.4471, 5.7956) mm from the shoulder in the proximal frame: L3a + L3c sin(alpha3)
-    and L3c cos(alpha3).
-    """
+    """At any crank angle shoulder and elbow of the tree are J5 and J6, and the forearm turns by t6; mirrored right."""
+    # The derived elbow: (0, 48.4471, 5.7956) mm from the shoulder, L3a + L3c sin(alpha3) and L3c cos(alpha3).
     robot = load_aerobat("aerobat")
     assert 1e3 * np.array(robot.morphology.elbow) == pytest.approx([0.0, 48.4471, 5.7956], abs=5e-5)
     data = robot.model.createData()

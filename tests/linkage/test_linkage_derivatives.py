@@ -1,9 +1,6 @@
-"""Every angle and pin of the linkage: rates, accelerations, and what the adjustable lengths do to them.
+"""Every angle and pin of the linkage: rates, accelerations, and what the adjustable lengths do to them."""
 
-Derivatives are checked against differences of positions. `arms`, where pins and loops are linear in exp(i t), knows
-nothing of how the loops are closed and is checked against the closed form. Sigma_K as the paper writes it,
-x' = f_k + g_k u_k, agrees with the closed form.
-"""
+# By differences of positions, by `arms`, linear in exp(i t), and by the paper's Sigma_K: x' = f_k + g_k u_k.
 
 from dataclasses import replace
 

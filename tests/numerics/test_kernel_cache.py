@@ -164,10 +164,7 @@ def test_a_shared_folder_for_kernels_is_used_below_a_private_one(
 
 
 def test_a_kernel_runs_where_nothing_can_be_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Code without a file; a read-only installation and no home, in which numba finds no folder.
-
-    Permissions do not stop root. A file where a folder must be made does: `__pycache__`, and the home.
-    """
+    """Code without a file; a read-only installation and no home: a file where a folder must be made stops root, too."""
     scope: dict[str, Any] = {}
     exec("def triple(x):\n    return 3.0 * x\n", scope)
     assert jit.kernel(scope["triple"])(2.0) == 6.0

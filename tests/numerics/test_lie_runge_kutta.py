@@ -1,8 +1,4 @@
-"""The commutator-free Runge-Kutta method is of order four, on a rigid body and on the real plant with its air.
-
-The observed order compares steps of dt and dt/2 with a fine reference: log2 of the ratio of their errors. "Fourth
-order" means at least 3.9.
-"""
+"""The commutator-free Runge-Kutta method is of order four (at least 3.9), on a rigid body and on the plant in air."""
 
 from itertools import pairwise
 
@@ -80,10 +76,7 @@ def end_of(log: FlightLog) -> tuple[np.ndarray, ...]:
 
 
 def test_order_is_four_on_the_plant_with_its_air() -> None:
-    """Derivation: the whole flight with joints, hold, unknown force and the 48 states of the air, from still air on.
-
-    Halving the step twice, the order of base placement, base twist, lag states and circulation is at least 3.9 each.
-    """
+    """The whole flight with joints, hold, unknown force and the air's 48 states: at least 3.9 of each part."""
     reference, *runs = (fly_plant(dt) for dt in (6.25e-5, 2e-3, 1e-3, 5e-4))
     placement, *others = end_of(reference)
     ends = [end_of(log) for log in runs]

@@ -161,10 +161,7 @@ def test_a_moment_counts_as_a_force_at_fifty_millimetres() -> None:
     [(["left_linkage_J1", "right_linkage_J1"], "base", 6, 6), (["left_distal"], "all", 8, 10)],
 )
 def test_every_pattern_that_leaves_no_trace_is_listed(more: list[str], rows: Rows, rank: int, believed: int) -> None:
-    """Two wings and two points on the body, base rows: six patterns of 12 components, each checked against J.
-
-    A second point on one rigid wing: one pattern, equal and opposite along the line of both, which J alone shows.
-    """
+    """Two wings, two points on the body, base rows: six patterns by J; a second point on a wing: one, along both."""
     robot, frames = load_aerobat(), [*WINGS, *more]
     found = identifiability(robot, frames, rows)
     assert (found.rank, found.condition) == (rank, np.inf)

@@ -41,13 +41,8 @@ def step(edges: np.ndarray, start: float, end: float, size: float) -> np.ndarray
     ],
 )
 def test_fresh_noise_raises_false_alarms_at_the_rate_asked_for(kind: str, rate: float, differenced: bool) -> None:
-    """Calibrated on a minute each, flown for 500 s; the rarer rate is beyond the calibration's own experience.
-
-    Noise of forces, or of velocities, which is differenced.
-
-    Mean over three calibrations: not more than twice, not less than a third. A CUSUM of differenced noise is safer
-    still, down to a tenth: what it gathers is bounded and its tail shorter than an exponential.
-    """
+    """Calibrated on a minute, flown for 500 s: of three, a third to twice the rate, also beyond what a minute shows."""
+    # A CUSUM of differenced noise down to a tenth: it gathers little, and its tail is shorter than an exponential.
     columns = 3 if kind == "norm" else 1
     edges, fresh = noise(500.0, 100, columns, differenced)
     rates = []
@@ -127,10 +122,7 @@ def test_the_norm_of_three_components_finds_a_force_of_any_direction() -> None:
 
 
 def test_the_papers_step_is_found_in_the_papers_flight(paper: Experiment) -> None:
-    """On at ticks with 1 s < t <= 1.6 s, 0.15 N along the wings' normals on top of 0.2 sin(elbow) and noise.
-
-    The sine belongs to the ordinary: it is fitted on the first 0.9 s, which are also the free run.
-    """
+    """On at ticks with 1 s < t <= 1.6 s, 0.15 N along the wings' normals; 0.2 sin(elbow), fitted before, is usual."""
     inputs = known_inputs(paper.log, paper.robot)
     normals = [
         Application(f"{side}_force_point", axes="frame", direction=(0.0, 0.0, 1.0)) for side in ("left", "right")

@@ -190,11 +190,8 @@ def test_what_cannot_be_expected_is_refused() -> None:
 
 @pytest.mark.parametrize("worse", [0.5, 3.0])
 def test_forces_have_the_likeliest_of_the_sizes_that_are_tried(worse: float) -> None:
-    """By the density of the rows with all covariances written out; errors smaller than stated, and larger.
-
-    One size for all components first, then a factor for each, one after the other, at the k that is found. Here three
-    components do nearly the same, so that the size of one moves those of the others.
-    """
+    """By the density of the rows with all covariances written out; errors smaller than stated, and larger."""
+    # One size for all first, then a factor for each in turn, at the k that is found; sizes move each other here.
     model = pin.buildSampleModelManipulator()
     before, still = some(model, 3, force=0.1), np.zeros((40, model.nv))
     R = before.row_deviation(still) ** 2

@@ -90,11 +90,8 @@ WALK, PRIOR, DOUBT, RUNS = 0.5, 0.1, 0.2, 30
 
 
 def resting_flight(seed: int, steps: int = 60) -> tuple[Any, ...]:
-    """Draw a record from the filter's own statistics: forces, a factor of the air, errors of the model, sensors' noise.
-
-    A robot on rails: its joints and base are posed anew at every sample, its true momentum stays zero, and tau is what
-    keeps it so. Returns the record and the true forces (steps, 6).
-    """
+    """Draw a record and the true forces (steps, 6) from the filter's own statistics: forces, air, model, sensors."""
+    # A robot on rails: posed anew at every sample, its true momentum stays zero, and tau is what keeps it so.
     model, dt, rng = ROBOT.model, 1e-3, np.random.default_rng(seed)
     data, nv = model.createData(), model.nv
     q = [pin.integrate(model, ROBOT.q0, 0.3 * np.sin(0.05 * k) * np.linspace(-1.0, 1.0, nv)) for k in range(steps + 1)]
@@ -114,11 +111,8 @@ def resting_flight(seed: int, steps: int = 60) -> tuple[Any, ...]:
 
 @pytest.mark.parametrize("kind", [KalmanObserver, SmootherObserver])
 def test_the_error_is_as_large_as_the_standard_deviation_says(kind: type[KalmanObserver]) -> None:
-    """Over 30 draws the squared error in standard deviations is chi-square for every component, never more early on.
-
-    While the filter learns the sensors' noise from the record, it claims less than it knows. Told a third of the
-    sensors' noise, or nothing of the doubt about the air, it is not; what no force explains repairs a part only.
-    """
+    """Over 30 draws the squared error in standard deviations is chi-square for every component, never more early on."""
+    # Told a third of the sensors' noise, or nothing of the doubt about the air, it is not.
     settings = {"force_walk": WALK, "prior": PRIOR, "known_error": {"air": DOUBT}, "error_time": 1e9, "misfit": 1e-9}
     low, high = chi2.ppf([1e-4, 1.0 - 1e-4], RUNS)
     observers = [
@@ -158,10 +152,7 @@ def test_the_deviations_are_true_where_noise_of_the_velocity_passes_through_the_
 
 @pytest.mark.parametrize("settings", [{}, {"force_walk": WALK, "prior": 10.0}, {"force_walk": "gain", "gain": 100.0}])
 def test_what_base_rows_cannot_tell_is_zero_with_an_infinite_deviation(settings: dict[str, Any]) -> None:
-    """Equal and opposite forces along the line between the points, here y, leave no trace in the base.
-
-    What is seen becomes known to a few tens of mN, and so does everything where the joint torques are believed.
-    """
+    """Equal and opposite forces along y, the line of points, leave no trace; all else becomes known to tens of mN."""
     (time, q, v, tau, _), _ = resting_flight(1)
     q[:] = ROBOT.q0
     for kind in (KalmanObserver, SmootherObserver):

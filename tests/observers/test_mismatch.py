@@ -1,9 +1,6 @@
-"""Beliefs that are wrong in one way: what filters lose beside `force_level`, and that the redundancy says so.
+"""Beliefs that are wrong in one way: what filters lose beside `force_level`, and that the redundancy says so."""
 
-The rows that decide, seed 1; docs/structural_error.md has all of them. The wrong beliefs and the figures that are asked
-for come from measurements of 2026 on these flights. On `observer_benchmark` with noisy sensors and a wrong
-belief, the Kalman observers have one tuning for all conditions.
-"""
+# The rows that decide of docs/structural_error.md, seed 1; one tuning of the filters; figures measured in 2026.
 
 import numpy as np
 import pytest
@@ -91,10 +88,8 @@ def test_the_motors_torque_alone_leaves_one_redundant_row_and_is_judged_at_its_w
 
 
 def test_every_observer_reports_the_same_redundancy_and_filters_their_innovations() -> None:
-    """One quantity, computed in one place: sqrt(|r|^2 / (rows - rank)), with r by least squares over all rows.
-
-    To 1e-9 of its largest value: the filters compute C^T v from momenta, the others with Pinocchio's Coriolis matrix.
-    """
+    """One quantity: sqrt(|r|^2 / (rows - rank)), with r by least squares over all rows, to 1e-9 of its largest."""
+    # Not exact: the filters compute C^T v from momenta, the others with Pinocchio's Coriolis matrix.
     flight = seen("wing offset 5 mm")
     found = {name: estimated(name, flight) for name in OBSERVERS}
     series = found["force_level"].redundancy_series
@@ -145,10 +140,7 @@ def test_noise_and_a_wrong_mass_and_air_together_leave_the_figures_standing(shar
 
 
 def test_without_doubt_about_the_belief_the_filter_loses_and_the_redundancy_says_so() -> None:
-    """The same walk alone, believing mass and air exactly: twice the error, and the belief is flagged.
-
-    What no force explains widens the stated deviations, but not enough; with the doubts they are right.
-    """
+    """The same walk, believing mass and air exactly: twice the error, deviations too small, the belief flagged."""
     wrong = Condition("all three", noise=1.0, mass=1.05, air=1.2)
     truth = benchmark.flown(1, 1.0).clean
     naive = benchmark.estimated("kalman", 1, wrong, tuning={"kalman": {"force_walk": TUNING["kalman"]["force_walk"]}})

@@ -40,10 +40,7 @@ def scene(name: str) -> tuple[pin.Model, list[str | Application], np.ndarray]:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("name", "gain"), [("arm", 50.0), ("aerobat", 1000.0)])
 def test_predicted_noise_is_what_the_observer_shows(name: str, gain: float, kind: type[Observer]) -> None:
-    """Held still, with velocity noise on every sample: components and residual within 5 %.
-
-    The noise is a hundredth of the benchmark's, so that what it does to C^T v stays out of the comparison.
-    """
+    """Held still, velocity noise a hundredth of the benchmark's, for what it does to C^T v: all within 5 %."""
     model, acting, q = scene(name)
     noise = SensorNoise(2e-4, 1e-4, 5e-4)
     observer, count = kind(model, acting, gain), 12000

@@ -43,10 +43,7 @@ def test_observers_equal_their_twins_in_stream_and_batch(
 @pytest.mark.parametrize("moving", [True, False])
 @pytest.mark.parametrize(("points", "rows"), [(1, "all"), (2, "all"), (3, "all"), (1, "base"), (1, "base+power")])
 def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows, moving: bool) -> None:
-    """Normal equations by Cholesky against an orthogonal factorisation of the stacked problem.
-
-    At rest the row of the joints' power is empty, and the base's six rows remain.
-    """
+    """By Cholesky against an orthogonal factorisation; at rest the row of the joints' power is empty, six remain."""
     model = MODELS["humanoid"][0]
     rng, nv = np.random.default_rng(points), model.nv
     before, after = rng.standard_normal((2, 3 + 3 * points, nv)) * np.where(np.arange(nv) < 6, 1.0, 0.1)

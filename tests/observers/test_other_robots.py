@@ -1,8 +1,4 @@
-"""Robots that are not Aerobat: every registered observer finds a known force in an exactly simulated motion.
-
-An arm and a humanoid come with Pinocchio; the robots of `FRAMES` and `MORE` with the optional `example-robot-data`.
-What their residual must be comes from `support.without_coriolis`.
-"""
+"""Robots that are not Aerobat: each observer finds a known force in an exact motion; see `support.without_coriolis`."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -90,11 +86,7 @@ class Motion:
 
 @cache
 def motion(name: str) -> Motion:
-    """Shake a robot's joints while a constant world force of a tenth of its weight pushes at its frame.
-
-    A free base is carried by a thrust along its z axis, which the observers know. Fourth order, joint torques held
-    over each interval.
-    """
+    """Shake joints while a tenth of the weight pushes at a frame, a thrust carries the base; order four."""
     model, frame = robot(name)
     data, free = model.createData(), model.joints[1].nv == 6
     weight = 9.81 * pin.computeTotalMass(model)
@@ -135,10 +127,7 @@ def motion(name: str) -> Motion:
 @pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
 @pytest.mark.parametrize("name", ["arm", "mjcf leg", "solo12", *further("humanoid", "borinot", "hector", "talos")])
 def test_every_observer_finds_a_known_force_on_other_robots(name: str, kind: type[Observer]) -> None:
-    """Silent before the push, and within 1 % of it from 80 ms after its onset on, in world axes.
-
-    `momentum` within 5 %: it filters what turns with a limb, and a limb that is pushed turns.
-    """
+    """Silent before the push, within 1 % from 80 ms after it on; `momentum` 5 %: it filters what turns with a limb."""
     model, frame = robot(name)
     flown = motion(name)
     assert np.abs(flown.v).max() > 0.3

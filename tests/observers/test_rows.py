@@ -1,7 +1,4 @@
-"""The rows of the residual: each has its unit, those that are not to be believed can be named; friction can be fitted.
-
-Friction of joints as a known input: its fit, what a record does not show, and what leaving it out costs a foot.
-"""
+"""Rows of the residual: each has its unit, some may be named as not believed; friction of joints as a known input."""
 
 import pickle
 
@@ -103,10 +100,7 @@ def test_a_row_in_newtons_is_not_divided_by_a_lever_arm() -> None:
 
 
 def test_the_row_of_power_compares_sliding_and_turning_joints_in_one_unit() -> None:
-    """The estimate does not depend on which joint is the last one, and equals weighted least squares by numpy.
-
-    The row is v . phi / |v / w|, with w the weights of the rows: the power per velocity over 50 mm.
-    """
+    """Whichever joint is last, as weighted least squares by numpy; the power's row is v . phi / |v / w|, w weights."""
     model, frame = mjcf_leg()
     time, q, v, tau, known = record(model)
     observer = ForceLevelObserver(model, [frame], 1e6, "base+power")

@@ -1,9 +1,6 @@
-"""The map of the house: every path and every name that docs/architecture.md shows is there.
+"""The map of the house: every path and every name that docs/architecture.md shows is there."""
 
-A path stands relative to the repository or to `aerobat_pin/`. `room/file.py:name` is a function, class or constant of
-that file, `room/file.py:Class.method` what a class has; `room/*.py` are files of which there is one at least, and
-`room/<name>.py` is one still to be written.
-"""
+# `room/file.py:name` or `:Class.method` are in that file; of `room/*.py` one exists, `room/<name>.py` is to come.
 
 import ast
 import re
@@ -22,11 +19,7 @@ NAME = r"[A-Za-z_][\w.]*"
 
 
 def mentions(page: str) -> set[str]:
-    """Return all that a page shows as a path, with the name behind it where there is one.
-
-    That is whatever stands alone in backticks and has a slash or ends in `.py`, and everywhere else, code blocks and
-    drawings included, a word that begins with one of our folders or is a file of Python.
-    """
+    """Return all paths of a page, with the name behind: in backticks with a slash or `.py`, else by our folders."""
     alone = {token for token in re.findall(r"`([^`\s]+)`", page) if "/" in token or re.search(r"\.py(:|$)", token)}
     ours = rf"(?:{'|'.join(map(re.escape, FOLDERS))})/[\w./*-]*|(?:[\w-]+/)*\w+\.py\b"
     anywhere = {match[0].rstrip(".") for match in re.finditer(rf"(?<![\w./<>-])(?:{ours})(?::{NAME})?", page)}

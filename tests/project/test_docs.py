@@ -35,10 +35,7 @@ def blocks(text: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def page() -> dict[str, Any]:
-    """Return the names left behind by the code blocks of the observers' page, run one after the other.
-
-    The quadruped's is left to its own test: it needs files.
-    """
+    """Return the names left behind by the page's code blocks, run in turn, but the quadruped's, which needs files."""
     names: dict[str, Any] = {}
     for block in blocks(PAGE.replace(QUADRUPED, "")):
         exec(compile(block, "docs/observers.md", "exec"), names)
@@ -166,10 +163,7 @@ def test_every_option_of_the_page_on_recorded_flights_is_taken() -> None:
 
 
 def test_every_message_that_a_page_quotes_is_one_that_the_program_prints() -> None:
-    """Word by word, between the numbers and names that vary; titles and cells of tables are quoted, too.
-
-    What stands in blocks of its own, scripts have copied.
-    """
+    """Word by word, between numbers and names that vary; titles and cells, too, but not what scripts have copied."""
     pages = {path: path.read_text() for path in (ROOT / "README.md", *DOCS.glob("*.md"), *DOCS.glob("tutorials/*.md"))}
     shown = "".join(line for text in pages.values() for line in text.splitlines() if line.startswith(("#", "|")))
     nodes = [

@@ -38,10 +38,7 @@ CHECKS = {
     ids=lambda one: Path(one).stem,
 )
 def test_a_tutorial_does_what_it_says(page: Path, steps: str, monkeypatch: pytest.MonkeyPatch, here: Path) -> None:
-    """Commands end with code 0, Python runs through, and files appear; `console` shows what needs several machines.
-
-    The law that learns takes 12 steps in place of 40, after which it is hardly twice as good as at first.
-    """
+    """Commands end with code 0, files appear; `console` shows what needs several machines; learning takes 12 steps."""
     monkeypatch.setenv("MPLBACKEND", "agg")
     names: dict[str, Any] = {"np": np}
     for language, text in BLOCK.findall(page.read_text("utf-8").replace("range(40)", f"range({steps})")):

@@ -1,7 +1,4 @@
-"""`aerobat describe scenario`: no key without type, unit, default and meaning, and what it says is so.
-
-Observers take settings of their own from a scenario, under the names and defaults of their arguments.
-"""
+"""`aerobat describe scenario`: no key without type, unit, default and meaning, and what it says is so."""
 
 import inspect
 import re

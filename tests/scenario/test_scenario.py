@@ -1,8 +1,4 @@
-"""Scenario files: what is shipped loads, what is written reads back, what is wrong is named.
-
-What one changes of the shipped scenario whose name it carries, every result says. The size of a flight is estimated
-before it begins; too large a one is refused.
-"""
+"""Scenario files: what is shipped loads, what is written reads back, wrong is named; a flight's size, before it."""
 
 from pathlib import Path
 from typing import Any

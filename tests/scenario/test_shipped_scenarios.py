@@ -83,10 +83,7 @@ def test_a_force_on_the_left_wing_alone_drifts_the_robot_to_the_right() -> None:
 
 
 def test_the_open_loop_flight_stays_up_and_its_forces_are_found() -> None:
-    """Trimmed, nothing held: small roll and yaw, bounded pitch and height, through noise and step.
-
-    Nothing holds roll and yaw either: what the noise starts doubles in 0.44 s, and reaches 8 deg in 2 s.
-    """
+    """Trimmed, nothing held: bounded roll, yaw, pitch, height; what noise starts doubles in 0.44 s, 8 deg in 2 s."""
     flight = flown("paper_open_loop")
     assert flight.metrics["note"] == "free flight, nothing held"
     for angle, most in (("roll", 10.0), ("yaw", 10.0), ("pitch", 15.0)):
@@ -111,10 +108,7 @@ def test_a_tumbling_robot_is_observed_as_well_as_a_flying_one() -> None:
 
 
 def test_a_gust_that_is_not_believed_is_found_as_the_load_it_makes() -> None:
-    """The residual is the air's true force less the believed one, row by row; before and after there is nothing.
-
-    Between them the wings ring: the wake of the gust takes some chords of way to be forgotten.
-    """
+    """The residual is true air less the believed one, row by row; between them the wings ring in the gust's wake."""
     experiment = flown("gust")
     assert np.isnan(r2("gust", "momentum")).all()
     believed = experiment.scenario.believed_air

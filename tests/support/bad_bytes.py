@@ -46,13 +46,7 @@ READERS: tuple[tuple[str, list[str], tuple[str, ...]], ...] = (  # what is chang
 
 
 def write_readable(good: Path, run: Path, swept: Path) -> None:
-    """Write the good files beside those of `bad_recordings.write_good`.
-
-    Args:
-        good: their folder, which also has the folder `free` of a flight, and what was learnt from it, `c.nc`.
-        run: folder of a good run.
-        swept: folder of a good sweep, with its file.
-    """
+    """Write the good files beside those of `write_good`, from its folder, a good run's and a good sweep's."""
     flight = good / "free" / "flight.nc"
     shutil.copy(next((good / "bag").glob("*.mcap")), good / "bag.mcap")
     _as_databases(good / "bag.mcap", good / "database")

@@ -29,16 +29,7 @@ def no_file(rng: Rng, path: Path) -> None:
 
 
 def bad_run(rng: Rng, place: Path, run: Path) -> list[str]:
-    """Damage a file of a run's folder.
-
-    Args:
-        rng: source of all choices.
-        place: empty folder.
-        run: folder of a good run of 10 intervals.
-
-    Returns:
-        The command line that plays it, compares it, or converts it.
-    """
+    """Damage a file of a good run of 10 intervals; return the command line that plays, compares or converts it."""
     shutil.copytree(run, place / "run")
     name = str(rng.choice(["estimate.nc", "estimate.nc", "flight.nc", "scenario.toml"]))
     file = place / "run" / name
@@ -123,16 +114,7 @@ FORGED: dict[str, tuple[Callable[[bytes], bytes], str]] = {
 
 
 def bad_sweep(rng: Rng, place: Path, swept: Path) -> list[str]:
-    """Damage what a sweep left in its folder.
-
-    Args:
-        rng: source of all choices.
-        place: empty folder.
-        swept: folder with the file `s.toml` of `SWEEP` and its results in `out/`.
-
-    Returns:
-        The command line that resumes the sweep.
-    """
+    """Damage what a sweep of `SWEEP` left in its folder; return the command line that resumes it."""
     shutil.copytree(swept, place, dirs_exist_ok=True)
     finished, manifest = place / "out" / "finished.jsonl", place / "out" / "sweep.json"
     choice = rng.integers(6)

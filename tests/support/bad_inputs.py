@@ -1,11 +1,4 @@
-"""Bad inputs of all kinds for all doors, drawn at random from a seed, and what must hold for each of them.
-
-    with Doors(folder) as doors:
-        assert doors.attempt(rng, 2).fault == ""
-
-The classes are those of `CLASSES`. Most inputs go through the command line within this process, as quickly as they are
-refused; a few go through processes of their own.
-"""
+"""Bad inputs of the kinds in `CLASSES` for all doors, drawn from a seed, and what must hold for each of them."""
 
 import contextlib
 import io
@@ -97,12 +90,7 @@ class Said(NamedTuple):
 
 
 class Doors:
-    """Where bad inputs are tried. Use it in a `with` statement.
-
-    Args:
-        folder: an empty folder for everything that they write.
-        patience: how long a command may take before it hangs [s].
-    """
+    """Where bad inputs are tried, in a `with` statement: an empty folder, and how long a command may take [s]."""
 
     def __init__(self, folder: Path, patience: float = LONGEST) -> None:
         """Keep the folder."""
@@ -275,15 +263,8 @@ class Doors:
     def _refused(
         self, rng: np.random.Generator, words: list[str], place: Path, *, limited: bool = False, taken: bool = False
     ) -> str:
-        """Return the fault that a command line shows which must be refused: no fault if it is, with one message.
-
-        Args:
-            rng: chooses what is tried in a process of its own.
-            words: the words behind `aerobat`.
-            place: the current folder, where nothing may change.
-            limited: always in a process of its own, whose memory and time are limited.
-            taken: the input may also be taken.
-        """
+        """Return the fault of a command that must be refused with one message, `place` unchanged; or be `taken`."""
+        # `limited`: always in a process of its own, whose memory and time are limited.
         before = _state(place)
         said = self._answer(rng, words, place, limited=limited)
         what = f"{' '.join(words)[:300]}: "

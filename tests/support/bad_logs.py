@@ -1,13 +1,7 @@
-"""Bad flight logs, one mistake each, drawn at random: files from strangers, damaged files, and contradictions.
+"""Bad flight logs, one mistake each, drawn at random."""
 
-`write_kind` writes one file. What a program must do with it follows from its class:
-
-| class | a program must |
-|---|---|
-| 1 | refuse it with one message; kinds in `HARMLESS` must be read as the good log |
-| 2 | refuse it with one message |
-| 11 | read it, and warn; the name of the warning is the name of the kind |
-"""
+# Of class 1 and 2 a program must refuse it with one message, but read `HARMLESS` as the good log; of 11 read it and
+# warn by the name of the kind.
 
 import io
 from collections.abc import Callable
@@ -29,11 +23,9 @@ TIME_UNITS = ("ms", "minutes", "days since 2000-01-01")
 
 
 class Kind(NamedTuple):
-    """One kind of bad log: its class, its name, what is changed of a good log, and a function that changes it.
+    """A kind of bad log: class, name, what of a good log is changed, and a function that changes it."""
 
-    That is the `file`, as h5py opens it, or its `bytes`; the `channels`, before they are written as they are, or by the
-    log itself to a file that is otherwise whole (`.nc`, `.csv`). Bytes are returned, channels may be.
-    """
+    # That is the `file`, by h5py, or its `bytes`; the `channels`, as they are or by the log's writer (`.nc`, `.csv`).
 
     number: int
     name: str
@@ -42,14 +34,7 @@ class Kind(NamedTuple):
 
 
 def write_kind(kind: Kind, rng: Rng, log: FlightLog, folder: Path) -> Path:
-    """Write a bad log.
-
-    Args:
-        kind: what is bad.
-        rng: source of all random choices.
-        log: a good simulated log of half a second or more, with its truth and exact sensors.
-        folder: existing folder for the file.
-    """
+    """Write a bad log of a good simulated one of half a second or more, with its truth and exact sensors."""
     suffix = ".csv" if kind.part == ".csv" else ".nc"
     path = folder / f"bad_{kind.number}_{rng.integers(10**9)}{suffix}"
     if kind.part in ("channels", ".nc", ".csv"):

@@ -1,8 +1,4 @@
-"""Maps with one value drawn from the tables' own schema, and what an estimate by them must say.
-
-Every key of `Map`, down to the tables in its tables, gets values of every kind. Those that the key's type refuses must
-be refused at the door; any other must be refused later, change nothing, or be told by a finding.
-"""
+"""Maps with one value of any kind at any key of `Map`: refused at the door or later, no change, or a finding."""
 
 import copy
 from collections.abc import Iterator

@@ -26,13 +26,7 @@ def copied(good: Path, place: Path, *names: str) -> None:
 
 
 def recordings(good: Path, free: Path, calibration: Path) -> dict[str, Kind]:
-    """Return the kinds by name.
-
-    Args:
-        good: folder of `write_good`.
-        free: log of a flight (`.nc`) without unknown forces.
-        calibration: what `aerobat calibrate` learnt from it.
-    """
+    """Return the kinds by name, of the folder of `write_good`, a free flight (`.nc`) and what was learnt from it."""
 
     def map_text(rng: Rng, place: Path) -> list[str]:
         """Give a map that is none."""

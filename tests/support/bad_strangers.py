@@ -1,8 +1,4 @@
-"""Files made to eat the machine: bombs, pipes, and robots that no arm can have; all of them are refused.
-
-Each kind writes its files and returns a command line. What is tried on robots follows from the numbers that their files
-have, and from the keys that `numerics/foreign_robots.py` knows.
-"""
+"""Files made to eat the machine: bombs, pipes, and robots that no arm can have; each a command line that is refused."""
 
 import os
 import sqlite3
@@ -34,14 +30,7 @@ ARM_MJCF = (
 
 
 def mcap_bomb(compression: str, stated: int | None = None, chunks: int = 1, size: int = BOMB) -> bytes:
-    """Return an MCAP file of zeros whose chunk unpacks to `size` bytes, listed `chunks` times in its index.
-
-    Args:
-        compression: `lz4` or `zstd`.
-        stated: size that the chunk states [bytes]; its own when omitted.
-        chunks: 0 for a file without an index.
-        size: bytes that the chunk unpacks to.
-    """
+    """Return an MCAP file of zeros: its chunk unpacks to `size` bytes, states `stated`, is listed `chunks` times."""
     from lz4.frame import compress
     from rosbags.rosbag2.storage_mcap import zstd
 

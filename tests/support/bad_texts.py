@@ -1,7 +1,4 @@
-"""Bad TOML files, settings, names and sizes, drawn at random: each kind writes its files and returns a command line.
-
-Every command must be refused with one message (exit code 2), and leave the folder as it was.
-"""
+"""Bad TOML files, settings, names and sizes: a command line each, to be refused with one message (exit code 2)."""
 
 import os
 from collections.abc import Callable

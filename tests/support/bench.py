@@ -17,11 +17,7 @@ Content = dict[str, bytes]
 
 
 class Bench:
-    """Where cases are played: the good results, and the process from which programs are forked.
-
-    Args:
-        folder: an empty folder for everything that the cases write.
-    """
+    """Where cases are played, in an empty folder: the good results, and the process from which programs are forked."""
 
     def __init__(self, folder: Path) -> None:
         """Keep the folder."""
@@ -73,12 +69,7 @@ class Bench:
         return content(self.folder / name / "result")
 
     def wrong(self, folder: Path, *, left: bool = False) -> list[str]:
-        """Return what is wrong with a folder: a result that is neither old nor new, and what should not be there.
-
-        Args:
-            folder: the folder, as `new_folder` made it.
-            left: accept a work folder, as it stays behind after `kill -9`.
-        """
+        """Return what is wrong with a folder of `new_folder`: not old, not new, or more; `kill -9` `left` a folder."""
         found = content(folder / "result")
         own = {name: found.pop(name, b"") for name in OWN}
         wrong = [] if found in (self.old, self.new) else [f"half-written: {sorted(found)}"]

@@ -1,9 +1,6 @@
-"""A headless Chromium for the pages: errors and requests of a page fail its test.
+"""A headless Chromium for the pages: errors and requests of a page fail its test."""
 
-On a busy machine a page takes seconds for what it usually does at once, such as to notice that its window was resized.
-Tests therefore wait for what they look at (`resized`, `wait_for_function`), or for frames that are drawn, never for a
-time.
-"""
+# Tests wait for what they look at (`resized`, `wait_for_function`) or for drawn frames, never for a time.
 
 import io
 import shutil

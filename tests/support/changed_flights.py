@@ -1,8 +1,4 @@
-"""Flights of `paper` whose plant has changed since a calibration, and what a calibrated estimate says of them.
-
-The belief is quasi-steady air, a structural error, and the same in all of them: what changes is in the scenario's table
-`plant`, or a gust that nobody believes in.
-"""
+"""Flights of `paper` that changed since a calibration by quasi-steady air, and what a calibrated estimate says."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -86,19 +82,10 @@ CHANGES = {
 
 @dataclass(frozen=True)
 class Verdict:
-    """What one estimate of one flight says and is worth.
+    """What one estimate says and is worth: of each observer R2, rms error [N], mean squared error over variance."""
 
-    Attributes:
-        r2: observer -> R2 (3,) of the worse wing; null where there is no force.
-        error: observer -> root mean square error (3,) of the worse wing [N].
-        later: error of `force_level` from `STARTED` on.
-        nees: observer -> mean squared error over stated variance (3,), of the worse wing.
-        verdict: on the model.
-        ratio: of what no force explains to what was expected, where that is stated.
-        cause: what the estimate says has changed: name, estimate, deviation; None if it names nothing.
-        contacts: how many pushes were found, and how many contacts are none.
-        spacing: median time between neighbouring contacts of one wing that are none, in flaps; None for fewer than two.
-    """
+    # `later`: error of `force_level` from `STARTED` on; `contacts`: pushes found, contacts that are none; `spacing`:
+    # median time between the latter on one wing, in flaps. All of the worse wing.
 
     r2: Mapping[str, list[float]] = field(default_factory=dict)
     error: Mapping[str, list[float]] = field(default_factory=dict)

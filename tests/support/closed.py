@@ -74,10 +74,7 @@ def exact_acceleration(
     crank: float,
     rate: float,
 ) -> np.ndarray:
-    """Return the acceleration (nv,) in the coordinates base and both cranks, by the closed form's own derivatives.
-
-    v = S u and v' = S u' + S' u, u the base's twist and the cranks' rates: S^T M S u' = S^T (tau - nle - M S' u).
-    """
+    """Return the acceleration (nv,) by the closed form, v = S u: S^T M S u' = S^T (tau - nle - M S' u)."""
     tangent, bend = closed_state(model, linkage, crank, 1.0)[1], closed_state(model, linkage, crank, rate)[2]
     S = np.zeros((model.nv, 8))
     S[:6, :6] = np.eye(6)

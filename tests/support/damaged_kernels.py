@@ -52,11 +52,7 @@ def damage(folder: Path, end: str, how: str, rng: np.random.Generator) -> Path:
 
 
 def damaged_case(rng: np.random.Generator, folder: Path) -> str:
-    """Run one damaged kernel, drawn at random, in an empty folder.
-
-    Returns:
-        What went wrong, or nothing: the kernel gives its number, one line tells of it, and the next run is quiet.
-    """
+    """Run one damaged kernel, drawn at random, in an empty folder; return what went wrong, or nothing."""
     end, how = str(rng.choice(ENDS)), str(rng.choice(list(DAMAGES)))
     damage(folder, end, how, rng)
     kernel_cache._told.clear()

@@ -1,16 +1,9 @@
-"""How early can any detector find a push? The bound that the noise of the sensors sets, whatever the statistic.
+"""How early can any detector find a push? The bound that the noise of the sensors sets, whatever the statistic."""
 
-Known are the model, the air, the shape of the push and all samples before its onset; unknown is only whether it acts.
-The best test is then the matched filter (Van Trees, Detection, Estimation and Modulation Theory, part I, ch. 4), whose
-answer is normal with deviation 1 and mean
-
-    d(t) = sqrt(s^T C^-1 s), all samples until t in one vector
-
-s is what the push adds to the momentum, C the covariance of what is measured of it: that of the first sample, the walk
-of the torques' errors since then, and the noise of each sample. A level z that noise exceeds once in many looks is
-exceeded by the push with probability Phi(d - z). A detector that must also find out where and along which axis
-something pushes has six unknowns, and less: d is then the size of the force over its deviation.
-"""
+# Matched filter (Van Trees, Detection, Estimation and Modulation Theory, part I, ch. 4): normal, deviation 1, mean
+# d(t) = sqrt(s^T C^-1 s), s what the push adds to the momentum, C the covariance of what is measured of it: the first
+# sample's, the walk of the torques' errors, each sample's noise. Phi(d - z) exceeds a level z; who must find point
+# and axis as well has six unknowns: d is then the size of the force over its deviation.
 
 import numpy as np
 import pinocchio as pin
@@ -27,15 +20,7 @@ LEVEL = 3.09  # exceeded once in a thousand looks: twenty seconds of them, each 
 
 
 def detectability(model: pin.Model, q: np.ndarray, dt: float, start: int, push: UnknownForce) -> np.ndarray:
-    """Return d (30 ms / dt, 2) after each sample from a push's onset on: told point and axis, and having to find them.
-
-    Args:
-        model: the robot, with the sensors of `NOISY`.
-        q: (m, nq) configurations of the flight.
-        dt: time between samples [s].
-        start: index of the sample at the onset.
-        push: the force, at the left point, along z of the world.
-    """
+    """Return d (30 ms / dt, 2) after each sample from a push's onset on: told point and axis, or having to find it."""
     data, nv = model.createData(), int(model.nv)
     first, last, noise, rows = start - BEFORE, start + round(0.03 / dt), [], []
     for one in q[first : last + 1]:

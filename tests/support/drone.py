@@ -84,11 +84,8 @@ MAP = {
 
 
 def plain_force(table: pd.DataFrame) -> np.ndarray:
-    """Return the force that is left over (n, 3) [N], world axes, without an observer and without a map.
-
-    m (dv/dt + g) - R (0, 0, T), with dv/dt the slope of parabolas over 0.15 s, and T the polynomial of the commands
-    that fits the accelerometer on the first half.
-    """
+    """Return the force that is left over (n, 3) [N], world axes, without an observer and without a map."""
+    # m (dv/dt + g) - R (0, 0, T), dv/dt by parabolas over 0.15 s, T the polynomial that fits half of the accelerometer.
     time = table["t"].to_numpy()
     dt = float(np.median(np.diff(time)))
     v = table[["vx", "vy", "vz"]].to_numpy()

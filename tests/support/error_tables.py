@@ -114,10 +114,7 @@ def benchmark_score(name: str, walk: float, noisy: Condition) -> float:
 
 
 def other_plant() -> str:
-    """Return what a calibration gives back on flights of a simulator that shares no code with the package.
-
-    R2 is that of the left wing, which alone is pushed.
-    """
+    """Return what a calibration gives back on flights of a foreign simulator; R2 is that of the left, pushed wing."""
     free = as_believed(elsewhere("nothing", 4.0)[0])
     learnt_there = calibrate([free.record()], parameters=[])
     lines = ["| flight | | `force_level` | calibrated | `smoother` | calibrated |", "|---" * 6 + "|"]

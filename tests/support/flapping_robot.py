@@ -48,15 +48,7 @@ def prescribed() -> Motion:
 
 
 def flap_robot(strips: int, steps: int) -> tuple[Array, Wake]:
-    """Fly the robot's strips along the prescribed motion.
-
-    Args:
-        strips: their number.
-        steps: of a flap, a divisor of `STEPS`.
-
-    Returns:
-        Force of the strips, without added mass, in world axes (steps, 3) [N]; what they shed; both over the last flap.
-    """
+    """Fly strips along the prescribed motion: force in world axes (steps, 3) [N], what they shed, over a last flap."""
     motion, stride = prescribed(), STEPS // steps
     air, one = RobotAir(load_aerobat().wing, strips=strips), motion.twist[::stride]
     twists = np.concatenate([np.tile(one, (FLAPS, 1, 1)), one[:1]])

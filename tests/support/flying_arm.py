@@ -56,10 +56,7 @@ def pushed(t: float) -> np.ndarray:
 def fly(
     seed: int, push: Push = nothing, *, seconds: float = 9.0, swings: bool = True
 ) -> tuple[pd.DataFrame, np.ndarray]:
-    """Return a table and the true force (n, 3) at its times, the same ones each time; the arm swings, or is held still.
-
-    The rotors' thrusts differ by 2 % (standard deviation) about 1.07 times what the laboratory believes.
-    """
+    """Return a table and the true force (n, 3) at its times; rotors differ by 2 % about 1.07 times what is believed."""
     rng = np.random.default_rng(seed)
     model = pin.buildModelFromXML(URDF, pin.JointModelFreeFlyer())
     data, tip, phases = model.createData(), model.getFrameId("tip"), rng.uniform(0.0, 6.28, 6)

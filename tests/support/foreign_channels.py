@@ -19,10 +19,7 @@ def mcap_record(opcode: int, content: bytes) -> bytes:
 
 
 def with_foreign_channels(source: Path, target: Path) -> None:
-    """Copy an MCAP file with three more channels: of JSON, of protobuf, and of JSON without a schema.
-
-    The copy has no index, as that of a recorder that was killed, and no profile, as libraries leave it by default.
-    """
+    """Copy an MCAP file with channels of JSON, protobuf, JSON without a schema; no index, no profile, as if killed."""
     more = b""
     for number, (topic, encoding, language) in enumerate(
         ((b"/status", b"json", b"jsonschema"), (b"/blob", b"protobuf", b"protobuf"), (b"/bare", b"json", b"")), 901

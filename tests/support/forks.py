@@ -1,14 +1,6 @@
-"""Programs that start at once: `aerobat` in processes that are forked from one that has imported everything already.
+"""Programs that start at once: `aerobat` forked from a process that has imported everything already."""
 
-    with Forks() as forks:
-        forks.warm(["list"], cwd=folder)
-        running = forks.start(["run", "paper"], cwd=folder)
-        running.send(signal.SIGINT)
-        done = running.result()
-
-As a program, this module is that process: it reads what to start, one JSON text a line, and answers with process
-numbers and exit codes.
-"""
+# As a program, this module is that process: it reads what to start as JSON, and answers with numbers and exit codes.
 
 import contextlib
 import json
@@ -77,17 +69,8 @@ class Forks:
         patience: int | None = None,
         pages: bool = True,
     ) -> Running:
-        """Start `aerobat` with these words.
-
-        Args:
-            words: the words behind `aerobat`.
-            cwd: its current folder.
-            largest_file: limit of the size of a file that it writes [bytes].
-            ignored: signals that it is started to ignore, as `nohup` does.
-            more_memory: limit of the addresses that it takes beyond those of the process it is forked from [bytes].
-            patience: after so many seconds it is ended by SIGALRM.
-            pages: draw the figures and pages of a result.
-        """
+        """Start `aerobat` with words in a folder, with limits of a file [bytes] and of further addresses [bytes]."""
+        # `ignored`: signals ignored from the start, as by `nohup`; `patience` [s]: SIGALRM; `pages`: draw figures, too.
         wanted = {"words": list(words), "cwd": str(cwd), "largest_file": largest_file, "ignored": list(ignored)}
         wanted |= {"more_memory": more_memory, "patience": patience, "pages": pages}
         return Running(self, self.ask(wanted), Path(self._said.name))
@@ -107,10 +90,7 @@ class Forks:
 
 
 def fork(said: Path, wanted: dict[str, Any]) -> int:
-    """Fork a process that is as a fresh one, and return its number; in that process, run `aerobat` and end.
-
-    The keys of `wanted` are the arguments of `Forks.start`.
-    """
+    """Fork a process as fresh, return its number; there, run `aerobat`. `wanted` has the arguments of `Forks.start`."""
     from aerobat_pin import visualization
     from aerobat_pin.cli import main
     from aerobat_pin.errors import end_on_signals

@@ -52,10 +52,7 @@ def rectangle(aspect_ratio: float | None) -> LiftingLine:
 
 
 def steady(law: Law, aspect_ratio: float | None, incidence: Array) -> tuple[Array, Array]:
-    """Return lift and drag coefficient (n,) of a rectangular wing at incidences (n,) [deg], which rise.
-
-    An aspect ratio of None is a wing from wall to wall.
-    """
+    """Return lift and drag coefficient (n,) of a rectangle at rising incidences [deg]; aspect ratio None: by walls."""
     line, angle = rectangle(aspect_ratio), np.radians(incidence)
     pressure = 0.5 * line.chord @ line.width
     cosine, sine = np.cos(angle), np.sin(angle)
@@ -70,10 +67,7 @@ def steady(law: Law, aspect_ratio: float | None, incidence: Array) -> tuple[Arra
 
 
 def _settled(air: Array, strips: int, incidence: Array) -> Array:
-    """Return normal and axial force (2, n) of the strips in steady flow of 1 m/s at incidences (n,) [rad].
-
-    Newton's method on the circulation, which begins where the last incidence ended; the lags follow from it.
-    """
+    """Return normal and axial force (2, n) of strips in 1 m/s at incidences [rad], by Newton's method."""
     twists, bound, force = np.zeros((len(LINKS), 6)), np.zeros(strips), np.empty((2, len(incidence)))
     semichord, unit = 0.05, np.eye(strips)
 
@@ -108,10 +102,7 @@ def errors(law: Law, plate: Plates) -> Array:
 
 
 class StripForces(NamedTuple):
-    """Forces of the strips over a flap (steps, N) [N], and the rotations of their halves (steps, N, 3, 3).
-
-    `normal` is the circulatory normal force, `added` that of the added mass, `axial` suction minus profile drag.
-    """
+    """Forces over a flap (steps, N) [N]: circulatory, of added mass, suction minus drag; rotations (steps, N, 3, 3)."""
 
     normal: Array
     added: Array
@@ -120,10 +111,7 @@ class StripForces(NamedTuple):
 
 
 def flap(law: Law, line: LiftingLine, motion: Callable[[float], Halves], frequency: float) -> StripForces:
-    """Fly a line under a law through a periodic motion and return the loads of the last flap.
-
-    Potential flow is `fly`'s; the others are the robot's kernel, with the added mass of `fly`.
-    """
+    """Fly a line under a law; loads of the last flap: potential flow by `fly`, the others by the robot's kernel."""
     half, step = np.where(line.y > -1e-9 * line.span, 0, 1), 1.0 / frequency / STEPS
     last = range((FLAPS - 1) * STEPS, FLAPS * STEPS)
     near = 1e-4 / frequency
@@ -162,11 +150,8 @@ def _tapped_line() -> LiftingLine:
 
 
 def tapped(law: Law, *, flat: bool = False) -> Array:
-    """Return the force (50,) [N] of both halves that the taps of the flapping wing would give, without its mean.
-
-    Attached flow loads a section by 2 l / (pi c) sqrt(c / x - 1), added mass by 8 m / (pi c^2) sqrt(x (c - x)); three
-    taps see 22 % less than all of the former. `flat` spreads each section's force evenly instead, which they see whole.
-    """
+    """Return the force (50,) [N] of both halves that the taps of the flapping wing would give, without its mean."""
+    # A section: 2 l / (pi c) sqrt(c / x - 1) attached, 8 m / (pi c^2) sqrt(x (c - x)) added mass; `flat`: even.
     line, wing = _tapped_line(), WING
     loads, left = flap(law, line, wing, wing.frequency), line.y > 0.0
     chord = wing.chord(wing.place[:, 1])

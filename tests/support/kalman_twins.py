@@ -1,8 +1,4 @@
-"""Textbook Kalman filter and Rauch-Tung-Striebel smoother in dense numpy, for the Kalman observers' kernels.
-
-What these observers learn from the record is computed here from lists of all samples so far: sensor noise from sixth
-differences, misfit from what no force explains, and patterns of forces that leave no trace from singular values.
-"""
+"""Textbook Kalman filter and Rauch-Tung-Striebel smoother in dense numpy; what they learn, from lists of samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,10 +14,7 @@ Vector = NDArray[np.float64]
 
 @dataclass
 class KalmanTwin:
-    """x = (p, z): z <- A (z + w), p <- p + dt (u + drift) + dt G^T z, with G the forces' Jacobian and the errors' rows.
-
-    Attributes mean what the observer's keywords do; `sensors` (nv,) are standard deviations.
-    """
+    """x = (p, z): z <- A (z + w), p <- p + dt (u + drift) + dt G^T z, G the forces' Jacobian and the errors' rows."""
 
     model: pin.Model
     frames: Sequence[str]
@@ -177,10 +170,7 @@ class KalmanTwin:
         return np.column_stack([0.5 * (drift(v + unit) - drift(v - unit)) for unit in np.eye(self.model.nv)])
 
     def explain(self, before: Vector, after: Vector, u: Vector, dt: float) -> tuple[Vector, Vector, Vector]:
-        """Return the weighted rows (nv,) that no force explains, and the patterns (c, k) that leave no trace.
-
-        The third result maps any generalised force to what no force explains of it.
-        """
+        """Return rows (nv,) that no force explains, patterns (c, k) that leave no trace, and the map to the former."""
         mean, nv = 0.5 * (before + after), self.model.nv
         phi = (after[0] - before[0]) / dt - mean[1] - u
         _, sizes, patterns = np.linalg.svd(believed(self.model, self.rows, after[2]) @ after[3:].T)

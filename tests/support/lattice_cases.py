@@ -45,11 +45,9 @@ def harmonics(signal: Array) -> Array:
 
 
 class Errors(NamedTuple):
-    """A line against the lattice: rms of the lift's error over its rms, ratios of thrust and moments, degrees.
+    """A line against the lattice: rms of the lift's error over its rms, ratios of thrust and moments, degrees."""
 
-    `moment` and `phase` compare the first harmonic of the moment about the leading edge, `quarter` its size about the
-    quarter chord. `centre` and `lattice_centre` are moment over lift, first harmonics, as a share of the chord.
-    """
+    # `moment`, `phase`: first harmonic about the leading edge; `quarter`: about the quarter chord; `centre`: over lift.
 
     lift: float
     lift_ratio: float

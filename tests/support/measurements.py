@@ -1,8 +1,4 @@
-"""Forces that others have measured on plates and wings far beyond stall, with their sources.
-
-Forces are divided by rho/2 V^2 S, incidences are in degrees. The numbers were read off published figures, by those who
-are named as the second source; how well, is said with each.
-"""
+"""Forces that others measured far beyond stall, over rho/2 V^2 S, read off figures by those who are named."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -26,19 +22,11 @@ class Plates(NamedTuple):
 
 
 def plates() -> list[Plates]:
-    """Return the measured plates, from the most viscous one on, and a fit of stalled ones.
-
-    * Towed, aspect ratio 2, Reynolds number 100: W. Dickson's experiment in Taira, Dickson, Colonius, Dickinson &
-      Rowley, AIAA 2007-710. Read by the authors of PetIBM (examples/data); every 5 degrees, to 0.01.
-    * Channel, wall to wall, 75 000: chord 0.15 m, span 0.6 m, 0.5 m/s in water, EPFL; mean of five runs, which differ
-      by 0.04. Data of L. Schneeberger's dstoolbox (data/static_flatplate1 to 5). The slope at small incidence, 5.3 per
-      radian, is that of a section. 13 % thick, with a sharp leading edge.
-    * Tunnel, aspect ratio 2, 140 000: Pelletier & Mueller, J. Aircraft 37 (2000) 825, semispan aspect ratio 1. Read by
-      T. Fox (boatcalculator, hulls/flatPlate_140000_ar1), to 0.03.
-    * Stalled, aspect ratio 4: Viterna & Corrigan, NASA CP-2230 (1981), a fit: normal force 1.11 + 0.018 times the
-      aspect ratio at 90 degrees, times the sine, nothing along the plate. From 60 degrees on: nearer to the stall, the
-      fit is tied to a point of each wing's own.
-    """
+    """Return the measured plates, from the most viscous one on, and a fit of stalled ones."""
+    # Towed, aspect ratio 2, Re 100: Taira, Dickson, Colonius, Dickinson & Rowley, AIAA 2007-710; by PetIBM, to 0.01.
+    # Channel, wall to wall, Re 75 000, 13 % thick: EPFL, mean of five runs, which differ by 0.04; L. Schneeberger's
+    # dstoolbox. Tunnel, aspect ratio 2, Re 140 000: Pelletier & Mueller, J. Aircraft 37 (2000) 825; T. Fox, to 0.03.
+    # Stalled, aspect ratio 4: Viterna & Corrigan, NASA CP-2230 (1981), normal force 1.11 + 0.018 AR at 90 degrees.
     table = np.genfromtxt(MEASURED / "plates.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
     stalled = np.arange(60.0, 91.0, 5.0)
     cosine, sine = np.cos(np.radians(stalled)), np.sin(np.radians(stalled))
@@ -56,11 +44,7 @@ def plates() -> list[Plates]:
 
 
 class Plunging(NamedTuple):
-    """A section that plunges half a chord from top to bottom, about one incidence.
-
-    Each field (n,): reduced frequency k = pi f c / V; first harmonic of the lift coefficient; least and largest mean
-    lift coefficient of four strokes of 0.05 to 0.5 chords.
-    """
+    """A section that plunges half a chord: k = pi f c / V, first harmonic of lift, least and largest mean."""
 
     incidence: float
     reduced_frequency: Array
@@ -75,29 +59,17 @@ class Plunging(NamedTuple):
 
 
 def plunging() -> list[Plunging]:
-    """Return a plunging NACA 0012, wall to wall, Reynolds number 20 000; at rest in the stream it stalls at 9 degrees.
-
-    Chiereghin, Cleaver & Gursul, AIAA J. 57 (2019) 208, as we conclude from section, amplitudes and incidences. Read by
-    R. Jan (ISAE_Aswing_Experimental_Validation, UA 1), who names them not; to 0.03. His figure of lift over incidence
-    turns at 25.2 degrees for k = 0.94, so that A/c = 0.5 is the whole stroke.
-    """
+    """Return a plunging NACA 0012, wall to wall, Reynolds number 20 000; at rest it stalls at 9 degrees."""
+    # Chiereghin, Cleaver & Gursul, AIAA J. 57 (2019) 208, as we conclude; read by R. Jan (UA 1), to 0.03.
     table = np.genfromtxt(MEASURED / "plunging.csv", delimiter=",", skip_header=1)
     return [Plunging(a, *table[table[:, 0] == a].T[1:]) for a in np.unique(table[:, 0])]
 
 
 class Flapping:
-    """A rigid wing that flaps about its root at no incidence: nine pressures between its faces over a flap.
+    """A rigid flapping wing: nine mean-free pressures (50, 9) [Pa], places (9, 2) [m], areas [m2], planform [m]."""
 
-    Yeo, Atkins & Shyy, "Experimental and analytical pressure characterization of a rigid flapping wing for ornithopter
-    development" (2011), case C: half span 0.213 m, chord 0.072 m, 2.9 m/s, 3.3 Hz, 21 degrees to both sides. Read by C.
-    Urban (PteraSoftware, validation), with planform, places of the taps and the area that each stands for.
-
-    Attributes:
-        pressure: mean-free pressures (50, 9) [Pa], lower minus upper face.
-        place: x from the leading edge's root aft, y from the root (9, 2) [m].
-        area: that each tap stands for (9,) [m2].
-        stations, leading, trailing: planform: y, and x aft of the root's leading edge (9,) [m].
-    """
+    # Yeo, Atkins & Shyy (2011), case C: half span 0.213 m, chord 0.072 m, 2.9 m/s, 3.3 Hz, 21 degrees to both sides;
+    # read by C. Urban (PteraSoftware, validation).
 
     airspeed, frequency, half_span = 2.9, 3.3, 0.213
     stations = 1e-3 * np.array([0.0, 50.0, 100.0, 135.0, 165.0, 190.0, 205.0, 212.0, 213.0])

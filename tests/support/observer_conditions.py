@@ -90,10 +90,7 @@ def estimated(
 def worst(
     name: str, condition: Condition, gain: float = 1000.0, *, noisy: bool = False, seeds: tuple[int, ...] = SEEDS
 ) -> np.ndarray:
-    """Return R2 (x, y, z) of the worse wing and worst seed against the noise-free or the noisy truth.
-
-    Errors of both wings are set against the variance of the left one's force: the right one's may be small or none.
-    """
+    """Return R2 (x, y, z) of the worse wing and worst seed, over the variance of the left wing's force."""
     scores = []
     for seed in seeds:
         flight = flown(seed, condition.share)

@@ -34,11 +34,8 @@ def remembered(model: pin.Model, frames: Sequence[str], q: Vector, v: Vector) ->
 
 
 def believed(model: pin.Model, rows: str, v: Vector) -> Vector:
-    """Return the weighted choice W (rows, nv) of what is believed of a generalised force.
-
-    Weights are 1 for the base's translation and one over a lever of 50 mm for every moment. All rows; or the base's
-    six; or these and the power of all joints per unit of joint velocity, v_j . phi_j / |v_j|, nothing at rest.
-    """
+    """Return the weighted choice W (rows, nv) of what is believed of a generalised force."""
+    # 1 for base translation, one over 50 mm for moments: all, the base's six, or with the power v_j . phi_j / |v_j|.
     free = model.joints[1].nv == 6
     weighted = np.diag(np.concatenate([np.ones(3 * free), np.full(model.nv - 3 * free, 1.0 / 0.05)]))
     if rows == "all":

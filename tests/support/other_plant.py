@@ -1,19 +1,8 @@
-"""Another simulator of the guarded robot, which shares no code with the package: what calibration must be right about.
+"""Another simulator of the guarded robot, which shares no code with the package: calibration must be right about it."""
 
-The package's own plant and belief share their code, so an error that both make is seen by nobody. Here everything is
-different on purpose:
-
-* rigid bodies by momentum: the state holds the robot's linear and angular momentum about the world's origin, whose
-  rates are the external loads; the body's twist follows from them by a 6 x 6 system. No mass matrix, no Coriolis term,
-  no accelerations, no Pinocchio. Joint torques are the loads that a subtree's change of momentum leaves open;
-* air: strips with the steady coefficients of Dickinson et al. (Science 284, 1999) behind a lag of one chord of travel;
-  0.8 of a flat plate's added mass, carried in the momentum; a tail and a body drag of its own;
-* the outer wings twist under their own lift, 8 degrees about their mean, and the left one is 10 % softer;
-* the crank's rate ripples by 4 %, twice a turn.
-
-Only the robot's data are the same: masses and joints (URDF), planform, and the joints' angles over the crank, kept here
-as the Fourier series that an encoder would have recorded. The result is a flight log.
-"""
+# Rigid bodies by momentum about the world's origin: no mass matrix, no Coriolis term, no Pinocchio; air: Dickinson et
+# al. (Science 284, 1999) behind a lag of one chord, 0.8 of a plate's added mass; outer wings twist, the left one is
+# 10 % softer; the crank ripples by 4 %. Masses, joints, planform and the crank's Fourier series are the robot's.
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -289,20 +278,8 @@ def fly_elsewhere(
     air: float = 1.0,
     side: bool = False,
 ) -> tuple[FlightLog, np.ndarray]:
-    """Fly, after a while that is not recorded.
-
-    Args:
-        duration: of the record [s].
-        push: time -> force (3,) [N] on the left outer wing's centre of mass, world axes; none by default.
-        speed: forward speed that is held [m/s].
-        frequency: of the crank [Hz].
-        settle: time before the record [s].
-        air: share of the air's density; 0 for a vacuum.
-        side: whether the thrusters also oppose a speed to the side.
-
-    Returns:
-        The log with exact sensors and no truth, and the mean force (m, 3) of each interval.
-    """
+    """Fly at a speed [m/s], frequency [Hz] after `settle` [s]; return exact sensors, mean force (m, 3) of steps."""
+    # `push`: time -> force [N] on the left outer wing, world axes; `air`: share of its density; `side`: speed opposed.
     state = State(np.zeros(3), np.eye(3), np.zeros(3), np.zeros(3), np.zeros(COUNT), np.zeros(2))
     g = Geometry(state, *crank_at(-settle, frequency), air)
     P, H = g.momenta(np.array([speed, 0.0, 0.0]), NONE, state.x)

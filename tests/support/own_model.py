@@ -11,15 +11,8 @@ from aerobat_pin.numerics import Array
 
 
 def own_model_errors(linear: LinearRecord, prior: Prior, tuning: Tuning, rng: np.random.Generator) -> dict[str, Array]:
-    """Return normalised errors of the slow forces on one drawn truth: filter and smoother.
-
-    The truth and its samples follow the linear model exactly: first state, walks, white forces and sensor noise are
-    drawn with the covariances that the recursion assumes.
-
-    Returns:
-        `filter_nees`, `smoother_nees` (m,): squared error over covariance, per component; `filter_z`, `smoother_z`
-        (m, b): error of each component over its deviation.
-    """
+    """Return normalised squared errors (m,) and errors over deviations (m, b) of the slow forces: filter, smoother."""
+    # The truth and its samples are drawn from the linear model with the covariances that the recursion assumes.
     d, rows, layout, n = linear.dynamics, linear.rows, linear.layout, linear.layout.size
     m, white, walk = len(d.push), layout.white, layout.walk
     P0, noise = prior.covariance.copy(), linear.noise(tuning)

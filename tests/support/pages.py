@@ -33,11 +33,7 @@ def measured() -> str:
 
 
 def marked(text: str, name: str) -> tuple[str, str, str]:
-    """Return a page before, between and after the marks of a name.
-
-    Raises:
-        ValueError: a mark is missing.
-    """
+    """Return a page before, between and after the marks of a name; ValueError without one."""
     head, begin, rest = text.partition(f"<!-- {name} -->")
     value, end, tail = rest.partition(f"<!-- /{name} -->")
     if not (begin and end):
@@ -62,15 +58,7 @@ def save(figures: Mapping[str, Figure], folder: Path) -> None:
 
 
 def run(find: Callable[[], Values], quick: Callable[[], Values] = dict) -> None:
-    """Write what a script finds into its pages; with `--check [FOLDER]` compare the pages with what is quick to find.
-
-    Args:
-        find: draws the figures of the pages, and returns the values that take long.
-        quick: returns those that are found in seconds.
-
-    Raises:
-        SystemExit: with exit code 1, the values that differ being named on stderr.
-    """
+    """Write what `find` draws into pages; with `--check [FOLDER]` compare with what is `quick`, and exit by 1."""
     parser = argparse.ArgumentParser(description="Write what is found into pages of the documentation.")
     folder = "write nothing, compare with the pages below this folder (default: the repository's)"
     parser.add_argument("--check", type=Path, nargs="?", const=ROOT, metavar="FOLDER", help=folder)

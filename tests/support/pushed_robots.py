@@ -1,8 +1,4 @@
-"""Any robot by its name: its joints swing, an unknown force pushes at its last link; what its sensors would write.
-
-A fixed robot stands; a free one was dropped and falls. Motion and efforts follow from the equations of motion of a copy
-of the model, by the midpoint rule; the efforts are wrong by a factor each and contain friction that nobody tells.
-"""
+"""Any robot by its name, fixed or falling: joints swing, something pushes its last link; factors, friction."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,15 +24,7 @@ ANGLE_NOISE, RATE_NOISE = 1e-5, 2e-3  # [rad, m], [rad/s, m/s]
 
 @dataclass(frozen=True)
 class Pushed:
-    """A log of a robot that was pushed.
-
-    Attributes:
-        robot: the robot.
-        point: frame at whose origin it was pushed.
-        weight: of what moves [N].
-        table: the log.
-        chosen: its map.
-    """
+    """A log of a robot: the frame at which it was pushed, the weight [N] of what moves, its table and map."""
 
     robot: PlainRobot
     point: str

@@ -1,9 +1,6 @@
-"""Draw records of a robot on rails from the statistics that `kalman` and `smoother` assume, to judge their deviations.
+"""Draw records of a robot on rails from the statistics that `kalman` and `smoother` assume, to judge deviations."""
 
-The true motion is given. Forces walk, the rows err by the least misfit, and the torques of joints and base are what
-keeps the motion, so that over each interval the trapezoid of the equations of motion holds exactly. The sensors of
-velocity and torque add white noise.
-"""
+# Torques keep the given motion, so that over each interval the trapezoid of the equations of motion is exact.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,10 +19,7 @@ SENSORS = (0.02, 0.01, 0.05)
 
 @dataclass(frozen=True)
 class Rails:
-    """A true motion, and what the observers keep of its samples: momentum, C^T v - g, velocity, Jacobian.
-
-    `misfit` says whether the rows err as the observers expect at least.
-    """
+    """A true motion, and what observers keep of its samples; `misfit`: the rows err as they expect at least."""
 
     model: pin.Model
     time: Vector

@@ -1,7 +1,4 @@
-"""What a lifting line answers to: closed forms of the classics, and numbers of an unsteady vortex lattice.
-
-Small angles, lift slope 2 pi. s is the distance flown in semichords, k = w b/U the reduced frequency.
-"""
+"""What a lifting line answers to: closed forms for small angles, and numbers of a vortex lattice; s in semichords."""
 
 from typing import NamedTuple
 
@@ -31,11 +28,9 @@ LATTICE_FLAP = FlapLoads(lift_rms=0.3526, lift_max=0.529, thrust_mean=0.0636)
 
 
 class LatticeCase(NamedTuple):
-    """A motion of the same wing by the same solver, over its third cycle; amplitude sin(2 pi 5 t), angles in degrees.
+    """A motion of the same wing by the same solver, third cycle; amplitude sin(2 pi 5 t), angles in degrees."""
 
-    `lift` [N] is the mean and the complex amplitudes of the first three harmonics (real: a cosine), `moment` [N m] the
-    mean and the first harmonic of the nose-up moment about the leading edge of the root, `thrust` [N] its mean.
-    """
+    # `lift` [N]: mean and three complex harmonics; `moment` [N m]: of the root's leading edge, nose up; `thrust` [N].
 
     motion: dict[str, float]
     lift: tuple[complex, ...]
@@ -87,10 +82,7 @@ def lattice(name: str) -> LatticeCase:
 
 
 def wagner(s: float) -> float:
-    """Return Wagner's function (1925): lift after a step, over its final value.
-
-    It is Theodorsen's function inverted by Laplace along its branch cut; to 1e-6 for s up to 100.
-    """
+    """Return Wagner's function (1925), lift after a step: Theodorsen's, by Laplace along its branch cut; to 1e-6."""
 
     def decay(x: float) -> float:
         return float(np.exp(-s * x) / x**2 / ((k0(x) - k1(x)) ** 2 + (np.pi * (i0(x) + i1(x))) ** 2))
@@ -106,10 +98,7 @@ def jones(s: ArrayLike) -> Array:
 
 
 def indicial_rise(aspect_ratio: float, s: ArrayLike) -> Array:
-    """Return R. T. Jones's lift after a step over its final value, of an elliptic wing of aspect ratio 3 or 6.
-
-    NACA TR 681 (1940); s in semichords.
-    """
+    """Return R. T. Jones's lift after a step (NACA TR 681, 1940), of an elliptic wing of aspect ratio 3 or 6."""
     size, rate = {3.0: (0.283, 0.540), 6.0: (0.361, 0.381)}[aspect_ratio]
     return np.asarray(1.0 - size * np.exp(-rate * np.asarray(s, float)))
 
@@ -135,17 +124,8 @@ class Plunge(NamedTuple):
 
 
 def plunge(amplitude: float, frequency: float, airspeed: float, chord: float, air_density: float) -> Plunge:
-    """Return lift after Theodorsen (1935), thrust and efficiency after Garrick (1936), of a plunging flat plate.
-
-    L = 2 pi rho U b h w |C|, with added mass |C + i k/2|; T = pi rho b (h w |C|)^2; efficiency |C|^2 / Re C.
-
-    Args:
-        amplitude: h [m].
-        frequency: w / (2 pi) [Hz].
-        airspeed: U [m/s].
-        chord: 2 b [m].
-        air_density: rho [kg/m3].
-    """
+    """Return lift after Theodorsen (1935), thrust and efficiency after Garrick (1936), of a plunging flat plate; SI."""
+    # L = 2 pi rho U b h w |C|, with added mass |C + i k/2|; T = pi rho b (h w |C|)^2; efficiency |C|^2 / Re C.
     omega, semichord = 2.0 * np.pi * frequency, chord / 2.0
     k, speed = omega * semichord / airspeed, amplitude * omega
     lag = complex(theodorsen(k))
@@ -163,22 +143,11 @@ class Pitch(NamedTuple):
 
 
 def pitch(k: float, axis: float, amplitude: float, airspeed: float, semichord: float, lag: complex) -> Pitch:
-    """Return lift and moment after Theodorsen (NACA TR 496, 1935), thrust after Garrick (TR 567, 1936), in 1.225 kg/m3.
-
-    With a the axis, in semichords behind mid-chord, Q = U th + b (1/2 - a) th', and th = amplitude e^(i w t):
-
-        L = pi rho b^2 (U th' - b a th'') + 2 pi rho U b C Q
-        M = -pi rho b^2 (b (1/2 - a) U th' + b^2 (1/8 + a^2) th'') + 2 pi rho U b^2 (a + 1/2) C Q
-        T = pi rho b / 2 (2 C Q - b th')^2 - th L
-
-    Args:
-        k: reduced frequency.
-        axis: a [semichords].
-        amplitude: of the angle, nose up [rad].
-        airspeed: U [m/s].
-        semichord: b [m].
-        lag: C(k).
-    """
+    """Return lift and moment after Theodorsen (NACA TR 496, 1935), thrust after Garrick (TR 567, 1936), 1.225 kg/m3."""
+    # With a the axis, in semichords behind mid-chord, Q = U th + b (1/2 - a) th', and th = amplitude e^(i w t):
+    # L = pi rho b^2 (U th' - b a th'') + 2 pi rho U b C Q
+    # M = -pi rho b^2 (b (1/2 - a) U th' + b^2 (1/8 + a^2) th'') + 2 pi rho U b^2 (a + 1/2) C Q
+    # T = pi rho b / 2 (2 C Q - b th')^2 - th L
     rho, U, b, a = 1.225, airspeed, semichord, axis
     s = 1j * k * U / b
     rate, second = s * amplitude, s**2 * amplitude
@@ -197,11 +166,9 @@ def elliptic(aspect_ratio: float, incidence: float) -> tuple[float, float]:
 
 
 def rectangular(aspect_ratio: float, incidence: float) -> tuple[float, float]:
-    """Return CL and CDi of a rectangular wing at an incidence [rad]: Glauert's series (1926), 60 odd terms.
-
-    Gamma = 2 S U sum_n A_n sin(n theta), mu = 2 pi c/(4 S): sum_n A_n sin(n theta) (n mu/sin(theta) + 1) = mu a, asked
-    for midway between the angles that a `LiftingLine` uses; CL = pi AR A_1, CDi = pi AR sum_n n A_n^2.
-    """
+    """Return CL and CDi of a rectangular wing at an incidence [rad]: Glauert's series (1926), 60 odd terms."""
+    # Gamma = 2 S U sum_n A_n sin(n t), mu = 2 pi c/(4 S): sum_n A_n sin(n t) (n mu/sin(t) + 1) = mu a, midway between
+    # the angles of a `LiftingLine`; CL = pi AR A_1, CDi = pi AR sum_n n A_n^2.
     terms = np.arange(1, 120, 2)
     theta = (np.arange(len(terms)) + 0.5) * np.pi / (2 * len(terms))
     mu = 2.0 * np.pi / (4.0 * aspect_ratio)

@@ -1,11 +1,6 @@
-"""A program: publish the quadruped's walk on real ROS 2 topics, and keep the forces that a node makes of it.
+"""A program, `ros_walk.py NAME OUT.json RATE SAMPLES AHEAD`: publish the walk on ROS 2 topics, keep a node's forces."""
 
-    python ros_walk.py NAME OUT.json RATE SAMPLES AHEAD
-
-Stamps are Unix times, 2 ms apart; behind its end the walk begins again. RATE [Hz] is how fast samples are published;
-the pose comes with every second one. Where AHEAD samples have been published whose forces have not come, as it happens
-while other programs use all processors, publishing waits.
-"""
+# RATE [Hz]; stamps are 2 ms apart, a pose with every second; it waits where AHEAD samples have no forces yet.
 
 import gc
 import json

@@ -1,7 +1,4 @@
-"""The section law of the robot's strips on a wing without a robot: a lifting line on two links that share an origin.
-
-The robot's aerodynamics is called from Python with the memory that kernels read; only tests have a use for that.
-"""
+"""The section law of the robot's strips without a robot: a lifting line on two links, by the memory kernels read."""
 
 from typing import NamedTuple
 
@@ -24,10 +21,7 @@ class Loads(NamedTuple):
 
 
 def memory_of(line: LiftingLine, **options: float) -> Array:
-    """Put a lifting line's halves on two links that share the root's axes; no drag, no tail, no body.
-
-    The options are those of `air_memory`.
-    """
+    """Put a lifting line's halves on two links that share the root's axes; no drag, tail, body; see `air_memory`."""
     strips = np.arange(line.strips)
     link = np.where(line.y > -1e-9 * line.span, *HALVES).astype(np.intp)
     damping = 0.5 * line.semichord * line.added_mass * line.width
@@ -52,17 +46,7 @@ def settled_state(air: Array, twists: Array, size: int) -> Array:
 
 
 def fly_strips(air: Array, twists: Array, step: float, last: int) -> tuple[Array, Array]:
-    """Fly the strips from air at rest with the classical Runge-Kutta method.
-
-    Args:
-        air: memory of the strips.
-        twists: (2n + 1, 5, 6) of the links against the air at every half step.
-        step: [s].
-        last: how many steps to report.
-
-    Returns:
-        Strip loads (last, 9, N) and link wrenches (last, 5, 6) at the beginnings of the last steps.
-    """
+    """Fly by Runge-Kutta, twists (2n + 1, 5, 6) at half steps: last loads (last, 9, N) and wrenches (last, 5, 6)."""
     count, steps = len(fields_of(air, AirConstants).downwash), len(twists) // 2
     loads, wrenches = np.empty((last + 1, STRIP_ROWS, count)), np.empty((last + 1, len(LINKS), 6))
     state, rates = np.zeros(3 * count), np.empty(3 * count)
@@ -82,10 +66,7 @@ def fly_strips(air: Array, twists: Array, step: float, last: int) -> tuple[Array
 
 
 def fly_on_links(line: LiftingLine, stroke: Stroke, cycles: int = CYCLES) -> Loads:
-    """Fly a stroke through the robot's kernel: loads over its last cycle, at `STEPS` even instants.
-
-    The added mass of a half is its matrix G, times the rate of (v_z, omega_x, omega_y), which Fourier's series gives.
-    """
+    """Fly a stroke through the robot's kernel: loads of its last cycle; G's added mass by rates of Fourier's series."""
     now = [stroke(k / (2 * STEPS * stroke.frequency)) for k in range(2 * STEPS)]
     twist = np.array([each.twist for each in now])
     twists = np.zeros((2 * STEPS * cycles + 1, len(LINKS), 6))

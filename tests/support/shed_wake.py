@@ -10,11 +10,8 @@ DENSITY = 1.225  # [kg/m3]
 
 
 def impulse_lift(wake: Wake) -> float:
-    """Return the mean rate of the wake's vertical impulse [N], while it sheds in still air.
-
-    A ring of strength Gamma has the impulse rho Gamma times its area: what a strip leaves behind in a second is a ring
-    around the area that its trailing edge sweeps, seen from above.
-    """
+    """Return the mean rate of the wake's vertical impulse [N], while it sheds in still air."""
+    # rho Gamma times a ring's area: what a strip leaves in a second is around what its trailing edge sweeps.
     ends = wake.position[:, :1], wake.position[:, -1:]
     edges = np.concatenate([ends[0], 0.5 * (wake.position[:, 1:] + wake.position[:, :-1]), ends[1]], axis=1)
     swept = np.cross(np.gradient(wake.position, wake.time, axis=0), edges[:, :-1] - edges[:, 1:])

@@ -40,17 +40,8 @@ def swing(
     wrong: float = 0.0,
     rotors: float = 0.0,
 ) -> None:
-    """Write a table of the arm that moves all joints, and its URDF beside it.
-
-    Args:
-        file: the table.
-        seed: of the motion, of the noise and of what is wrong.
-        factors: true torque over effort of each joint.
-        payload: mass [kg] and centre in `tool` [m] of what it carries.
-        wrong: standard deviation of the true masses over the URDF's, and a third of it of their centres [-, m]; the
-            links are the same for every seed.
-        rotors: inertia of each joint's rotor behind its gear [kg m2], which the URDF leaves out.
-    """
+    """Write a table of the arm that moves all joints, and its URDF: `factors` torque over effort, `payload` [kg, m]."""
+    # `wrong`: deviation of the true masses over the URDF's, a third of centres; `rotors` [kg m2], not in the URDF.
     (file.parent / "six.urdf").write_text(six_joints())
     model, rng = pin.buildModelFromXML(six_joints()), np.random.default_rng(seed)
     for k, body in enumerate(model.inertias.tolist()[1:], start=1):

@@ -1,14 +1,4 @@
-"""Small recordings and their maps, the same every time: `PYTHONPATH=.:tests python -m support.small_recordings FOLDER`.
-
-| file | recording | maps |
-|---|---|---|
-| `arm_free.csv`, `arm.csv` | an arm that swings freely, and pushed | `arm.toml` for a calibration, `arm_fit.toml` |
-| `walk.csv`, `walk.nc`, `walk` | a quadruped as table, NetCDF and bag | `walk.toml`, `cell.toml`; `walk_bag.toml` |
-| `drone.csv`, `drone_wind.csv` | a quadrotor, and another flight in wind | `drone.toml`; `drone_known.toml`: no fit |
-| `hall.csv`, `hall_free.csv`, `hall_raw.csv` | Aerobat's tables: `paper`, without forces, raw samples | |
-
-`sweep.toml` is a sweep of four short flights.
-"""
+"""Small recordings and maps: `PYTHONPATH=.:tests python -m support.small_recordings FOLDER`; arm, walk, drone, hall."""
 
 import copy
 import sys

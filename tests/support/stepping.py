@@ -23,19 +23,7 @@ def stage_mean(stages: tuple[Any, ...]) -> np.ndarray:
 def step(
     rates: Rates[Output], retract: Retraction, t: float, q: Array, y: Array, dt: float
 ) -> tuple[Array, Array, tuple[Output, ...]]:
-    """Integrate equations given as a Python function over one step.
-
-    Args:
-        rates: function (t, q, y) -> velocity of q in its tangent space, rate of y, and any further output.
-        retract: function (q, tangent) -> q.
-        t: start time [s].
-        q: point on the manifold.
-        y: vector state.
-        dt: time step [s].
-
-    Returns:
-        The point q and the vector y at t + dt, and the further outputs of the four stages.
-    """
+    """Integrate rates(t, q, y) -> (tangent of q, rate of y, output) over a step; return q, y, the stages' outputs."""
     start, state, slopes = np.array(y, float), np.array(y, float), np.zeros((4, len(y)))
     velocities: list[Array] = []
     outputs: list[Output] = []

@@ -47,13 +47,8 @@ def write_log(
     rubs: float = 1.0,
     late: float = 0.0,
 ) -> np.ndarray:
-    """Write a log of the arm; return the force (n, 3) on it [N], which acts at `lever` [m] from its tool (world axes).
-
-    Friction grows with the load and falls with the speed at first (Stribeck); at rest it is anything below. The arm
-    swings so many times as fast as `pace` says, and carries a `load`, a map's `payload`. Its first `still` joints rest.
-    Its `rotors` have an inertia [kg m2], seen at the first three joints; a tenth of it at the others. It rubs so many
-    times as much, and its efforts are `late` [s].
-    """
+    """Write a log of the arm; return the force (n, 3) on it [N], at `lever` [m] from its tool; Stribeck's friction."""
+    # It swings at a `pace`, carries a `load`; its first `still` joints rest; `rotors` [kg m2]; `late` efforts [s].
     model = pin.buildModelFromUrdf(str(URDF))
     if load is not None:
         frame = model.frames[model.getFrameId(load["frame"])]

@@ -40,12 +40,8 @@ def recording(
     ripple: float = 0.0,
     knock: tuple[float, float] = (0.0, 0.0),
 ) -> np.ndarray:
-    """Write a table of the arm, which is heavier than its URDF says; return the force (n, 3) at its tool [N].
-
-    The table has the force, too, as a sensor would show it (`fx`, `fy`, `fz`); `arm_map` does not use it. The first
-    joint turns with a mean rate `turning` [rad/s]; its gear's torque repeats with every turn, and half as much twice a
-    turn, by `ripple` [N m]. From and to the times of `knock` [s] 8 N push upwards.
-    """
+    """Write a table of the arm, heavier than its URDF; return the force (n, 3) at its tool [N], also as a sensor's."""
+    # Mean rate `turning` [rad/s]; its gear's `ripple` [N m]; 8 N upwards from and to the times of `knock` [s].
     model = pin.buildModelFromXML(arm())
     for k, inertia in enumerate(model.inertias.tolist()):
         model.inertias[k] = pin.Inertia(HEAVIER * inertia.mass, inertia.lever, HEAVIER * inertia.inertia)

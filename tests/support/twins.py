@@ -1,9 +1,4 @@
-"""Readable numpy twins of the compiled kernels: the same equations, by Pinocchio's and scipy's own functions.
-
-Nothing here is compiled, packed or written in place. Generalised forces come from Pinocchio's Jacobians where the
-kernels climb the tree, rotations and positions from `oMi` where they chain `liMi`, and the base is moved by SE(3)'s
-own retraction where the plant moves the whole configuration.
-"""
+"""Readable numpy twins of the compiled kernels, by Pinocchio's Jacobians, `oMi` and SE(3)'s own retraction."""
 
 from collections.abc import Sequence
 
@@ -27,11 +22,8 @@ Vector = np.ndarray
 
 
 def hold_wrench(hold: AttitudeHold, position: Vector, rotation: Vector, twist: Vector) -> Vector:
-    """Return the hold's wrench (6,) in body axes.
-
-    torque, body axes: sat(kp f log3(R^T R_ref) - kd omega), f the smooth step of degree five from 1 at 90 deg of error
-    to 0 at 180; force, world axes: x sat(kx (vx_ref - vx)), y 0, z lift + sat(kz (z_ref - z) - dz vz).
-    """
+    """Return the hold's wrench (6,) in body axes: torque sat(kp f log3(R^T R_ref) - kd omega), f: 1 at 90 deg, to 0."""
+    # Force, world axes: x sat(kx (vx_ref - vx)), y 0, z lift + sat(kz (z_ref - z) - dz vz).
     velocity = rotation @ twist[:3]
     error = pin.log3(rotation.T @ hold.rotation)
     s = np.clip(2.0 - np.linalg.norm(error) / (np.pi / 2.0), 0.0, 1.0)
@@ -53,11 +45,7 @@ def forces_at_points(
     noise: Vector,
     steps: Vector,
 ) -> Vector:
-    """Return the unknown forces (2, p, 3) at their points in world axes, with and without noise.
-
-    Force i has size A sin(elbow) + step_i (+ noise_i) along its direction, which turns with link, body or not at all;
-    forces at one point add up. Needs `updateFramePlacements` of the data.
-    """
+    """Return forces (2, p, 3) at points, world axes, with and without noise: A sin(elbow) + step_i (+ noise_i)."""
     total = np.zeros((2, len(points), 3))
     for force, drawn, stepped in zip(forces, noise, steps, strict=True):
         frame = data.oMf[model.getFrameId(force.frame)].rotation
@@ -80,12 +68,8 @@ def at_joints(model: pin.Model, data: pin.Data, wrenches: Vector) -> Vector:
 def plant_rates(
     plant: Plant, q: Vector, v: Vector, joints: Vector, air: Vector, held: Vector, time: float = 0.0
 ) -> tuple[Vector, Vector, Forces, Vector]:
-    """Return base acceleration (6,), rate of the air, forces at this instant (no leading axis) and strip loads.
-
-    With F the sum of the generalised forces, H and h inertia and bias with added mass, b, j the rows of base and joints
-
-        H_bb a_b = F_b - h_b - H_bj theta''          u_m = H_jb a_b + H_jj theta'' + h_j - F_j
-    """
+    """Return base acceleration (6,), rate of the air, forces at this instant (no leading axis) and strip loads."""
+    # H_bb a_b = F_b - h_b - H_bj theta'', u_m = H_jb a_b + H_jj theta'' + h_j - F_j; H and h with added mass.
     model, robot = plant.model, plant.robot
     data = model.createData()
     M = pin.crba(model, data, q).copy()
@@ -169,17 +153,10 @@ def warmed_up(air: RobotAir, shape: Morphology, twists: Vector, dt: float, state
 def air_loads(
     air: RobotAir, shape: Morphology, twists: Vector, state: Vector, added: float = 1.0
 ) -> tuple[Vector, Vector, Vector]:
-    """Return wrenches (5, 6) on the links, rates of the state and loads (9, N), all from twists against the air.
-
-    The mid-chord of a link with twist (v, omega) sees V = v + omega x r, u = V_x forward and w = -V_z upward, and
-    U = hypot(u, w). The leading edge's share lead = c (3 - c^2) / 2, c = u / U, puts the 3/4-chord point a quarter
-    chord behind and the 1/4-chord point a quarter before mid-chord. At the latter act, times the strip's width,
-
-        f_x = lead suction - rho/2 c cd0 U u          f_z = lift + rho/2 c cd0 U w
-
-    and the couple -b/2 m lead u omega_y, with the strip's added mass m. A strip's velocities are means over its pieces,
-    weighted by their shares; each piece carries its share of the forces.
-    """
+    """Return wrenches (5, 6) on the links, rates of the state and loads (9, N), all from twists against the air."""
+    # u = V_x forward, w = -V_z upward at mid-chord, U = hypot(u, w); lead = c (3 - c^2) / 2, c = u / U, moves the point
+    # of w and that of the force a quarter chord apart; f_x = lead suction - rho/2 c cd0 U u, f_z = lift + rho/2 c cd0 U
+    # w, and the couple -b/2 m lead u omega_y. A strip's velocities are means over its pieces, which share its force.
     line, pieces = air.line, air.pieces
     points = np.column_stack([pieces.x, pieces.y, pieces.z])
 
@@ -226,13 +203,8 @@ def air_loads(
 
 
 def added_mass(plant: Plant, q: Vector, v: Vector, wind: Vector) -> tuple[Vector, Vector]:
-    """Return M_a (nv, nv) and C_a v less the air's share (nv,), strip by strip, from Pinocchio's Jacobians and rates.
-
-    n is the row that gives a piece's normal velocity at mid-chord, or its rate of turning about the span, which has the
-    weight m b^2 / 8; wind (2, 3) holds the air's velocity and its rate:
-
-        M_a = sum m n^T n          sum m n^T (n' v - d/dt(normal . v_air))
-    """
+    """Return M_a = sum m n^T n (nv, nv) and sum m n^T (n' v - d/dt(normal . v_air)) (nv,), by Pinocchio's Jacobians."""
+    # n: a piece's normal velocity, or its turning about the span with m b^2 / 8; wind (2, 3): velocity and its rate.
     model, air, line = plant.model, plant.air, plant.air.line
     data = model.createData()
     pin.computeJointJacobiansTimeVariation(model, data, q, v)
@@ -255,11 +227,8 @@ def added_mass(plant: Plant, q: Vector, v: Vector, wind: Vector) -> tuple[Vector
 
 
 def body_and_tail(air: RobotAir, shape: Morphology, twist: Vector, centre_downwash: float) -> Vector:
-    """Return the wrench (6,) of body drag and tail on the base, at its origin and in its axes.
-
-    Drag -rho/2 A |V| V at the origin. The tail, a plate turned by its incidence, sees its centre's velocity with part
-    of the wing's downwash, and pushes along its normal with rho/2 S a |along| across, a = 2 pi / (1 + 2 chord / span).
-    """
+    """Return the wrench (6,) of body drag -rho/2 A |V| V and tail on the base, at its origin and in its axes."""
+    # The tail, turned by its incidence, with part of the downwash: rho/2 S a |along| across, a = 2 pi / (1 + 2 c / b).
     density, drag, tail = air.line.air_density, shape.aerodynamics, shape.tail
     force = -0.5 * density * drag.body_drag_area * np.linalg.norm(twist[:3]) * twist[:3]
     wrench = np.concatenate([force, np.zeros(3)])

@@ -1,8 +1,4 @@
-"""A quadruped whose motion and foot forces are known exactly, as samples, as a table and as a ROS 2 bag.
-
-Base and joints move along sines. The foot forces are smooth, and corrected so that the base's six equations hold; the
-joint torques follow from Pinocchio's inverse dynamics. Nothing of the package under test takes part.
-"""
+"""A quadruped with exactly known foot forces, by Pinocchio alone, as samples, as a table and as a ROS 2 bag."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -148,11 +144,8 @@ def bag(
     unmeasured: tuple[str, ...] = (),
     unstamped: float = 0.0,
 ) -> None:
-    """Write a walk as a ROS 2 bag: topics at their own rates, recorded 3 ms after their stamps, with scatter.
-
-    The clock of the odometry is ahead of the others' [s], and by so much more every second. Efforts of unmeasured
-    joints are NaN. What is stamped before `unstamped` [s] has 0 for a stamp, as before a simulated clock runs.
-    """
+    """Write a walk as a ROS 2 bag: topics at their own rates, recorded 3 ms after their stamps, with scatter."""
+    # The odometry's clock is `ahead` [s] and drifts; efforts of unmeasured joints are NaN; 0 stamps until `unstamped`.
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 

@@ -1,11 +1,6 @@
-"""Watch what a command touches: an audit hook of Python notes each file that is written, deleted or read elsewhere.
+"""Watch by an audit hook (PEP 578) what a command opens, makes, renames, deletes: `with watched(writes, reads)`."""
 
-    with watched(writes=[out], reads=[here]):
-        ...
-
-The hook sees what Python opens, makes, renames and deletes (PEP 578), after all links; it does not see what a library
-opens without Python, as HDF5 and Pinocchio do.
-"""
+# It does not see what a library opens without Python, as HDF5 and Pinocchio do.
 
 import itertools
 import os
@@ -75,11 +70,7 @@ sys.addaudithook(_hook)
 
 @contextmanager
 def watched(writes: Iterable[Path], reads: Iterable[Path]) -> Iterator[None]:
-    """Fail if a file is changed or read in the `with` block that is not below one of these folders.
-
-    Python's and the system's own files may be read; temporary files, compiled kernels and the folder of settings of a
-    library may be written too. Missing folders on the way to `writes` may be made, and removed.
-    """
+    """Fail if a file is changed or read in the block not below these folders; Python's, temporary ones may be."""
     writable = [Path(os.path.realpath(path)) for path in writes]
     readable = [*writable, *(Path(os.path.realpath(path)) for path in reads), ROOT, *PYTHON, *SYSTEM]
     _seen.append([])

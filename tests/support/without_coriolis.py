@@ -1,8 +1,6 @@
-"""The generalised residual by an observer that never asks for the Coriolis matrix, and robots that put it to the test.
+"""The generalised residual without the Coriolis matrix: p by inverse dynamics."""
 
-p = M v is what inverse dynamics gives for the acceleration v at rest, less gravity. Where v is constant, p changes only
-because M does, so C^T v - g = Mdot v - nle with Mdot v = dp/dh at q + h v, by central differences of sixth order.
-"""
+# C^T v - g = Mdot v - nle, Mdot v = dp/dh at q + h v by central differences of sixth order.
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -99,10 +97,7 @@ def residual(model: pin.Model, time: Vector, q: Vector, v: Vector, u: Vector) ->
 
 
 def random_record(model: pin.Model, count: int = 4) -> tuple[Vector, Vector, Vector, Vector]:
-    """Return time (m + 1,), q (m + 1, nq), v (m + 1, nv) and u (m, nv) of samples that are 1 s apart.
-
-    Nothing moves like that, but the difference of momenta does not hide the drift, as it would in a short step.
-    """
+    """Return time, q, v (m + 1, n) and u (m, nv) of samples 1 s apart, whose momenta do not hide the drift."""
     rng = np.random.default_rng(2)
     q = [pin.integrate(model, pin.neutral(model), rng.uniform(-1.0, 1.0, model.nv)) for _ in range(count + 1)]
     v, u = rng.uniform(-1.0, 1.0, (count + 1, model.nv)), rng.uniform(-1.0, 1.0, (count, model.nv))

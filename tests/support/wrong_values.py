@@ -323,10 +323,7 @@ HARMLESS = ("empty", "-1", "wrong shape")  # where an array of any shape or sign
 
 
 def fault(name: str, argument: str, kind: str) -> str:
-    """Call a function with one wrong argument; return what is wrong with its answer, or nothing.
-
-    Right answers are an AerobatError that names the argument or the value, and a result if the value is allowed.
-    """
+    """Call a function with one wrong argument: right are an AerobatError that names it, or a result if allowed."""
     call, value = calls()[name], WRONG[kind]()
     label = f"{name}({argument}={kind})"
     try:
@@ -347,11 +344,7 @@ ALLOWED = {"None": ("None",), "text": ("str", "Path"), "texts": ("Sequence[str]"
 
 
 def api_case(rng: np.random.Generator) -> tuple[str, str]:
-    """Draw one wrong argument of one public function, and call it.
-
-    Returns:
-        The label of the case, and what is wrong with the answer: nothing if the case is refused as it should be.
-    """
+    """Draw and call with one wrong argument of one public function; return the label, and what is wrong, or nothing."""
     name = str(rng.choice(list(calls())))
     argument = str(rng.choice(list(calls()[name].arguments)))
     kind = str(rng.choice(list(WRONG)))

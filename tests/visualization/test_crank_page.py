@@ -1,7 +1,4 @@
-"""`aerobat crank`: the page closes the linkage as Python does; mouse, keys and touch use it, on a telephone too.
-
-`open_robot`: meshcat shows the robot large and whole, and Python turns the crank in it.
-"""
+"""`aerobat crank`: the page closes the linkage as Python does, by mouse, keys and touch; `open_robot` in meshcat."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -59,10 +59,7 @@ def in_the_middle(point: tuple[float, float], line: np.ndarray) -> bool:
 
 
 def test_a_bars_name_stands_on_the_bar_of_its_lengths() -> None:
-    """On a linkage whose bars all differ: the line with a side whose middle has the name, and all its corners.
-
-    Sides are those of the morphology's lengths: L2 has its pins at (0, 0), (L2b, L2c) and (L2a, 0), and so on.
-    """
+    """On a linkage whose bars all differ: each side, as the morphology's lengths say, has its name at its middle."""
     bars = replace(LINKAGE.lengths, L4=36.5e-3, L6=35.5e-3)
     bend = complex(bars.L3a + bars.L3c * np.sin(bars.alpha3), bars.L3c * np.cos(bars.alpha3))
     rocker = np.exp(-1j * bars.alpha3) * complex(-bars.L3b, bars.L3c)

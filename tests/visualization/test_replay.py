@@ -47,10 +47,7 @@ def newtons_per_centimetre(page: Any) -> float:
 
 @needs_browser
 def test_it_plays_from_disk_as_long_as_the_flight_and_pauses(page: Any) -> None:
-    """Offline, without an error; a click on the button stops it, the time bar seeks, and buttons choose its speed.
-
-    From 1/50 to real time; the one that holds is marked.
-    """
+    """Offline, without an error; a click on the button stops it, the bar seeks, buttons mark speeds from 1/50 to 1."""
     assert page.evaluate("viewer.animator.duration") == pytest.approx(2.0, abs=1e-3)
     assert page.evaluate("viewer.animator.mixer.timeScale") == SLOW_MOTION
     page.get_by_role("button", name="pause").click()

@@ -41,10 +41,7 @@ def overlaps(found: list[tuple[str, Any]]) -> list[tuple[str, str]]:
 @needs_browser
 @pytest.mark.parametrize("size", [SIZES[0], SIZES[2], *further((SIZES[1],))])
 def test_the_replays_controls_cover_nothing(paper_folder: Path, browser: Any, size: tuple[int, int]) -> None:
-    """Folded or not, all of it is on the screen; on a phone the legend begins folded and buttons fit a finger.
-
-    Where a window becomes as small as a phone, upright and across, no panel covers another; the robot is seen.
-    """
+    """Folded or not, all is on the screen; on a phone it begins folded, buttons fit a finger, panels do not cover."""
     with opened(browser, (paper_folder / "replay.html").as_uri(), size=size) as page:
         ready(page)
         page.evaluate("animator.pause()")
@@ -71,10 +68,7 @@ def test_the_replays_controls_cover_nothing(paper_folder: Path, browser: Any, si
 
 @needs_browser
 def test_the_time_bar_follows_the_arrow_keys_and_the_replay_is_dark_by_night(page: Any) -> None:
-    """Even right after the bar was used; one estimate is shown at a time, the keys are named, the report is linked.
-
-    By night panels and sky are dark, also when it falls while the page is open; the true force is then light.
-    """
+    """Even right after the bar was used; one estimate is shown, keys are named; at night panels and sky are dark."""
     node = 'viewer.scene_tree.find(["meshcat", "world", "force", `estimated force (${name})`])'
     shown = f"(name) => {node}.object.visible"
     page.locator("#time").fill("1.25")
