@@ -87,9 +87,7 @@ def test_momentum_obeys_its_equation_along_a_forced_flight() -> None:
 
 
 @pytest.mark.parametrize("reference", [LOCAL, ALIGNED, WORLD], ids=lambda reference: reference.name)
-def test_external_forces_enter_inverse_dynamics_as_minus_jacobian_transposed_times_wrench(
-    robot: Aerobat, reference: pin.ReferenceFrame
-) -> None:
+def test_external_forces_enter_inverse_dynamics_as_minus_J_T_f(robot: Aerobat, reference: pin.ReferenceFrame) -> None:
     """Derivation: rnea(fext) - rnea() = -J^T f, J in the frame of the wrench; linear, so all frames are pushed."""
     model, data, rng = robot.model, robot.model.createData(), np.random.default_rng(2)
     q, v, a = random_motion(0)

@@ -53,9 +53,7 @@ def moving_air(plant: Plant) -> list[tuple[int, np.ndarray, float]]:
 
 @pytest.mark.parametrize("settings", [(), ("air.wind=[1.5, -0.6, 0.4]",), ("air.gust.amplitude=[2.0, 1.0, -1.0]",)])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_the_force_is_minus_mass_times_the_rate_of_each_strips_normal_velocity(
-    seed: int, settings: tuple[str, ...]
-) -> None:
+def test_the_force_is_minus_mass_times_the_rate_of_normal_velocity(seed: int, settings: tuple[str, ...]) -> None:
     """What the plant logs against finite differences of kinematics along its own motion; no M_a, no C_a."""
     # A piece's force is -m d/dt(normal . (velocity - wind)), its couple -m b^2/8 times the rate of its turning.
     plant, time = plant_of("paper", COLD, *settings), 0.6

@@ -21,9 +21,7 @@ from aerobat_pin.aerodynamics import LiftingLine
         *further(("flap 30 deg", 4.4, 0.897, 1.172, 0.972, 0.299), ("flap 5 deg", 5.2, 0.925, 1.269, 1.127, 0.281)),
     ],
 )
-def test_lift_and_thrust_are_the_lattices(
-    name: str, lift: float, thrust: float, moment: float, quarter: float, centre: float
-) -> None:
+def test_loads_of_lattices(name: str, lift: float, thrust: float, moment: float, quarter: float, centre: float) -> None:
     """Lift rms error at most 6.5 %, thrust within 12 %; moments about leading edge and quarter chord as measured."""
     found = errors(flown(name), lattice(name))
     assert found.lift < 0.065

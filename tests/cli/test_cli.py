@@ -59,9 +59,7 @@ def test_the_same_seed_gives_the_same_metrics_in_any_process(tmp_path: Path) -> 
     assert len(set(written)) == 1
 
 
-def test_an_estimate_that_drowns_in_noise_is_told_what_helps(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_estimate_that_drowns_in_noise_says_what_helps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One line, only where sensors err and an R2 is below 0."""
     for name, settings, hints in (("noisy", ["sensors.gyro.noise=1.0"], 1), ("fine", ["sensors.gyro.noise=1e-9"], 0)):
         words = [word for one in settings for word in ("--set", one)]
@@ -80,9 +78,7 @@ def test_only_the_observers_asked_for_are_run(tmp_path: Path) -> None:
     assert list(json.loads((out / "metrics.json").read_text())["observers"]) == ["momentum"]
 
 
-def test_an_earlier_run_is_replaced_only_by_force_and_other_files_stay(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_only_force_replaces_a_run_and_other_files_stay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without --force the folder is refused untouched; with it only our own files change."""
     out = tmp_path / "run"
     out.mkdir()
@@ -101,9 +97,7 @@ def test_an_earlier_run_is_replaced_only_by_force_and_other_files_stay(
     assert (out / "metrics.json").exists()
 
 
-def test_a_way_that_leads_through_a_missing_folder_is_followed_before_it_is_judged(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_way_through_a_missing_folder_is_followed_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`missing/../mine` is `mine`: not empty, so refused, and nothing is made on the way."""
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "metrics.json").write_text("mine")

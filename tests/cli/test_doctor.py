@@ -143,9 +143,7 @@ def test_an_import_that_does_not_give_the_robot_library_is_a_finding(
     assert "URDF" not in findings
 
 
-def test_a_search_path_that_brings_nothing_of_ours_is_no_complaint(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_search_path_without_anything_of_ours_is_fine(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Other people's folders, folders that do not exist, and this package itself unpacked with what it needs."""
     together = tmp_path / "together"
     for name in ("numpy", "aerobat_pin"):

@@ -137,9 +137,7 @@ def test_a_suggested_map_is_a_map(folder: Path, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.parametrize("log", ["walk.csv", "walk_bag"])
-def test_a_robot_without_a_map_is_told_how_to_get_one(
-    log: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_robot_without_a_map_is_told_what_to_do(log: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """In one sentence, whatever the log is; it was told to name columns in a map that it did not have."""
     assert call("estimate", log, "--urdf", "quadruped.urdf", "--points", "FL_FOOT") == 2
     said = capsys.readouterr().err

@@ -97,9 +97,7 @@ FILES = {
         ),
     ],
 )
-def test_a_mistake_costs_one_message_exit_code_2_and_leaves_nothing(
-    arguments: list[str], message: str, tmp_path: Path
-) -> None:
+def test_a_mistake_costs_one_message_and_leaves_nothing(arguments: list[str], message: str, tmp_path: Path) -> None:
     """No traceback, no file, no folder, not even `runs/`; what was there before stays as it was."""
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)

@@ -111,9 +111,7 @@ def test_without_a_terminal_slow_work_is_told_in_lines(
     ]
 
 
-def test_a_step_that_says_nothing_itself_is_told(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_step_that_says_nothing_is_told(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     """By a thread of its own, which ends with the work."""
     monkeypatch.setattr(spoken_progress, "QUIET", 0.02)
     monkeypatch.setattr(spoken_progress, "TICK_TIME", 0.005)
@@ -170,9 +168,7 @@ LIBRARIES = (*SLOW, "numpy", "numba", "pinocchio", "xarray", "pandas", "pydantic
         ("list", (*SLOW, "xarray", "aerobat_pin.flight")),
     ],
 )
-def test_a_command_loads_nothing_slow_that_it_does_not_need(
-    tmp_path: Path, words: str, absent: tuple[str, ...]
-) -> None:
+def test_a_command_loads_nothing_slow_without_need(tmp_path: Path, words: str, absent: tuple[str, ...]) -> None:
     """A module is absent where it is not in `sys.modules`, or only a note there that says so."""
     # The first of two runs may have to compile kernels, which loads the compiler and scipy's linear algebra.
     code = (

@@ -171,9 +171,7 @@ def test_strings_comments_and_long_lists_are_free(text: str) -> None:
 @pytest.mark.parametrize(
     ("read", "error"), [(load_scenario, ScenarioError), (load_sweep, SweepError), (Morphology.load, MorphologyError)]
 )
-def test_all_three_doors_refuse_the_same_files(
-    read: Callable[[str | Path], object], error: type[Exception], tmp_path: Path
-) -> None:
+def test_three_doors_refuse_alike(read: Callable[[str | Path], object], error: type[Exception], tmp_path: Path) -> None:
     """The message names the file; a name that no file can have is the name of no file."""
     file = tmp_path / "deep.toml"
     file.write_text("a = " + 9000 * "[")

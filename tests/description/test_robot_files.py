@@ -143,9 +143,7 @@ def test_whoever_looks_in_ros_package_path_finds_the_meshes(monkeypatch: pytest.
 
 @pytest.mark.skipif(CMAKE is None, reason="no CMake on this machine: install it, e.g. `apt-get install cmake`")
 @pytest.mark.parametrize("ament", [True, False], ids=["ament", "plain"])
-def test_cmake_installs_every_data_file_where_ros_looks(
-    ament: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cmake_installs_all_data_where_ros_looks(ament: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With ament_cmake (a stand-in of it) and without; then Pinocchio finds the meshes through AMENT_PREFIX_PATH."""
     build, prefix, stand_in = tmp_path / "build", tmp_path / "prefix", tmp_path / "ament"
     stand_in.mkdir()

@@ -72,9 +72,7 @@ def test_a_link_to_a_folder_is_not_followed(target: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [errno.EINVAL, errno.ENOSYS, errno.EXDEV, errno.EPERM])
-def test_where_the_file_system_cannot_exchange_folders_a_warning_says_so(
-    number: int, target: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_file_systems_that_cannot_exchange_are_told(number: int, target: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise OSError(number, os.strerror(number))
 
@@ -107,9 +105,7 @@ def test_a_second_writer_is_refused_by_the_number_of_the_first(target: Path) -> 
     write(target)
 
 
-def test_a_work_folder_that_another_process_has_just_removed_is_made_again(
-    target: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_work_folder_that_was_just_removed_is_made_again(target: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between the moment in which it is opened and that in which its lock is: as of four that write at once."""
     opened, removed = folders.own_folder, list[str]()
 
@@ -164,9 +160,7 @@ def limited_memory() -> None:
     ],
     ids=["standard output closed", "current folder removed", "ulimit -v 300000"],
 )
-def test_surroundings_in_which_nothing_works_are_told_in_one_line(
-    words: list[str], what: Callable[[], None], said: str, tmp_path: Path
-) -> None:
+def test_hopeless_surroundings_are_told(words: list[str], what: Callable[[], None], said: str, tmp_path: Path) -> None:
     """Before anything is loaded or written; exit code 2."""
     done = subprocess.run(
         [*PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, check=False, preexec_fn=what
@@ -205,9 +199,7 @@ print(len(os.listdir("/proc/self/task")))
 @pytest.mark.parametrize(
     ("chosen", "expected"), [({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, min(2, os.cpu_count() or 1))]
 )
-def test_matrices_are_multiplied_by_one_thread_unless_somebody_asks_for_more(
-    chosen: dict[str, str], expected: int
-) -> None:
+def test_matrices_are_multiplied_by_one_thread_unless_more_is_asked(chosen: dict[str, str], expected: int) -> None:
     """The threads of BLAS wait for each other busily: beside another program an estimate took four times as long."""
     environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")} | chosen
     done = subprocess.run([sys.executable, "-c", MULTIPLYING], env=environment, capture_output=True, check=True)

@@ -113,9 +113,7 @@ def test_a_link_where_something_is_written_is_refused_and_not_followed(
 
 
 @pytest.mark.parametrize("name", ["runs/.aerobat-paper/lock", ".aerobat-crank.html"])
-def test_a_file_of_two_names_is_not_written(
-    name: str, outside: Path, here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_files_of_two_names_are_kept(name: str, outside: Path, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A hard link is no link to look at, but a file of somewhere else all the same."""
     (here / name).parent.mkdir(parents=True, exist_ok=True)
     os.link(outside / "private", here / name)
@@ -135,9 +133,7 @@ def result(target: Path, *, force: bool = False) -> None:
 
 @ON_BOTH
 @pytest.mark.parametrize("inside", [False, True], ids=["beside", "as the current folder"])
-def test_a_folder_of_figures_that_leads_elsewhere_is_refused(
-    inside: bool, outside: Path, here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_figures_that_lead_elsewhere(inside: bool, outside: Path, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Files of a result that cannot exchange its name are replaced one by one: through a link, those of others."""
     (here / "old").mkdir()
     (here / "old" / "a.txt").write_text("old")
@@ -194,9 +190,7 @@ def exchanged(path: Path, outside: Path, opened: Callable[..., int]) -> Callable
 
 @ON_BOTH
 @pytest.mark.parametrize("name", ["pages", "pages/.aerobat-a.html"])
-def test_a_link_that_is_put_there_meanwhile_is_not_followed(
-    name: str, outside: Path, here: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_links_put_there_later_are_kept(name: str, outside: Path, here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Between the check and the moment of writing, as another user can in a folder that he may write."""
     (here / "pages").mkdir()
     before = content(outside)

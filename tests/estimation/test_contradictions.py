@@ -92,9 +92,7 @@ def test_each_contradiction_is_named(name: str, recorded: FlightLog) -> None:
     ],
 )
 @pytest.mark.parametrize("late", [1, 12])
-def test_a_delay_is_measured_to_a_tenth_of_a_millisecond(
-    channel: str, columns: slice, pair: str, late: int, paper: Experiment
-) -> None:
+def test_a_delay_is_measured_to_a_tenth(channel: str, columns: slice, pair: str, late: int, paper: Experiment) -> None:
     """From one sample of 1 ms on, which costs an R2 of up to 0.1, and with its sign."""
     index = np.maximum(np.arange(len(paper.log.time)) - late, 0)
     measured = paper.log.measured.copy(deep=True)
@@ -134,9 +132,7 @@ def test_a_rounded_slow_signal_is_not_held(paper: Experiment) -> None:
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_warnings_stand_in_terminal_report_and_metrics(
-    recorded: FlightLog, here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_warnings_stand_in_all_outputs(recorded: FlightLog, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`aerobat estimate` on a table whose gyro is in deg/s: three places, one text."""
     wrong = changed(recorded, "v", slice(3, 6), recorded.measured["v"].values[:, 3:6] * 180.0 / np.pi)
     write_csv(wrong, here / "hall.csv")

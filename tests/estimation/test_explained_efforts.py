@@ -222,9 +222,7 @@ def test_a_factor_of_one_effort_is_told_of_that_effort(joint: int, rubs: float, 
 
 
 @pytest.mark.parametrize(("aside", "check"), [((0.0, 0.0, 0.1), "effort unit"), ((0.0, 0.1, 0.0), "effort sign")])
-def test_a_centre_of_mass_that_lies_aside_may_look_like_a_wrong_effort(
-    aside: Sequence[float], check: str, tmp_path: Path
-) -> None:
+def test_a_centre_of_mass_aside_may_look_like_wrong_effort(aside: Sequence[float], check: str, tmp_path: Path) -> None:
     """As in recordings of UR10s, whose common file has those of the wrist in its joints: only a unit was blamed."""
     said = told(tmp_path, 1, 0.5, arm=UR10, aside=aside, until=4.0)
     assert "wrist_1_joint" in said[-1].text

@@ -71,9 +71,7 @@ def test_factors_of_five_joints_are_told_and_the_sixth_is_not(folder: Path) -> N
 
 
 @pytest.mark.parametrize(("k", "joint", "factor", "told"), [(2, "elbow", 0.5, []), (1, "lift", -1.0, ["effort sign"])])
-def test_a_factor_that_is_fitted_is_no_wrong_unit(
-    k: int, joint: str, factor: float, told: list[str], folder: Path
-) -> None:
+def test_a_fitted_factor_is_no_wrong_unit(k: int, joint: str, factor: float, told: list[str], folder: Path) -> None:
     """Of half an effort another factor than the fitted one was warned of, in each later estimate, too."""
     factors = FACTORS * np.where(np.arange(6) == k, factor, 1.0)
     swing(folder / "far.csv", 1, factors)

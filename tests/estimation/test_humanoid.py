@@ -89,9 +89,7 @@ def test_a_push_at_a_hand_is_no_foot_in_the_air(log: pd.DataFrame, tmp_path: Pat
 
 
 @pytest.mark.evidence  # other tests say so of a walk and of an arm
-def test_soles_without_moments_are_a_wrong_model_and_straight_legs_show_no_weight(
-    log: pd.DataFrame, tmp_path: Path
-) -> None:
+def test_soles_without_moments_are_wrong_and_straight_legs_show_no_weight(log: pd.DataFrame, tmp_path: Path) -> None:
     """Squared errors of the rows are far larger than stated, which is said; what the legs do not show is not shown."""
     found = estimated(log, tmp_path, {"points": [HAND, *SOLES]})
     force, deviation, true = hand_of(found)

@@ -78,9 +78,7 @@ def by_imu(folder: Path) -> Result:
 
 
 @pytest.mark.parametrize(("source", "least"), [("imu", 0.995), ("joints", 0.9)])
-def test_a_base_without_position_gives_the_forces_of_the_feet(
-    folder: Path, by_imu: Result, source: str, least: float
-) -> None:
+def test_a_base_without_position_gives_forces_of_feet(folder: Path, by_imu: Result, source: str, least: float) -> None:
     """By an IMU that is turned and off the origin, and by the joints' rows with the base's velocity taken for 0."""
     found = by_imu if source == "imu" else estimate(recorded(folder / "log.csv", mapped(folder, source)))
     record = found.record

@@ -64,9 +64,7 @@ def counts(record: Record) -> list[int]:
 
 
 @pytest.mark.parametrize(("column", "empty"), [("bend_i", ""), ("lift_q", "nan"), ("turn_v", "")])
-def test_a_hole_in_one_joints_column_splits_the_record_there(
-    column: str, empty: str, swing: pd.DataFrame, tmp_path: Path
-) -> None:
+def test_a_hole_in_a_joints_column_splits_there(column: str, empty: str, swing: pd.DataFrame, tmp_path: Path) -> None:
     """From its last sample to the next one, by joint, channel and time; the stretches outside are as they were."""
     whole = opened(swing, tmp_path)
     table = swing.astype({column: object})
@@ -343,9 +341,7 @@ def test_rows_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(("digits", "rounded", "most"), [(2, "0.01 s", True), (3, "", False)], ids="{}".format)
-def test_stamps_with_too_few_digits_are_told_so(
-    digits: int, rounded: str, most: bool, swing: pd.DataFrame, tmp_path: Path
-) -> None:
+def test_stamps_with_too_few_digits(digits: int, rounded: str, most: bool, swing: pd.DataFrame, tmp_path: Path) -> None:
     """By name if most samples are lost: the verdict doubted nothing, and efforts were judged by what was left."""
     result = estimate(opened(swing.assign(t=swing.t.round(digits)), tmp_path), trust=True)
     checks = {finding.check for finding in result.findings}
@@ -591,9 +587,7 @@ def test_forces_that_no_robot_stands_are_doubted(swing: pd.DataFrame, tmp_path: 
 
 
 @pytest.mark.parametrize(("column", "value"), [("bend_q", 1e300), ("lift_v", -2e9), ("turn_i", 1e300)])
-def test_a_number_that_no_quantity_has_is_refused_by_its_place(
-    column: str, value: float, swing: pd.DataFrame, tmp_path: Path
-) -> None:
+def test_a_number_that_no_quantity_has_is_told(column: str, value: float, swing: pd.DataFrame, tmp_path: Path) -> None:
     """Damaged cells: squares of 1e300 overflow, and the scores were NaN."""
     damaged = swing.copy()
     damaged.loc[100, column] = value
@@ -633,9 +627,7 @@ WRAPPED = {  # what an angle [rad] is read as, and the map of that
 @pytest.mark.parametrize(
     ("kind", "more"), [("rad", {}), ("deg", FROM_POSITION), ("counts", {}), ("rad", FROM_POSITION)]
 )
-def test_an_angle_that_starts_again_after_a_turn_goes_on(
-    kind: str, more: dict[str, Any], turning: pd.DataFrame, tmp_path: Path
-) -> None:
+def test_an_angle_that_restarts_goes_on(kind: str, more: dict[str, Any], turning: pd.DataFrame, tmp_path: Path) -> None:
     """Forces are those of the angle that does not jump, and a note counts the jumps; it was a kilonewton."""
     read, joints = WRAPPED[kind]
     table = turning.copy()

@@ -126,9 +126,7 @@ def test_pieces_give_what_the_whole_gives(tmp_path: Path, request: pytest.Fixtur
     pd.testing.assert_frame_equal(*tables, atol=1e-5)
 
 
-def test_errors_that_last_are_remembered_over_the_border_of_a_block(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_errors_that_last_are_remembered_over_a_border(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A push on a link of which nobody asks ends just before it: what is believed afterwards is as in one block."""
     monkeypatch.setattr(six_joints, "RATE", 500.0)
     monkeypatch.setattr(six_joints, "SECONDS", 36.0)

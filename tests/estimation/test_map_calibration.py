@@ -329,9 +329,7 @@ def test_a_record_that_wants_a_negative_mass_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("points", "why"), [(["tool"], "no row is to spare"), ([], "no force is sought")])
-def test_a_model_that_nothing_can_check_says_why(
-    points: list[str], why: str, folder: Path, learnt: Calibration
-) -> None:
+def test_a_model_that_nothing_checks_says_why(points: list[str], why: str, folder: Path, learnt: Calibration) -> None:
     """Residuals alone had `"model": null`, as if there were no calibration."""
     record = recorded(folder / "pushed.csv", edited(arm_map(), {"robot.points": points}))
     told = estimate(record, calibration=learnt).metrics()["model"]

@@ -191,9 +191,7 @@ def test_a_slide_behind_a_spindle_moves_by_its_encoders_angle(tmp_path: Path) ->
     ("kinds", "of_x"),
     [(["revolute"], "hardly turns a joint"), (["prismatic", "revolute"], "the rows that show it err too much there")],
 )
-def test_a_component_is_hidden_by_the_pose_only_where_no_joint_feels_it(
-    kinds: list[str], of_x: str, tmp_path: Path
-) -> None:
+def test_a_component_is_hidden_only_where_no_joint_feels_it(kinds: list[str], of_x: str, tmp_path: Path) -> None:
     """A hinge hides two directions, Fy and another: of one it was said that rows err. On a slide it hides Fy alone."""
     robot_table(tmp_path, *kinds, motors=len(kinds)).to_csv(tmp_path / "log.csv", index=False)
     found = estimate(recorded(tmp_path / "log.csv", robot_map(len(kinds)))).findings
@@ -291,9 +289,7 @@ def test_slides_and_hinges_can_each_have_a_unit(tmp_path: Path) -> None:
         (["prismatic", "revolute"], (None, None, None)),
     ],
 )
-def test_a_suggestion_knows_what_slides_and_asks_for_efforts(
-    kinds: list[str], expected: tuple[str | None, ...], tmp_path: Path
-) -> None:
+def test_a_suggestion_knows_what_slides(kinds: list[str], expected: tuple[str | None, ...], tmp_path: Path) -> None:
     """A slide is in m, m/s and N; efforts that no column's name suggests are marked as missing, with their joint."""
     table = robot_table(tmp_path, *kinds, motors=len(kinds))
     names = {}
@@ -503,9 +499,7 @@ def test_a_passive_joint_needs_no_effort_and_its_row_is_believed(tmp_path: Path)
 
 @pytest.mark.usefixtures("unrendered")
 @pytest.mark.parametrize("kinds", [WHEEL, PLANAR_ARM, *further((HINGE,), (SLIDE,), (2 * SLIDE,))])
-def test_a_robot_of_one_joint_or_in_a_plane_goes_through_every_door(
-    kinds: tuple[str, ...], here: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_small_robots_pass_every_door(kinds: tuple[str, ...], here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Estimate by all observers with checks, friction, a known force and pages; self-check; calibrate; stream."""
     table, few = robot_table(here, *kinds, motors=len(kinds)), robot_map(len(kinds))
     table.to_csv("log.csv", index=False)

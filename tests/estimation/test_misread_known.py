@@ -87,9 +87,7 @@ def test_a_sensor_that_shows_a_constant_is_named_with_it(seed: int, tmp_path: Pa
         *further(("012345", "world", 'in axes = "frame"'), ("102345", "frame", "forces (y, x, z)")),
     ],
 )
-def test_a_sensor_of_other_axes_or_columns_is_named_with_them(
-    order: str, axes: str, said: str, seed: int, tmp_path: Path
-) -> None:
+def test_sensors_of_other_axes_or_columns_are_told(order: str, axes: str, said: str, seed: int, tmp_path: Path) -> None:
     """Another size of it was named, single efforts that would be reversed, or nothing."""
     [one] = told(tmp_path, seed, order=order, axes=axes)
     assert said in one.text

@@ -141,9 +141,7 @@ def test_a_reading_that_leaves_much_says_so(noisy: pd.DataFrame, tmp_path: Path)
 
 
 @pytest.mark.parametrize("factor", [2.0, *further(0.5)])
-def test_all_efforts_of_a_walk_that_rubs_are_wrong_by_a_factor(
-    noisy: pd.DataFrame, tmp_path: Path, factor: float
-) -> None:
+def test_efforts_of_a_walk_that_rubs_are_wrong_by_a_factor(noisy: pd.DataFrame, tmp_path: Path, factor: float) -> None:
     """Not the base, which would have to weigh less than nothing: most of what is needed is its weight."""
     log = noisy.copy()
     log[[f"{joint}_tau" for joint in JOINTS]] *= factor

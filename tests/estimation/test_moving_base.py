@@ -125,9 +125,7 @@ def ball_in_orbit(tumbles: bool = True, jets: float = 1.0) -> tuple[pd.DataFrame
         ("base.rate.axes", "world", [r"gyro against attitude: gyro seems .*base\.rate\.axes"]),
     ],
 )
-def test_forces_of_the_other_sign_and_rates_in_the_other_axes_are_named(
-    key: str, value: Any, told: list[str], tmp_path: Path
-) -> None:
+def test_forces_of_another_sign_and_rates_in_other_axes(key: str, value: Any, told: list[str], tmp_path: Path) -> None:
     table, values = ball_in_orbit()
     table.to_csv(tmp_path / "orbit.csv", index=False)
     found = estimate(recorded(tmp_path / "orbit.csv", edited(values, {key: value})), trust=True).findings

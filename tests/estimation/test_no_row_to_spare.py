@@ -91,9 +91,7 @@ def test_friction_that_nobody_knows_is_among_the_errors_where_no_row_is_to_spare
 
 
 @pytest.mark.parametrize("seed", [41, *further(42, 43, 44)])
-def test_friction_that_grows_with_the_load_makes_no_push_elsewhere_of_one_at_the_point(
-    seed: int, tmp_path: Path
-) -> None:
+def test_friction_that_grows_with_the_load_makes_no_push_elsewhere_of_a_push_here(seed: int, tmp_path: Path) -> None:
     """By 8 %: what no force explained leant 5 to 6 times as far as usual, while 14 N pushed at the tool."""
     record, _, _ = swung(tmp_path, scara(4, 0.15), seed, 0.2, 2.0, 0.08)
     assert [str(one) for one in estimate(record).findings if one.warns] == []
@@ -109,9 +107,7 @@ def test_a_joint_that_stops_while_others_move_makes_no_push_elsewhere(
 
 
 @pytest.mark.parametrize(("beside", "untested"), [(0.0, ["Fx", "Fy", "Fz"]), (0.15, ["Fz"])])
-def test_a_row_to_spare_that_feels_none_of_a_force_tests_nothing_of_it(
-    beside: float, untested: list[str], tmp_path: Path
-) -> None:
+def test_a_row_to_spare_that_feels_no_force_tests_nothing(beside: float, untested: list[str], tmp_path: Path) -> None:
     """A hand about the tool's axis: its row is to spare, and passed for a tested belief; a tool aside: two forces."""
     robot = scara(4, beside)
     record, _, _ = swung(tmp_path, robot, 41, 0.0, 1.5)

@@ -335,9 +335,7 @@ def test_swapped_legs_are_named(
         *further((0, 0.1, 0.0, 0), (20, 0.0, 0.0, 0.02), (180, 0.02, 0.1, 0.15)),
     ],
 )
-def test_an_arm_that_is_mounted_otherwise_is_told_how(
-    angle: float, noise: float, friction: float, within: float, tmp_path: Path
-) -> None:
+def test_an_arm_mounted_otherwise(angle: float, noise: float, friction: float, within: float, tmp_path: Path) -> None:
     """A UR5 is believed to be tilted, hung on a wall or from the ceiling: where gravity points is told."""
     record = planted(arm_table(tmp_path, known=load_robot("ur5")), together(rubbing(friction), noisy(noise)))
     believed, model = np.radians(angle), record.robot.model.copy()
@@ -351,9 +349,7 @@ def test_an_arm_that_is_mounted_otherwise_is_told_how(
 
 
 @pytest.mark.parametrize(("noise", "friction"), [(0.02, 0.2), *further((0.0, 0.0))])
-def test_efforts_to_which_a_controller_adds_the_weight_are_told_so(
-    noise: float, friction: float, tmp_path: Path
-) -> None:
+def test_efforts_to_which_a_controller_adds_weight_are_told_so(noise: float, friction: float, tmp_path: Path) -> None:
     """As of a command without gravity compensation, of a UR5 that swings, pushed; told so, it is good."""
     ur5 = load_robot("ur5")
     model = ur5.model.copy()
@@ -368,9 +364,7 @@ def test_efforts_to_which_a_controller_adds_the_weight_are_told_so(
 @pytest.mark.parametrize(
     ("kilograms", "place"), [(1.0, (0.15, 0.1, 0.0)), (4.0, (0.0, 0.0, 0.2)), *further((2.0, (0.1, 0.0, 0.1)))]
 )
-def test_a_load_beside_the_point_is_called_a_load(
-    kilograms: float, place: tuple[float, float, float], tmp_path: Path
-) -> None:
+def test_a_load_beside_the_point_is_a_load(kilograms: float, place: tuple[float, float, float], tmp_path: Path) -> None:
     """Of 1 to 4 kg that the robot's file lacks: a push and a moment, once wrong units; less its moments of inertia."""
     ur5 = load_robot("ur5")
     model, tool = ur5.model.copy(), ur5.model.frames[ur5.model.getFrameId("tool0")]
@@ -385,9 +379,7 @@ def test_a_load_beside_the_point_is_called_a_load(
 
 
 @pytest.mark.parametrize("factors", [(0.7, 0.7, 1.0, 0.7, 0.7, 0.7), (0.3, 1.0, 0.3, 0.5, 1.0, 1.0)])
-def test_wrong_factors_are_neither_another_mounting_nor_other_places(
-    factors: tuple[float, ...], tmp_path: Path
-) -> None:
+def test_wrong_factors_are_no_other_mounting_nor_other_places(factors: tuple[float, ...], tmp_path: Path) -> None:
     """As of currents whose torque constants are guessed: gravity would seem to be of another size."""
     record = arm_table(tmp_path, known=load_robot("ur5"))
     slips = [times(EFFORTS, factor, joint) for joint, factor in enumerate(factors)]

@@ -133,9 +133,7 @@ def test_what_is_shown_through_singular_poses_is_right_within_its_deviation(
 @pytest.mark.parametrize(
     ("rotors", "rate", "gain"), [(3.0, 100.0, 20.0), *further((0.0, 100.0, 20.0), (3.0, 1000.0, 5.0))]
 )
-def test_rotors_that_the_file_lacks_are_found_beside_the_forces(
-    rotors: float, rate: float, gain: float, tmp_path: Path
-) -> None:
+def test_rotors_that_the_file_lacks_are_found_besides(rotors: float, rate: float, gain: float, tmp_path: Path) -> None:
     """3 kg m2 behind the first joints' gears, or none; at 1 kHz, too, where stretches are long enough to settle."""
     force = write_log(tmp_path / "log.csv", 41, pushed, pace=2.5, rotors=rotors, rate=rate)
     chosen = arm_map(["tool0"]) | {"observer": {"gain": gain}}
@@ -147,9 +145,7 @@ def test_rotors_that_the_file_lacks_are_found_beside_the_forces(
     assert inside[found.shown].mean() > 0.9
 
 
-def test_a_short_push_is_the_only_contact_and_one_beside_the_point_is_said_with_its_time(
-    learnt: Calibration, tmp_path: Path
-) -> None:
+def test_a_short_push_is_the_only_contact_and_one_aside_is_told_with_time(learnt: Calibration, tmp_path: Path) -> None:
     """Two seconds of a push 25 cm beside the point show as the worst second; at the point they are the only contact."""
 
     def shortly(time: np.ndarray) -> np.ndarray:
@@ -178,9 +174,7 @@ def test_a_short_push_is_the_only_contact_and_one_beside_the_point_is_said_with_
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_what_the_pose_does_not_show_is_said_in_every_output(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_not_shown(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Without a calibration: nothing absurd, cells left empty, times and reason in words, shares in the metrics."""
     monkeypatch.chdir(folder)
     Path("map.toml").write_text(tomli_w.dumps(arm_map(["tool0"])))
@@ -319,9 +313,7 @@ def test_rest_does_not_hide_that_a_robot_changed_after_its_calibration(
 
 
 @pytest.mark.parametrize("wrong", ["rates", *further("held")])
-def test_a_free_recording_in_which_something_seems_to_push_is_refused_with_what_checks_found(
-    wrong: str, folder: Path, tmp_path: Path
-) -> None:
+def test_a_free_recording_that_seems_pushed_is_refused_with_findings(wrong: str, folder: Path, tmp_path: Path) -> None:
     """Rates of another unit and a logger that hung look like pushes; only these were named."""
     table = pd.read_csv(folder / "free.csv")
     if wrong == "rates":
@@ -439,9 +431,7 @@ def a_push_and_a_blow(time: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("force", [a_push_and_a_blow, *further(a_blow)])
-def test_a_blow_that_is_too_short_for_a_contact_is_named_beside_a_calibration(
-    force: Callable[..., np.ndarray], tmp_path: Path
-) -> None:
+def test_a_blow_too_short_for_a_contact_is_told_if_calibrated(force: Callable[..., np.ndarray], tmp_path: Path) -> None:
     """It was "no push that stands out", or the push alone, where the same log without a calibration told the blow."""
     chosen = edited(arm_map(["tool0"]), {"observer.gain": 100.0, "check": None})
     for name, seed, pushes in (("blow.csv", 84, force), ("free.csv", 184, nothing)):

@@ -107,9 +107,7 @@ def of_record(file: Path, log: FlightLog) -> dict[str, Estimate]:
     ],
     ids=str,
 )
-def test_a_table_gives_the_forces_of_its_arrays(
-    frame: pd.DataFrame, without: list[str], uneven: bool, tmp_path: Path
-) -> None:
+def test_a_table_gives_its_arrays_forces(frame: pd.DataFrame, without: list[str], uneven: bool, tmp_path: Path) -> None:
     """To 1e-12 of the largest, as a record and as a flight log; the crank's angle jumps, quaternions are rounded."""
     table = frame.drop(columns=without)
     if uneven:

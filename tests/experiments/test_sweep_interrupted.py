@@ -109,9 +109,7 @@ def interrupted(file: Path, folder: Path, count: int) -> None:
     assert count <= len(lines(folder)) < RUNS
 
 
-def test_a_sweep_interrupted_and_killed_ends_as_if_it_had_not_been(
-    file: Path, uninterrupted: Path, tmp_path: Path
-) -> None:
+def test_a_sweep_interrupted_and_killed_ends_undisturbed(file: Path, uninterrupted: Path, tmp_path: Path) -> None:
     """Ctrl-C and `kill -9` at random moments: no line is lost or flown again; code 130, one line, and it goes on."""
     tmp_path = tmp_path / "out"
     interrupted(file, tmp_path, 3)
@@ -143,9 +141,7 @@ def test_a_sweep_interrupted_and_killed_ends_as_if_it_had_not_been(
 
 
 @pytest.mark.evidence
-def test_ctrl_c_says_how_to_go_on_while_workers_are_just_starting(
-    file: Path, uninterrupted: Path, tmp_path: Path
-) -> None:
+def test_ctrl_c_says_how_to_go_on_while_workers_are_starting(file: Path, uninterrupted: Path, tmp_path: Path) -> None:
     interrupted(file, tmp_path, 0)
     run_sweep(load_sweep(file), tmp_path)
     same_tables(tmp_path, uninterrupted)
@@ -184,9 +180,7 @@ def test_a_killed_worker_costs_nothing_but_time(file: Path, uninterrupted: Path,
 
 
 @pytest.mark.evidence
-def test_a_cluster_survives_the_death_of_a_worker(
-    file: Path, uninterrupted: Path, cluster: LocalCluster, tmp_path: Path
-) -> None:
+def test_a_cluster_survives_a_death(file: Path, uninterrupted: Path, cluster: LocalCluster, tmp_path: Path) -> None:
     pids = [worker.pid for worker in cluster.workers.values()]
 
     def progress(finished: int, count: int, failed: int) -> None:

@@ -28,9 +28,7 @@ def log() -> FlightLog:
 
 @pytest.mark.parametrize("seeds", [range(1), *further(range(1, 5))])
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.number in (1, 2)], ids=lambda kind: kind.name)
-def test_a_bad_log_is_read_right_or_refused_in_one_message(
-    kind: Kind, seeds: range, log: FlightLog, tmp_path: Path
-) -> None:
+def test_a_bad_log_is_right_or_refused_in_a_message(kind: Kind, seeds: range, log: FlightLog, tmp_path: Path) -> None:
     """Each kind: an error of one line that names the file; a wrong attribute perhaps when the belief is loaded."""
     for seed in seeds:
         path = write_kind(kind, np.random.default_rng(seed), log, tmp_path)
@@ -83,9 +81,7 @@ def test_a_log_made_in_python_may_leave_out_labels_and_units(log: FlightLog, tmp
         (lambda m: m.attrs.update(air='{"density": -1}'), "attribute air: .*density"),
     ],
 )
-def test_a_message_names_channel_sample_and_what_was_expected(
-    change: object, message: str, log: FlightLog, tmp_path: Path
-) -> None:
+def test_a_message_names_channel_sample_and_limit(change: object, message: str, log: FlightLog, tmp_path: Path) -> None:
     measured = log.measured.copy(deep=True)
     change(measured)  # type: ignore[operator]
     measured.to_netcdf(tmp_path / "log.nc", engine="h5netcdf")
@@ -104,9 +100,7 @@ def test_no_other_file_is_opened(log: FlightLog, tmp_path: Path) -> None:
         FlightLog.load(tmp_path / "log.nc")
 
 
-def test_sizes_are_checked_before_anything_is_read(
-    log: FlightLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_sizes_are_checked_before_all_is_read(log: FlightLog, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a NetCDF file all channels together; of a table the bytes."""
     log.save(tmp_path / "log.nc")
     monkeypatch.setattr(checked_netcdf, "LARGEST_FILE", 50e3)

@@ -79,9 +79,7 @@ def changed(row: int, column: int, value: object) -> list[list[float]]:
         (HEADER, [[*row[:8], 1800.0 * row[0], 3.0] for row in table()], r"crank_angle .* turns by 18 rad .* degrees\?"),
     ],
 )
-def test_what_is_not_a_flight_is_refused_in_one_message(
-    tmp_path: Path, header: list[str], rows: list[list[float]], message: str
-) -> None:
+def test_what_is_no_flight_is_refused(tmp_path: Path, header: list[str], rows: list[list[float]], message: str) -> None:
     file = write(tmp_path / "hall.csv", header, rows)
     with pytest.raises(LogError, match=f"hall.csv.*{message}"):
         read_log(file)

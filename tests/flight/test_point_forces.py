@@ -73,9 +73,7 @@ def test_averaging_conserves_the_impulse(intervals: list[float], seed: int) -> N
 
 @pytest.mark.parametrize("axes", ["link", "body", "world"])
 @pytest.mark.parametrize("elbow", [-1.9, 0.5])
-def test_the_force_is_a_fifth_of_a_newton_times_the_sine_of_the_elbow_along_its_direction(
-    axes: str, elbow: float
-) -> None:
+def test_the_force_is_a_fifth_of_a_newton_times_the_elbows_sine_along_its_direction(axes: str, elbow: float) -> None:
     """Section III-A: f_t = 0.2 sin(q_e) + noise + step, along a direction fixed in the link, the body or the world."""
     settings = [f"unknown_force.0.axes={axes}", "unknown_force.0.direction=[0.6, 0.0, 0.8]", "air.warm_up_cycles=0"]
     robot = load_aerobat("aerobat_guard")

@@ -200,9 +200,7 @@ def test_a_record_that_cannot_be_written_costs_no_compilation() -> None:
 
 
 @compiled_only
-def test_what_was_compiled_before_changes_no_digit(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_earlier_compiling_changes_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Other callers of the same kernels come first, and their copies of them are then everybody's: design note 4."""
     done = subprocess.run([sys.executable, "-c", AFTER, "compiled"], capture_output=True, text=True, check=True)
     monkeypatch.setattr(sys, "argv", ["", "nothing"])

@@ -31,9 +31,7 @@ def kernels(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize("how", DAMAGES)
-def test_a_damaged_kernel_is_compiled_again(
-    how: str, end: str, kernels: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_damaged_kernels_are_made_again(how: str, end: str, kernels: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Without the checksum, bad machine code ends the process ("Aborted.") and a bad index is an unpickling error."""
     path = damage(kernels, end, how, np.random.default_rng(1))
     assert small_kernel(kernels)(np.ones(4), 0.5) == 2.0
@@ -79,9 +77,7 @@ def test_a_whole_file_under_a_wrong_name_is_not_run(tmp_path: Path, capsys: pyte
     assert "damaged, another's or of another version" in capsys.readouterr().err
 
 
-def test_a_file_that_is_gone_or_cannot_be_replaced_is_no_failure(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_file_that_is_gone_or_irreplaceable_is_fine(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A folder or a named pipe in the file's place; the second needs no more than to be replaced."""
     for make in (Path.mkdir, os.mkfifo):
         folder = tmp_path / make.__name__
@@ -148,9 +144,7 @@ def test_a_right_seal_of_ones_own_is_trusted(tmp_path: Path) -> None:
     assert (tmp_path / "run").exists()
 
 
-def test_a_shared_folder_for_kernels_is_used_below_a_private_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_shared_folder_for_kernels_is_used_by_private_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`NUMBA_CACHE_DIR` of several users; numba alone would take what lies in it."""
     shared = tmp_path / "shared"
     shared.mkdir()

@@ -19,9 +19,7 @@ from aerobat_pin.observers.rows import ROWS, BelievedRows
 @pytest.mark.parametrize(
     ("name", "rows"), [("arm", "all"), ("humanoid", "all"), *(("aerobat, turned frame", rows) for rows in ROWS)]
 )
-def test_observers_equal_their_twins_in_stream_and_batch(
-    name: str, rows: Rows, kind: type[Observer], gain: str
-) -> None:
+def test_observers_equal_twins_in_stream_and_batch(name: str, rows: Rows, kind: type[Observer], gain: str) -> None:
     """Random record, uneven stamps, one repeated; one gain for all or each its own; every choice of believed rows."""
     model, frames = MODELS[name]
     frames = frames if rows == "all" else frames[-1:]  # six or seven rows tell no more than one point apart

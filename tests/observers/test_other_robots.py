@@ -143,9 +143,7 @@ def test_every_observer_finds_a_known_force_on_other_robots(name: str, kind: typ
 @settings(max_examples=12, deadline=None)
 @given(name=draw.sampled_from(sorted(KINDS)), wanted=draw.sampled_from(["force", "wrench", "along"]), data=draw.data())
 @pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
-def test_every_observer_is_right_on_any_kind_of_robot_or_refuses_it(
-    kind: type[Observer], name: str, wanted: str, data: draw.DataObject
-) -> None:
+def test_observers_are_right_on_any_robot(kind: type[Observer], name: str, wanted: str, data: draw.DataObject) -> None:
     """What the rows that it believes show of the force that pushed is what it finds, as a record and as a stream."""
     model, frame = robot(name)
     believed: list[Rows] = ["all", "base", "base+power", AllBut("joint0")]

@@ -127,9 +127,7 @@ def _commands(page: str) -> bytes:
 
 
 @pytest.mark.parametrize("text", ROBOTS)
-def test_what_is_no_robot_is_refused_with_its_reason(
-    text: str, folder: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_what_is_no_robot_is_refused_with_reason(text: str, folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Pinocchio's parser leaves out what it cannot read, and tells it to the terminal alone: the error says it here."""
     (folder / "arm.urdf").write_text(text)
     with pytest.raises(LogError, match=ROBOTS[text]):
@@ -180,9 +178,7 @@ def triangles(material: str, count: int) -> str:
     [(triangles("red", 1), True), (triangles("red", 1) + triangles("blue", 3), False)],
     ids=["one material", "two"],
 )
-def test_a_collada_mesh_that_the_viewer_cannot_merge_is_drawn_as_triangles(
-    folder: Path, pieces: str, merged: bool
-) -> None:
+def test_a_collada_mesh_that_viewers_cannot_merge_is_triangles(folder: Path, pieces: str, merged: bool) -> None:
     """In the colour of most of them; any other goes into the page as the file that it is."""
     text = (
         COLLADA.format("bar.png")

@@ -49,9 +49,7 @@ def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @needs_browser
 @pytest.mark.parametrize("lengths", [{"L3b": 7.2e-3, "L5b": 9.3e-3}, *further({}, {"L5a": 12.4e-3, "L5b": 10.8e-3})])
-def test_it_draws_every_pin_where_python_closes_the_linkage(
-    lengths: dict[str, float], page_file: Path, browser: Any
-) -> None:
+def test_pins_are_where_python_closes_the_linkage(lengths: dict[str, float], page_file: Path, browser: Any) -> None:
     """Both sides, each pin on each of its bars, at 9 crank angles, to 1e-6 m; wings as the closure turns them."""
     shape = Morphology.load("aerobat")
     bars = replace(shape.linkage, **lengths)

@@ -85,9 +85,7 @@ def test_rows_alone_are_drawn_and_replayed() -> None:
         ),
     ],
 )
-def test_the_close_up_looks_where_something_happens(
-    name: str, row: int, span: tuple[float, float], legend: list[str]
-) -> None:
+def test_the_close_up_is_where_it_happens(name: str, row: int, span: tuple[float, float], legend: list[str]) -> None:
     """The axis and the time of the first event, of a step its onset; boxes are explained, and hide no line."""
     made = flown(name)
     figure = draw_all(made)["estimation"]

@@ -122,9 +122,7 @@ print([row[1] for row in rows if row[9] in sockets])
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_run_and_its_log_alone_become_pages(
-    paper_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_runs_and_logs_become_pages(paper_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The run's page is the run's own replay but for random names; a log is estimated on the way."""
     run, log = tmp_path / "run.html", tmp_path / "log.html"
     assert call("play", str(paper_folder), "--out", str(run)) == 0
@@ -138,9 +136,7 @@ def test_a_run_and_its_log_alone_become_pages(
     assert call("play", str(paper_folder), "--out", str(run), "--force") == 0
 
 
-def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_it(
-    paper: Experiment, tmp_path: Path
-) -> None:
+def test_a_recorded_table_is_played_by_the_robot_believed_to_have_flown_it(paper: Experiment, tmp_path: Path) -> None:
     """A table notes no robot: `--morphology` says it, as for `aerobat estimate`, else it is the default one."""
     short = paper.log.measured.isel(time=slice(201), interval=slice(200))
     write_csv(FlightLog(short), tmp_path / "log.csv")
@@ -151,9 +147,7 @@ def test_a_recorded_table_is_played_by_the_robot_that_is_believed_to_have_flown_
 
 
 @needs_browser
-def test_pictures_are_taken_at_the_rate_asked_for(
-    paper_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pictures_have_the_rate_asked(paper_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two seconds at 20 times their speed are three pictures; old ones do not stay; the time is all of the controls."""
     out = tmp_path / "frames"
     arguments = [str(paper_folder), "--frames", str(out), "--rate"]
