@@ -163,9 +163,7 @@ def verdict(copy: Path, mutant: Mutant) -> str:
     command += [file for file, _, _ in words] + [part for _, _, start in words if start for part in ("-k", start)]
     environment = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_DISABLE_JIT": str(int(mutant.file in KERNEL_SOURCES))}
     try:
-        done = subprocess.run(
-            command, cwd=copy, env=environment, capture_output=True, text=True, timeout=LONGEST, check=False
-        )
+        done = subprocess.run(command, cwd=copy, env=environment, capture_output=True, text=True, timeout=LONGEST)
     except subprocess.TimeoutExpired:
         return "killed: the tests do not end"
     if done.returncode == 1:

@@ -47,9 +47,7 @@ def test_a_free_flight_keeps_its_momenta(bars: str) -> None:
     """No gravity, heavy rotors: angular momentum to 1 % in 200 steps of 1 ms; light bars as prescribed, to 0.03 mm."""
     model, constraints = closed_model("aerobat", bars, gravity=0.0)
     robot = load_aerobat(gravity=0.0)
-    model.armature = 10.0 * np.isin(
-        np.arange(model.nv), [model.joints[model.getJointId(joint)].idx_v for joint in CRANKS]
-    )
+    model.armature = 10.0 * np.isin(np.arange(model.nv), [model.joints[model.getJointId(one)].idx_v for one in CRANKS])
     data, datas = closed_data(model, constraints)
     q, v, _ = closed_state(model, robot.linkage, DOWN, RATE)
     tau, settings, momenta, rows = np.zeros(model.nv), closed_settings(), [], []

@@ -43,9 +43,7 @@ def test_plunging_section_agrees_with_theodorsen_and_garrick(added_mass: float) 
     line = LiftingLine(1e9, 0.1, strips=1)
     theory = plunge(0.010, 5.0, 4.0, 0.1, 1.225)
     assert [round(value, 4) for value in theory[:3]] == [0.3139, 0.3038, 0.0080]
-    flight = fly(
-        line, Stroke(4.0, frequency=5.0, plunge=0.010), [0.0, *np.arange(2.0, 3.0, 2e-3)], added_mass=added_mass
-    )
+    flight = fly(line, Stroke(4.0, frequency=5.0, plunge=0.01), [0, *np.arange(2.0, 3.0, 2e-3)], added_mass=added_mass)
     thrust, _, lift = flight.force[-500:].T / line.width[0]
     expected = theory.lift if added_mass else theory.circulatory
     assert abs(amplitude(lift, 5)) == pytest.approx(expected, rel=0.01)

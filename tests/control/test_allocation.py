@@ -75,9 +75,7 @@ def test_roll_and_pitch_come_before_yaw_and_yaw_before_lift() -> None:
     """Too much of everything keeps most of its roll; too much lift is made rather than yaw."""
     allocation = Allocation(guard())
     wrench = np.array([0.2, 0.0, 1.4, 0.06, 0.0, 0.06])
-    left = np.abs(
-        allocation.unrealised(wrench, allocation.thrusts(wrench)) / np.array([0.2, 1.0, 1.4, 0.06, 1.0, 0.06])
-    )
+    left = np.abs(allocation.unrealised(wrench, allocation.thrusts(wrench)) / [0.2, 1.0, 1.4, 0.06, 1.0, 0.06])
     assert left[3] < 0.1
     assert left[3] < min(left[2], left[5])
     assert left[0] > max(left[2], left[5])

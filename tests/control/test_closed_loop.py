@@ -78,9 +78,7 @@ def test_metrics_log_and_note_tell_of_the_loop() -> None:
     command = log.measured["thruster_command"].values
     assert command.shape == (1400, 6)
     assert np.all(command >= 0.0)
-    np.testing.assert_allclose(
-        log.measured["known_thrusters"].values[:, :6], log.truth["thruster_wrench"].values, atol=1e-15
-    )
+    np.testing.assert_allclose(log.measured["known_thrusters"][:, :6], log.truth["thruster_wrench"].values, atol=1e-15)
 
 
 def test_a_flight_repeats_itself_to_the_bit() -> None:

@@ -57,9 +57,7 @@ def test_the_file_is_the_robot(name: str) -> None:
     """Names, mass, limits, one actuator; wings and force points are where the URDF has them; nothing ever touches."""
     robot, twin = load_aerobat(name), mujoco.MjModel.from_xml_path(MJCF[name])
     assert twin.body_mass.sum() == pytest.approx(robot.mass, rel=1e-12)
-    assert {twin.joint(i).name for i in range(1, twin.njnt)} == {
-        f"{side}_{hinge}" for side in SIDES for hinge in HINGES
-    }
+    assert {twin.joint(i).name for i in range(1, twin.njnt)} == {f"{at}_{hinge}" for at in SIDES for hinge in HINGES}
     assert [twin.actuator(i).name for i in range(twin.nu)] == ["crank"]
     assert twin.joint("left_elbow").range == pytest.approx(robot.morphology.joints.elbow_limits)
     tree, model = in_pinocchio(name), closed_model(name)[0]

@@ -46,7 +46,5 @@ def test_every_test_that_the_page_names_is_there() -> None:
     named = set(re.findall(r"`(test_\w+\.py)`", page))
     assert {name for name in named if not (folder / name).is_file()} == set()
     functions = set(re.findall(r"`(test_\w+)`", page))
-    held = {
-        name for file in folder.glob("test_*.py") for name in re.findall(r"^def (test_\w+)", file.read_text(), re.M)
-    }
+    held = {one for file in folder.glob("test_*.py") for one in re.findall(r"^def (test_\w+)", file.read_text(), re.M)}
     assert functions - held == set()

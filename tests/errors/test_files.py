@@ -162,9 +162,7 @@ def limited_memory() -> None:
 )
 def test_hopeless_surroundings_are_told(words: list[str], what: Callable[[], None], said: str, tmp_path: Path) -> None:
     """Before anything is loaded or written; exit code 2."""
-    done = subprocess.run(
-        [*PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, check=False, preexec_fn=what
-    )
+    done = subprocess.run([*PROGRAM, *words], cwd=tmp_path, capture_output=True, text=True, preexec_fn=what)
     assert (done.returncode, done.stdout) == (2, "")
     assert last_words(done).startswith(f"error: {said}")
     assert last_words(done).count("\n") == 1

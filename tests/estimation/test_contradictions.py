@@ -140,9 +140,7 @@ def test_warnings_stand_in_all_outputs(recorded: FlightLog, here: Path, capsys: 
     assert call(*words) == 0
     text, *more = json.loads((here / "found" / "metrics.json").read_text())["warnings"]
     assert text.startswith("gyro against attitude: in 0.1 s they differ by ")
-    assert any(
-        line.startswith("momentum: belief off by about ") for line in more
-    )  # a gyro in deg/s is no force's doing
+    assert any(line.startswith("momentum: belief off by about ") for line in more)  # a gyro in deg/s is no force
     assert f"warning: {text}\n" in capsys.readouterr().out
     assert "gyro against attitude" in (here / "found" / "report.html").read_text()
 

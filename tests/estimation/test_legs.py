@@ -239,9 +239,7 @@ def test_contacts_begin_and_end_where_the_weight_says(by_imu: Result) -> None:
     """Above 4 % of 100 N, if it reaches 8 %; a contact goes on over the edge of a block."""
     up = np.array([0.0, 5.0, 9.0, 5.0, 4.5, 3.0, 5.0, 7.9, 8.1, 50.0])
     np.testing.assert_array_equal(touching(up, 100.0), [0, 1, 1, 1, 1, 0, 1, 1, 1, 1])
-    assert contact_probability(np.array([3.0, 6.0]), np.array([1.0, 1.0]), 100.0) == pytest.approx(
-        [0.5, 0.99865], abs=1e-5
-    )
+    assert contact_probability(np.array([3.0, 6.0]), np.ones(2), 100.0) == pytest.approx([0.5, 0.99865], abs=1e-5)
     whole = by_imu.stored["force_level"]
     for weight, least in ((by_imu.record.robot.weight, 1), (1e9, 0)):
         edges = [0, *range(395, 470, 5), 1400]  # some lie between 4 % and 8 %

@@ -265,9 +265,7 @@ def test_a_clock_that_jumps_costs_no_sample_but_those_whose_time_is_lost(
     record = opened(table, tmp_path)
     assert any(finding in text for text in said(record)), said(record)
     if expected:
-        assert all(
-            abs(found - count) <= 1 for found, count in zip(sorted(counts(record)), sorted(expected), strict=True)
-        )
+        assert all(abs(one - count) <= 1 for one, count in zip(sorted(counts(record)), sorted(expected), strict=True))
         for ends in record.parts:
             time = record.times(*ends)
             true = time - (0.0 if -0.01 < time[0] < 2.0 else seconds)
@@ -445,9 +443,7 @@ def test_messages_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path)
     joint_states(tmp_path / "apart", swing[:100], {}, apart=True)
     record = recorded(tmp_path / "apart", {"robot": ROBOT, "joints": {"topic": "/joint_states"}})
     assert counts(record) == [100]
-    np.testing.assert_array_equal(
-        record.channels["joints.effort"].values[:], swing[[f"{joint}_i" for joint in record.joints]][:100]
-    )
+    np.testing.assert_array_equal(record.channels["joints.effort"].values[:], swing[[f"{j}_i" for j in JOINTS]][:100])
     assert any("100 of 200 samples have the stamp of the one before, and are merged" in text for text in said(record))
     some = {"topic": "/joint_states", "names": ["turn", "lift"]}
     with pytest.raises(MapError, match=r"bend have no channel; does /gripper have them\? Columns can be of several"):
@@ -469,9 +465,7 @@ def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -
         read()
     record = read(names={"Turn 1": "turn", "Lift 2": "lift"})
     assert record.joints == ("turn", "lift", "bend")
-    np.testing.assert_array_equal(
-        record.channels["joints.position"].values[:], swing[[f"{joint}_q" for joint in record.joints]][:100]
-    )
+    np.testing.assert_array_equal(record.channels["joints.position"].values[:], swing[[f"{j}_q" for j in JOINTS]][:100])
     whole = estimate(record, trust=True).estimates["force_level"]
     none = np.zeros(len(JOINTS))  # of friction, which the stream would else count among the errors of its rows
     told = FittedValues(joints=record.joints, friction=JointFriction(none, none, none, none), scale=none + 1.0)

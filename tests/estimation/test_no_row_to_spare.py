@@ -43,9 +43,7 @@ def swung(
     (folder / "scara.urdf").write_text(robot)
     model, rng = pin.buildModelFromUrdf(str(folder / "scara.urdf")), np.random.default_rng(seed)
     n, time = model.nv, np.arange(round(RATE * SECONDS)) / RATE
-    size, pace, mid = (
-        np.array(each)[:n] for each in ([0.8, 0.7, 0.06, 0.7], [1.3, 1.9, 1.6, 1.1], [0.2, 0.9, -0.02, 0])
-    )
+    size, pace, mid = (np.array(one)[:n] for one in ([0.8, 0.7, 0.06, 0.7], [1.3, 1.9, 1.6, 1.1], [0.2, 0.9, -0.02, 0]))
     angle = pace * time[:, None] + rng.uniform(0.0, 6.28, n)
     q, v, a = mid + size * np.sin(angle), size * pace * np.cos(angle), -size * pace**2 * np.sin(angle)
     force = np.where(((time > 9.5 - lasts) & (time < 9.5))[:, None], [8.0, 0.0, 12.0], 0.0)

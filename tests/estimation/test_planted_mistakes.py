@@ -36,9 +36,7 @@ def planted(record: Record, change: Change) -> Record:
     columns = {key: np.array(channel.values) for key, channel in record.channels.items()}
     change(columns | {f"time of {key}": np.array(channel.time) for key, channel in record.channels.items()})
     spool = Spool()
-    channels = {
-        key: replace(channel, values=series_of(spool, columns[key])) for key, channel in record.channels.items()
-    }
+    channels = {key: replace(one, values=series_of(spool, columns[key])) for key, one in record.channels.items()}
     return replace(record, channels=channels)
 
 

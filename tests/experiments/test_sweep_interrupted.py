@@ -94,9 +94,7 @@ def same_tables(one: Path, other: Path) -> None:
 def interrupted(file: Path, folder: Path, count: int) -> None:
     """Press Ctrl-C in a sweep on two processes when so many runs are finished; check what it says."""
     command = [*PROGRAM, str(file), "--jobs", "2", "--out", str(folder)]
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=False, start_new_session=True
-    )
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
     while process.poll() is None and len(workers_of(psutil.Process(process.pid))) < 2:
         time.sleep(0.05)  # to look costs much of a processor
     wait_for(folder, count, process)

@@ -42,9 +42,6 @@ def rate(log: FlightLog) -> Any:
     return log.truth["crank_rate"].values
 
 
-# --------------------------------------------------------------------------------------------- equations at an instant
-
-
 @pytest.mark.parametrize("changes", [{}, {"linkage": {"L5a": 0.0179}}])
 def test_the_series_are_the_closed_linkage(changes: dict[str, Any]) -> None:
     """Angles and both derivatives at any crank angle, several turns away too; bars longer and shorter as well."""
@@ -101,9 +98,6 @@ def test_a_plant_with_a_motor_also_evaluates_joints_that_are_prescribed() -> Non
     arguments = instant(free, 3)
     for one, other in zip(free.rates(*arguments)[:2], steady.rates(*arguments)[:2], strict=True):
         np.testing.assert_array_equal(one, other)
-
-
-# -------------------------------------------------------------------------------------------------------------- flights
 
 
 def test_the_linkage_stays_closed_and_the_log_tells_the_crank() -> None:

@@ -31,8 +31,6 @@ from aerobat_pin.numerics import small_matrices
 SPATIAL = ("aerodynamic", "added_mass", "thrusters", "unknown", "link_wrench")
 GUSTY = 0.07  # [s] in the middle of the gust of the cases
 
-# ------------------------------------------------------------------------------------------------------ linear algebra
-
 
 @pytest.mark.parametrize("size", [1, 2, 3, 6, 9, 12])
 def test_solve_positive_solves_what_numpy_solves(size: int) -> None:
@@ -52,9 +50,6 @@ def test_what_is_not_positive_definite_gives_nan_and_not_a_plausible_number() ->
     x = np.ones(2)
     small_matrices.solve_positive(np.diag([1.0, -1.0]), x)
     assert np.isnan(x[1])
-
-
-# ------------------------------------------------------------------------------------------------ rotation and the hold
 
 
 @pytest.mark.parametrize("below", [np.pi, np.pi - 1e-9, 3.0, 2.0, 1.0, 0.5, 0.04, 1e-2, 1e-4, 1e-6, 1e-9, 1e-12, 0.0])
@@ -106,9 +101,6 @@ def test_the_hold_pushes_as_its_twin() -> None:
         assert_spatial(wrench, twins.hold_wrench(hold, position, rotation, twist))
 
 
-# ----------------------------------------------------------------------------------------------------------------- air
-
-
 @pytest.mark.parametrize("options", [{}, {"lift_limit": 1.2}, {"model": "quasi_steady"}])
 @pytest.mark.parametrize("tail", ["own", "tilted", "none"])
 def test_the_air_loads_equal_their_twin(tail: str, options: dict[str, Any]) -> None:
@@ -140,9 +132,6 @@ def test_the_warm_up_is_runge_kutta_on_the_air_alone(seed: int, paper_plant: Pla
     in_air.fields.state[:] = start
     warm_up(in_air.memory, twists, 2e-3)
     assert_equal(in_air.fields.state, twins.warmed_up(air, paper_plant.robot.morphology, twists, 2e-3, start))
-
-
-# --------------------------------------------------------------------------------------------------------------- plant
 
 
 @pytest.mark.parametrize(

@@ -197,9 +197,6 @@ def test_the_deviation_of_a_component_is_that_of_many_noisy_fits() -> None:
     np.testing.assert_allclose(np.std(noise @ np.linalg.pinv(A).T, axis=0), found.deviation, rtol=0.05)
 
 
-# ------------------------------------------------------------------------------------- what an estimate shows of itself
-
-
 def test_an_estimate_labels_itself_and_joins_others_along_observer() -> None:
     """Names, dimensions and units of `estimate.nc`; where an observer knows no deviation it is NaN."""
     model, frame = arm()

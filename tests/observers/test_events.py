@@ -124,9 +124,7 @@ def test_the_norm_of_three_components_finds_a_force_of_any_direction() -> None:
 def test_the_papers_step_is_found_in_the_papers_flight(paper: Experiment) -> None:
     """On at ticks with 1 s < t <= 1.6 s, 0.15 N along the wings' normals; 0.2 sin(elbow), fitted before, is usual."""
     inputs = known_inputs(paper.log, paper.robot)
-    normals = [
-        Application(f"{side}_force_point", axes="frame", direction=(0.0, 0.0, 1.0)) for side in ("left", "right")
-    ]
+    normals = [Application(f"{side}_force_point", axes="frame", direction=(0, 0, 1)) for side in ("left", "right")]
     observer = ForceLevelObserver(paper.robot.model, normals, gain=2000.0)
     estimate = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
     elbow = inputs.q[:, paper.robot.idx_q[1]]

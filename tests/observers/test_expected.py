@@ -46,17 +46,15 @@ def test_the_posterior_equals_its_twin_in_stream_and_batch(name: str, rows: Rows
     """Forces, deviations and k over a random record with uneven stamps, one repeated."""
     model, frames = MODELS[name]
     expected = some(model, 3 * len(frames))
-    time, q, v, tau, known = record(model)
-    twin = twins.ObserverTwin(kind.name, model, frames, 300.0, rows, expected)
-    _, points = twin.run(time, q, v, tau, known)
+    _, points, twin = twins.observed(kind.name, (model, frames), 300.0, record(model), rows, expected)
     near = 1e-10 if kind.kind == FIRST_ORDER else 1e-9
     observer = kind(model, frames, 300.0, rows, expected)
-    estimate = observer.run(time, q, v, tau, known)
+    estimate = observer.run(*record(model))
     assert_equal(estimate.force, points, near)
-    assert_equal(estimate.standard_deviation[-1], twin.posterior.deviation, near)
-    np.testing.assert_allclose(estimate.doubt[-1], twin.posterior.k, rtol=1e3 * near)
+    assert_equal(estimate.standard_deviation[-1], twin.deviation, near)
+    np.testing.assert_allclose(estimate.doubt[-1], twin.k, rtol=1e3 * near)
     assert np.all(estimate.standard_deviation <= expected.force * (1.0 + 1e-12))
-    *_, sample = streamed(observer, time, q, v, tau, known)
+    *_, sample = streamed(observer, *record(model))
     assert_equal(sample.components, estimate.components[-1], near)
     assert_equal(sample.standard_deviation, estimate.standard_deviation[-1], near)
 
@@ -91,9 +89,7 @@ def test_a_straight_arm_does_not_show_the_force_along_it_and_says_so() -> None:
     place = pin.SE3.Identity()
     for name in ("shoulder", "elbow"):
         joint = model.addJoint(model.njoints - 1, pin.JointModelRY(), place, name)
-        model.appendBodyToJoint(
-            joint, pin.Inertia(1.0, np.array([0.0, 0.0, 0.2]), 0.01 * np.eye(3)), pin.SE3.Identity()
-        )
+        model.appendBodyToJoint(joint, pin.Inertia(1.0, np.array([0, 0, 0.2]), 0.01 * np.eye(3)), pin.SE3.Identity())
         place = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.4]))
     model.addFrame(pin.Frame("tip", 2, 0, place, pin.OP_FRAME))
     expected = Expected(np.full(3, 6.0), np.array([0.05, 0.05]), np.zeros(2), np.ones(2))

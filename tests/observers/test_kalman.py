@@ -41,9 +41,7 @@ def test_filter_and_smoother_equal_the_textbook(name: str, case: str) -> None:
     model, frames = MODELS[name]
     if "rows" in CASES[case] and name in ("arm", "humanoid"):
         pytest.skip("a fixed base has no base rows; unknown torques at 28 joints leave six digits, here and there")
-    near = (
-        1e-7 if "rows" in CASES[case] else 1e-9
-    )  # unknown torques, 1e8 times the noise, leave the textbook few digits
+    near = 1e-7 if "rows" in CASES[case] else 1e-9  # unknown torques of 1e8 times the noise leave few digits
     time, q, v, tau, known = record(model)
     size = float(pin.computeTotalMass(model))  # so that the walk is neither slow nor fast beside the sensors
     settings = {"force_walk": 40.0 * size, "prior": 10.0 * size, **CASES[case]}

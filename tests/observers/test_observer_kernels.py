@@ -25,15 +25,13 @@ def test_observers_equal_twins_in_stream_and_batch(name: str, rows: Rows, kind: 
     frames = frames if rows == "all" else frames[-1:]  # six or seven rows tell no more than one point apart
     size = 3 * len(frames) if kind.project_first else model.nv
     K = 300.0 if gain == "one" else np.random.default_rng(4).uniform(50.0, 2000.0, size)
-    time, q, v, tau, known = record(model)
-    twin = twins.ObserverTwin(kind.name, model, frames, K, rows)
-    residual, points = twin.run(time, q, v, tau, known)
+    residual, points, _ = twins.observed(kind.name, (model, frames), K, record(model), rows)
     near = 1e-12 if kind.kind == FIRST_ORDER else 1e-9  # the other twins go by expm and bisection
     observer = kind(model, frames, K, rows)
-    estimate = observer.run(time, q, v, tau, known)
+    estimate = observer.run(*record(model))
     assert_equal(estimate.residual, residual, near)
     assert_equal(estimate.force, points, near)
-    stream = list(streamed(observer, time, q, v, tau, known))
+    stream = list(streamed(observer, *record(model)))
     assert_equal([sample.residual for sample in stream], estimate.residual)
     assert_equal([sample.force for sample in stream], estimate.force)
 

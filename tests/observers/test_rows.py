@@ -147,9 +147,7 @@ def leg() -> pin.Model:
         at = model.addJoint(at, joint, pin.SE3(np.eye(3), np.array([0.0, 0.0, -drop])), name)
         model.appendBodyToJoint(at, pin.Inertia.FromCylinder(0.8, 0.03, 0.2), pin.SE3.Identity())
     at = model.addJoint(at, pin.JointModelRY(), pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.25])), "knee")
-    model.appendBodyToJoint(
-        at, pin.Inertia.FromCylinder(0.3, 0.02, 0.25), pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.12]))
-    )
+    model.appendBodyToJoint(at, pin.Inertia.FromCylinder(0.3, 0.02, 0.25), pin.SE3(np.eye(3), np.array([0, 0, -0.12])))
     model.addFrame(pin.Frame("foot", at, 0, pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.25])), pin.FrameType.OP_FRAME))
     return model
 
@@ -187,9 +185,7 @@ def test_what_the_motion_does_not_show_is_zero_and_said() -> None:
     q[:, 1], v[:, 1], a[:, 1] = 0.2, 0.0, 0.0
     q[:, 2], v[:, 2], a[:, 2] = 3.0 * TIME, 3.0, 0.0
     friction = fit_friction(q, v, a, TRUE.torque(v, a))
-    assert friction.unseen == [
-        f"{name} of joint {joint}" for joint in (1, 2) for name in ("coulomb", "viscous", "inertia")
-    ]
+    assert friction.unseen == [f"{name} of joint {k}" for k in (1, 2) for name in ("coulomb", "viscous", "inertia")]
     assert friction.coulomb[0] == pytest.approx(0.3, abs=1e-6)
     assert friction.coulomb[1] == friction.viscous[2] == 0.0
     assert friction.offset[2] == pytest.approx(TRUE.coulomb[2] + 3.0 * TRUE.viscous[2] + TRUE.offset[2])

@@ -102,8 +102,6 @@ def test_what_a_recording_that_nobody_touched_is_good_for_is_said_at_once(page: 
     """Beside the commands that estimate: two commands, which need no line of the map."""
     assert "joints' friction" in page
     words = [line.split() for line in re.findall(r"^aerobat (.*)", page, re.MULTILINE)]
-    made = [
-        command[command.index("--out") + 1] for command in words if command[0] == "calibrate" and "--map" in command
-    ]
+    made = [one[one.index("--out") + 1] for one in words if one[0] == "calibrate" and "--map" in one]
     used = [command[command.index("--calibration") + 1] for command in words if "--calibration" in command]
     assert made == used == ["robot.nc"]

@@ -36,9 +36,7 @@ def environment(**changes: str) -> dict[str, str]:
 def run(*command: str | Path, cwd: Path, **changes: str) -> subprocess.CompletedProcess[str]:
     """Run a program in an environment of its own; it must succeed."""
     words = [str(word) for word in command]
-    done = subprocess.run(
-        words, cwd=cwd, env=environment(**changes), capture_output=True, text=True, check=False, timeout=900
-    )
+    done = subprocess.run(words, cwd=cwd, env=environment(**changes), capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, f"{' '.join(words)}\n{done.stdout}\n{done.stderr}"
     return done
 

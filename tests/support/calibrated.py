@@ -22,19 +22,8 @@ from aerobat_pin.estimation import Calibration, CalibrationWatch, calibrate
 from aerobat_pin.forces import KnownForces, KnownInputs, inputs_of
 from aerobat_pin.records import Record
 from aerobat_pin.scenario import AirSection, load_scenario
-from support.detection_bound import detectability, earliest
 from support.mismatch import MISMATCHES, Seen, flown, heavier, shifted
 
-STEEP = (  # a push of 50 ms that is there at once; those of `PUSHES` are an impulse, a soft push and a step
-    'unknown_force=[{frame="left_force_point", axes="world", direction=[0,0,1], signal="step", height=0.2, '
-    "start=0.9, end=0.95}]",
-)
-PUSHED = {  # what pushes -> flight, more settings, onset [s]
-    "impulse of 5 mN s": ("pushes", (), 0.5),
-    "soft push of 50 ms, 0.2 N": ("pushes", (), 0.9),
-    "push of 50 ms, 0.2 N, at once": ("no force", STEEP, 0.9),
-    "step of 0.1 N": ("pushes", (), 1.3),
-}
 FREE = ("simulation.duration=4.0",)
 SIX_ERRORS = (  # of wing offset, density, added mass; with masses, centre of mass and drag in `with_six_errors`
     "believed.robot.changes.wing.offset_x=-0.055",
@@ -113,14 +102,3 @@ def seen_with(
     inputs = flight_inputs(record, calibration)
     truth = np.stack([true_force(log, name)[1] for name in FORCE_POINTS], axis=1)
     return Seen(record.robot.model, inputs, truth)
-
-
-def ideal_latencies(free: FreeFlight, noise: tuple[str, ...]) -> np.ndarray:
-    """Return how early the pushes of `PUSHED` can be found [s] (4, 2) by any detector; see `detection_bound`."""
-    found = []
-    for flight, more, onset in PUSHED.values():
-        log, scenario = flown(flight, 1, (*more, *noise))
-        push = next(force for force in scenario.unknown_force if getattr(force, "start", None) == onset)
-        q, dt = log.measured["q"].values, scenario.simulation.dt
-        found.append(earliest(detectability(free.robot.model, q, dt, round(onset / dt), push), dt))
-    return np.array(found)

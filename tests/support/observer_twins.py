@@ -1,6 +1,7 @@
 """Numpy references of the observers' kernels, by other means where there are any: least squares, expm, root finding."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -126,74 +127,30 @@ def super_twisting(gain: float, dt: float, value: float, state: Vector, slope: f
     return np.array([z_after(e, sign), e])
 
 
-class ObserverTwin:
-    """Every observer that filters the residual, or the components projected from it.
+def observed(name: str, robot: Any, gain: Any, record: Any, rows: str, expected: Any = None) -> tuple[Any, ...]:
+    """Return residuals (m, nv) and forces (m, n, 3) of an observer that filters one of both, and its posterior."""
+    # phi is the mean external generalised force of an interval. `momentum` filters phi, then projects; others reverse.
+    (model, frames), (time, q, v, tau, known) = robot, record
+    samples = np.array([remembered(model, frames, *one) for one in zip(q, v, strict=True)])
+    gains = np.broadcast_to(gain, (model.nv if name == "momentum" else 3 * len(frames),))
+    advance = {"second_order": second_order, "super_twisting": super_twisting}.get(name, first_order)
+    posterior = None if expected is None else PosteriorTwin(expected, gains[0])
+    state, found = np.zeros((len(gains), 2)), []
+    for k, dt in enumerate(np.diff(time)):
+        if dt == 0.0:
+            found.append(found[-1])
+            continue
+        mean = 0.5 * (samples[k] + samples[k + 1])
+        u = tau[k] + sum(values[k] for values in known.values())
+        phi = (samples[k + 1][0] - samples[k][0]) / dt - mean[1] - u
+        J, W = mean[3:], believed(model, rows, mean[2])
 
-    phi = (p_1 - p_0) / dt - (drift_0 + drift_1) / 2 - u is the mean external generalised force of an interval, and the
-    mean of its two end Jacobians stands for the one in its middle. `momentum` filters phi, then projects; the others
-    project, then filter.
-    """
+        def components(y: Vector, J: Vector = J, W: Vector = W, v: Vector = mean[2], dt: float = dt) -> Vector:
+            return project(J, W, y) if posterior is None else posterior.estimate(J, W, y, v, dt)
 
-    def __init__(
-        self,
-        name: str,
-        model: pin.Model,
-        frames: Sequence[str],
-        gain: float | Vector,
-        rows: str = "all",
-        expected: Expected | None = None,
-    ) -> None:
-        """Prepare the filter."""
-        self.expected = expected
-        self.name, self.model, self.frames, self.rows = name, model, tuple(frames), rows
-        size = model.nv if name == "momentum" else 3 * len(frames)
-        self.gain = np.broadcast_to(gain, (size,))
-
-    def reset(self, q: Vector, v: Vector, time: float) -> None:
-        """Start from a sample with the filter at zero."""
-        self.time, self.sample = time, remembered(self.model, self.frames, q, v)
-        self.residual, self.force = np.zeros(self.model.nv), np.zeros(3 * len(self.frames))
-        self.state = np.zeros((len(self.gain), 2))
-        self.posterior = None if self.expected is None else PosteriorTwin(self.expected, self.gain[0])
-
-    def filter(self, dt: float, values: Vector) -> Vector:
-        """Advance every quantity on its own."""
-        advance = {"second_order": second_order, "super_twisting": super_twisting}.get(self.name, first_order)
-        for i, value in enumerate(values):
-            self.state[i] = advance(self.gain[i], dt, value, self.state[i])
-        return self.state[:, 0].copy()
-
-    def update(
-        self, time: float, q: Vector, v: Vector, tau: Vector, known: Mapping[str, Vector]
-    ) -> tuple[Vector, Vector]:
-        """Return residual (nv,) and force (n, 3) of the interval since the sample before."""
-        dt = time - self.time
-        if dt > 0.0:
-            before, after = self.sample, remembered(self.model, self.frames, q, v)
-            mean = 0.5 * (before + after)
-            phi = (after[0] - before[0]) / dt - mean[1] - tau - sum(known.values(), np.zeros_like(tau))
-            J, W = mean[3:], believed(self.model, self.rows, mean[2])
-
-            def components(y: Vector) -> Vector:
-                return project(J, W, y) if self.posterior is None else self.posterior.estimate(J, W, y, mean[2], dt)
-
-            if self.name == "momentum":
-                self.residual = self.filter(dt, phi)
-                self.force = components(self.residual)
-            else:
-                self.force = self.filter(dt, components(phi))
-                self.residual = J.T @ self.force
-            self.time, self.sample = time, after
-        return self.residual, self.force.reshape(-1, 3)
-
-    def run(
-        self, time: Vector, q: Vector, v: Vector, tau: Vector, known: Mapping[str, Vector]
-    ) -> tuple[Vector, Vector]:
-        """Return residuals (m, nv) and forces (m, n, 3) over a record."""
-        self.reset(q[0], v[0], time[0])
-        found = []
-        for k, torque in enumerate(tau):
-            now = {name: values[k] for name, values in known.items()}
-            found.append(self.update(time[k + 1], q[k + 1], v[k + 1], torque, now))
-        residual, force = zip(*found, strict=True)
-        return np.array(residual), np.array(force)
+        values = phi if name == "momentum" else components(phi)
+        state = np.array([advance(*one) for one in zip(gains, [dt] * len(gains), values, state, strict=True)])
+        filtered = state[:, 0]
+        found.append((filtered, components(filtered)) if name == "momentum" else (J.T @ filtered, filtered))
+    residual, force = (np.array(each) for each in zip(*found, strict=True))
+    return residual, force.reshape(len(tau), -1, 3), posterior

@@ -18,9 +18,6 @@ LOCAL = pin.ReferenceFrame.LOCAL
 Vector = np.ndarray
 
 
-# --------------------------------------------------------------------------------------------- hold and unknown forces
-
-
 def hold_wrench(hold: AttitudeHold, position: Vector, rotation: Vector, twist: Vector) -> Vector:
     """Return the hold's wrench (6,) in body axes: torque sat(kp f log3(R^T R_ref) - kd omega), f: 1 at 90 deg, to 0."""
     # Force, world axes: x sat(kx (vx_ref - vx)), y 0, z lift + sat(kz (z_ref - z) - dz vz).
@@ -60,9 +57,6 @@ def at_joints(model: pin.Model, data: pin.Data, wrenches: Vector) -> Vector:
     """Return sum J^T f (nv,) of wrenches (5, 6) on the links, at and in their joints' own frames."""
     joints = [model.frames[model.getFrameId(link)].parentJoint for link in LINKS]
     return sum(pin.getJointJacobian(model, data, joint, LOCAL).T @ f for joint, f in zip(joints, wrenches, strict=True))
-
-
-# -------------------------------------------------------------------------------------------------------------- plant
 
 
 def plant_rates(
@@ -145,9 +139,6 @@ def warmed_up(air: RobotAir, shape: Morphology, twists: Vector, dt: float, state
         k4 = air_loads(air, shape, last, state + dt * k3)[1]
         state = state + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     return state
-
-
-# ---------------------------------------------------------------------------------------------------------------- air
 
 
 def air_loads(

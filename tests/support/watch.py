@@ -35,9 +35,7 @@ SYSTEM = (*map(Path, ("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys", "/opt",
 PYTHON = {Path(path) for path in (*sysconfig.get_paths().values(), *site.getsitepackages(), *sys.path) if path}
 PYTHON |= {Path(sys.prefix), Path(sys.base_prefix)}
 TEMPORARY, SHARED = ("tmp", "matplotlib-", "joblib", "loky"), ("sem.", "joblib", "psm_")  # names begin so
-_seen: list[
-    list[tuple[bool, str]]
-] = []  # of each block `watched` that is entered: whether it changes a file, and which
+_seen: list[list[tuple[bool, str]]] = []  # of each block `watched`: whether a file is changed, and which
 
 
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:

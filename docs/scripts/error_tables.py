@@ -3,16 +3,27 @@
 from itertools import product
 
 import numpy as np
-
-from aerobat_pin.estimation import Calibration, calibrate
-from aerobat_pin.observers import moving_weight
-from support.calibrated import PUSHED, FreeFlight, free_flight, ideal_latencies, learnt, seen_with
+from support.calibrated import FreeFlight, free_flight, learnt, seen_with
+from support.detection_bound import detectability, earliest
 from support.elsewhere import FREQUENCY, as_believed, elsewhere, seen_elsewhere
-from support.mismatch import NOISY, estimated, made_up, r_squared, scores, seen
+from support.mismatch import NOISY, estimated, flown, made_up, r_squared, scores, seen
 from support.observer_conditions import Condition
 from support.observer_conditions import estimated as on_the_benchmark
 from support.observer_conditions import flown as benchmark_flight
 
+from aerobat_pin.estimation import Calibration, calibrate
+from aerobat_pin.observers import moving_weight
+
+STEEP = (  # a push of 50 ms that is there at once; those of `PUSHES` are an impulse, a soft push and a step
+    'unknown_force=[{frame="left_force_point", axes="world", direction=[0,0,1], signal="step", height=0.2, '
+    "start=0.9, end=0.95}]",
+)
+PUSHED = {  # what pushes -> flight, more settings, onset [s]
+    "impulse of 5 mN s": ("pushes", (), 0.5),
+    "soft push of 50 ms, 0.2 N": ("pushes", (), 0.9),
+    "push of 50 ms, 0.2 N, at once": ("no force", STEEP, 0.9),
+    "step of 0.1 N": ("pushes", (), 1.3),
+}
 QUASI_STEADY = "quasi-steady air"
 SENSORS = {"exact": (), "noisy": NOISY}
 SEEDS = (1, 2, 3)
@@ -64,6 +75,17 @@ def latencies(calibration: Calibration, free: FreeFlight, seed: int, noise: tupl
         after = [one.alarm - onset for one in contacts if one.frame == "left_force_point"]
         late.append(min((time for time in after if 0.0 < time < 0.06), default=np.inf))
     return np.array(late)
+
+
+def ideal_latencies(free: FreeFlight, noise: tuple[str, ...]) -> np.ndarray:
+    """Return how early the pushes of `PUSHED` can be found [s] (4, 2) by any detector; see `detection_bound`."""
+    found = []
+    for flight, more, onset in PUSHED.values():
+        log, scenario = flown(flight, 1, (*more, *noise))
+        push = next(force for force in scenario.unknown_force if getattr(force, "start", None) == onset)
+        q, dt = log.measured["q"].values, scenario.simulation.dt
+        found.append(earliest(detectability(free.robot.model, q, dt, round(onset / dt), push), dt))
+    return np.array(found)
 
 
 def false_alarms(calibration: Calibration, free: FreeFlight, seed: int, noise: tuple[str, ...]) -> int:
