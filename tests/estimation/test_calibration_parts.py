@@ -12,21 +12,13 @@ import xarray as xr
 from support.calibrated import FreeFlight, believed
 from support.mismatch import flown
 
+from aerobat_pin import estimation
 from aerobat_pin.aerobat import FlightLog, flight_record
 from aerobat_pin.aerobat.air.believed_air import reconstructed_air
 from aerobat_pin.aerobat.flight_record import flight_map
 from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.aerobat.parameters import carrying, flexed
 from aerobat_pin.errors import CalibrationError
-from aerobat_pin.estimation import (
-    Belief,
-    Calibration,
-    CalibrationWatch,
-    belief_of,
-    calibrate,
-    calibration_bytes,
-    read_calibration,
-)
 from aerobat_pin.estimation.calibration.identify import Identified
 from aerobat_pin.forces import Contact
 from aerobat_pin.records import Parameter, PlainRobot, netcdf_bytes, read_netcdf
@@ -41,9 +33,9 @@ def free() -> FreeFlight:
 
 
 @pytest.fixture(scope="module")
-def learnt(free: FreeFlight) -> Calibration:
+def learnt(free: FreeFlight) -> estimation.Calibration:
     """Return what the harmonics of the crank show in it."""
-    return calibrate([free.record()], parameters=[])
+    return estimation.calibrate([free.record()], parameters=[])
 
 
 def test_a_joint_bends_as_its_spring_and_damper_say(free: FreeFlight) -> None:
@@ -101,11 +93,11 @@ def test_a_point_mass_has_the_inertia_that_pinocchio_gives_it(free: FreeFlight) 
     np.testing.assert_allclose(emptied.inertias[1].matrix(), model.inertias[1].matrix(), atol=1e-12)
 
 
-def test_trains_of_contacts_are_counted_with_their_spacing(learnt: Calibration) -> None:
+def test_trains_of_contacts_are_counted_with_their_spacing(learnt: estimation.Calibration) -> None:
     """Ten contacts, two in each cycle, are one line; five at irregular times are none."""
     time = np.linspace(0.0, 2.0, 2001)
     for onsets, told in ((0.1 + 0.1 * np.arange(10), True), (np.array([0.1, 0.13, 0.4, 0.95, 1.7]), False)):
-        watch = CalibrationWatch(learnt)
+        watch = estimation.CalibrationWatch(learnt)
         watch._contacts = [Contact("left_force_point", onset, onset, onset + 0.01) for onset in onsets.tolist()]
         watch._turns = [(time, 5.0 * time)]
         words = "10 contacts at left_force_point, one every 0.50 cycles"
@@ -127,11 +119,11 @@ def test_a_cause_leaves_the_scale_of_thrusters_that_was_learnt(free: FreeFlight)
 
 def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(free: FreeFlight, tmp_path: Path) -> None:
     """Read again it is the same; another air, robot or torque is refused by name, and so is another file."""
-    found = calibrate([free.record()], parameters=["friction"])
+    found = estimation.calibrate([free.record()], parameters=["friction"])
     file = tmp_path / "calibration.nc"
-    file.write_bytes(calibration_bytes(found))
-    again = read_calibration(file)
-    assert calibration_bytes(again) == file.read_bytes()
+    file.write_bytes(estimation.calibration_bytes(found))
+    again = estimation.read_calibration(file)
+    assert estimation.calibration_bytes(again) == file.read_bytes()
     assert (again.belief, again.notes, again.records) == (found.belief, found.notes, found.records)
     assert [str(fit) for fit in again.fitted.fits] == [str(fit) for fit in found.fitted.fits]
     for kept, given in (
@@ -142,8 +134,8 @@ def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(free: FreeFlight, 
         np.testing.assert_array_equal(kept, given)
     mine = found.belief
 
-    def other(**change: Any) -> Belief:
-        return belief_of(flight_map(ObserverSection()), replace(free.plugged(), **change), ())
+    def other(**change: Any) -> estimation.Belief:
+        return estimation.belief_of(flight_map(ObserverSection()), replace(free.plugged(), **change), ())
 
     mine.refuse_other(other(kind="none", air=free.air.model_copy(update={"wind": (1.0, 0.0, 0.0)})))
     with pytest.raises(CalibrationError, match=r"air\.model = quasi_steady, but lifting_line is believed"):
@@ -157,17 +149,17 @@ def test_a_file_keeps_a_calibration_and_belongs_to_its_belief(free: FreeFlight, 
     (tmp_path / "half.nc").write_bytes(file.read_bytes()[: file.stat().st_size // 2])
     for name in ("none.nc", "text.nc", "half.nc", "flight.nc"):
         with pytest.raises(CalibrationError, match=name):
-            read_calibration(tmp_path / name)
+            estimation.read_calibration(tmp_path / name)
 
 
 @pytest.fixture(scope="module")
-def content(learnt: Calibration, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
+def content(learnt: estimation.Calibration, tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
     """Return what the file of a calibration holds, with a mass that was identified."""
     mass = {"mass": Parameter("1", 0.1)}
     told = Identified(mass, np.array([0.1]), np.array([[1e-4]]), True, (1.0, 1.0), (0.1, 0.1), 0.2)
     file = tmp_path_factory.mktemp("whole") / "calibration.nc"
-    file.write_bytes(calibration_bytes(replace(learnt, identified=told)))
-    assert read_calibration(file).changes == {"mass": pytest.approx(0.1)}
+    file.write_bytes(estimation.calibration_bytes(replace(learnt, identified=told)))
+    assert estimation.read_calibration(file).changes == {"mass": pytest.approx(0.1)}
     return read_netcdf(file, "calibration")[""]
 
 
@@ -213,20 +205,22 @@ def test_a_forged_file_is_refused(
     file = tmp_path / "calibration.nc"
     file.write_bytes(netcdf_bytes(damage(content)))
     with pytest.raises(CalibrationError, match=message):
-        read_calibration(file)
+        estimation.read_calibration(file)
 
 
 def test_names_and_short_flights_are_refused(free: FreeFlight) -> None:
     record = free.record()
     with pytest.raises(CalibrationError, match="parameters has 'luck': of mass"):
-        calibrate([record], parameters=["luck"])
+        estimation.calibrate([record], parameters=["luck"])
     short = FlightLog(free.log.measured.isel(time=slice(0, 301), interval=slice(0, 300)))
     with pytest.raises(CalibrationError, match=r"free: 1\.4 turns of the crank: 3 or more"):
-        calibrate([replace(free, log=short).record()], parameters=[])
+        estimation.calibrate([replace(free, log=short).record()], parameters=[])
     with pytest.raises(CalibrationError, match="no channel named crank_angle"):
-        calibrate([replace(free, log=FlightLog(free.log.measured.drop_vars("crank_angle"))).record()], parameters=[])
+        estimation.calibrate(
+            [replace(free, log=FlightLog(free.log.measured.drop_vars("crank_angle"))).record()], parameters=[]
+        )
     with pytest.raises(CalibrationError, match="harmonics = 99"):
-        calibrate([record], harmonics=99)
+        estimation.calibrate([record], harmonics=99)
     denser = replace(free, air=free.air.model_copy(update={"density": 1.3})).record()
     with pytest.raises(CalibrationError, match=r"air\.density = 1\.225, but 1\.3 is believed"):
-        calibrate([record, denser])
+        estimation.calibrate([record, denser])

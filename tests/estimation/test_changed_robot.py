@@ -4,20 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.changed_flights import (
-    AT,
-    CHANGES,
-    CONTACTS,
-    DAY,
-    LIVELY,
-    MANOEUVRE,
-    PUSH,
-    Verdict,
-    corrected,
-    estimated,
-    learnt,
-    somewhere,
-)
+from support import changed_flights as flights
 from support.further import further
 
 from aerobat_pin.errors import CalibrationError
@@ -25,29 +12,31 @@ from aerobat_pin.estimation import Calibration
 from aerobat_pin.forces.learnt_error import fit_learnt_error
 from aerobat_pin.records import Condition
 
-FREE_DAY = tuple((*one, "simulation.duration=2.5") for one in DAY)
-STEADY, LIVELY_ONE = (*AT, "simulation.duration=2.5"), FREE_DAY[DAY.index(LIVELY)]
+FREE_DAY = tuple((*one, "simulation.duration=2.5") for one in flights.DAY)
+STEADY, LIVELY_ONE = (*flights.AT, "simulation.duration=2.5"), FREE_DAY[flights.DAY.index(flights.LIVELY)]
 
 
-def seen(name: str, calibration: Calibration, *more: str) -> Verdict:
+def seen(name: str, calibration: Calibration, *more: str) -> flights.Verdict:
     """Fly with a change, and estimate by `force_level`, and more observers."""
-    return estimated((*PUSH, *somewhere(1001), *CHANGES[name].settings), calibration, ["force_level", *more])
+    return flights.estimated(
+        (*flights.PUSH, *flights.somewhere(1001), *flights.CHANGES[name].settings), calibration, ["force_level", *more]
+    )
 
 
 def test_a_robot_that_has_not_changed_is_not_called_changed() -> None:
     """Slow in speed, fast in frequency, within the calibration's range: all pushes found, deviations cautious."""
-    found = estimated((*PUSH, *somewhere(1001)), learnt(*FREE_DAY))
+    found = flights.estimated((*flights.PUSH, *flights.somewhere(1001)), flights.learnt(*FREE_DAY))
     for name in ("kalman", "smoother"):
         assert np.all((np.array(found.nees[name]) > 0.1) & (np.array(found.nees[name]) < 1.5))
     assert np.all(np.array(found.error["force_level"]) < 4e-3)
     assert found.verdict == "unchanged"
     assert found.cause is None
-    assert found.contacts[0] == CONTACTS
+    assert found.contacts[0] == flights.CONTACTS
 
 
 def test_a_manoeuvre_is_right_after_a_steady_and_a_lively_flight_and_its_deviations_are_true() -> None:
     """To other sides than the lively one: 4 mN at most; squared errors .2 to 1.5 of those that filters state."""
-    found = estimated(("unknown_force=[]", *MANOEUVRE), learnt(STEADY, LIVELY_ONE))
+    found = flights.estimated(("unknown_force=[]", *flights.MANOEUVRE), flights.learnt(STEADY, LIVELY_ONE))
     assert found.verdict == "unchanged"
     assert np.all(np.array(found.error["force_level"]) < 4e-3)
     for name in ("kalman", "smoother"):
@@ -56,7 +45,7 @@ def test_a_manoeuvre_is_right_after_a_steady_and_a_lively_flight_and_its_deviati
 
 def test_one_straight_flight_serves_a_manoeuvre() -> None:
     """It shows nothing of roll, yaw and drift, but by how much the air is wrong: 4 mN are left where it was 11."""
-    found = estimated(("unknown_force=[]", *MANOEUVRE), learnt(STEADY), ["force_level"])
+    found = flights.estimated(("unknown_force=[]", *flights.MANOEUVRE), flights.learnt(STEADY), ["force_level"])
     assert found.verdict == "unchanged"
     assert np.all(np.array(found.error["force_level"]) < 4e-3)
 
@@ -77,15 +66,15 @@ def test_a_force_that_is_too_large_by_a_share_is_so_in_every_state() -> None:
 
 def test_a_gust_is_noticed_where_it_is() -> None:
     """0.6 m/s from the side and below, for 0.8 of 2 s: it has no name, and deviations grow where it is."""
-    found = seen("gust", learnt(*FREE_DAY), "kalman")
+    found = seen("gust", flights.learnt(*FREE_DAY), "kalman")
     assert (found.verdict, found.cause) == ("changed", None)
     assert np.all(np.array(found.nees["kalman"]) < 3.0)
 
 
 def test_a_slipped_encoder_is_noticed_named_and_corrected() -> None:
     """By 2 degrees, as `plant.crank_zero_deg` says; corrected, the forces are better and no push is lost."""
-    found = seen("encoder 2 deg", learnt(*FREE_DAY))
-    better = seen("encoder 2 deg", corrected(learnt(*FREE_DAY)), "kalman")
+    found = seen("encoder 2 deg", flights.learnt(*FREE_DAY))
+    better = seen("encoder 2 deg", flights.corrected(flights.learnt(*FREE_DAY)), "kalman")
     assert found.verdict == "changed"
     assert found.cause["name"] == "crank_zero"
     assert abs(found.cause["estimate"][0] + 2.0) < 3.0 * found.cause["deviation"][0] < 0.5
@@ -94,13 +83,13 @@ def test_a_slipped_encoder_is_noticed_named_and_corrected() -> None:
     assert found.contacts[1] > 0
     assert np.max(better.error["force_level"]) < 8e-3
     assert np.all(np.array(better.nees["kalman"]) < 1.8)
-    assert better.contacts == (CONTACTS, 0)
+    assert better.contacts == (flights.CONTACTS, 0)
 
 
 @pytest.mark.parametrize(("name", "grams"), [("payload 10 %", 9.2), *further(("payload 3 %", 2.8))])
 def test_a_payload_is_weighed_and_its_place_found(name: str, grams: float) -> None:
     """A point mass 30 mm forward and 20 mm above, which has a moment of inertia: within three deviations."""
-    better = seen(name, corrected(learnt(*FREE_DAY)), "kalman")
+    better = seen(name, flights.corrected(flights.learnt(*FREE_DAY)), "kalman")
     assert better.cause["name"] == "payload"
     apart = np.array(better.cause["estimate"]) - grams * np.array([1.0, 30.0, 0.0, 20.0])
     assert np.all(np.abs(apart) < 3.0 * np.array(better.cause["deviation"]))
@@ -111,9 +100,14 @@ def test_a_payload_is_weighed_and_its_place_found(name: str, grams: float) -> No
 
 def test_an_elbow_that_bends_is_noticed_and_named() -> None:
     """5 rad/(N m) behind a lag of 10 ms are found within 3 %, in air that is wrong; three quarters of the error go."""
-    bent = (*PUSH, *somewhere(1001), *CHANGES["elbow 5 rad/(N m)"].settings, "simulation.duration=1.2")
-    free = learnt(*FREE_DAY)
-    found, better = (estimated(bent, one, ["force_level"]) for one in (free, corrected(free)))
+    bent = (
+        *flights.PUSH,
+        *flights.somewhere(1001),
+        *flights.CHANGES["elbow 5 rad/(N m)"].settings,
+        "simulation.duration=1.2",
+    )
+    free = flights.learnt(*FREE_DAY)
+    found, better = (flights.estimated(bent, one, ["force_level"]) for one in (free, flights.corrected(free)))
     assert found.verdict == "changed"
     assert found.cause["name"] == "compliance"
     assert found.cause["estimate"] == pytest.approx((5.0, 0.05), rel=0.03)

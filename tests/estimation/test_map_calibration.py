@@ -12,23 +12,11 @@ import pandas as pd
 import pytest
 import tomli_w
 from scipy.spatial.transform import Rotation
+from support import swinging_arm
 from support.commands import call
 from support.drone import MAP as DRONE
 from support.drone import flight
 from support.recorded import edited, recorded
-from support.swinging_arm import (
-    CONSTANT,
-    COULOMB,
-    HEAVIER,
-    JOINTS,
-    OFFSET,
-    RATE,
-    ROTOR,
-    VISCOUS,
-    arm,
-    arm_map,
-    recording,
-)
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError, CalibrationError, MapError
@@ -50,17 +38,17 @@ from aerobat_pin.records import Block, Condition, PlainRobot, Record, parse_map,
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with the arm, its free and its pushed recording, and their map."""
     folder = tmp_path_factory.mktemp("arms")
-    (folder / "arm.urdf").write_text(arm())
-    (folder / "map.toml").write_text(tomli_w.dumps(arm_map()))
-    recording(folder, "free", pushed=False, seed=1)
-    recording(folder, "pushed", pushed=True, seed=2)
+    (folder / "arm.urdf").write_text(swinging_arm.arm())
+    (folder / "map.toml").write_text(tomli_w.dumps(swinging_arm.arm_map()))
+    swinging_arm.recording(folder, "free", pushed=False, seed=1)
+    swinging_arm.recording(folder, "pushed", pushed=True, seed=2)
     return folder
 
 
 @pytest.fixture(scope="module")
 def learnt(folder: Path) -> Calibration:
     """Return what the free recording shows, the mass too."""
-    return calibrated(folder, "free", arm_map(), "mass")
+    return calibrated(folder, "free", swinging_arm.arm_map(), "mass")
 
 
 class GearedArm(PlainRobot):
@@ -83,7 +71,9 @@ def test_a_reversed_effort_is_no_friction(folder: Path) -> None:
     """An offset of friction can take up most of it: it is looked for before friction is fitted."""
     free = pd.read_csv(folder / "free.csv", nrows=2500)
     free.assign(lift_i=-free["lift_i"]).to_csv(folder / "reversed.csv", index=False)
-    warnings = calibrated(folder, "reversed", edited(arm_map(), {"joints.friction.law": "coulomb+viscous"})).warnings
+    warnings = calibrated(
+        folder, "reversed", edited(swinging_arm.arm_map(), {"joints.friction.law": "coulomb+viscous"})
+    ).warnings
     assert any("lift" in line and "reversed" in line for line in warnings)
 
 
@@ -95,12 +85,12 @@ def test_an_error_bar_says_what_was_not_seen() -> None:
 
 def test_joints_where_a_calibration_did_not_see_them_are_said(folder: Path, learnt: Calibration) -> None:
     """Of a belief that is wrong, it knows what is wrong where it was learnt; the same swing causes no word."""
-    record = recorded(folder / "pushed.csv", arm_map())
+    record = recorded(folder / "pushed.csv", swinging_arm.arm_map())
     ranges = {joint: (low - 2.0, high - 2.0) for joint, (low, high) in learnt.ranges.items() if joint == "lift"}
     for calibration, told in ((learnt, ()), (replace(learnt, ranges=ranges), ("lift",))):
         said = [one.text for one in estimate(record, calibration=calibration).findings if one.check == "postures"]
         assert [joint for one in said for joint in re.findall(r"(\w+) \d+ % of the time", one)] == [*told]
-    assert learnt.ranges.keys() == {*JOINTS}
+    assert learnt.ranges.keys() == {*swinging_arm.JOINTS}
     assert all(low < high for low, high in learnt.ranges.values())
 
 
@@ -116,13 +106,13 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
     assert re.search(r"fit: mass: times 1\.06\d*, deviation 0\.0", said)
     assert re.search(r"error bar, rms where nothing was fitted: tool\.Fx \d\S* N \(without \d", said)
     learnt = read_calibration(Path("arm.nc"))
-    assert learnt.fitted.mass == pytest.approx(HEAVIER, abs=0.01)
+    assert learnt.fitted.mass == pytest.approx(swinging_arm.HEAVIER, abs=0.01)
     friction = learnt.fitted.friction
     for found, true in (
-        (friction.coulomb, COULOMB),
-        (friction.viscous, VISCOUS),
-        (friction.inertia, ROTOR),
-        (friction.offset, OFFSET),
+        (friction.coulomb, swinging_arm.COULOMB),
+        (friction.viscous, swinging_arm.VISCOUS),
+        (friction.inertia, swinging_arm.ROTOR),
+        (friction.offset, swinging_arm.OFFSET),
     ):
         np.testing.assert_allclose(found, true, atol=0.05)
     words = ["estimate", "pushed.csv", "--map", "map.toml", "--calibration", "arm.nc", "--out", "out"]
@@ -130,7 +120,7 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
     assert "calibration: learnt from free.csv; error bar" in capsys.readouterr().out
     stored = read_netcdf(folder / "out" / "estimate.nc", "estimate")[""]
     with_it, seen = (stored[key].values[0, :, 0] for key in ("force_W", "seen"))
-    plain = estimate(recorded(Path("pushed.csv"), edited(arm_map(), {"joints.friction": None})))
+    plain = estimate(recorded(Path("pushed.csv"), edited(swinging_arm.arm_map(), {"joints.friction": None})))
     time, log = plain.estimates["force_level"].time[:-1], pd.read_csv("pushed.csv")
     truth = np.column_stack([np.interp(time - 0.009, log.t, log[f"f{axis}"]) for axis in "xyz"])
     shown = seen[200:] > SHOWN
@@ -145,31 +135,31 @@ def test_a_free_swing_makes_the_force_of_another_recording_right(
 
 def test_the_rate_at_which_coulomb_friction_sets_in_is_found(folder: Path) -> None:
     """Where it is ten times the usual one; with the usual one a viscous part would stand in for it."""
-    recording(folder, "late", pushed=False, seed=3, rate=0.2)
-    found = calibrated(folder, "late", arm_map(), "mass").fitted
+    swinging_arm.recording(folder, "late", pushed=False, seed=3, rate=0.2)
+    found = calibrated(folder, "late", swinging_arm.arm_map(), "mass").fitted
     assert found.friction.rate == 0.2
     assert found.fits[1].values["rate"] == 0.2
-    np.testing.assert_allclose(found.friction.coulomb, COULOMB, atol=0.05)
-    np.testing.assert_allclose(found.friction.viscous, VISCOUS, atol=0.05)
+    np.testing.assert_allclose(found.friction.coulomb, swinging_arm.COULOMB, atol=0.05)
+    np.testing.assert_allclose(found.friction.viscous, swinging_arm.VISCOUS, atol=0.05)
 
 
 def test_noise_of_rates_changes_neither_mass_nor_rotors(folder: Path) -> None:
     """By 0.03 rad/s, of which accelerations show half as much as of the motion; a plain regression finds no rotors."""
     log, rng = pd.read_csv(folder / "free.csv"), np.random.default_rng(1)
-    rates = [f"{joint}_v" for joint in JOINTS]
+    rates = [f"{joint}_v" for joint in swinging_arm.JOINTS]
     log[rates] += rng.normal(0.0, 0.03, log[rates].shape)
     log.to_csv(folder / "rates.csv", index=False)
-    found = calibrated(folder, "rates", arm_map(), "mass").fitted
+    found = calibrated(folder, "rates", swinging_arm.arm_map(), "mass").fitted
     deviation = next(fit for fit in found.fits if fit.name == "mass").values["deviation"]
     assert deviation < 0.003
-    assert abs(found.mass - HEAVIER) < 3.0 * deviation
-    np.testing.assert_allclose(found.friction.inertia, ROTOR, atol=0.004)
+    assert abs(found.mass - swinging_arm.HEAVIER) < 3.0 * deviation
+    np.testing.assert_allclose(found.friction.inertia, swinging_arm.ROTOR, atol=0.004)
 
 
 def test_a_rotor_heavier_than_the_robot_is_doubted(folder: Path, learnt: Calibration) -> None:
     """As positions and rates that are read as degrees, and are radians, make it."""
     assert not [line for line in learnt.warnings if "rotor" in line]
-    warnings = calibrated(folder, "free", edited(arm_map(), {"joints.factor": {"turn": 0.0174}})).warnings
+    warnings = calibrated(folder, "free", edited(swinging_arm.arm_map(), {"joints.factor": {"turn": 0.0174}})).warnings
     assert [line for line in warnings if line.startswith("fit: the rotor of turn would have")]
 
 
@@ -189,7 +179,7 @@ def test_a_thrust_is_fitted_in_axes_of_a_body_with_z_down(tmp_path: Path) -> Non
 
 def test_a_self_check_takes_a_calibration(folder: Path, learnt: Calibration) -> None:
     """In place of a fit of which the map does not say where; without either it is refused."""
-    record = recorded(folder / "pushed.csv", arm_map())
+    record = recorded(folder / "pushed.csv", swinging_arm.arm_map())
     with pytest.raises(MapError, match="--calibration FILE"):
         check_record(record)
     assert [one.axis for one in check_record(record, learnt) if one.ok]
@@ -198,31 +188,33 @@ def test_a_self_check_takes_a_calibration(folder: Path, learnt: Calibration) -> 
 def test_a_fit_that_explains_hardly_anything_is_named(folder: Path, learnt: Calibration) -> None:
     """A joint that counts the other way round, which friction cannot explain; noise that is left explains itself."""
     assert not [line for line in learnt.warnings if "hardly anything" in line]
-    warnings = calibrated(folder, "free", edited(arm_map(), {"joints.factor": {"bend": -1}})).warnings
+    warnings = calibrated(folder, "free", edited(swinging_arm.arm_map(), {"joints.factor": {"bend": -1}})).warnings
     assert [line for line in warnings if "explains hardly anything" in line and "sign, order, zero" in line]
     log = pd.read_csv(folder / "free.csv")
-    efforts = [f"{joint}_i" for joint in JOINTS]
+    efforts = [f"{joint}_i" for joint in swinging_arm.JOINTS]
     log[efforts] += np.random.default_rng(4).normal(0.0, 2.0, log[efforts].shape)  # four times the friction
     log.to_csv(folder / "rough.csv", index=False)
-    assert not [line for line in calibrated(folder, "rough", arm_map()).warnings if "hardly anything" in line]
+    assert not [
+        line for line in calibrated(folder, "rough", swinging_arm.arm_map()).warnings if "hardly anything" in line
+    ]
 
 
 def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(folder: Path, learnt: Calibration) -> None:
     """The efforts' own behind the observer's filter; a push where nothing is known to be free does not count."""
     (folder / "noise.nc").write_bytes(calibration_bytes(learnt))
     assert read_calibration(folder / "noise.nc").row_noise == learnt.row_noise
-    share = -np.expm1(-100.0 / RATE)  # of the means of two samples that a low-pass takes on
-    efforts = 0.01 * CONSTANT * (share / (2.0 - share)) ** 0.5
-    assert all(0.85 < learnt.row_noise[joint] / efforts < 1.5 for joint in JOINTS)
-    recording(folder, "knocked_late", pushed=False, seed=1, knock=(8.5, 9.0))
+    share = -np.expm1(-100.0 / swinging_arm.RATE)  # of the means of two samples that a low-pass takes on
+    efforts = 0.01 * swinging_arm.CONSTANT * (share / (2.0 - share)) ** 0.5
+    assert all(0.85 < learnt.row_noise[joint] / efforts < 1.5 for joint in swinging_arm.JOINTS)
+    swinging_arm.recording(folder, "knocked_late", pushed=False, seed=1, knock=(8.5, 9.0))
 
     def noise(name: str, end: float) -> Mapping[str, float]:
-        values = edited(arm_map(), {"use.free": [0, 8], "joints.friction.fit": [0, end]})
+        values = edited(swinging_arm.arm_map(), {"use.free": [0, 8], "joints.friction.fit": [0, end]})
         return estimate(recorded(folder / f"{name}.csv", values)).forces.values.row_noise
 
     found = noise("free", 5)
     assert noise("knocked_late", 5) == found
-    assert all(found[joint] > learnt.row_noise[joint] for joint in JOINTS)  # the mass is wrong
+    assert all(found[joint] > learnt.row_noise[joint] for joint in swinging_arm.JOINTS)  # the mass is wrong
     assert noise("free", 8) == {}
 
 
@@ -244,7 +236,7 @@ def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> Non
 
 def test_online_estimates_take_the_friction_of_a_calibration(folder: Path, learnt: Calibration) -> None:
     """Sample by sample the same forces as the recording as a whole, but for the first ones."""
-    chosen = parse_map(arm_map(), "of the test")
+    chosen = parse_map(swinging_arm.arm_map(), "of the test")
     whole = estimate(recorded(folder / "pushed.csv", chosen), calibration=learnt).estimates["force_level"]
     with pytest.raises(MapError, match="friction can come from a calibration"):
         OnlineEstimator(chosen, folder)
@@ -261,8 +253,8 @@ def test_a_knock_is_found_by_what_a_free_swing_shows(
 ) -> None:
     """8 N from 1.5 to 1.7 s: found within a sample of 2 ms, with its size; nothing in another free swing."""
     monkeypatch.chdir(folder)
-    recording(folder, "knocked", pushed=False, seed=4, knock=(1.5, 1.7))
-    recording(folder, "still_free", pushed=False, seed=5)
+    swinging_arm.recording(folder, "knocked", pushed=False, seed=4, knock=(1.5, 1.7))
+    swinging_arm.recording(folder, "still_free", pushed=False, seed=5)
     (folder / "knock.nc").write_bytes(calibration_bytes(learnt))
     words = ["--map", "map.toml", "--calibration", "knock.nc", "--out"]
     assert call("estimate", "knocked.csv", *words, "knocked") == 0
@@ -280,10 +272,10 @@ def test_a_knock_is_found_by_what_a_free_swing_shows(
 
 def test_a_robot_with_a_phase_gets_a_series_over_it(tmp_path: Path) -> None:
     """A gear's ripple of 0.5 N m: a plug-in says what turns, and a fourteenth of it is left in another recording."""
-    (tmp_path / "arm.urdf").write_text(arm())
+    (tmp_path / "arm.urdf").write_text(swinging_arm.arm())
     for name, seed in (("free", 1), ("again", 2)):
-        recording(tmp_path, name, False, seed, turning=5.0, ripple=0.5)
-    chosen = parse_map(arm_map(), "of the test")
+        swinging_arm.recording(tmp_path, name, False, seed, turning=5.0, ripple=0.5)
+    chosen = parse_map(swinging_arm.arm_map(), "of the test")
     plain = robot_of_map(chosen.robot, tmp_path)
     geared = GearedArm(plain.model, plain.free, plain.joints, plain.title)
 
@@ -311,11 +303,11 @@ def test_samples_of_the_boot_do_not_move_what_is_fitted(folder: Path, tmp_path: 
     """Four samples a thousand seconds before the rest: three quarters of what is used are fitted, not of the clock."""
     rows = pd.read_csv(folder / "free.csv", nrows=2500)
     boot = rows[:4].assign(t=rows.t[:4] - 1000.0)
-    (tmp_path / "arm.urdf").write_text(arm())
+    (tmp_path / "arm.urdf").write_text(swinging_arm.arm())
     found = []
     for name, kept in (("clean", rows[4:]), ("boot", pd.concat([boot, rows[4:]]))):
         kept.to_csv(tmp_path / f"{name}.csv", index=False)
-        record = recorded(tmp_path / f"{name}.csv", arm_map())
+        record = recorded(tmp_path / f"{name}.csv", swinging_arm.arm_map())
         found.append(calibrate([record]).fitted.friction)
     np.testing.assert_allclose(found[1].coulomb, found[0].coulomb, rtol=1e-3)  # type: ignore[union-attr]
 
@@ -331,7 +323,7 @@ def test_a_record_that_wants_a_negative_mass_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("points", "why"), [(["tool"], "no row is to spare"), ([], "no force is sought")])
 def test_a_model_that_nothing_checks_says_why(points: list[str], why: str, folder: Path, learnt: Calibration) -> None:
     """Residuals alone had `"model": null`, as if there were no calibration."""
-    record = recorded(folder / "pushed.csv", edited(arm_map(), {"robot.points": points}))
+    record = recorded(folder / "pushed.csv", edited(swinging_arm.arm_map(), {"robot.points": points}))
     told = estimate(record, calibration=learnt).metrics()["model"]
     assert (told["verdict"], told["ratio"]) == ("unverified", None)
     assert why in told["why"]
@@ -355,7 +347,7 @@ def test_what_cannot_be_learnt_or_used_is_refused(
     monkeypatch.chdir(folder)
 
     def said(change: dict[str, Any], identify: tuple[str, ...] = (), use: bool = False) -> str:
-        chosen = edited(arm_map(), change)
+        chosen = edited(swinging_arm.arm_map(), change)
         try:
             if use:
                 estimate(recorded(Path("pushed.csv"), chosen), calibration=learnt)
@@ -365,7 +357,7 @@ def test_what_cannot_be_learnt_or_used_is_refused(
             return str(error)
         return ""
 
-    (folder / "heavy.urdf").write_text(arm().replace('value="1.5"', 'value="1.6"'))
+    (folder / "heavy.urdf").write_text(swinging_arm.arm().replace('value="1.5"', 'value="1.6"'))
     assert "belongs to the robot 'arm', not to 'heavy'" in said({"robot.urdf": "heavy.urdf"}, use=True)
     assert "the effort of turn = 1.6 N m per unit, but 2 N m per unit is believed" in said(
         {"joints.effort.torque_per_unit": {"*": 2.0}}, use=True
@@ -373,7 +365,7 @@ def test_what_cannot_be_learnt_or_used_is_refused(
     assert "cannot be told apart" in said({"joints.friction": {"scale": True}}, ("mass",))
     assert "parameters has 'drag': of mass some were expected; joints.friction and" in said({}, ("drag",))
     with pytest.raises(MapError, match=r"joints\.friction\.fit: from and to .* or --calibration FILE"):
-        estimate(recorded(Path("pushed.csv"), arm_map()))
+        estimate(recorded(Path("pushed.csv"), swinging_arm.arm_map()))
     for words, reason in (
         (["calibrate", "free.csv", "pushed.csv", "--map", "map.toml", "--out", "x.nc"], "2 recordings"),
         (["calibrate", "free.csv", "--map", "map.toml", "--morphology", "aerobat", "--out", "x.nc"], "--morphology is"),

@@ -13,16 +13,7 @@ import pytest
 import xarray as xr
 from support.own_model import own_model_errors
 
-from aerobat_pin.aerobat import (
-    Aerobat,
-    AerobatRobot,
-    FlightLog,
-    believed_robot,
-    estimate_flight,
-    flight_channels,
-    flight_record,
-    free_record,
-)
+from aerobat_pin import aerobat
 from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
 from aerobat_pin.aerobat.raw.air import AirForces
 from aerobat_pin.aerobat.raw.channels import part_of, stretches
@@ -47,18 +38,20 @@ SHORT = ("simulation.duration=0.9", "unknown_force.*.step_start=0.6")
 
 
 @cache
-def flight(*settings: str) -> tuple[FlightLog, Aerobat]:
+def flight(*settings: str) -> tuple[aerobat.FlightLog, aerobat.Aerobat]:
     """Return the log of `raw_sensors` with settings, and its robot."""
     scenario = load_scenario("raw_sensors", [*SHORT, *settings])
-    return simulate(scenario), believed_robot(scenario)
+    return simulate(scenario), aerobat.believed_robot(scenario)
 
 
-def raw(log: FlightLog, robot: Aerobat, section: RawSection = GIVEN, torque: Any = "measured") -> RawRecord:
+def raw(
+    log: aerobat.FlightLog, robot: aerobat.Aerobat, section: RawSection = GIVEN, torque: Any = "measured"
+) -> RawRecord:
     """Return the raw samples of a flight."""
-    return raw_record(log.time, flight_channels(log, robot), robot, torque, section)
+    return raw_record(log.time, aerobat.flight_channels(log, robot), robot, torque, section)
 
 
-def smoother_of(robot: Aerobat, section: RawSection) -> JointSmoother:
+def smoother_of(robot: aerobat.Aerobat, section: RawSection) -> JointSmoother:
     """Return a smoother for flights of `raw_sensors`."""
     return JointSmoother(robot, load_scenario("raw_sensors").believed_air, FRAMES, section)
 
@@ -71,7 +64,7 @@ def smoothed(torque: str, *settings: str) -> tuple[JointSmoother, RawRecord, Joi
     return smoother, record, smoother.run(record)
 
 
-def truth(log: FlightLog) -> np.ndarray:
+def truth(log: aerobat.FlightLog) -> np.ndarray:
     """Return the true forces without noise (m, 2, 3)."""
     points = [str(point) for point in log.truth["point"].values]
     return log.truth["force_noise_free_W"].values[:, [points.index(frame) for frame in FRAMES]]
@@ -115,7 +108,7 @@ def test_motion_capture_may_begin_later_and_lose_the_robot_for_a_while() -> None
     log, robot = flight()
     at = log.measured["mocap_time"].values
     seen = np.flatnonzero((at > 0.1) & ((at < 0.4) | (at > 0.6)))
-    found = smoother_of(robot, GIVEN).run(raw(FlightLog(log.measured.isel(mocap_time=seen)), robot))
+    found = smoother_of(robot, GIVEN).run(raw(aerobat.FlightLog(log.measured.isel(mocap_time=seen)), robot))
     assert found.settled
     assert np.all(worst_r2(found.force, truth(log)) > [0.95, 0.99, 0.99])
 
@@ -304,15 +297,15 @@ def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight()
     """Within 1 mm and .3 degrees, kept in the file of a calibration, and Fx is what it is with the true ones."""
     where = ("sensors.accelerometer.place=[0.005,0,0]", "sensors.accelerometer.turn_deg=[0.5,0.5,0.5]")
 
-    def unaware(*settings: str) -> tuple[FlightLog, Aerobat]:
+    def unaware(*settings: str) -> tuple[aerobat.FlightLog, aerobat.Aerobat]:
         log, robot = flight(*where, *settings)
         place = log.measured["accelerometer"].assign_attrs(place=[0.0] * 3, turn_deg=[0.0] * 3)
-        return FlightLog(log.measured.assign(accelerometer=place), log.truth), robot
+        return aerobat.FlightLog(log.measured.assign(accelerometer=place), log.truth), robot
 
     log, robot = unaware("unknown_force=[]", "flight.angular_velocity=[6,0,6]")
     air = load_scenario("raw_sensors").believed_air
-    believed = replace(AerobatRobot.of(robot, air), raw=FREE)
-    free = free_record(log, believed, ObserverSection(frames=FRAMES), "free")
+    believed = replace(aerobat.AerobatRobot.of(robot, air), raw=FREE)
+    free = aerobat.free_record(log, believed, ObserverSection(frames=FRAMES), "free")
     learnt = calibrate([free])
     with TemporaryDirectory() as folder:
         file = Path(folder, "hall.nc")
@@ -339,7 +332,7 @@ def test_without_torque_the_split_between_the_wings_is_refused() -> None:
     observers = scenario.observers.model_copy(update={"raw": GIVEN})
     scenario = scenario.model_copy(update={"observers": observers})
     log, robot = flight()
-    estimates = estimate_flight(log, robot, scenario).estimates
+    estimates = aerobat.estimate_flight(log, robot, scenario).estimates
     estimate = estimates["smoother"]
     assert estimate.frames == ("sum",)
     assert estimate.force.shape[1:] == (1, 3)
@@ -354,13 +347,13 @@ def test_what_raw_samples_do_not_allow_is_refused_in_a_line() -> None:
     twice = log.time.copy()
     twice[300] = twice[299]
     with pytest.raises(LogError, match=r"time, sample 300 = 0\.299 s: time must be finite and rise"):
-        FlightLog(log.measured.drop_dims("interval").assign_coords(time=twice))
+        aerobat.FlightLog(log.measured.drop_dims("interval").assign_coords(time=twice))
     with pytest.raises(ScenarioError, match="momentum needs q and v, and the log has raw samples"):
-        estimate_flight(log, robot, load_scenario("raw_sensors", ['observers.names=["momentum"]']))
-    blind = FlightLog(log.measured.drop_vars(["encoder", "encoder_time"]), log.truth)
+        aerobat.estimate_flight(log, robot, load_scenario("raw_sensors", ['observers.names=["momentum"]']))
+    blind = aerobat.FlightLog(log.measured.drop_vars(["encoder", "encoder_time"]), log.truth)
     with pytest.raises(LogError, match="no channel named encoder"):
         raw(blind, robot)
-    limp = FlightLog(log.measured.drop_vars(["joint_torque_sample", "torque_time"]), log.truth)
+    limp = aerobat.FlightLog(log.measured.drop_vars(["joint_torque_sample", "torque_time"]), log.truth)
     with pytest.raises(LogError, match="no channel named joint_torque_sample"):
         raw(limp, robot)
     with pytest.raises(ScenarioError, match="only a raw log has this sensor"):
@@ -371,14 +364,14 @@ def test_misread_and_held_samples_are_named() -> None:
     """By checks of recordings, which find these in raw samples, too; nothing on a clean flight."""
     log, robot = flight()
 
-    def warned(flown: FlightLog) -> list[str]:
-        seen_by = AerobatRobot.of(robot, load_scenario("raw_sensors").believed_air)
-        found = record_findings(flight_record(flown, seen_by))
+    def warned(flown: aerobat.FlightLog) -> list[str]:
+        seen_by = aerobat.AerobatRobot.of(robot, load_scenario("raw_sensors").believed_air)
+        found = record_findings(aerobat.flight_record(flown, seen_by))
         return [str(one) for one in found if one.verdict in ("warning", "refused")]
 
     def changed(name: str, values: np.ndarray) -> str:
         data = log.measured[name]
-        made = FlightLog(log.measured.assign({name: (data.dims, values, data.attrs)}))
+        made = aerobat.FlightLog(log.measured.assign({name: (data.dims, values, data.attrs)}))
         return " | ".join(warned(made))
 
     seen, gyro = log.measured["mocap_quaternion"].values, log.measured["gyro"].values

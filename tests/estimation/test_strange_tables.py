@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from support.recorded import edited, recorded
+from support.recorded import edited, recorded, suggestion
 from support.robot_parts import joint, link
 from support.walking_log import table, table_map, urdf, walk
 
@@ -149,7 +149,6 @@ def test_cells_are_counted_between_spaces_and_quotes_too(header: str, row: str, 
 
 def test_numbered_columns_are_suggested_for_the_joints_in_order(tmp_path: Path) -> None:
     """And four numbered columns of length 1 for the attitude, in an order to ask about; as is a second force sensor."""
-    (tmp_path / "quadruped.urdf").write_text(urdf())
     frame = table(walk())
     numbers = {f"quat{k}": frame[f"q{axis}"] for k, axis in enumerate("wxyz")}
     for k, name in enumerate(walk().joints):
@@ -158,8 +157,7 @@ def test_numbered_columns_are_suggested_for_the_joints_in_order(tmp_path: Path) 
     for axis in "xyz":
         numbers |= {f"left_foot_force_{axis}": frame[f"fl_f{axis}"], f"base_pos_{axis}": frame[f"p{axis}"]}
         numbers |= {f"right_foot_force_{axis}": frame[f"fl_f{axis}"], f"base_ang_vel_{axis}": frame[f"gyro_{axis}"]}
-    pd.DataFrame({"t": frame.t, **numbers}).to_csv(tmp_path / "numbered.csv", index=False)
-    text = suggested_map(tmp_path / "numbered.csv", tmp_path / "quadruped.urdf")
+    text = suggestion(tmp_path, {"t": frame.t, **numbers}, urdf())
     suggested = tomllib.loads(text)
     assert suggested["joints"]["names"] == list(walk().joints)
     for part, name in (("position", "q{}"), ("velocity", "dq_{}"), ("effort", "tau_J{}")):
@@ -177,8 +175,8 @@ def test_an_attitude_whose_columns_say_their_axes_has_their_order(tmp_path: Path
     turn = 0.01 * np.arange(50.0)
     values = {"x": np.cos(turn), "y": np.sin(turn), "z": 0.0 * turn, "w": 0.0 * turn}
     columns = {f"base_pos_{axis}": turn for axis in "xyz"} | {f"quat_{axis}_imu": one for axis, one in values.items()}
-    pd.DataFrame({"t": turn, **columns}).to_csv(tmp_path / "log.csv", index=False)
-    line = next(one for one in suggested_map(tmp_path / "log.csv", None).splitlines() if one.startswith("quaternion"))
+    lines = suggestion(tmp_path, {"t": turn, **columns}).splitlines()
+    line = next(one for one in lines if one.startswith("quaternion"))
     assert 'order = "xyzw"' in line
     assert "# or" not in line
 
@@ -189,12 +187,10 @@ def test_a_column_is_that_of_the_joint_with_the_longest_name_in_it(names: tuple[
     parts = [link("base"), *(link(f"{name}_link", 1.0, "0 0 0.1", 3 * [0.01]) for name in names)]
     parts += [joint(names[0], "revolute", "base", f"{names[0]}_link")]
     parts += [joint(names[1], "revolute", f"{names[0]}_link", f"{names[1]}_link")]
-    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{"".join(parts)}</robot>')
     columns = [column for name in reversed(names) for column in (f"{name}_pos", f"{name}_vel", f"f_{name}")]
     columns = [f"force_{names[0]}", *columns, f"{names[0]}_torque"]
     swings = {column: np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, column in enumerate(columns)}
-    pd.DataFrame({"t": 0.01 * np.arange(50.0), **swings}).to_csv(tmp_path / "log.csv", index=False)
-    joints = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))["joints"]
+    joints = tomllib.loads(suggestion(tmp_path, {"t": 0.01 * np.arange(50.0), **swings}, *parts))["joints"]
     assert joints["names"] == list(names)
     for part, column in (("position", "{}_pos"), ("velocity", "{}_vel")):
         assert joints[part]["columns"] == [column.format(name) for name in names]
@@ -205,12 +201,10 @@ def test_words_that_only_humps_part_are_read(tmp_path: Path) -> None:
     """BaseAx to BaseAz, of an accelerometer, were suggested as the base's position, JointPosFR_hip as no joint's."""
     parts = [link("base"), *(link(f"{side}_leg", 1.0, "0 0 -0.1", 3 * [0.01]) for side in ("FL", "FR"))]
     parts += [joint(f"{side}_hip_joint", "revolute", "base", f"{side}_leg") for side in ("FL", "FR")]
-    (tmp_path / "legs.urdf").write_text(f'<robot name="legs">{"".join(parts)}</robot>')
     names = [f"{part}{side}_hip" for side in ("FR", "FL") for part in ("TargetPos", "JointPos", "JointTorque")]
     names += [f"BaseA{axis}" for axis in "xyz"]
     swings = {column: np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, column in enumerate(names)}
-    pd.DataFrame({"t": 0.01 * np.arange(50.0), **swings}).to_csv(tmp_path / "log.csv", index=False)
-    text = suggested_map(tmp_path / "log.csv", tmp_path / "legs.urdf")
+    text = suggestion(tmp_path, {"t": 0.01 * np.arange(50.0), **swings}, *parts)
     assert "spring or a gear" not in text, "what was wanted is no other side of a gear"
     found = tomllib.loads(text)
     assert (found["robot"]["root"], found["check"]["specific_force"]["columns"]) == ("fixed", names[-3:])
@@ -228,12 +222,11 @@ def test_humps_part_the_names_of_joints_as_those_of_columns() -> None:
 
 def test_a_robot_without_joints_moves_as_a_whole(tmp_path: Path) -> None:
     """A drone's log without a position was refused ("no joint of it moves"); w first was suggested as w last."""
-    (tmp_path / "drone.urdf").write_text(f'<robot name="drone">{link("body", 1.0, "0 0 0", 3 * [0.01])}</robot>')
     turn = 0.1 * np.sin(0.1 * np.arange(50.0))
     attitude = {f"q{k}": each for k, each in enumerate((np.cos(turn), np.sin(turn), 0.0 * turn, 0.0 * turn))}
     rate = {f"ang_vel_{axis}": turn for axis in "xyz"}
-    pd.DataFrame({"t": 0.01 * np.arange(50.0), **attitude, **rate}).to_csv(tmp_path / "log.csv", index=False)
-    text = suggested_map(tmp_path / "log.csv", tmp_path / "drone.urdf")
+    body = link("body", 1.0, "0 0 0", 3 * [0.01])
+    text = suggestion(tmp_path, {"t": 0.01 * np.arange(50.0), **attitude, **rate}, body)
     assert 'root = "free_flyer"' in text
     assert '# quaternion = {columns = ["q0", "q1", "q2", "q3"], order = "wxyz"' in text
     assert "[joints]" not in text
@@ -241,30 +234,24 @@ def test_a_robot_without_joints_moves_as_a_whole(tmp_path: Path) -> None:
 
 def test_names_with_quotes_are_texts_of_a_suggested_map(tmp_path: Path) -> None:
     """The map was no TOML: the reader said so of a file that this program had written."""
-    (tmp_path / "arm.urdf").write_text(arm_of(2))
     names = ['my "t"', 'joint1 "abs" pos', "joint2\\pos", "joint1_torque", 'joint2 "motor" torque', 'in "K"']
     time = 0.01 * np.arange(50.0)
     table = pd.DataFrame({name: np.sin(time + k) for k, name in enumerate(names)}).assign(**{names[0]: time})
-    table.to_csv(tmp_path / "log.csv", index=False)
-    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    text = suggestion(tmp_path, table, arm_of(2))
     found = tomllib.loads(text)
     assert found["log"]["time"]["column"] == names[0]
     assert [found["joints"][part]["columns"] for part in ("position", "effort")] == [names[1:3], names[3:5]]
     assert "# Columns that are not used here: " + ", ".join(names[5:]) in text
-    table.drop(columns=names[3]).to_csv(tmp_path / "log.csv", index=False)
-    assert r'# effort = {columns = [..., "joint2 \"motor\" torque"], unit' in suggested_map(
-        tmp_path / "log.csv", tmp_path / "arm.urdf"
-    )
+    text = suggestion(tmp_path, table.drop(columns=names[3]), arm_of(2))
+    assert r'# effort = {columns = [..., "joint2 \"motor\" torque"], unit' in text
 
 
 def test_a_column_that_may_be_another_is_asked_for(tmp_path: Path) -> None:
     """Of a spring in the joint the motor's side was taken, with the rate of the link's, without a question."""
     parts = [link("base"), link("arm", 1.0, "0 0 0.1", 3 * [0.01]), joint("elbow", "revolute", "base", "arm")]
-    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{"".join(parts)}</robot>')
     names = ("motor_pos", "link_pos", "link_vel", "cmd_pos", "motor_torque", "spring_torque")
     swings = {f"elbow_{name}": np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, name in enumerate(names)}
-    pd.DataFrame({"t": 0.01 * np.arange(50.0), **swings}).to_csv(tmp_path / "log.csv", index=False)
-    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    text = suggestion(tmp_path, {"t": 0.01 * np.arange(50.0), **swings}, *parts)
     assert "# or elbow_link_pos, elbow_spring_torque? Of a spring or a gear" in text
 
 
@@ -273,12 +260,10 @@ def test_a_joint_that_turns_on_may_have_any_angle(largest: tuple[float, float], 
     """A slew that turned by 13.5 rad made degrees of all angles, and the forces wrong by 24 N without a word."""
     parts = [link("base"), link("tower", 5.0, "0 0 1", 3 * [1.0]), link("boom", 2.0, "1 0 0", 3 * [0.5])]
     parts += [joint("slew", "continuous", "base", "tower", axis="0 0 1"), joint("luff", "revolute", "tower", "boom")]
-    (tmp_path / "crane.urdf").write_text(f'<robot name="crane">{"".join(parts)}</robot>')
     swing = np.sin(0.01 * np.arange(400.0))
     columns = {f"{name}_pos": size * swing for name, size in zip(("slew", "luff"), largest, strict=True)}
     columns |= {f"{name}_torque": swing for name in ("slew", "luff")}
-    pd.DataFrame({"t": 0.01 * np.arange(400.0), **columns}).to_csv(tmp_path / "log.csv", index=False)
-    text = suggested_map(tmp_path / "log.csv", tmp_path / "crane.urdf")
+    text = suggestion(tmp_path, {"t": 0.01 * np.arange(400.0), **columns}, *parts)
     assert tomllib.loads(text)["joints"]["position"]["unit"] == unit
     assert ("slew: radians, or degrees?" in text) == (max(largest) > 7.0)
 
@@ -298,12 +283,10 @@ def test_a_joint_that_turns_on_may_have_any_angle(largest: tuple[float, float], 
 )
 def test_a_pose_is_found_by_what_its_columns_share(place: str, attitude: str, free: bool, tmp_path: Path) -> None:
     """Whatever the robot is called; a tool's pose or goal is none, nor an attitude's. It was suggested to be fixed."""
-    (tmp_path / "quadruped.urdf").write_text(urdf())
     time = 0.01 * np.arange(50.0)
     columns = {place.format(axis): np.sin(time) for axis in "xyz"}
     columns |= {attitude.format(axis): np.full(50, 0.5) for axis in "xyzw"} | {f"v_{axis}_body": time for axis in "xyz"}
-    pd.DataFrame({"t": time, **columns}).to_csv(tmp_path / "log.csv", index=False)
-    suggested = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "quadruped.urdf"))
+    suggested = tomllib.loads(suggestion(tmp_path, {"t": time, **columns}, urdf()))
     assert suggested["robot"]["root"] == ("free_flyer" if free else "fixed")
     if free:
         base = suggested["base"]
@@ -317,14 +300,12 @@ def test_numbered_columns_are_those_of_joints_of_that_number(tmp_path: Path) -> 
     """Pinocchio sorts limbs by their names: of a hand with a thumb of joints 12 to 15, 12 got others' columns."""
     time = 0.01 * np.arange(50.0)
     columns = {f"{part}_{k}": np.sin(time + k) for part in ("pos", "tau") for k in range(16)}
-    pd.DataFrame({"t": time, **columns}).to_csv(tmp_path / "log.csv", index=False)
     links = "".join(
         link(f"l{k}", 0.1, moments=[1e-4] * 3)
         + joint(f"joint_{k}.0", "revolute", f"l{k - 1}" if k % 4 else "palm", f"l{k}")
         for k in range(16)
     )
-    (tmp_path / "hand.urdf").write_text(f'<robot name="hand">{link("palm")}{links}</robot>')
-    joints = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "hand.urdf"))["joints"]
+    joints = tomllib.loads(suggestion(tmp_path, {"t": time, **columns}, link("palm"), links))["joints"]
     for part, word in (("position", "pos"), ("effort", "tau")):
         assert joints[part]["columns"] == [f"{word}_{name[6:-2]}" for name in joints["names"]]
     assert joints["names"][4] == "joint_12.0"
@@ -342,12 +323,10 @@ def test_numbered_columns_are_those_of_joints_of_that_number(tmp_path: Path) -> 
 )
 def test_an_attitude_and_a_gyro_ask_whether_the_base_moves(rate: str, felt: str, tmp_path: Path) -> None:
     """The y of `velocity_x` was taken for an axis; without an accelerometer, or with `imu_ax`, nothing was asked."""
-    (tmp_path / "quadruped.urdf").write_text(urdf())
     time = 0.01 * np.arange(50.0)
     columns = {f"imu_q{axis}": np.full(50, 0.5) for axis in "xyzw"}
     columns |= {way.format(axis): np.sin(time) for way in (rate, felt) for axis in "xyz"}
-    pd.DataFrame({"t": time, **columns}).to_csv(tmp_path / "log.csv", index=False)
-    text = suggested_map(tmp_path / "log.csv", tmp_path / "quadruped.urdf")
+    text = suggestion(tmp_path, {"t": time, **columns}, urdf())
     base = tomllib.loads(re.sub("^# ", "", text[text.index("# [base]") : text.index("[joints]")], flags=re.MULTILINE))
     assert base["base"]["rate"]["columns"] == [rate.format(axis) for axis in "xyz"]
     assert base["base"]["from"] == ("joints" if felt in ("none_{}", "force_w_{}") else "imu")
@@ -399,11 +378,9 @@ def arm_of(count: int) -> str:
 
 def test_numbered_columns_of_all_joints_come_before_a_tools_position(tmp_path: Path) -> None:
     """Its three columns, which stand first, were the positions of the first three joints."""
-    (tmp_path / "arm.urdf").write_text(arm_of(6))
     table = {"t": 0.01 * np.arange(50.0)} | {f"tcp_pos_{k} [mm]": np.arange(50.0) for k in range(3)}
     table |= {f"q{k} [rad]": np.sin(np.arange(50.0)) for k in range(1, 7)}
-    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
-    found = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))["joints"]["position"]
+    found = tomllib.loads(suggestion(tmp_path, table, arm_of(6)))["joints"]["position"]
     assert found["columns"] == [f"q{k} [rad]" for k in range(1, 7)]
 
 
@@ -424,13 +401,11 @@ def test_numbers_and_units_within_names_say_whose_columns_these_are(
     position: str, velocity: str, effort: str, units: list[str], joints: int, tmp_path: Path
 ) -> None:
     """Whatever their order; what was asked of a joint, its voltage and its external torque are not what it did."""
-    (tmp_path / "arm.urdf").write_text(arm_of(joints))
     stem = position.split("_")[0].split("}")[0] + "}"
     more = [f"{stem}{tail}" for tail in ("_target_deg", "_voltage_V", "_ext_torque_Nm", "_tcp_x")]
     wave = np.sin(np.arange(50) / 10.0)
     columns = {name.format(k): k * wave for name in (*more, effort, velocity, position) for k in (3, 1, 2)}
-    pd.DataFrame({"t": np.arange(50) / 100.0, **columns}).to_csv(tmp_path / "log.csv", index=False)
-    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    text = suggestion(tmp_path, {"t": np.arange(50) / 100.0, **columns}, arm_of(joints))
     table = tomllib.loads(text)["joints"]
     assert table["names"] == ["joint1", "joint2", "joint3"]
     for part, name, unit in zip(("position", "velocity", "effort"), (position, velocity, effort), units, strict=True):
@@ -492,11 +467,9 @@ def test_an_arm_that_rests_between_its_moves_is_not_held(rest: float) -> None:
 
 def test_columns_that_a_suggestion_does_not_use_are_listed(tmp_path: Path) -> None:
     """A time called ms is in ms, efforts may be called eff, and a thrust is not dropped without a word."""
-    (tmp_path / "arm.urdf").write_text(arm_of(1))
     wave = np.sin(np.arange(50) / 10.0)
     table = pd.DataFrame({"ms": 10.0 * np.arange(50), "pos_joint1": wave, "eff_joint1": wave, "thrust": wave})
-    table.to_csv(tmp_path / "log.csv", index=False)
-    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    text = suggestion(tmp_path, table, arm_of(1))
     suggested = tomllib.loads(text)
     assert suggested["log"]["time"] == {"column": "ms", "unit": "ms"}
     assert suggested["joints"]["effort"]["columns"] == ["eff_joint1"]
@@ -517,24 +490,19 @@ def test_rotors_are_suggested_with_their_frames(names: str, said: dict[str, obje
     """By thrust, speed or command; what only has a motor's name is none, nor is a rotor that an arm has."""
     links = [link(f"prop{k}") + joint(f"at{k}", "fixed", "hub", f"prop{k}") for k in range(1, 5)]
     hub = link("hub", 1.0, moments=(1.0, 1.0, 1.0))
-    (tmp_path / "drone.urdf").write_text(f'<robot name="drone">{hub}{"".join(links)}</robot>')
-    (tmp_path / "arm.urdf").write_text(arm_of(1))
     wave = 1.0 + np.sin(np.arange(50) / 10.0)
     rotors = {names.format(k): 2.0 * wave / wave.max() for k in range(4)}
     table = pd.DataFrame({"t": 0.01 * np.arange(50), "q1": wave, **rotors})
-    table.to_csv(tmp_path / "arm.csv", index=False)
-    assert "known" not in tomllib.loads(suggested_map(tmp_path / "arm.csv", tmp_path / "arm.urdf"))
+    assert "known" not in tomllib.loads(suggestion(tmp_path, table, arm_of(1)))
     table = table.assign(**dict.fromkeys(["x", "y", "z", "acc_x", "acc_y", "acc_z"], wave))
-    table.to_csv(tmp_path / "drone.csv", index=False)
-    known = tomllib.loads(suggested_map(tmp_path / "drone.csv", tmp_path / "drone.urdf")).get("known", {})
+    known = tomllib.loads(suggestion(tmp_path, table, hub, *links)).get("known", {})
     expected = {
         f"rotor_{k}": {"columns": [names.format(k)], "frame": f"prop{k + 1}", "direction": [0, 0, 1], **(said or {})}
         for k in range(4)
     }
     assert known == (expected if said else {})
     measured = dict.fromkeys([f"rotor_{kind}{axis}" for kind in "fm" for axis in "xyz"], wave)
-    table.assign(**measured).to_csv(tmp_path / "drone.csv", index=False)
-    suggested = tomllib.loads(suggested_map(tmp_path / "drone.csv", tmp_path / "drone.urdf"))
+    suggested = tomllib.loads(suggestion(tmp_path, table.assign(**measured), hub, *links))
     assert suggested["known"] == {"rotors": {"columns": [*measured]}}, "their force is not sought, nor compared with"
     assert "wrench" not in suggested["check"]
 
@@ -565,8 +533,7 @@ def test_a_time_since_1970_is_one_so_is_what_rises_evenly_and_a_column_of_whole_
         ),
         ({"stamp_sec": np.ones(50), "stamp_nsec": 1e7 * np.arange(50)}, "# MISSING: stamp_sec repeats from row to row"),
     ):
-        pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
-        assert f"\n{said}" in suggested_map(tmp_path / "log.csv", None)
+        assert f"\n{said}" in suggestion(tmp_path, columns)
 
 
 def test_packed_numbers_of_a_netcdf_log_are_unpacked(tmp_path: Path) -> None:

@@ -9,17 +9,7 @@ import pytest
 import xarray as xr
 from support.recorded import recorded
 
-from aerobat_pin.aerobat import (
-    JOINTS,
-    AerobatRobot,
-    FlightLog,
-    belief_about,
-    believed_robot,
-    estimate_flight,
-    read_log,
-    table_record,
-    write_csv,
-)
+from aerobat_pin import aerobat
 from aerobat_pin.aerobat.channels import MEASURED, THRUST_CHANNEL, channel, filled
 from aerobat_pin.errors import LogError
 from aerobat_pin.flight import simulate
@@ -30,14 +20,14 @@ from aerobat_pin.scenario import RawSection, load_scenario
 
 POSE = "x y z qx qy qz qw".split()
 TWIST = "vx vy vz wx wy wz".split()
-RATES = [f"{joint}_rate" for joint in JOINTS]
-TORQUES = [f"torque_{joint}" for joint in JOINTS]
+RATES = [f"{joint}_rate" for joint in aerobat.JOINTS]
+TORQUES = [f"torque_{joint}" for joint in aerobat.JOINTS]
 THRUST = [f"thrust_{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz")]
 WIND = ["wind_x", "wind_y", "wind_z"]
 GROUPS = {
     "pose": POSE,
     "twist": TWIST,
-    "joint_angle": list(JOINTS),
+    "joint_angle": list(aerobat.JOINTS),
     "joint_rate": RATES,
     "joint_torque": TORQUES,
     "known_thrusters": THRUST,
@@ -50,7 +40,7 @@ GROUPS = {
 def frame(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     """Return a table of 0.2 s with every column, without units."""
     file = tmp_path_factory.mktemp("table") / "all.csv"
-    write_csv(simulate(load_scenario("paper", ["simulation.duration=0.2"])), file)
+    aerobat.write_csv(simulate(load_scenario("paper", ["simulation.duration=0.2"])), file)
     table = pd.read_csv(file)
     table.columns = pd.Index([name.partition(" ")[0] for name in table.columns])
     t = table["time"].to_numpy()
@@ -64,7 +54,7 @@ def frame(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     return table.assign(**more)
 
 
-def arrays(table: pd.DataFrame) -> FlightLog:
+def arrays(table: pd.DataFrame) -> aerobat.FlightLog:
     """Return the log of a table, array by array."""
     time, made, coords = table["time"].to_numpy(), {}, {}
     for key, names in GROUPS.items():
@@ -79,14 +69,14 @@ def arrays(table: pd.DataFrame) -> FlightLog:
             made[key] = filled(key, values if len(row.dims) > 1 else values[:, 0], {key: row})
     coords["time"] = channel(time, ("time",), "s", "time")
     coords["interval"] = channel(time[:-1], ("interval",), "s", "start")
-    return FlightLog(xr.Dataset(made, coords=coords))
+    return aerobat.FlightLog(xr.Dataset(made, coords=coords))
 
 
-def of_record(file: Path, log: FlightLog) -> dict[str, Estimate]:
+def of_record(file: Path, log: aerobat.FlightLog) -> dict[str, Estimate]:
     """Return what observers find in the record of a table, with the usual belief about a log with its channels."""
-    belief = belief_about(log, "hall", None, [], [])
-    robot = AerobatRobot.of(believed_robot(belief), belief.believed_air, belief.observers.torque)
-    record, rows = table_record(file, robot, belief.observers), robot.rows()
+    belief = aerobat.belief_about(log, "hall", None, [], [])
+    robot = aerobat.AerobatRobot.of(aerobat.believed_robot(belief), belief.believed_air, belief.observers.torque)
+    record, rows = aerobat.table_record(file, robot, belief.observers), robot.rows()
     assert rows is not None
     inputs = inputs_of(record, *record.parts[0], KnownForces(record), rows)
     observers = observers_of(record)[0]
@@ -99,8 +89,8 @@ def of_record(file: Path, log: FlightLog) -> dict[str, Estimate]:
         ([], False),
         ([*TWIST, *WIND], True),
         ([*TWIST, *RATES, "crank_rate", *WIND], False),
-        ([*JOINTS, *RATES, *TORQUES, "airspeed"], True),
-        ([*JOINTS, *WIND], False),
+        ([*aerobat.JOINTS, *RATES, *TORQUES, "airspeed"], True),
+        ([*aerobat.JOINTS, *WIND], False),
         (["crank_angle", "crank_rate", *WIND, *THRUST], True),
         (["crank_angle", "crank_rate", *RATES, "crank_torque", "airspeed", *WIND], False),
         ([*TORQUES, "crank_torque", *WIND], True),
@@ -116,11 +106,11 @@ def test_a_table_gives_its_arrays_forces(frame: pd.DataFrame, without: list[str]
         table = table.assign(crank_angle=(table["crank_angle"] + np.pi) % (2.0 * np.pi) - np.pi)
     expected_log = arrays(table)
     table.to_csv(tmp_path / "hall.csv", index=False)
-    log = read_log(tmp_path / "hall.csv")
+    log = aerobat.read_log(tmp_path / "hall.csv")
     for name, values in expected_log.measured.data_vars.items():
         np.testing.assert_allclose(log.measured[name], values, rtol=1e-13, atol=1e-13, err_msg=str(name))
-    belief = belief_about(expected_log, "hall", None, [], [])
-    expected = estimate_flight(expected_log, believed_robot(belief), belief).estimates
+    belief = aerobat.belief_about(expected_log, "hall", None, [], [])
+    expected = aerobat.estimate_flight(expected_log, aerobat.believed_robot(belief), belief).estimates
     found = of_record(tmp_path / "hall.csv", log)
     for name, estimate in expected.items():
         largest = np.max(np.abs(estimate.components))
@@ -130,17 +120,17 @@ def test_a_table_gives_its_arrays_forces(frame: pd.DataFrame, without: list[str]
 def test_raw_samples_by_the_map_give_the_forces_of_their_log(tmp_path: Path) -> None:
     """The joint smoother on the record of the table, and on the log that was written, rounded as the table is."""
     log = replace(simulate(load_scenario("raw_sensors", ["simulation.duration=0.2"])), truth=None)
-    write_csv(log, tmp_path / "raw.csv")
+    aerobat.write_csv(log, tmp_path / "raw.csv")
     settings = ["observers.raw.walk=[0.05, 0.05, 0.05]", "observers.raw.offset_error=0.0", "observers.torque=measured"]
-    read = read_log(tmp_path / "raw.csv")
-    belief = belief_about(read, "raw", None, ["smoother"], settings)
-    robot = AerobatRobot.of(believed_robot(belief), belief.believed_air, belief.observers.torque)
+    read = aerobat.read_log(tmp_path / "raw.csv")
+    belief = aerobat.belief_about(read, "raw", None, ["smoother"], settings)
+    robot = aerobat.AerobatRobot.of(aerobat.believed_robot(belief), belief.believed_air, belief.observers.torque)
     robot = replace(robot, raw=belief.observers.raw or RawSection())
-    record = table_record(tmp_path / "raw.csv", robot, belief.observers)
+    record = aerobat.table_record(tmp_path / "raw.csv", robot, belief.observers)
     time = record.times(*record.parts[0])
     np.testing.assert_allclose(time, log.time, atol=1e-9)
     found = robot.motion_from(time, record.channels, observers_of(record)[0], None)
-    expected = estimate_flight(read, believed_robot(belief), belief).estimates
+    expected = aerobat.estimate_flight(read, aerobat.believed_robot(belief), belief).estimates
     forces = expected["smoother"].components
     np.testing.assert_allclose(
         found.estimates["smoother"].components, forces, rtol=0.0, atol=1e-12 * np.max(np.abs(forces))
@@ -223,11 +213,11 @@ def test_a_log_that_is_none_of_aerobats_is_told_what_it_lacks(header: str, messa
     """The columns, if some of the others are only Aerobat's or are called alike, or a map."""
     (tmp_path / "hall.csv").write_text(f"{header}\n" + rows())
     with pytest.raises(LogError, match=message):
-        read_log(tmp_path / "hall.csv")
+        aerobat.read_log(tmp_path / "hall.csv")
 
 
 def test_the_folder_of_a_run_is_told_its_log(tmp_path: Path) -> None:
     """Not to find a map for it, which `calibrate` and `check` do not ask for either."""
     (tmp_path / "flight.nc").touch()
     with pytest.raises(LogError, match=r"the folder of a run: its log .*flight\.nc was expected"):
-        read_log(tmp_path)
+        aerobat.read_log(tmp_path)

@@ -6,18 +6,7 @@ import numpy as np
 import pytest
 
 from aerobat_pin.experiments.experiment import Experiment, run
-from aerobat_pin.forces import ObserverScores
-from aerobat_pin.forces.deviations import (
-    LAGS,
-    RECENT,
-    add_lag_of_filter,
-    lag_of_filter,
-    raise_to_noise,
-    recent_noise,
-    sample_noise,
-    warnings_about,
-    worst_stretch,
-)
+from aerobat_pin.forces import ObserverScores, deviations
 from aerobat_pin.observers import OBSERVERS
 from aerobat_pin.records import load_robot
 from aerobat_pin.scenario.scenario import load_scenario
@@ -86,20 +75,20 @@ def test_noise_is_told_from_a_force_that_swings_and_steps(seed: int) -> None:
     time = 1e-3 * np.arange(2000)
     force = 0.1 * np.sin(2.0 * np.pi * 6.0 * time) + 0.1 * (time > 1.0) + 1.0 * (np.abs(time - 1.5) < 5e-4)
     noisy = force + np.random.default_rng(seed).normal(0.0, 3e-3, len(time))
-    assert sample_noise(np.column_stack([noisy, force])) == pytest.approx([3e-3, 0.0], rel=0.1, abs=1e-5)
-    assert sample_noise(noisy[:8, None]).tolist() == [0.0]
+    assert deviations.sample_noise(np.column_stack([noisy, force])) == pytest.approx([3e-3, 0.0], rel=0.1, abs=1e-5)
+    assert deviations.sample_noise(noisy[:8, None]).tolist() == [0.0]
 
 
 def test_an_estimate_that_is_mostly_noise_says_so() -> None:
     """Noisy sensors and a gain: the components whose error is as large as they are, and only of that observer."""
     experiment = run(load_scenario("noisy_sensors", ["simulation.duration=0.5", "air.warm_up_cycles=1"]))
-    noisy, smooth = (warnings_about(experiment.estimates[name]) for name in ("force_level", "smoother"))
+    noisy, smooth = (deviations.warnings_about(experiment.estimates[name]) for name in ("force_level", "smoother"))
     [warning] = [text for text in noisy if "noise" in text]
     assert "left_force_point.Fx 2" in warning
     assert "Fy" in warning  # in bursts: an octant of the crank has ten times the noise of the rest
     assert not [text for text in smooth if "noise" in text]
     error = experiment.scores.observers["force_level"].points["left"]["Fx"].rmse
-    found = sample_noise(experiment.estimates["force_level"].components)[0]
+    found = deviations.sample_noise(experiment.estimates["force_level"].components)[0]
     assert found == pytest.approx(error, rel=0.25)
 
 
@@ -107,10 +96,10 @@ def test_the_worst_second_is_found_with_its_time() -> None:
     """A k of 20 for half a second in ten makes 10 + 1/2 of a second that begins there; what is shorter has none."""
     time = np.linspace(0.0, 10.0, 1001)
     k = np.where((time[:-1] > 3.995) & (time[:-1] < 4.495), 20.0, 1.0)
-    largest, begin = worst_stretch(time, k)
+    largest, begin = deviations.worst_stretch(time, k)
     assert largest == pytest.approx(10.5)
     assert 3.45 < begin < 4.05
-    assert worst_stretch(time[:51], k[:50]) == (0.0, 0.0)
+    assert deviations.worst_stretch(time[:51], k[:50]) == (0.0, 0.0)
 
 
 def test_noise_of_large_forces_is_said_in_their_unit() -> None:
@@ -120,7 +109,7 @@ def test_noise_of_large_forces_is_said_in_their_unit() -> None:
     time, still = np.arange(401) * 1e-3, np.zeros((401, 6))
     tau = 1e8 * rng.standard_normal((400, 6))
     estimate = OBSERVERS["force_level"](model, ("tool0",), 1000.0, "all").run(time, still, still, tau, {})
-    assert any("kN beside" in line for line in warnings_about(estimate))
+    assert any("kN beside" in line for line in deviations.warnings_about(estimate))
 
 
 def test_deviations_contain_what_a_filter_lags_behind() -> None:
@@ -133,13 +122,16 @@ def test_deviations_contain_what_a_filter_lags_behind() -> None:
     for k in range(1, len(t)):
         found[k] = force[k] + kept * (found[k - 1] - force[k])
     noise = np.full(found.shape, 0.01)
-    lag, behind = lag_of_filter(found, np.full(len(t), dt), gain, noise), np.zeros((LAGS, force.shape[1]))
+    lag, behind = (
+        deviations.lag_of_filter(found, np.full(len(t), dt), gain, noise),
+        np.zeros((deviations.LAGS, force.shape[1])),
+    )
     within = np.abs(found - force)[100:] <= 2.0 * np.hypot(lag, noise)[100:]
     assert np.all(within.mean(axis=0) > 0.95)
     assert np.all(lag[100:].mean(axis=0) < 2.0 * np.abs(found - force)[100:].mean(axis=0))
     for components, sure in zip(found, lag, strict=True):
         deviation = noise[0].copy()
-        add_lag_of_filter(components, kept, behind, deviation)
+        deviations.add_lag_of_filter(components, kept, behind, deviation)
         np.testing.assert_allclose(deviation, np.hypot(noise[0], sure), atol=1e-12)
 
 
@@ -148,12 +140,12 @@ def test_noise_of_late_is_that_of_the_samples_and_of_no_step() -> None:
     rng, half = np.random.default_rng(3), 2000
     found = rng.standard_normal((2 * half, 2)) * np.repeat([[1.0, 0.1], [10.0, 0.1]], half, axis=0)
     found[half:, 1] += 1e3
-    noise, recent = recent_noise(found), np.zeros((RECENT, 2))
+    noise, recent = deviations.recent_noise(found), np.zeros((deviations.RECENT, 2))
     assert np.mean(noise[100:half, 0]) == pytest.approx(1.0, rel=0.1)
     assert np.mean(noise[half + 100 :, 0]) == pytest.approx(10.0, rel=0.1)
     assert np.max(noise[half : half + 200, 1]) < 30.0  # of the step
     assert np.mean(noise[half + 200 :, 1]) == pytest.approx(0.1, rel=0.1)
     for components, sure in zip(found, noise, strict=True):
         deviation = np.zeros(2)
-        raise_to_noise(components, recent, deviation)
+        deviations.raise_to_noise(components, recent, deviation)
         np.testing.assert_allclose(deviation, sure, rtol=1e-9)

@@ -8,28 +8,22 @@ import pytest
 from support.arm import arm, push, rest, settled
 from support.without_coriolis import links
 
+from aerobat_pin import observers
 from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
-from aerobat_pin.observers import (
-    OBSERVERS,
-    ForceLevelObserver,
-    KalmanObserver,
-    MomentumObserver,
-    Observer,
-    SmootherObserver,
-    locate,
-)
 
-KINDS = [kind for kind in OBSERVERS.values() if kind is not SmootherObserver]  # which takes whole records only
+KINDS = [
+    kind for kind in observers.OBSERVERS.values() if kind is not observers.SmootherObserver
+]  # which takes whole records only
 
 
-def by_gain(kind: type[Observer]) -> dict[str, Any]:
+def by_gain(kind: type[observers.Observer]) -> dict[str, Any]:
     """Return the setting with which an observer follows its gain; the Kalman filter does not as it comes."""
-    return {"force_walk": "gain"} if issubclass(kind, KalmanObserver) else {}
+    return {"force_walk": "gain"} if issubclass(kind, observers.KalmanObserver) else {}
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_constant_force_held_by_the_motors_is_found_with_sign_and_size(kind: type[Observer]) -> None:
+def test_a_constant_force_held_by_the_motors_is_found_with_sign_and_size(kind: type[observers.Observer]) -> None:
     """At rest tau = g - J^T f, so the estimate settles at f: unit gain at zero frequency, on a fixed base."""
     model, frame = arm()
     q, force = np.random.default_rng(1).uniform(-1.0, 1.0, model.nq), np.array([1.5, -2.0, 0.7])
@@ -40,7 +34,7 @@ def test_a_constant_force_held_by_the_motors_is_found_with_sign_and_size(kind: t
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_step_has_risen_by_63_percent_at_one_over_the_gain(kind: type[Observer]) -> None:
+def test_a_step_has_risen_by_63_percent_at_one_over_the_gain(kind: type[observers.Observer]) -> None:
     """The gain means the same to every observer: 1 - 1/e of a step of 1 N at t = 1/K, and all of it ten times later."""
     model, frame = arm()
     q, v = np.random.default_rng(1).uniform(-1.0, 1.0, model.nq), np.zeros(model.nv)
@@ -53,7 +47,7 @@ def test_a_step_has_risen_by_63_percent_at_one_over_the_gain(kind: type[Observer
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_gain_far_beyond_the_sample_rate_is_stable(kind: type[Observer]) -> None:
+def test_a_gain_far_beyond_the_sample_rate_is_stable(kind: type[observers.Observer]) -> None:
     """K dt = 50, where an explicit filter explodes: a noisy force is followed, within its own size."""
     model, frame = arm()
     q, v, rng = np.random.default_rng(1).uniform(-1.0, 1.0, model.nq), np.zeros(model.nv), np.random.default_rng(2)
@@ -66,7 +60,7 @@ def test_a_gain_far_beyond_the_sample_rate_is_stable(kind: type[Observer]) -> No
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_no_force_and_a_reset_in_flight_give_zero_without_a_spike(kind: type[Observer]) -> None:
+def test_no_force_and_a_reset_in_flight_give_zero_without_a_spike(kind: type[observers.Observer]) -> None:
     """p0 is the momentum of the first sample: a tumbling robot without forces reads zero from the first interval."""
     robot = load_aerobat("aerobat_light")
     model = robot.model.copy()
@@ -96,8 +90,8 @@ def test_results_stay_as_they_are_where_a_caller_uses_arrays_again() -> None:
     model, frame = arm()
     time, q, wrench = np.array([5.0, 5.1]), pin.neutral(model), np.array([0.0, 0.0, 1.0, 0.0, 0.1, 0.0])
     tau = rest(model, q)[None]
-    estimate = MomentumObserver(model, [frame]).run(time, np.array([q, q]), np.zeros((2, model.nv)), tau)
-    line = locate(wrench, 1e-6 * np.eye(6))
+    estimate = observers.MomentumObserver(model, [frame]).run(time, np.array([q, q]), np.zeros((2, model.nv)), tau)
+    line = observers.locate(wrench, 1e-6 * np.eye(6))
     time -= 5.0
     wrench *= [0.0, 0.0, 1.0, 0.0, 5.0, 0.0]
     np.testing.assert_array_equal(estimate.time, [5.0, 5.1])
@@ -105,7 +99,7 @@ def test_results_stay_as_they_are_where_a_caller_uses_arrays_again() -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_does_not_fit_is_refused_by_name(kind: type[Observer]) -> None:
+def test_what_does_not_fit_is_refused_by_name(kind: type[observers.Observer]) -> None:
     """Bad frames, gains, shapes, NaN and time each raise their own error."""
     model, frame = arm()
     q, v, tau = pin.neutral(model), np.zeros(model.nv), np.zeros(model.nv)
@@ -146,7 +140,7 @@ def test_what_does_not_fit_is_refused_by_name(kind: type[Observer]) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_configuration_that_is_none_is_refused_and_the_stream_stays_as_it_was(kind: type[Observer]) -> None:
+def test_a_configuration_that_is_none_is_refused_and_the_stream_stays_as_it_was(kind: type[observers.Observer]) -> None:
     """Pinocchio would take any quaternion for some attitude; one of float32 is good enough."""
     robot = load_aerobat()
     model, q, v = robot.model, robot.q0, np.zeros(robot.model.nv)
@@ -172,7 +166,7 @@ def test_a_configuration_that_is_none_is_refused_and_the_stream_stays_as_it_was(
 def test_wheels_and_planar_joints_stream_too(joint: pin.JointModel, pair: str) -> None:
     """Their pairs of cosine and sine are unit vectors as well."""
     model = links(joint)
-    observer, q, v = MomentumObserver(model), pin.neutral(model), np.zeros(model.nv)
+    observer, q, v = observers.MomentumObserver(model), pin.neutral(model), np.zeros(model.nv)
     observer.reset(q, v)
     observer.update(1e-3, q, v, v)
     for size in (0.0, 2.0):
@@ -184,7 +178,7 @@ def test_without_frames_momentum_gives_the_residual_alone_and_force_level_refuse
     """The generalised residual needs no point of application; a force does."""
     model, frame = arm()
     q, v = np.random.default_rng(1).uniform(-1.0, 1.0, model.nq), np.zeros(model.nv)
-    bare, full = MomentumObserver(model, gain=50.0), MomentumObserver(model, [frame], gain=50.0)
+    bare, full = observers.MomentumObserver(model, gain=50.0), observers.MomentumObserver(model, [frame], gain=50.0)
     for observer in (bare, full):
         observer.reset(q, v)
     stream = [observer.update(1e-3, q, v, np.zeros(model.nv)) for observer in (bare, full)]
@@ -193,4 +187,4 @@ def test_without_frames_momentum_gives_the_residual_alone_and_force_level_refuse
         assert without.force.shape[-2:] == (0, 3)
         np.testing.assert_array_equal(without.residual, points.residual)
     with pytest.raises(ObserverError, match="one frame or more"):
-        ForceLevelObserver(model)
+        observers.ForceLevelObserver(model)

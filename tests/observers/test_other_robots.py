@@ -15,18 +15,8 @@ from support.kernel_cases import streamed
 from support.stepping import step
 from support.without_coriolis import AXES, JOINTS, chain, drift, links, mjcf_leg, random_record
 
+from aerobat_pin import observers
 from aerobat_pin.errors import LogError, ObserverError
-from aerobat_pin.observers import (
-    OBSERVERS,
-    AllBut,
-    Application,
-    MomentumObserver,
-    Observer,
-    Rows,
-    Tie,
-    external_forces,
-    joint_wrench,
-)
 from aerobat_pin.records.robot_files import FREE, named_robot
 
 FRAMES = {"borinot": "flying_arm_2__ee", "hector": "base_link", "solo12": "FL_FOOT", "talos": "gripper_left_base_link"}
@@ -111,8 +101,8 @@ def motion(name: str) -> Motion:
         ) -> tuple[np.ndarray, np.ndarray, None]:
             pin.forwardKinematics(model, data, q)
             wrench = np.concatenate([f, np.zeros(3)])
-            pushed = joint_wrench(model, data, frame, wrench, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-            return v, pin.aba(model, data, q, v, u, external_forces(model, [pushed])).copy(), None
+            pushed = observers.joint_wrench(model, data, frame, wrench, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+            return v, pin.aba(model, data, q, v, u, observers.external_forces(model, [pushed])).copy(), None
 
         q, v, _ = step(rates, lambda q, xi: pin.integrate(model, q, xi), k * DT, q, v, DT)
         states.append((q, v))
@@ -124,9 +114,9 @@ def motion(name: str) -> Motion:
     return Motion(time, *samples, np.array(torques), known, np.array(forces))
 
 
-@pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
+@pytest.mark.parametrize("kind", observers.OBSERVERS.values(), ids=observers.OBSERVERS)
 @pytest.mark.parametrize("name", ["arm", "mjcf leg", "solo12", *further("humanoid", "borinot", "hector", "talos")])
-def test_every_observer_finds_a_known_force_on_other_robots(name: str, kind: type[Observer]) -> None:
+def test_every_observer_finds_a_known_force_on_other_robots(name: str, kind: type[observers.Observer]) -> None:
     """Silent before the push, within 1 % from 80 ms after it on; `momentum` 5 %: it filters what turns with a limb."""
     model, frame = robot(name)
     flown = motion(name)
@@ -142,15 +132,17 @@ def test_every_observer_finds_a_known_force_on_other_robots(name: str, kind: typ
 
 @settings(max_examples=12, deadline=None)
 @given(name=draw.sampled_from(sorted(KINDS)), wanted=draw.sampled_from(["force", "wrench", "along"]), data=draw.data())
-@pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
-def test_observers_are_right_on_any_robot(kind: type[Observer], name: str, wanted: str, data: draw.DataObject) -> None:
+@pytest.mark.parametrize("kind", observers.OBSERVERS.values(), ids=observers.OBSERVERS)
+def test_observers_are_right_on_any_robot(
+    kind: type[observers.Observer], name: str, wanted: str, data: draw.DataObject
+) -> None:
     """What the rows that it believes show of the force that pushed is what it finds, as a record and as a stream."""
     model, frame = robot(name)
-    believed: list[Rows] = ["all", "base", "base+power", AllBut("joint0")]
+    believed: list[observers.Rows] = ["all", "base", "base+power", observers.AllBut("joint0")]
     rows, flown = data.draw(draw.sampled_from(believed)), motion(name)
-    point = Application(frame, "wrench") if wanted == "wrench" else Application(frame)
+    point = observers.Application(frame, "wrench") if wanted == "wrench" else observers.Application(frame)
     if wanted == "along":
-        point = Application(frame, direction=tuple(flown.force[-1]))
+        point = observers.Application(frame, direction=tuple(flown.force[-1]))
     try:
         observer = kind(model, [point], 500.0, rows)
     except ObserverError:
@@ -170,7 +162,7 @@ def test_observers_are_right_on_any_robot(kind: type[Observer], name: str, wante
 def check_residual(model: pin.Model) -> None:
     """Compare the residual with that of `without_coriolis`, to 1e-8 of the largest drift."""
     time, q, v, u = random_record(model)
-    found = MomentumObserver(model, gain=1e6).run(time, q, v, u).residual  # a filter that follows at once
+    found = observers.MomentumObserver(model, gain=1e6).run(time, q, v, u).residual  # a filter that follows at once
     sizes = [np.abs(drift(model, model.createData(), *sample)).max() for sample in zip(q, v, strict=True)]
     error = np.abs(found - without_coriolis.residual(model, time, q, v, u)).max()
     assert error < 1e-8 * max(sizes)
@@ -195,10 +187,10 @@ def test_joints_that_observers_cannot_use_are_refused_by_name() -> None:
     """The axes of an ellipsoid turn with its angles; a mimic joint has no coordinate of its own."""
     for joint in (pin.JointModelEllipsoid(0.3, 0.2, 0.5), without_coriolis.composite(pin.JointModelEllipsoid())):
         with pytest.raises(ObserverError, match=r"joint 'joint1' of type Ellipsoid: observers cannot use it; .* RX"):
-            MomentumObserver(chain(joint))
+            observers.MomentumObserver(chain(joint))
     gripper = pin.buildModelFromUrdf(installed("panda"), mimic=True)
     with pytest.raises(ObserverError, match=r"joint 'panda_finger_joint2' of type Mimic: .* mimic=False"):
-        MomentumObserver(gripper)
+        observers.MomentumObserver(gripper)
 
 
 def test_a_tied_gripper_is_the_mimic_gripper() -> None:
@@ -206,9 +198,9 @@ def test_a_tied_gripper_is_the_mimic_gripper() -> None:
     file = installed("panda")
     gripper, free = pin.buildModelFromUrdf(file, mimic=True), pin.buildModelFromUrdf(file)
     time, q, v, u = random_record(gripper)
-    tie = Tie("fingers", np.vstack([np.eye(8), np.eye(8)[7]]))
+    tie = observers.Tie("fingers", np.vstack([np.eye(8), np.eye(8)[7]]))
     both = [np.hstack([part, part[:, 7:]]) for part in (q, v)]
     force = np.hstack([u, np.zeros((len(u), 1))])
-    found = MomentumObserver(free, ["panda_hand"], gain=1e6, rows=tie).run(time, *both, force).residual
+    found = observers.MomentumObserver(free, ["panda_hand"], gain=1e6, rows=tie).run(time, *both, force).residual
     expected = without_coriolis.residual(gripper, time, q, v, u)
     np.testing.assert_allclose(found @ tie.map, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())

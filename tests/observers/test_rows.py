@@ -11,19 +11,8 @@ from support.observer_twins import point_jacobian
 from support.robot_parts import efforts
 from support.without_coriolis import mjcf_leg
 
+from aerobat_pin import observers
 from aerobat_pin.errors import ObserverError
-from aerobat_pin.observers import (
-    OBSERVERS,
-    AllBut,
-    ForceLevelObserver,
-    JointFriction,
-    MomentumObserver,
-    Observer,
-    Rows,
-    Tie,
-    fit_friction,
-    tie_joints,
-)
 from aerobat_pin.observers.rows import BelievedRows
 
 
@@ -38,7 +27,7 @@ def arm_on_a_rail() -> tuple[pin.Model, str]:
     return model, "effector_body"
 
 
-def error_at_rest(kind: type[Observer], rows: Rows, friction: float) -> float:
+def error_at_rest(kind: type[observers.Observer], rows: observers.Rows, friction: float) -> float:
     """Return the error [N] of the force on an arm that stands still, with friction on rail and shoulder [N, N m]."""
     model, frame = arm_on_a_rail()
     q = np.array([0.3, 0.4, -0.6, 0.5, 0.9, -0.3, 0.2])
@@ -50,11 +39,11 @@ def error_at_rest(kind: type[Observer], rows: Rows, friction: float) -> float:
     return float(np.linalg.norm(kind(model, [frame], 500.0, rows).run(time, *record).components[-1] - force))
 
 
-@pytest.mark.parametrize("kind", OBSERVERS.values(), ids=OBSERVERS)
-def test_joints_whose_friction_is_not_known_are_left_out(kind: type[Observer]) -> None:
+@pytest.mark.parametrize("kind", observers.OBSERVERS.values(), ids=observers.OBSERVERS)
+def test_joints_whose_friction_is_not_known_are_left_out(kind: type[observers.Observer]) -> None:
     """6 N on a rail and 6 N m in a shoulder spoil a force of 5.4 N at the tool, unless their rows are left out."""
     assert error_at_rest(kind, "all", 6.0) > 1.0
-    assert error_at_rest(kind, AllBut("rail", "shoulder3_joint"), 6.0) < 0.02
+    assert error_at_rest(kind, observers.AllBut("rail", "shoulder3_joint"), 6.0) < 0.02
     assert error_at_rest(kind, "all", 0.0) < 0.02
 
 
@@ -62,18 +51,20 @@ def test_rows_without_a_name_that_is_unknown_or_without_any_are_refused() -> Non
     """The message lists the names: joints, parts of joints with several rows, parts of the base."""
     model, frame = mjcf_leg()
     with pytest.raises(ObserverError, match=r"no joint or part 'hip'.* there are base.Fx, .*Composite_hip_x.0, .*knee"):
-        MomentumObserver(model, [frame], rows=AllBut("hip"))
+        observers.MomentumObserver(model, [frame], rows=observers.AllBut("hip"))
     with pytest.raises(ObserverError, match="no row is left without Composite_hip_x, knee, Composite_ankle, base"):
-        MomentumObserver(model, [frame], rows=AllBut("Composite_hip_x", "knee", "Composite_ankle", "base"))
+        observers.MomentumObserver(
+            model, [frame], rows=observers.AllBut("Composite_hip_x", "knee", "Composite_ankle", "base")
+        )
     with pytest.raises(ObserverError, match="no joint or part 'base'"):
-        MomentumObserver(arm_on_a_rail()[0], rows=AllBut("base"))
+        observers.MomentumObserver(arm_on_a_rail()[0], rows=observers.AllBut("base"))
 
 
 def test_names_stand_for_a_joint_or_a_part_of_it_and_appear_in_the_result() -> None:
     """A leg's hip of three hinges, one component of its ball joint, one of the base; observers can be pickled."""
     model, frame = mjcf_leg()
-    rows = AllBut("Composite_hip_x", "Composite_ankle.0.My", "base.Fz")
-    observer = pickle.loads(pickle.dumps(ForceLevelObserver(model, [frame], rows=rows)))
+    rows = observers.AllBut("Composite_hip_x", "Composite_ankle.0.My", "base.Fz")
+    observer = pickle.loads(pickle.dumps(observers.ForceLevelObserver(model, [frame], rows=rows)))
     assert observer.believed.name == "all but Composite_hip_x, Composite_ankle.0.My, base.Fz"
     assert observer.believed.count == model.nv - 5
     chosen = observer.believed.map(np.zeros(model.nv))
@@ -85,17 +76,17 @@ def test_a_row_in_newtons_is_not_divided_by_a_lever_arm() -> None:
     model, frame = arm_on_a_rail()
     np.testing.assert_array_equal(BelievedRows(model, "all").weight, [1.0] + 6 * [20.0])
     leg, _ = mjcf_leg()
-    assert MomentumObserver(leg).believed.weight[-4:].tolist() == [20.0, 20.0, 20.0, 1.0]
+    assert observers.MomentumObserver(leg).believed.weight[-4:].tolist() == [20.0, 20.0, 20.0, 1.0]
     turned = pin.Model()
     turned.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "plane")
     turned.addJoint(1, pin.JointModelTranslation(), pin.SE3.Identity(), "shift")
     turned.addJoint(2, pin.JointModelPrismaticUnaligned(np.array([0.6, 0.8, 0.0])), pin.SE3.Identity(), "slide")
     assert BelievedRows(turned, "all").weight.tolist() == [1.0, 1.0, 20.0, 1.0, 1.0, 1.0, 1.0]
-    others = AllBut(*model.names.tolist()[2:])
+    others = observers.AllBut(*model.names.tolist()[2:])
     time, q, v, tau, known = record(model)
-    alone = ForceLevelObserver(model, [frame], rows=others).run(time, q, v, tau, known).identifiability
+    alone = observers.ForceLevelObserver(model, [frame], rows=others).run(time, q, v, tau, known).identifiability
     np.testing.assert_allclose(alone.singular_values, [1.0, 0.0, 0.0], atol=1e-12)
-    tie = BelievedRows(model, tie_joints(model, {"rail": "elbow_joint"}))
+    tie = BelievedRows(model, observers.tie_joints(model, {"rail": "elbow_joint"}))
     assert tie.tied[0, 0] == pytest.approx(np.sqrt(0.5))
 
 
@@ -103,10 +94,10 @@ def test_the_row_of_power_compares_sliding_and_turning_joints_in_one_unit() -> N
     """Whichever joint is last, as weighted least squares by numpy; the power's row is v . phi / |v / w|, w weights."""
     model, frame = mjcf_leg()
     time, q, v, tau, known = record(model)
-    observer = ForceLevelObserver(model, [frame], 1e6, "base+power")
+    observer = observers.ForceLevelObserver(model, [frame], 1e6, "base+power")
     force = observer.run(time, q, v, tau, known).force[:, 0]
     robot, weight = observer.model, observer.believed.weight
-    phi = MomentumObserver(model, gain=1e6).run(time, q, v, tau, known).residual
+    phi = observers.MomentumObserver(model, gain=1e6).run(time, q, v, tau, known).residual
     for k in (3, 30):
         J = 0.5 * sum(point_jacobian(robot, [frame], q[i]) for i in (k, k + 1))
         mean = 0.5 * (v[k] + v[k + 1])[6:]
@@ -118,14 +109,14 @@ def test_the_row_of_power_compares_sliding_and_turning_joints_in_one_unit() -> N
 def test_a_tie_of_one_part_of_a_joint_is_found_by_its_name() -> None:
     """The parts of a composite joint are joints of one degree of freedom, with numbers."""
     model, frame = mjcf_leg()
-    tie = tie_joints(model, {"Composite_hip_x.1": "knee"})
-    assert isinstance(tie, Tie)
+    tie = observers.tie_joints(model, {"Composite_hip_x.1": "knee"})
+    assert isinstance(tie, observers.Tie)
     assert tie.map[[7, 9], 7].tolist() == [1.0, 1.0]
-    assert MomentumObserver(model, [frame], rows=tie).believed.count == model.nv - 1
+    assert observers.MomentumObserver(model, [frame], rows=tie).believed.count == model.nv - 1
 
 
 TIME = 1e-3 * np.arange(4001)
-TRUE = JointFriction(
+TRUE = observers.JointFriction(
     coulomb=np.array([0.3, 0.3, 0.2]),
     viscous=np.array([0.05, 0.02, 0.01]),
     inertia=np.array([0.01, 0.02, 0.005]),
@@ -165,14 +156,14 @@ def test_a_foot_reads_right_once_friction_is_known() -> None:
     """0.2 to 0.3 N m a joint hides up to 3 N of 6.1 N; fitted to a free swing, friction leaves less than 0.05 N."""
     model, q, v, a, tau = walked(np.zeros(3))
     rate = 0.5 * (v[1:] + v[:-1])
-    free = MomentumObserver(model, (), 1e9).run(TIME, q, v, tau)
-    friction = fit_friction(q[:-1], rate, a, free.residual)
+    free = observers.MomentumObserver(model, (), 1e9).run(TIME, q, v, tau)
+    friction = observers.fit_friction(q[:-1], rate, a, free.residual)
     for name in ("coulomb", "viscous", "inertia", "offset"):
         np.testing.assert_allclose(getattr(friction, name), getattr(TRUE, name), atol=2e-3, err_msg=name)
     assert friction.unseen == []
     pushed = np.array([1.0, 0.5, 6.0])
     model, q, v, a, tau = walked(pushed)
-    observer = ForceLevelObserver(model, ["foot"], 200.0)
+    observer = observers.ForceLevelObserver(model, ["foot"], 200.0)
     blind = observer.run(TIME, q, v, tau).force[500:, 0]
     seeing = observer.run(TIME, q, v, tau, {"friction": friction.torque(rate, a)}).force[500:, 0]
     assert np.ptp(np.linalg.norm(blind, axis=1)) > 2.0
@@ -184,15 +175,15 @@ def test_what_the_motion_does_not_show_is_zero_and_said() -> None:
     q, v, a = moved()
     q[:, 1], v[:, 1], a[:, 1] = 0.2, 0.0, 0.0
     q[:, 2], v[:, 2], a[:, 2] = 3.0 * TIME, 3.0, 0.0
-    friction = fit_friction(q, v, a, TRUE.torque(v, a))
+    friction = observers.fit_friction(q, v, a, TRUE.torque(v, a))
     assert friction.unseen == [f"{name} of joint {k}" for k in (1, 2) for name in ("coulomb", "viscous", "inertia")]
     assert friction.coulomb[0] == pytest.approx(0.3, abs=1e-6)
     assert friction.coulomb[1] == friction.viscous[2] == 0.0
     assert friction.offset[2] == pytest.approx(TRUE.coulomb[2] + 3.0 * TRUE.viscous[2] + TRUE.offset[2])
-    noisy = fit_friction(q, v, a, TRUE.torque(v, a) + np.random.default_rng(1).normal(0.0, 0.1, v.shape))
+    noisy = observers.fit_friction(q, v, a, TRUE.torque(v, a) + np.random.default_rng(1).normal(0.0, 0.1, v.shape))
     error = np.abs(
         [noisy.coulomb[0], noisy.viscous[0], noisy.inertia[0], noisy.offset[0]] - np.array([0.3, 0.05, 0.01, 0.05])
     )
     assert np.all(error < 4.0 * noisy.deviation[0])
     with pytest.raises(ObserverError, match="3 intervals"):
-        fit_friction(q[:3], v[:3], a[:3], q[:3])
+        observers.fit_friction(q[:3], v[:3], a[:3], q[:3])

@@ -8,15 +8,7 @@ from scipy.signal import lfilter
 from support.commands import call
 from support.shipped import flown
 
-from aerobat_pin.aerobat import (
-    belief_about,
-    believed_robot,
-    estimate_flight,
-    known_inputs,
-    read_log,
-    true_force,
-    write_csv,
-)
+from aerobat_pin import aerobat
 from aerobat_pin.experiments import run
 from aerobat_pin.forces import point_label, r_squared
 from aerobat_pin.scenario import load_scenario, shipped_scenarios
@@ -91,7 +83,7 @@ def test_the_open_loop_flight_stays_up_and_its_forces_are_found() -> None:
     assert np.max(np.abs(flight.metrics["flight"]["z_range"])) < 0.5
     decay = np.exp(-2000.0 * 1e-3)
     for i, wing in enumerate(("left", "right")):
-        truth, _ = true_force(flight.log, f"{wing}_force_point")
+        truth, _ = aerobat.true_force(flight.log, f"{wing}_force_point")
         filtered = lfilter([1.0 - decay], [1.0, -decay], truth, axis=0)  # the truth behind the observer's own lag
         strong = truth.std(axis=0) > 0.020
         for observer, estimate in flight.estimates.items():
@@ -113,7 +105,9 @@ def test_a_gust_that_is_not_believed_is_found_as_the_load_it_makes() -> None:
     assert np.isnan(r2("gust", "momentum")).all()
     believed = experiment.scenario.believed_air
     assert not any(believed.gust.amplitude)
-    known = known_inputs(experiment.log, believed_robot(experiment.scenario), "measured", believed).known
+    known = aerobat.known_inputs(
+        experiment.log, aerobat.believed_robot(experiment.scenario), "measured", believed
+    ).known
     truth = experiment.log.truth["aerodynamic"].values + experiment.log.truth["added_mass"].values
     missed = truth - known["aerodynamic"] - known["added_mass"]
     residual = experiment.estimates["momentum"].residual
@@ -136,7 +130,9 @@ def test_a_blow_on_a_wing_is_found_on_that_wing_with_its_impulse_and_its_moment(
         np.testing.assert_allclose(force[650:800, 1].sum(axis=0) * 1e-3, 0.0, atol=3e-5)
         assert abs(int(np.argmin(force[:, 0, 2])) - 705) <= 3
         assert r2("impact", observer)[2] > 0.95
-    assert true_force(experiment.log, "left_force_point")[0][:, 2].min() == pytest.approx(-0.3 * np.pi / 2.0, rel=0.02)
+    assert aerobat.true_force(experiment.log, "left_force_point")[0][:, 2].min() == pytest.approx(
+        -0.3 * np.pi / 2.0, rel=0.02
+    )
 
 
 def test_sensors_that_one_can_buy_find_two_axes_of_three() -> None:
@@ -184,19 +180,19 @@ def test_a_flight_begins_in_the_hover() -> None:
 def test_a_flight_that_went_through_a_table_is_estimated_as_the_flight_itself(tmp_path: Path) -> None:
     """Written as CSV, read and estimated with the belief of the documents: R2 moves by less than 0.01."""
     experiment = flown("real_log_demo")
-    write_csv(experiment.log, tmp_path / "hall.csv")
-    log = read_log(tmp_path / "hall.csv")
+    aerobat.write_csv(experiment.log, tmp_path / "hall.csv")
+    log = aerobat.read_log(tmp_path / "hall.csv")
     assert log.truth is None
     settings = ["robot.changes.wing.offset_x=-0.060", "observers.gain=100"]
     settings += ["observers.smoother.sensor_noise=[0.05, 0.05, 0.3]", "observers.smoother.force_walk=0.3"]
-    belief = belief_about(log, "hall", "aerobat_guard", ["smoother"], settings)
-    result = estimate_flight(log, believed_robot(belief), belief)
+    belief = aerobat.belief_about(log, "hall", "aerobat_guard", ["smoother"], settings)
+    result = aerobat.estimate_flight(log, aerobat.believed_robot(belief), belief)
     inputs, found = result.inputs, result.estimates
     assert inputs["q"] == inputs["v"] == inputs["thrusters"] == "measured"
     assert inputs["aerodynamic"] == inputs["wind"] == "reconstructed"
     direct = r2("real_log_demo", "smoother")
     for axis in (1, 2):
-        truth = true_force(experiment.log, "left_force_point")[0][:, axis]
+        truth = aerobat.true_force(experiment.log, "left_force_point")[0][:, axis]
         score = r_squared(found["smoother"].force[:, 0, axis], truth)
         assert score > 0.9
         assert score == pytest.approx(direct[axis], abs=0.01)

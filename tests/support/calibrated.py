@@ -7,16 +7,7 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.aerobat import (
-    FORCE_POINTS,
-    Aerobat,
-    AerobatRobot,
-    FlightLog,
-    believed_robot,
-    flight_record,
-    free_record,
-    true_force,
-)
+from aerobat_pin import aerobat
 from aerobat_pin.aerobat.motion import Torque
 from aerobat_pin.estimation import Calibration, CalibrationWatch, calibrate
 from aerobat_pin.forces import KnownForces, KnownInputs, inputs_of
@@ -43,24 +34,26 @@ def with_six_errors(model: pin.Model) -> None:
 class FreeFlight:
     """A flight without unknown forces, and what is believed of it."""
 
-    log: FlightLog
-    robot: Aerobat
+    log: aerobat.FlightLog
+    robot: aerobat.Aerobat
     air: AirSection
     torque: Torque = "measured"
 
-    def plugged(self) -> AerobatRobot:
+    def plugged(self) -> aerobat.AerobatRobot:
         """Return the believed robot in its air."""
-        return AerobatRobot.of(self.robot, self.air, self.torque)
+        return aerobat.AerobatRobot.of(self.robot, self.air, self.torque)
 
     def record(self) -> Record:
         """Return the flight as a record to calibrate from."""
-        return free_record(self.log, self.plugged(), label="free")
+        return aerobat.free_record(self.log, self.plugged(), label="free")
 
 
-def believed(log: FlightLog, settings: Sequence[str], change: Callable[[pin.Model], None] | None = None) -> FreeFlight:
+def believed(
+    log: aerobat.FlightLog, settings: Sequence[str], change: Callable[[pin.Model], None] | None = None
+) -> FreeFlight:
     """Return a flight of `paper` with a belief: settings, and a change of the model."""
     scenario = load_scenario("paper", ["unknown_force=[]", *settings])
-    robot: Aerobat = believed_robot(scenario)
+    robot: aerobat.Aerobat = aerobat.believed_robot(scenario)
     if change is not None:
         robot = replace(robot, model=robot.model.copy())
         change(robot.model)
@@ -98,7 +91,7 @@ def seen_with(
 ) -> Seen:
     """Return a flight as observers with the belief of a free flight, and a calibration, see it."""
     log, _ = flown(flight, seed, more)
-    record = calibration.applied(flight_record(log, free.plugged()))
+    record = calibration.applied(aerobat.flight_record(log, free.plugged()))
     inputs = flight_inputs(record, calibration)
-    truth = np.stack([true_force(log, name)[1] for name in FORCE_POINTS], axis=1)
+    truth = np.stack([aerobat.true_force(log, name)[1] for name in aerobat.FORCE_POINTS], axis=1)
     return Seen(record.robot.model, inputs, truth)

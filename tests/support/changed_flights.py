@@ -7,15 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from aerobat_pin.aerobat import (
-    FORCE_POINTS,
-    AerobatRobot,
-    FlightLog,
-    believed_robot,
-    flight_record,
-    free_record,
-    true_force,
-)
+from aerobat_pin import aerobat
 from aerobat_pin.estimation import Calibration, Result, calibrate, estimate
 from aerobat_pin.flight import simulate
 from aerobat_pin.observers import low_passed
@@ -113,21 +105,21 @@ def somewhere(seed: int) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=8)  # one is estimated twice, without and with its cause corrected
-def flown(settings: tuple[str, ...]) -> tuple[FlightLog, Scenario]:
+def flown(settings: tuple[str, ...]) -> tuple[aerobat.FlightLog, Scenario]:
     """Fly `paper` with settings."""
     scenario = load_scenario("paper", [*BELIEF, *settings])
     return simulate(scenario), scenario
 
 
-def believed_in(scenario: Scenario) -> AerobatRobot:
+def believed_in(scenario: Scenario) -> aerobat.AerobatRobot:
     """Return what is believed of a flight."""
-    return AerobatRobot.of(believed_robot(scenario), scenario.believed_air, "measured")
+    return aerobat.AerobatRobot.of(aerobat.believed_robot(scenario), scenario.believed_air, "measured")
 
 
 def free_flight(settings: tuple[str, ...]) -> Record:
     """Return a free flight to calibrate from."""
     log, scenario = flown((*FREE, *settings))
-    return free_record(log, believed_in(scenario), scenario.observers, "free")
+    return aerobat.free_record(log, believed_in(scenario), scenario.observers, "free")
 
 
 @cache
@@ -139,15 +131,15 @@ def learnt(*flights: tuple[str, ...]) -> Calibration:
 def estimated(settings: tuple[str, ...], calibration: Calibration, observers: Sequence[str] = OBSERVERS) -> Verdict:
     """Fly with settings, estimate by a calibration, and judge."""
     log, scenario = flown(settings)
-    record = flight_record(log, believed_in(scenario), scenario.observers)
+    record = aerobat.flight_record(log, believed_in(scenario), scenario.observers)
     return judged(estimate(record, observers, calibration), log, scenario)
 
 
-def judged(result: Result, log: FlightLog, scenario: Scenario) -> Verdict:
+def judged(result: Result, log: aerobat.FlightLog, scenario: Scenario) -> Verdict:
     """Compare an estimate with the force of its flight, and its noise; that of `force_level` behind its low-pass."""
     estimates = result.estimates
     count = len(estimates[OBSERVERS[0]].force)
-    truth = np.stack([true_force(log, name)[0] for name in FORCE_POINTS], axis=1)
+    truth = np.stack([aerobat.true_force(log, name)[0] for name in aerobat.FORCE_POINTS], axis=1)
     given = result.record.map.observer.gain
     seen = low_passed(truth.reshape(count, -1), -np.expm1(-given * result.record.dt)).reshape(truth.shape)
     errors = {name: found.force - (seen if name == "force_level" else truth) for name, found in estimates.items()}
@@ -191,13 +183,13 @@ def _r2(error: np.ndarray, truth: np.ndarray) -> np.ndarray:
 def _contacts(result: Result, truth: np.ndarray, time: np.ndarray) -> tuple[int, list[list[float]]]:
     """Return how many pushes were found, and the onsets of contacts of each wing that are none [s]."""
     true: set[tuple[int, int]] = set()
-    false: list[list[float]] = [[] for _ in FORCE_POINTS]
+    false: list[list[float]] = [[] for _ in aerobat.FORCE_POINTS]
     if result.calibration is None or result.calibration.contacts is None:
         return 0, false
     pushes = np.any(np.abs(truth) > 1e-9, axis=2)
     starts = [np.flatnonzero(np.diff(one.astype(int), prepend=0) == 1) for one in pushes.T]
     for contact in result.calibration.contacts:
-        wing = FORCE_POINTS.index(contact.point)
+        wing = aerobat.FORCE_POINTS.index(contact.point)
         begin, end = np.searchsorted(time, [contact.onset - 0.03, (contact.end or time[-1]) + 0.03])
         if pushes[begin:end, wing].any():
             true |= {(wing, int(one)) for one in starts[wing] if begin - 200 <= one <= end}

@@ -5,8 +5,10 @@ from functools import reduce
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from aerobat_pin import open_record
-from aerobat_pin.records import Map, PlainRobot, Record, parse_map
+from aerobat_pin.records import Map, PlainRobot, Record, parse_map, suggested_map
 
 
 def recorded(log: Path, values: Map | dict[str, Any], robot: PlainRobot | None = None) -> Record:
@@ -25,3 +27,11 @@ def edited(values: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
         if value is None:
             del table[last]
     return copied
+
+
+def suggestion(folder: Path, table: Any, *parts: str) -> str:
+    """Return the map that is suggested for a table, `log.csv`, and a robot: the text of a URDF, or links and joints."""
+    text = "".join(parts)
+    pd.DataFrame(table).to_csv(folder / "log.csv", index=False)
+    (folder / "robot.urdf").write_text(text if text.startswith("<robot") else f'<robot name="robot">{text}</robot>')
+    return suggested_map(folder / "log.csv", folder / "robot.urdf" if parts else None)
