@@ -32,7 +32,7 @@ LONGEST = (  # ten seconds and more of a slow machine
     "live_page raw_sensors explained_efforts files map_calibration wheel humanoid misread_known flights flying_arm "
     "replay stream moving_page recordings screens gains shipped_scenarios simulated_elsewhere docs jit legs "
     "closed_loop house ros_node tables other_plant bad_logs mistakes free_records sensed live pages flapping_wing "
-    "describe estimate_recordings map_joints locate crank_page calibrate estimate sweep in_notebooks misread_limbs "
+    "describe estimate_recordings map_joints locate crank_page calibrate estimate sweep misread_limbs "
     "lattice_cases cli kalman links recorded_benches logs_as_left contradictions"
 ).split()
 

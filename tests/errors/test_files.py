@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from importlib import import_module
 from pathlib import Path
 
@@ -20,7 +20,16 @@ from support.broken_runs import Case
 from support.commands import aerobat, last_words
 
 from aerobat_pin.aerobat import FlightLog
-from aerobat_pin.errors import OutputError, OutputWarning, claimed, output_folder, write_files
+from aerobat_pin.errors import (
+    OutputError,
+    OutputWarning,
+    claimed,
+    end_on_signals,
+    output_folder,
+    until_signal,
+    write_files,
+)
+from aerobat_pin.errors.ending import SIGNALS
 
 ending = import_module("aerobat_pin.errors.ending")
 folders = import_module("aerobat_pin.errors.output_folder")  # the door has a function of this name
@@ -355,3 +364,25 @@ def test_the_helpers_of_a_program_end_with_it(number: signal.Signals) -> None:
                 os.killpg(program.pid, signal.SIGKILL)
     assert len(helpers) == 2
     assert program.returncode == 128 + number
+
+
+@pytest.mark.parametrize("lost", [False, True], ids=["raised", "lost in a callback"])
+def test_a_loop_ends_by_the_first_signal(lost: bool) -> None:
+    """Also where a library has swallowed the exception, as asyncio and ctypes do in their callbacks."""
+    handlers = {number: signal.getsignal(number) for number in (*SIGNALS, signal.SIGPIPE)}
+    turns: list[int] = []
+
+    def turn() -> None:
+        turns.append(len(turns))
+        assert len(turns) < 4
+        if len(turns) == 3:
+            with suppress(KeyboardInterrupt) if lost else nullcontext():
+                signal.raise_signal(signal.SIGINT)
+
+    try:
+        end_on_signals()
+        until_signal(turn)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    assert turns == [0, 1, 2]

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from support import twins
 from support.kernel_cases import instant
 
 from aerobat_pin.aerobat import FlightLog, flown_robot, joint_table, load_aerobat
@@ -57,8 +56,8 @@ def test_the_series_are_the_closed_linkage(changes: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_the_cranks_acceleration_is_the_one_at_which_its_torques_balance(seed: int) -> None:
-    """In wind, held, pushed: rotor t1'' = torque - friction - sum of g' u_m, u_m from the twin's prescribed joints."""
-    # The torque that prescribed joints need is linear in their acceleration: two of the twin's evaluations give t1''.
+    """In wind, held, pushed: rotor t1'' = torque - friction - sum of g' u_m, u_m from prescribed joints."""
+    # The torque that prescribed joints need is linear in their acceleration: two evaluations give t1''.
     chosen = scenario("air.wind=[0.5, 0.3, -0.2]", "crank.motor.friction=2e-4")
     plant = Plant(flown_robot(chosen), chosen)
     robot, motor = plant.robot, plant.fields.motor
@@ -73,7 +72,7 @@ def test_the_cranks_acceleration_is_the_one_at_which_its_torques_balance(seed: i
     slopes = robot.velocity(np.zeros(6), closed.dtheta_s, closed.dtheta_e)
 
     def missing(acceleration: float) -> float:
-        needed = twins.plant_rates(plant, q, v, joints(acceleration), air, held)[2].motor
+        needed = plant.rates(q, v, joints(acceleration), air, held)[2].motor[0]
         return float(torque - motor.friction * speed - needed @ slopes - motor.rotor_inertia * acceleration)
 
     expected = 1e3 * missing(0.0) / (missing(0.0) - missing(1e3))
@@ -82,10 +81,10 @@ def test_the_cranks_acceleration_is_the_one_at_which_its_torques_balance(seed: i
     plant.evaluate(q, v, found, plant.wind(np.zeros(1))[0], held[:, :, None].copy(), state, rates)
     assert rates[-3] == pytest.approx(expected, rel=EXACT)
     np.testing.assert_allclose(found, joints(expected), rtol=1e-9)
-    body, air_rate, forces, _ = twins.plant_rates(plant, q, v, joints(expected), air, held)
+    body, air_rate, forces = plant.rates(q, v, joints(expected), air, held)
     np.testing.assert_allclose(rates[:6], body, rtol=0.0, atol=EXACT * np.max(np.abs(body)))
     np.testing.assert_allclose(rates[6:-4], air_rate, rtol=0.0, atol=EXACT * np.max(np.abs(air_rate)))
-    assert plant.fields.forces.crank_torque == pytest.approx(forces.motor @ slopes, rel=1e-9)
+    assert plant.fields.forces.crank_torque == pytest.approx(forces.motor[0] @ slopes, rel=1e-9)
     order = 0.01 * (2.0 * np.pi * 4.75 - speed) + 0.1 * integral
     assert rates[-4] == speed
     assert rates[-2] == pytest.approx((order - torque) / 0.005)

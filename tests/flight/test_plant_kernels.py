@@ -28,7 +28,7 @@ from aerobat_pin.flight.attitude_hold import AttitudeHold, attitude_error, hold_
 from aerobat_pin.flight.plant import kernels as plant_kernels
 from aerobat_pin.numerics import small_matrices
 
-SPATIAL = ("aerodynamic", "added_mass", "thrusters", "unknown", "link_wrench")
+SPATIAL = ("aerodynamic", "thrusters", "unknown", "link_wrench")
 GUSTY = 0.07  # [s] in the middle of the gust of the cases
 
 
@@ -139,18 +139,26 @@ def test_the_warm_up_is_runge_kutta_on_the_air_alone(seed: int, paper_plant: Pla
     [*(("aerobat", case) for case in CASES), *((name, "all forces, hold") for name in MORPHOLOGIES[1:])],
 )
 def test_one_instant_of_the_plant_equals_the_twin_plant(morphology: str, case: str) -> None:
-    """Accelerations, rates of the air, all generalised forces, point forces, motor torque and power."""
+    """Inverse dynamics needs what all forces add up to; motor and added mass apart, they equal their twins."""
     plant = built(morphology, case)
     for seed in SEEDS:
         q, v, joints, air, held = instant(plant, seed)
         acceleration, air_rate, forces = plant.rates(q, v, joints, air, held, GUSTY)
-        expected, expected_rate, expected_forces, _ = twins.plant_rates(plant, q, v, joints, air, held, GUSTY)
-        assert_spatial(acceleration, expected)
-        for part, whole in zip(plant.air.line.split(air_rate), plant.air.line.split(expected_rate), strict=True):
+        found = {name: part[0] for name, part in forces._asdict().items()}
+        expected = twins.forces_of(plant, q, v, joints[0, 1], air, held, GUSTY)
+        split = plant.air.line.split
+        for part, whole in zip(split(air_rate), split(expected.pop("air_rate")), strict=True):
             assert_equal(part, whole)
-        for name in forces._fields:
-            actual, twin = getattr(forces, name)[0], getattr(expected_forces, name)
-            (assert_spatial if name in SPATIAL else assert_equal)(actual, twin)
+        for name, twin in expected.items():
+            (assert_spatial if name in SPATIAL else assert_equal)(found[name], twin)
+        air_force, body = found["aerodynamic"] + found["added_mass"], found["thrusters"]
+        a = plant.robot.velocity(acceleration, *joints[2])
+        needed = pin.rnea(plant.model, plant.model.createData(), q, v, a)
+        assert not found["motor"][:6].any()
+        assert_spatial(air_force + body + found["motor"] + found["unknown"], needed, 1e-11)
+        powers = {"motor": found["motor"], "air": air_force, "thruster": body, "unknown": found["unknown"]}
+        for name, force in powers.items():
+            assert_equal(found[f"{name}_power"], force @ v, 1e-11)
 
 
 @pytest.mark.parametrize("case", ["all forces, hold", "all forces, no hold, tail tilted", "quasi-steady, wind"])

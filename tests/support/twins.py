@@ -1,10 +1,10 @@
 """Readable numpy twins of the compiled kernels, by Pinocchio's Jacobians, `oMi` and SE(3)'s own retraction."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import cho_factor, cho_solve
 
 from aerobat_description.morphology import Morphology
 from aerobat_pin.aerobat import LINKS, RobotAir, joint_table
@@ -53,52 +53,34 @@ def forces_at_points(
     return total
 
 
-def at_joints(model: pin.Model, data: pin.Data, wrenches: Vector) -> Vector:
-    """Return sum J^T f (nv,) of wrenches (5, 6) on the links, at and in their joints' own frames."""
-    joints = [model.frames[model.getFrameId(link)].parentJoint for link in LINKS]
-    return sum(pin.getJointJacobian(model, data, joint, LOCAL).T @ f for joint, f in zip(joints, wrenches, strict=True))
-
-
-def plant_rates(
-    plant: Plant, q: Vector, v: Vector, joints: Vector, air: Vector, held: Vector, time: float = 0.0
-) -> tuple[Vector, Vector, Forces, Vector]:
-    """Return base acceleration (6,), rate of the air, forces at this instant (no leading axis) and strip loads."""
-    # H_bb a_b = F_b - h_b - H_bj theta'', u_m = H_jb a_b + H_jj theta'' + h_j - F_j; H and h with added mass.
-    model, robot = plant.model, plant.robot
-    data = model.createData()
-    M = pin.crba(model, data, q).copy()
-    nle = pin.nonLinearEffects(model, data, q, v).copy()
+def forces_of(
+    plant: Plant, q: Vector, v: Vector, elbow: float, air: Vector, held: Vector, time: float
+) -> dict[str, Vector]:
+    """Return what acts at an instant but motor and added mass, by its name in `Forces`, and `air_rate`."""
+    model, data = plant.model, plant.model.createData()
+    pin.forwardKinematics(model, data, q, v)
     pin.computeJointJacobians(model, data, q)
     pin.updateFramePlacements(model, data)
     frames = [model.getFrameId(link) for link in LINKS]
-    twists = np.array([pin.getFrameVelocity(model, data, frame, LOCAL).vector for frame in frames])
+    against = np.array([pin.getFrameVelocity(model, data, frame, LOCAL).vector for frame in frames])
     wind = plant.wind(np.array([time]))[0]
-    against = twists.copy()
     against[:, :3] -= [data.oMf[frame].rotation.T @ wind[0] for frame in frames]
-    wrenches, air_rate, loads = air_loads(plant.air, robot.wing.morphology, against, air, plant.scenario.air.added_mass)
-    aerodynamic = at_joints(model, data, wrenches)
+    shape, added = plant.robot.wing.morphology, plant.scenario.air.added_mass
+    wrenches, air_rate, _ = air_loads(plant.air, shape, against, air, added)
+    joints = [model.frames[frame].parentJoint for frame in frames]
+    pairs = zip(joints, wrenches, strict=True)
+    aerodynamic = sum(pin.getJointJacobian(model, data, joint, LOCAL).T @ wrench for joint, wrench in pairs)
     thrusters = np.zeros(model.nv)
     if plant.hold is not None:
         thrusters[:6] = hold_wrench(plant.hold, data.oMi[1].translation, data.oMi[1].rotation, v[:6])
-    noisy, clean = forces_at_points(model, data, plant.forces, plant.points, joints[0, 1], *held)
+    noisy, clean = forces_at_points(model, data, plant.forces, plant.points, elbow, *held)
     unknown = point_jacobian(model, plant.points, q).T @ noisy.ravel()
-
-    M_air, bias_air = added_mass(plant, q, v, wind)
-    H, h = M + M_air, nle + bias_air
-    total = aerodynamic + thrusters + unknown
-    acceleration = robot.velocity(np.zeros(6), *joints[2])
-    driven = H[:6, 6:] @ acceleration[6:]
-    acceleration[:6] = cho_solve(cho_factor(H[:6, :6]), total[:6] - h[:6] - driven)
-    motor = np.concatenate([np.zeros(6), (H @ acceleration + h - total)[6:]])
-    dragged = -(M_air @ acceleration + bias_air)
-    power, air_power = np.array(motor[6:] @ v[6:]), np.array(np.sum(wrenches * twists) + dragged @ v)
-    powers = power, air_power, np.array(thrusters @ v), np.array(unknown @ v)
-    parts = (aerodynamic, dragged, thrusters, motor, unknown, noisy, clean, wrenches, *powers, *np.zeros(4))
-    return acceleration[:6], air_rate, Forces(*parts), loads
+    named = {"aerodynamic": aerodynamic, "thrusters": thrusters, "unknown": unknown, "link_wrench": wrenches}
+    return named | {"force_W": noisy, "force_noise_free_W": clean, "air_rate": air_rate}
 
 
 def fly(plant: Plant, count: int, dt: float, held: Vector) -> Trajectory:
-    """Fly by `stepping.step`: the base on SE(3), the joints prescribed, one evaluation after the other."""
+    """Fly by `stepping.step` and the plant's own `rates`: the base on SE(3), the joints prescribed."""
     robot, retract = plant.robot, pin.liegroups.SE3().integrate
     closed = plant.closure(np.arange(2 * count + 1) * 0.5 * dt)
     motion = joint_table(closed)
@@ -106,11 +88,12 @@ def fly(plant: Plant, count: int, dt: float, held: Vector) -> Trajectory:
     placements, states, means, loads = [placement], [y], [], []
     for k in range(count):
 
-        def rates(time: float, here: Vector, y: Vector, k: int = k) -> tuple[Vector, Vector, tuple[Forces, Vector]]:
+        def rates(time: float, here: Vector, y: Vector, k: int = k) -> tuple[Vector, Vector, Any]:
             joints = motion[round(2.0 * time / dt)]
             q, v = robot.configuration(here, *joints[0]), robot.velocity(y[:6], *joints[1])
-            acceleration, air_rate, forces, strips = plant_rates(plant, q, v, joints, y[6:], held[:, :, k], time)
-            return y[:6], np.concatenate([acceleration, air_rate]), (forces, strips)
+            acceleration, air_rate, forces = plant.rates(q, v, joints, y[6:], held[:, :, k], time)
+            parts = [part[0] for part in forces]
+            return y[:6], np.concatenate([acceleration, air_rate]), (parts, plant.fields.robot.loads.copy())
 
         placement, y, outputs = step(rates, retract, k * dt, placement, y, dt)
         placements.append(placement)
@@ -191,30 +174,6 @@ def air_loads(
         wrenches[link] += np.concatenate([part, np.cross(at, part) + share * couple[strip] * twists[link, 4]])
     wrenches[0] += body_and_tail(air, shape, twists[0], centre)
     return wrenches, rates, np.array([u, w, speed, lead, downwash, circulation, w_eff, force[:, 0], force[:, 2]])
-
-
-def added_mass(plant: Plant, q: Vector, v: Vector, wind: Vector) -> tuple[Vector, Vector]:
-    """Return M_a = sum m n^T n (nv, nv) and sum m n^T (n' v - d/dt(normal . v_air)) (nv,), by Pinocchio's Jacobians."""
-    # n: a piece's normal velocity, or its turning about the span with m b^2 / 8; wind (2, 3): velocity and its rate.
-    model, air, line = plant.model, plant.air, plant.air.line
-    data = model.createData()
-    pin.computeJointJacobiansTimeVariation(model, data, q, v)
-    pin.forwardKinematics(model, data, q, v)
-    mass = plant.scenario.air.added_mass * line.added_mass * line.width
-    M, bias = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
-    for strip, link, x, y, _, share, _ in zip(*air.pieces, strict=True):
-        joint = model.frames[model.getFrameId(LINKS[link])].parentJoint
-        J = pin.getJointJacobian(model, data, joint, LOCAL)
-        J_rate = pin.getJointJacobianTimeVariation(model, data, joint, LOCAL)
-        R, omega = data.oMi[joint].rotation, data.v[joint].angular
-        of_air = R.T @ wind[1] - np.cross(omega, R.T @ wind[0])
-        rise, turn = np.array([0.0, 0.0, 1.0, y, -x, 0.0]), np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
-        m = share * mass[strip]
-        for row, weight, air_rate in ((rise, m, of_air[2]), (turn, m * line.semichord[strip] ** 2 / 8.0, 0.0)):
-            n = row @ J
-            M += weight * np.outer(n, n)
-            bias += weight * n * (row @ J_rate @ v - air_rate)
-    return M, bias
 
 
 def body_and_tail(air: RobotAir, shape: Morphology, twist: Vector, centre_downwash: float) -> Vector:

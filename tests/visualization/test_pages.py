@@ -1,5 +1,6 @@
-"""What a person looks at after a run: figures, and the report in a real browser."""
+"""What a person looks at after a run: figures, and the report in a real browser; what a notebook shows."""
 
+import html
 import re
 from html import escape
 from pathlib import Path
@@ -10,10 +11,11 @@ import pinocchio as pin
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from support.browser import needs_browser, opened
+from support.browser import at, needs_browser, node, opened, ready
 from support.further import further
 from support.shipped import flown
 
+from aerobat_pin import load_aerobat, load_robot
 from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
@@ -237,3 +239,30 @@ def test_a_long_series_keeps_its_peaks_beside_a_sample_that_is_not_seen() -> Non
     time, drawn = thinned(len(values), lambda first, last: (np.arange(first, last) * 1e-3, values[first:last, None]))
     assert len(time) < 10_000
     assert np.nanmax(drawn) == 50.0
+
+
+def frame(shown: Any) -> str:
+    """Return the page in the frame that a notebook would show."""
+    text = shown._repr_html_()
+    return html.unescape(text.partition('srcdoc="')[2].partition('"')[0])
+
+
+@needs_browser
+def test_a_robot_moves_in_its_frame(browser: Any, tmp_path: Path) -> None:
+    """Aerobat flaps, and a robot by name swings its joints; errors and requests of the page would fail."""
+    for name, shown in {"left_L1": load_aerobat(), "upper_arm_link_0": load_robot("ur5")}.items():
+        page_file = tmp_path / f"{name}.html"
+        page_file.write_text(frame(shown))
+        with opened(browser, page_file.as_uri()) as page:
+            ready(page)
+            places = []
+            for time in (0.5, 1.0):
+                at(page, time)
+                places.append(node(page, "robot", "visuals", name)["quaternion"])
+            assert places[0] != places[1]
+
+
+def test_a_flight_shows_its_scores_and_its_replay(paper: Experiment) -> None:
+    text = paper._repr_html_()
+    assert text.index("<table") < text.index("<iframe")
+    assert "79 % thruster-borne" in frame(paper)
