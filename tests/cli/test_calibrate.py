@@ -57,6 +57,7 @@ def test_a_free_run_calibrates_another_run_and_its_log(here: Path, capsys: pytes
     assert (here / "runs" / "free-check.png").is_file()
     assert json.loads((here / "free" / "metrics.json").read_text())["calibration"] is None
     capsys.readouterr()
+    run = ["run", "paper", "--out", "new", *short, "--calibration"]
     for words, message in (
         (["calibrate", "used", "--out", "new.nc"], "an unknown force of"),
         (["calibrate", "free", "--out", "c.nc"], "--force overwrites it"),
@@ -64,11 +65,8 @@ def test_a_free_run_calibrates_another_run_and_its_log(here: Path, capsys: pytes
         (["calibrate", "nowhere.nc", "--out", "new.nc"], "there is no such file"),
         (["calibrate", "free", "--out", "new.nc", "--identify", "luck"], "parameters has 'luck'"),
         (["calibrate", "free", "--out", "new.nc", "--morphology", "aerobat"], "a log was expected"),
-        (
-            ["run", "paper", "--out", "new", *short, "--calibration", "c.nc"],
-            "air.density = 1.47, but 1.225 is believed",
-        ),
-        (["run", "paper", "--out", "new", *short, "--calibration", "nowhere.nc"], "calibration nowhere.nc: cannot be"),
+        ([*run, "c.nc"], "air.density = 1.47, but 1.225 is believed"),
+        ([*run, "nowhere.nc"], "calibration nowhere.nc: cannot be"),
     ):
         assert call(*words) == 2, words
         assert message in capsys.readouterr().err

@@ -84,13 +84,7 @@ def test_a_missing_package_that_checks_need_is_a_finding(monkeypatch: pytest.Mon
     [
         ("pin", "3.9.0", "pin", "3.9.0", ">=4.0"),
         ("pinocchio", "0.5.1", "pinocchio's namesake", "another project", "uninstall pinocchio"),  # of a test runner
-        (
-            "pinocchio",
-            "4.1.0",
-            "pinocchio's namesake",
-            "not installed",
-            "",
-        ),  # builds from source may call themselves so
+        ("pinocchio", "4.1.0", "pinocchio's namesake", "not installed", ""),  # as builds from source may be called
     ],
 )
 def test_an_old_pin_and_the_package_called_pinocchio_are_unmasked(

@@ -28,6 +28,7 @@ FILES = {
     "motion.csv": "time,hinge\n0,0\n1,0.5\n",
     "nan.toml": 'name = "nan"\n[flight]\nvelocity = [nan, 0.0, 0.0]\n',
 }
+TWICE, MCAP = "robot.morphology=twice.toml", ["--out-mcap", "b.mcap"]
 
 
 @pytest.mark.parametrize(
@@ -42,10 +43,7 @@ FILES = {
         ([*FLIGHT, "--seed", "-3"], "simulation.seed = -3"),
         ([*FLIGHT, "--set", "flight.velocity=[300, 0, 0]"], "the flight diverged at t = "),
         ([*FLIGHT, "--set", "crank.frequency=0.001"], "at most 60 s are allowed"),
-        (
-            [*FLIGHT, "--set", "robot.morphology=twice.toml"],
-            "'left_force_point': another link, joint or frame has this name",
-        ),
+        ([*FLIGHT, "--set", TWICE], "'left_force_point': another link, joint or frame has this name"),
         ([*FLIGHT, "--correct"], "what changed since a calibration: --calibration FILE was expected"),
         (["estimate"], "a recorded flight was expected, or --self-check"),
         (["estimate", "."], "a map says what its columns mean"),
@@ -61,10 +59,7 @@ FILES = {
         (["linkage", "--out", "kept"], "output kept: is a file; a folder, or a .png, .pdf or .svg file was expected"),
         (["estimate", "--self-check", "--map", "no.toml", "--correct"], "--map, --correct without a log"),
         (["estimate", "log.csv", "--suggest", "--out", "map.toml"], "--suggest > map.toml`, without --out"),
-        (
-            ["estimate", "log.csv", "-o", "a.mcap", "--out-mcap", "b.mcap"],
-            "--out-mcap b.mcap: one MCAP file was expected",
-        ),
+        (["estimate", "log.csv", "-o", "a.mcap", *MCAP], "--out-mcap b.mcap: one MCAP file was expected"),
         (["linkage", "--out", "new.jpg"], "output new.jpg: .jpg is none of .png, .pdf and .svg"),
         (["linkage", "--out", "kept/new"], "output kept/new"),
         (["urdf", "--out", 300 * "n" + ".urdf"], "a name of 246 bytes at most was expected"),
@@ -91,10 +86,7 @@ FILES = {
         (["play", "--from-csv", "motion.csv", "--urdf", "b.urdf"], "robot b.urdf: there is no such file"),
         (["play", "nowhere.nc", "--rate", "0"], "--rate"),
         (["play", "nowhere.nc", "--rate", "inf"], "--rate inf: a finite number was expected"),
-        (
-            ["play", ".", "--morphology", "aerobat_guard"],
-            "--morphology says which robot is believed to have flown a log",
-        ),
+        (["play", ".", "--morphology", "aerobat"], "--morphology says which robot is believed to have flown a log"),
     ],
 )
 def test_a_mistake_costs_one_message_and_leaves_nothing(arguments: list[str], message: str, tmp_path: Path) -> None:

@@ -188,13 +188,11 @@ def test_a_morphology_that_is_not_there_is_refused(tmp_path: Path) -> None:
         MorphologyFileError, match=r"'aerobot': did you mean 'aerobat'\? Shipped are aerobat, aerobat_g"
     ):
         load_aerobat("aerobot")
+    own = "a robot that extends 'aerobat' has a name of its own"
     for text, message in (
         ('name = "mine"', "missing key 'description'"),
         ('extends = "mine"', "extends = 'mine'"),
-        (
-            'extends = "aerobat"',
-            r"mine\.toml: missing key 'name': a robot that extends 'aerobat' has a name of its own",
-        ),
+        ('extends = "aerobat"', rf"mine\.toml: missing key 'name': {own}"),
         ('extends = "aerobat"\nname = "aerobat"', "extends = 'aerobat': name another shipped morphology"),
     ):
         (tmp_path / "mine.toml").write_text(text)

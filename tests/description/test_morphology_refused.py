@@ -51,31 +51,25 @@ def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message
     load_aerobat("aerobat", {"thrusters": [thruster("a"), thruster("b")]})
 
 
+EDGE, STARTS = [0.2, 0.0807, 0.118, 0.101], "it starts where the proximal one ends, at"
+STATIONS, REAR = r"wing\.proximal_stations", [-0.0956, -0.112]
+GUARD = {"radius": [0.1, 0.3], "centre": 0.0, "tube": 0.3}
+FLAT = {"proximal_trailing_edge": [-0.1, 0.0765], "distal_trailing_edge": [0.0765, 0.0807, 0.118, 0.101]}
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (
-            {"wing": {"proximal_stations": [0, 0.1]}},
-            r"wing\.proximal_stations = \(0\.0, 0\.1\): the last one is at the elbow",
-        ),
-        ({"wing": {"proximal_stations": [0, 0.046]}}, r"wing\.proximal_stations = .*, 0\.04879 m .*, to 5 %"),
-        (
-            {"wing": {"distal_leading_edge": [0.2, 0.0807, 0.118, 0.101]}},
-            r"wing\.distal_leading_edge = \(0\.2, .*\): it starts where the proximal one ends, at 0\.0765 m",
-        ),
-        (
-            {"wing": {"proximal_trailing_edge": [-0.0956, -0.112]}},
-            r"wing\.distal_trailing_edge = .*: it starts where the proximal one ends, at -0\.112 m",
-        ),
+        ({"wing": {"proximal_stations": [0, 0.1]}}, rf"{STATIONS} = \(0\.0, 0\.1\): the last one is at the elbow"),
+        ({"wing": {"proximal_stations": [0, 0.046]}}, rf"{STATIONS} = .*, 0\.04879 m .*, to 5 %"),
+        ({"wing": {"distal_leading_edge": EDGE}}, rf"wing\.distal_leading_edge = \(0\.2, .*\): {STARTS} 0\.0765 m"),
+        ({"wing": {"proximal_trailing_edge": REAR}}, rf"wing\.distal_trailing_edge = .*: {STARTS} -0\.112 m"),
         ({"wing": {"minimum_chord": 3.0}}, r"wing\.minimum_chord = 3\.0: the wing's largest chord is 0\.1957 m"),
         ({"wing": {"force_point": [0.0, -0.01, 0.0]}}, r"wing\.force_point = .* x is -0\.115 to"),
         ({"wing": {"force_point": [0.0, 0.14, 0.0]}}, r"wing\.force_point = .*: .* y 0 to 0\.132 m"),
         ({"wing": {"force_point": [0.0, 0.1, 0.07]}}, r"wing\.force_point = .*: .* z is within half of that"),
         ({"wing": {"offset_x": 1.0}}, r"wing\.offset_x = 1\.0: it is not larger than the span, 0\.403 m"),
-        (
-            {"guard": {"radius": [0.1, 0.3], "centre": 0.0, "tube": 0.3}},
-            r"guard\.tube = 0\.3: it is smaller than the ring's half axes, 0\.1 m at least",
-        ),
+        ({"guard": GUARD}, r"guard\.tube = 0\.3: it is smaller than the ring's half axes, 0\.1 m at least"),
         ({"scale": {"span": -1.0}}, r"scale\.span = -1\.0: it must be positive"),
         ({"scale": {"spam": 1.0}}, r"unknown key 'scale\.spam'; did you mean 'span'"),
         ({"body": {"com": [0.0, 0.01, 0.0]}}, r"body\.com = .*: base_link has its origin at the centre of mass"),
@@ -83,15 +77,7 @@ def test_thrusters_have_plain_names_of_their_own(names: tuple[str, ...], message
         ({"body": {"inertia": [2e-2, 1e-2, 2.1e-2, 0, 0, 0]}}, r"body\.inertia = .*: a radius of gyration of 0\.819 m"),
         ({"tail": {"position": [-0.1, 0.01, 0.0]}}, r"tail\.position = .*: left and right mirror each other"),
         ({"distal": {"com": [0.0, -0.05, 0.0]}}, r"distal\.com = .*: the centre of mass lies within the panel"),
-        (
-            {
-                "wing": {
-                    "proximal_trailing_edge": [-0.1, 0.0765],
-                    "distal_trailing_edge": [0.0765, 0.0807, 0.118, 0.101],
-                }
-            },
-            r"distal_leading_edge.*has no area",
-        ),
+        ({"wing": FLAT}, r"distal_leading_edge.*has no area"),
         ({"thrusters": 3}, r"thrusters = 3: a list of tables"),
         ({"thrusters": [{"name": "a"}]}, r"missing key 'thrusters\[0\]\.position'"),
     ],

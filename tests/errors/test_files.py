@@ -151,6 +151,9 @@ def test_standard_output_on_a_full_disk_is_told(tmp_path: Path) -> None:
     assert (done.returncode, last_words(done)) == (2, said)
 
 
+PAPER = ["run", "paper"]
+
+
 def limited_memory() -> None:
     """As `ulimit -v 300000` does."""
     resource.setrlimit(resource.RLIMIT_AS, (300_000 << 10, 300_000 << 10))
@@ -160,12 +163,8 @@ def limited_memory() -> None:
     ("words", "what", "said"),
     [
         (["--version"], lambda: os.close(1), "standard output is closed; a file or a terminal was expected, such as"),
-        (
-            ["run", "paper"],
-            lambda: os.rmdir(os.getcwd()),
-            "the current folder: No such file or directory; a folder that",
-        ),
-        (["run", "paper"], limited_memory, "307 MB of memory (ulimit -v); 1000 MB at least were expected"),
+        (PAPER, lambda: os.rmdir(os.getcwd()), "the current folder: No such file or directory; a folder that"),
+        (PAPER, limited_memory, "307 MB of memory (ulimit -v); 1000 MB at least were expected"),
     ],
     ids=["standard output closed", "current folder removed", "ulimit -v 300000"],
 )

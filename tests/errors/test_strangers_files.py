@@ -82,6 +82,10 @@ def test_what_stands_before_the_declaration_of_an_xml_file_is_no_matter(before: 
     assert foreign_xml(tmp_path / "a.xml", "x", "a").tag == "a"
 
 
+def _urdf(old: str, new: str) -> str:
+    return urdf().replace(old, new, 1)
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -90,26 +94,17 @@ def test_what_stands_before_the_declaration_of_an_xml_file_is_no_matter(before: 
         (chain(999, star=True), None),
         (chain(1000, star=True), "1001 bodies: at most 1000 were expected"),
         (urdf(), None),
-        (
-            urdf().replace('<mass value="0.3"', '<mass value="-0.3"', 1),
-            "link 'FL_hip': <mass value=\"-0.3\">: 0 or more",
-        ),
-        (
-            urdf().replace("<mass value=", '<mass value="nan" was=', 1),
-            "link 'trunk': <mass value=\"nan\">: numbers up to",
-        ),
-        (urdf().replace('ixx="', 'ixx="-', 1), "link 'trunk': <inertia ixx=\"-0.045"),
-        (urdf().replace('xyz="1 0 0"', 'xyz="0 0 0"', 1), "joint 'FL_HAA': <axis xyz=\"0 0 0\">: more than 0"),
-        (urdf().replace("</robot>", '<mesh filename="/etc/passwd"/></robot>'), 'passwd">: a file in the folder'),
-        (urdf().replace("</robot>", '<mesh filename="/nowhere/a.stl"/></robot>'), None),
-        (urdf().replace("</robot>", f"{UNREAD}</robot>"), None),
-        (urdf().replace("</robot>", '<xacro:gripper parent="trunk"/></robot>'), "<xacro:gripper>: left for xacro"),
-        (
-            urdf().replace("<robot", '<robot xmlns:xacro="x"', 1).replace("</robot>", "<xacro:leg/></robot>"),
-            "<xacro:leg>: left for xacro",
-        ),
-        (urdf().replace("<mass value=", '<mass value="${m}" was=', 1), "link 'trunk': <mass>: left for xacro"),
-        (urdf().replace("</robot>", '<box size="0 -1 0"/></robot>'), '<box size="0 -1 0">: 0 or more'),
+        (_urdf('<mass value="0.3"', '<mass value="-0.3"'), "link 'FL_hip': <mass value=\"-0.3\">: 0 or more"),
+        (_urdf("<mass value=", '<mass value="nan" was='), "link 'trunk': <mass value=\"nan\">: numbers up to"),
+        (_urdf('ixx="', 'ixx="-'), "link 'trunk': <inertia ixx=\"-0.045"),
+        (_urdf('xyz="1 0 0"', 'xyz="0 0 0"'), "joint 'FL_HAA': <axis xyz=\"0 0 0\">: more than 0"),
+        (_urdf("</robot>", '<mesh filename="/etc/passwd"/></robot>'), 'passwd">: a file in the folder'),
+        (_urdf("</robot>", '<mesh filename="/nowhere/a.stl"/></robot>'), None),
+        (_urdf("</robot>", f"{UNREAD}</robot>"), None),
+        (_urdf("</robot>", '<xacro:gripper parent="trunk"/></robot>'), "<xacro:gripper>: left for xacro"),
+        (_urdf("<link", '<xacro:leg xmlns:xacro="x"/><link'), "<xacro:leg>: left for xacro"),
+        (_urdf("<mass value=", '<mass value="${m}" was='), "link 'trunk': <mass>: left for xacro"),
+        (_urdf("</robot>", '<box size="0 -1 0"/></robot>'), '<box size="0 -1 0">: 0 or more'),
     ],
 )
 def test_a_urdf_can_be_a_robot(text: str, said: str | None, tmp_path: Path) -> None:

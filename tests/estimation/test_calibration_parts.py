@@ -170,23 +170,17 @@ def reworded(data: xr.Dataset, before: str, after: str) -> xr.Dataset:
     return data.assign(words=((), words.replace(before, after)))
 
 
+IDENTIFIED, ENDLESS = "identified.values", "holds a number that is not"
+
+
 @pytest.mark.parametrize(
     ("damage", "message"),
     [
         (lambda data: reworded(data, '"mass": 1.0', '"mass": NaN'), "mass nan: a factor above 0"),
         (lambda data: reworded(data, '"array series.scale"', '"array [1000000000, 4]"'), "has no numbers"),
-        (
-            lambda data: reworded(data, '"share": ', '"share": 1e999, "was": '),
-            "series.share holds a number that is not",
-        ),
-        (
-            lambda data: data.assign({"identified.values": data["identified.values"] * 0.0 - 2.0}),
-            "change of -1 or less",
-        ),
-        (
-            lambda data: data.assign({"series.mean": data["series.mean"] * np.nan}),
-            "series.mean holds a number that is not finite",
-        ),
+        (lambda data: reworded(data, '"share": ', '"share": 1e999, "was": '), f"series.share {ENDLESS}"),
+        (lambda data: data.assign({IDENTIFIED: data[IDENTIFIED] * 0.0 - 2.0}), "change of -1 or less"),
+        (lambda data: data.assign({"series.mean": data["series.mean"] * np.nan}), f"series.mean {ENDLESS} finite"),
         (lambda data: data.isel({"series.mean.0": slice(0, 4)}), r"series.mean has shape \(4, 10\)"),
         (lambda data: data.assign({"series.scale": data["series.scale"] * 0.0}), "units above 0 were expected"),
         (lambda data: data.isel({"detection.bias.0": [0]}), r"detection.bias has shape \(1,\)"),

@@ -175,6 +175,12 @@ def test_draws_are_the_same_for_every_seed_whatever_other_keys_there_are(drawn: 
     assert drawn["believed.air.density"].dims == ("draw",)
 
 
+ONE, TWICE, AIR = '[ranges]\n"observers.gain" = ', "is varied by two dimensions", '\nof = {"air.density" = 1}'
+DRAWN = '[draws]\ncount = 2\n[draws.values]\n"air.density" = {distribution = '
+NOISES, RATE = "unknown_force.*.noise", "crank.frequency"
+GUST = f"'air.gust.start' {TWICE}, of which 'a' sets 'air.gust'"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -190,35 +196,17 @@ def test_draws_are_the_same_for_every_seed_whatever_other_keys_there_are(drawn: 
         ('[ranges]\n"flight.gravity.x" = [1.0]', "'flight.gravity' is a value, not a table"),
         ('[ranges]\n"simulation.seed" = [1, 2]', "counted up by `seeds`"),
         ("[ranges]\nseed = [1]", "'seed' is the name of two dimensions"),
-        (
-            '[ranges]\n"observers.gain" = [1, 2]\n[variants.a]\nb = {"observers.gain" = 3}',
-            "'observers.gain' is varied by two dimensions",
-        ),
-        (
-            '[ranges]\n"air.gust.start" = [0, 1]\n[variants.a]\nb = {"air.gust" = {amplitude = [0, 0, 1]}}',
-            "'air.gust.start' is varied by two dimensions, of which 'a' sets 'air.gust'",
-        ),
-        (
-            '[ranges]\ncrank = [{frequency = 3}, {frequency = 4}]\n"crank.frequency" = [5, 6]',
-            "'crank.frequency' is varied by two dimensions",
-        ),
-        (
-            '[ranges]\n"unknown_force.*.noise" = [0.1]\n"unknown_force.0.noise" = [0.2]',
-            "'unknown_force.*.noise' is varied by two dimensions",
-        ),
+        (ONE + '[1, 2]\n[variants.a]\nb = {"observers.gain" = 3}', f"'observers.gain' {TWICE}"),
+        ('[ranges]\n"air.gust.start" = [0, 1]\n[variants.a]\nb = {"air.gust" = {amplitude = [0, 0, 1]}}', GUST),
+        (f'[ranges]\ncrank = [{{frequency = 3}}]\n"{RATE}" = [5, 6]', f"'{RATE}' {TWICE}"),
+        (f'[ranges]\n"{NOISES}" = [0.1]\n"unknown_force.0.noise" = [0.2]', f"'{NOISES}' {TWICE}"),
         ("[variants.observer]\na = {}", "'observer' is a name in the results"),
         ("[factors.noise]\nvalues = [1]", "missing key 'factors.noise.of'"),
         ('[factors.noise]\nvalues = ["a"]\nof = {"air.density" = 1}', "factors.noise.values.0 = 'a': "),
-        (
-            '[factors.noise]\nvalues = [1, 1]\nof = {"air.density" = 1}',
-            "factors.noise.values = [1.0, 1.0]: each value once",
-        ),
+        ("[factors.noise]\nvalues = [1, 1]" + AIR, "factors.noise.values = [1.0, 1.0]: each value once"),
         ('[factors.noise]\nvalues = [1]\nof = {"air.density" = "b"}', "factors.noise.of.air.density = 'b': "),
-        ('[draws]\ncount = 2\n[draws.values]\n"air.density" = {distribution = "unifrm"}', "'uniform'"),
-        (
-            '[draws]\ncount = 2\n[draws.values]\n"air.density" = {distribution = "uniform", low = 2, high = 1}',
-            "low < high",
-        ),
+        (DRAWN + '"unifrm"}', "'uniform'"),
+        (DRAWN + '"uniform", low = 2, high = 1}', "low < high"),
         ('[ranges]\n"air.density" = {from = 1, to = 2, count = 1000000}', "at most 100000"),
     ],
 )

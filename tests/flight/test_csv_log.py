@@ -51,6 +51,9 @@ def changed(row: int, column: int, value: object) -> list[list[float]]:
     return rows
 
 
+BOTH = "velocity and angular velocity were expected"
+
+
 @pytest.mark.parametrize(
     ("header", "rows", "message"),
     [
@@ -70,11 +73,7 @@ def changed(row: int, column: int, value: object) -> list[list[float]]:
         ([*HEADER[:8], *JOINTS, "crank_rate"], [[*row[:8], *[0.1] * 5] for row in table()], "without crank_angle"),
         (HEADER[1:], [row[1:] for row in table()], "no column named time"),
         ([*HEADER, "wx"], [[*row, 0.0] for row in table()], "wx without wy, wz: all of them or none"),
-        (
-            [*HEADER, "wx", "wy", "wz"],
-            [[*row, 0.0, 0.0, 0.0] for row in table()],
-            "wx, wy, wz: velocity and angular velocity were expected, both or none",
-        ),
+        ([*HEADER, "wx", "wy", "wz"], [[*row, 0.0, 0.0, 0.0] for row in table()], f"wx, wy, wz: {BOTH}, both or none"),
         ([*HEADER[:8], *JOINTS], [[*row[:8], *[10.0, 40.0] * 2] for row in table()], "left_shoulder = 10: radians"),
         (HEADER, [[*row[:8], 1800.0 * row[0], 3.0] for row in table()], r"crank_angle .* turns by 18 rad .* degrees\?"),
     ],
