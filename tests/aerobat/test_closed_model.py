@@ -107,9 +107,8 @@ def test_mujoco_and_pinocchio_read_one_robot_from_the_file(name: str) -> None:
         for body in range(1, twin.nbody):
             place = data.oMf[model.getFrameId(twin.body(body).name)]
             assert state.xpos[body] == pytest.approx(place.translation, abs=1e-12)
-            assert twin.body_mass[body] == pytest.approx(
-                model.inertias[model.frames[model.getFrameId(twin.body(body).name)].parentJoint].mass, rel=1e-12
-            )
+            at = model.frames[model.getFrameId(twin.body(body).name)].parentJoint
+            assert twin.body_mass[body] == pytest.approx(model.inertias[at].mass, rel=1e-12)
         theirs = np.zeros((twin.nv, twin.nv))
         mujoco.mj_fullM(twin, state, theirs)
         theirs -= np.diag(twin.dof_armature)

@@ -49,9 +49,8 @@ def test_the_planform_has_the_published_area_and_spans() -> None:
 def test_the_left_wing_is_where_y_is_positive(robot: Aerobat) -> None:
     """Body axes point ahead, left and up, in the arc's coordinate as in the URDF's names."""
     shoulder, elbow, tip = robot.wing.breaks
-    link, _ = robot.wing.attach(
-        [-0.5 * (elbow + tip), -0.5 * (shoulder + elbow), 0.0, 0.5 * (shoulder + elbow), 0.9 * tip]
-    )
+    places = np.array([-elbow - tip, -shoulder - elbow, 0.0, shoulder + elbow, 1.8 * tip])
+    link, _ = robot.wing.attach(0.5 * places)
     names = [LINKS[k] for k in link]
     assert names == ["right_distal", "right_proximal", "base_link", "left_proximal", "left_distal"]
 
@@ -59,9 +58,8 @@ def test_the_left_wing_is_where_y_is_positive(robot: Aerobat) -> None:
 def test_strips_lie_on_the_membrane(robot: Aerobat) -> None:
     """Chords equal the planform's at root, elbow and mid-span; mid-chords lie half a chord behind the leading edge."""
     shoulder, elbow, tip = WING.breaks
-    assert WING.chord([0.0, shoulder, elbow, elbow + 84e-3, tip]) == pytest.approx(
-        [159.1e-3, 159.1e-3, 187.5e-3, 100.95e-3, 25e-3]
-    )
+    chords = [159.1e-3, 159.1e-3, 187.5e-3, 100.95e-3, 25e-3]
+    assert WING.chord([0.0, shoulder, elbow, elbow + 84e-3, tip]) == pytest.approx(chords)
     assert AIR.line.chord == pytest.approx(WING.chord(AIR.line.y))
     # In world axes, wings spread, a strip's leading edge lies where the arc and the planform put it.
     data, pieces = robot.model.createData(), AIR.pieces

@@ -81,9 +81,8 @@ AXES = (-0.5, 0.0, 0.5)  # semichords behind mid-chord
 def line_about(*axes: float) -> LiftingLine:
     """Return an endless wing whose strips have the pitch axis, x = 0, at different places of their chords."""
     quarter = [(axis + 0.5) * SEMICHORD for axis in axes]
-    return LiftingLine(
-        ENDLESS, 2.0 * SEMICHORD, strips=len(axes), quarter_chord=quarter if len(axes) > 1 else quarter[0]
-    )
+    places = quarter if len(axes) > 1 else quarter[0]
+    return LiftingLine(ENDLESS, 2.0 * SEMICHORD, strips=len(axes), quarter_chord=places)
 
 
 def stroke_of(k: float) -> tuple[Stroke, int]:

@@ -52,9 +52,8 @@ def test_a_map_gives_every_file(folder: Path, capsys: pytest.CaptureFixture[str]
     with highlevel.AnyReader([folder / "forces.mcap"]) as reader:
         counts = {topic: info.msgcount for topic, info in reader.topics.items()}
         connection = next(one for one in reader.connections if one.topic == "/force/force_level/FL_FOOT")
-        forces = [
-            reader.deserialize(raw, connection.msgtype).wrench.force.z for _, _, raw in reader.messages([connection])
-        ]
+        messages = [reader.deserialize(raw, connection.msgtype) for *_, raw in reader.messages([connection])]
+        forces = [one.wrench.force.z for one in messages]
         scene = next(one for one in reader.connections if one.topic == "/scene")
         states = next(one for one in reader.connections if one.topic == "/joint_states")
         efforts = [reader.deserialize(raw, states.msgtype).effort for _, _, raw in reader.messages([states])]

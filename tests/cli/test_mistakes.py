@@ -115,9 +115,8 @@ def test_several_seeds_are_runs_of_their_own_and_one_table(tmp_path: Path, capsy
     with (out / "seeds.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [row["seed"] for row in rows] == ["2"] * 12 + ["5"] * 12 + ["6"] * 12
-    r2 = [
-        float(row["r2"]) for row in rows if (row["observer"], row["point"], row["axis"]) == ("momentum", "left", "Fy")
-    ]
+    wanted = ("momentum", "left", "Fy")
+    r2 = [float(row["r2"]) for row in rows if (row["observer"], row["point"], row["axis"]) == wanted]
     line = next(line for line in printed.splitlines() if re.match(r"momentum +left +Fy +3 ", line))
     assert float(line.split()[4]) == pytest.approx(sum(r2) / 3, abs=6e-6)
     assert float(line.split()[5]) == pytest.approx(min(r2), abs=6e-6)

@@ -98,9 +98,8 @@ def test_without_a_terminal_slow_work_is_told_in_lines(
         if label:
             lines(label, share)
         lines.tick()
-    assert capfd.readouterr().err.splitlines() == [
-        *("flying: 60 %", "drawing figures", "drawing figures, 5 s", "drawing figures, 100 s")
-    ]
+    drawn = [f"drawing figures{late}" for late in ("", ", 5 s", ", 100 s")]
+    assert capfd.readouterr().err.splitlines() == ["flying: 60 %", *drawn]
 
 
 def test_a_step_that_says_nothing_is_told(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
@@ -118,9 +117,8 @@ def test_on_a_terminal_each_stage_is_a_bar(tmp_path: Path) -> None:
     """Flying, each observer; they vanish, and standard output is the table alone."""
     ours, theirs = pty.openpty()
     words = ["run", "paper", "--no-report", "--out", "here", *(w for one in SHORT for w in ("--set", one))]
-    with subprocess.Popen(
-        [sys.executable, "-m", "aerobat_pin", *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=theirs
-    ) as process:
+    command = [sys.executable, "-m", "aerobat_pin", *words]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=theirs) as process:
         os.close(theirs)
         shown = b""
         try:

@@ -84,9 +84,8 @@ def test_metrics_log_and_note_tell_of_the_loop() -> None:
 def test_a_flight_repeats_itself_to_the_bit() -> None:
     """Same seed, same numbers; another seed, other noise."""
     settings = ["simulation.duration=0.1", 'observers.names=["momentum"]']
-    first, second, other = (
-        run(load_scenario("hover_closed_loop", [*settings, f"simulation.seed={seed}"])).log for seed in (1, 1, 2)
-    )
+    flown = (load_scenario("hover_closed_loop", [*settings, f"simulation.seed={seed}"]) for seed in (1, 1, 2))
+    first, second, other = (run(one).log for one in flown)
     for name in ("q", "v", "thruster_command"):
         np.testing.assert_array_equal(first.measured[name].values, second.measured[name].values)
         assert not np.array_equal(first.measured[name].values, other.measured[name].values)

@@ -147,9 +147,8 @@ def test_late_poses_are_carried_to_now() -> None:
 def test_a_delay_that_is_no_whole_number_of_samples_is_believed_as_it_flies() -> None:
     """10.4 ms are shown at the eleventh sample; before, the tenth was believed, 2 mm off the course and DEGRADED."""
     names = ("position", "attitude", "velocity", "gyro")
-    odd, even = (
-        flown(["unknown_force=[]", *(f"sensors.{name}.delay={delay}" for name in names)]) for delay in (0.0104, 0.011)
-    )
+    late = [[f"sensors.{name}.delay={delay}" for name in names] for delay in (0.0104, 0.011)]
+    odd, even = (flown(["unknown_force=[]", *one]) for one in late)
     np.testing.assert_array_equal(odd[0], even[0])
     assert odd[1].state.word == "OK"
 

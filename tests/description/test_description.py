@@ -184,9 +184,8 @@ def test_an_inertia_is_refused_exactly_when_no_body_can_have_it() -> None:
 
 def test_a_morphology_that_is_not_there_is_refused(tmp_path: Path) -> None:
     """Unknown names list the shipped ones; a file must be complete, or extend a shipped morphology."""
-    with pytest.raises(
-        MorphologyFileError, match=r"'aerobot': did you mean 'aerobat'\? Shipped are aerobat, aerobat_g"
-    ):
+    said = r"'aerobot': did you mean 'aerobat'\? Shipped are aerobat, aerobat_g"
+    with pytest.raises(MorphologyFileError, match=said):
         load_aerobat("aerobot")
     own = "a robot that extends 'aerobat' has a name of its own"
     for text, message in (

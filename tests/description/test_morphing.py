@@ -107,9 +107,8 @@ def test_limits_hold_whatever_a_changed_linkage_reaches(bar: str, factors: tuple
         low, high = made.model.lowerPositionLimit[joints], made.model.upperPositionLimit[joints]
         angles = np.column_stack([cycle.theta_s, cycle.theta_e] * 2)
         assert np.all((low <= angles.min(axis=0) - 0.1 + 1e-9) & (angles.max(axis=0) + 0.1 - 1e-9 <= high))
-        assert np.all(
-            (low <= robot.model.lowerPositionLimit[joints]) & (robot.model.upperPositionLimit[joints] <= high)
-        )
+        least, most = robot.model.lowerPositionLimit[joints], robot.model.upperPositionLimit[joints]
+        assert np.all((low <= least) & (most <= high))
         for item in made.model.referenceConfigurations:
             assert np.all((low <= item.data()[joints]) & (item.data()[joints] <= high)), item.key()
 

@@ -192,9 +192,8 @@ def test_settings_have_the_same_limits() -> None:
         with_settings({}, [9000 * "a." + "a=1"])
     with pytest.raises(ScenarioError, match="'²' is not an index"):
         with_settings({"unknown_force": [{}]}, ["unknown_force.².noise=1"])
-    with pytest.raises(
-        ScenarioError, match=r"simulation\.dt = '9+\.\.\. \(5002 characters\): input should be a valid number"
-    ):
+    said = r"simulation\.dt = '9+\.\.\. \(5002 characters\): input should be a valid number"
+    with pytest.raises(ScenarioError, match=said):
         load_scenario("paper", ["simulation.dt=" + 5000 * "9"])
 
 

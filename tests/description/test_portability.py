@@ -63,9 +63,8 @@ def test_every_reader_finds_the_same_mass(name: str) -> None:
     """Masses [kg] of the published models: 42.1 g, with guard 92.1 g, light 20 g; also link by link."""
     model, twin, tree = in_pinocchio(name), in_mujoco(name), in_yourdfpy(name)
     data = plain(name)
-    of_links = {"base_link": data["body"]["mass"]} | {
-        f"{side}_{panel}": data[panel]["mass"] for side in ("left", "right") for panel in ("proximal", "distal")
-    }
+    panels = [(side, panel) for side in ("left", "right") for panel in ("proximal", "distal")]
+    of_links = {"base_link": data["body"]["mass"]} | {f"{side}_{one}": data[one]["mass"] for side, one in panels}
     mass = sum(of_links.values())
     assert mass == pytest.approx({"aerobat": 42.1, "aerobat_guard": 92.1, "aerobat_light": 20.0}[name] / 1e3, abs=5e-5)
     assert Morphology.load(name).mass == pytest.approx(mass, rel=1e-12, abs=0)
@@ -73,9 +72,8 @@ def test_every_reader_finds_the_same_mass(name: str) -> None:
     assert twin.body_mass.sum() == pytest.approx(mass, rel=1e-12, abs=0)
     assert {link.name: link.inertial.mass for link in tree.robot.links if link.inertial.mass != 0.0} == of_links
     for link, expected in of_links.items():
-        assert model.inertias[model.frames[model.getFrameId(link)].parentJoint].mass == pytest.approx(
-            expected, rel=1e-12, abs=0
-        )
+        at = model.frames[model.getFrameId(link)].parentJoint
+        assert model.inertias[at].mass == pytest.approx(expected, rel=1e-12, abs=0)
         assert twin.body(link).mass[0] == pytest.approx(expected, rel=1e-12, abs=0)
 
 
@@ -86,9 +84,8 @@ def test_every_reader_finds_the_same_degrees_of_freedom_and_limits(name: str) ->
     data = plain(name)["joints"]
     assert (model.nq, model.nv) == (twin.nq, twin.nv) == (11, 10)
     assert set(model.names) == {"universe", "root_joint", *JOINTS}
-    assert {twin.joint(i).name for i in range(twin.njnt) if twin.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE} == set(
-        JOINTS
-    )
+    hinges = np.flatnonzero(twin.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
+    assert {twin.joint(int(i)).name for i in hinges} == set(JOINTS)
     assert set(tree.actuated_joint_names) == set(JOINTS)
     for joint in JOINTS:
         low, high = data[f"{joint.split('_')[1]}_limits"]
@@ -104,9 +101,8 @@ def test_every_reader_finds_the_same_degrees_of_freedom_and_limits(name: str) ->
 def test_every_reader_finds_the_meshes(name: str) -> None:
     """All visible parts arrive, through package:// (Pinocchio, yourdfpy) and through the mujoco tag."""
     expected = set(parts(Morphology.load(name)))
-    visual = pin.buildGeomFromUrdf(
-        in_pinocchio(name), URDF[name], pin.GeometryType.VISUAL, package_dirs=description.PACKAGE_DIRS
-    )
+    folders = description.PACKAGE_DIRS
+    visual = pin.buildGeomFromUrdf(in_pinocchio(name), URDF[name], pin.GeometryType.VISUAL, package_dirs=folders)
     assert len(visual.geometryObjects) == len(expected)
     assert all(item.geometry.num_vertices > 4 for item in visual.geometryObjects)
     assert len(in_yourdfpy(name).scene.geometry) == len(expected)

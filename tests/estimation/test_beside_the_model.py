@@ -94,8 +94,7 @@ def test_what_an_mjcf_file_says_beyond_the_model_is_noted(tmp_path: Path) -> Non
 def test_moments_of_inertia_that_no_body_has_are_noted(moments: tuple[float, ...], told: bool, tmp_path: Path) -> None:
     """A plate's are at the limit. iCub's file has none for legs of kilograms: nothing was said."""
     links = link("base", 1.0, "0 0 0", 3 * (1e-2,)) + link("arm", 0.5, "0 0 -0.1", moments)
-    (tmp_path / "arm.urdf").write_text(
-        f'<robot name="arm">{links}{joint("swing", "revolute", "base", "arm", "0 0 0", limit=3)}</robot>'
-    )
+    swing = joint("swing", "revolute", "base", "arm", "0 0 0", limit=3)
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{swing}</robot>')
     noted = opened(tmp_path, {"urdf": "arm.urdf"}, "arm", "swing").notes
     assert ("no body has the moments of inertia of swing" in noted) == told

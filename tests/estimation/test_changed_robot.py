@@ -18,9 +18,8 @@ STEADY, LIVELY_ONE = (*flights.AT, "simulation.duration=2.5"), FREE_DAY[flights.
 
 def seen(name: str, calibration: Calibration, *more: str) -> flights.Verdict:
     """Fly with a change, and estimate by `force_level`, and more observers."""
-    return flights.estimated(
-        (*flights.PUSH, *flights.somewhere(1001), *flights.CHANGES[name].settings), calibration, ["force_level", *more]
-    )
+    settings = (*flights.PUSH, *flights.somewhere(1001), *flights.CHANGES[name].settings)
+    return flights.estimated(settings, calibration, ["force_level", *more])
 
 
 def test_a_robot_that_has_not_changed_is_not_called_changed() -> None:

@@ -158,9 +158,8 @@ def test_a_robot_of_ones_own_is_believed_as_the_run_copied_it(paper: Experiment,
 @pytest.mark.parametrize("key", ["flight.velocity", "simulation.seed", "sensors.gyro.noise", "believed.air", "name"])
 def test_what_no_estimate_would_heed_cannot_be_set(key: str) -> None:
     """The message names the key and what may be set; gravity may, for the believed robot falls by it."""
-    with pytest.raises(
-        ScenarioError, match=f"'{key}' does not belong .* keys of robot, air, observers, and flight.gravity"
-    ):
+    said = f"'{key}' does not belong .* keys of robot, air, observers, and flight.gravity"
+    with pytest.raises(ScenarioError, match=said):
         belief_about(None, "x", None, [], [f"{key}=1"])
     assert belief_about(None, "x", None, [], ["flight.gravity=1.62"]).flight.gravity == 1.62
 
@@ -202,9 +201,8 @@ def test_a_log_that_another_robot_flew_shows_forces(paper: Experiment) -> None:
     """Which a self-check cannot see, as it simulates the belief itself."""
     own = belief_about(FlightLog(paper.log.measured), "x", None, ["force_level"], [])
     heavy = belief_about(paper.log, "x", None, ["force_level"], ["robot.changes.body.mass=0.1"])
-    right, wrong = (
-        estimate_flight(paper.log, believed_robot(one), one).estimates["force_level"].force for one in (own, heavy)
-    )
+    pairs = ((believed_robot(one), one) for one in (own, heavy))
+    right, wrong = (estimate_flight(paper.log, *pair).estimates["force_level"].force for pair in pairs)
     weight = (0.1 - 0.0813) * 9.81  # the joint rows know that it does not hang on the wings: part of it shows
     assert 0.3 * weight < np.mean((wrong - right).sum(axis=1)[:, 2]) < weight
 

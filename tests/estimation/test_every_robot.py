@@ -61,9 +61,8 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, bool]
     for write in (small_recordings.write_arm, small_recordings.write_walk, small_recordings.write_drone):
         write(folder)
     small_recordings.write_hall(folder)
-    free = load_scenario(
-        "paper", ["unknown_force=[]", "simulation.duration=1.0", "observers.names=['momentum','kalman']"]
-    )
+    names = "observers.names=['momentum','kalman']"
+    free = load_scenario("paper", ["unknown_force=[]", "simulation.duration=1.0", names])
     robot, section = AerobatRobot.of(believed_robot(free), free.believed_air, "measured"), free.observers
     taught = {"harmonics": 2, "parameters": ["friction", "com_x"]}
     hall = calibrate([table_record(folder / "hall_free.csv", robot, section)], **taught)

@@ -139,10 +139,7 @@ def test_nothing_is_said_of_rotors_that_hover(seed: int, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("seed", [42, *further(41)])
 def test_a_faint_push_that_lasts_is_one_contact(seed: int, tmp_path: Path) -> None:
-    """Its single samples pass a threshold only here and there: 0.7 N for 1.5 s were several contacts.
-
-    So they were, too, where a hole of 1000 s follows.
-    """
+    """Single samples pass a threshold here and there: 0.7 N for 1.5 s were several, as where a hole of 1000 s follows."""
     pushes = ((2.0, 4.0), (5.5, 7.0))
     fly(21)[0].to_csv(tmp_path / "free.csv", index=False)
     table, _ = fly(seed, lambda t: np.array([1.5 * (2.0 < t < 4.0), -0.7 * (5.5 < t < 7.0), 0.0]))
@@ -169,9 +166,8 @@ def test_one_axis_of_a_gyro_is_no_reading_of_a_quaternion(tmp_path: Path) -> Non
     vector = np.stack([0.05 * np.sin(2.0 * time), 0.3 * np.sin(1.3 * time + 1.0), 0.05 * np.sin(1.7 * time)], axis=1)
     turns = Rotation.from_rotvec(vector)
     rate = (turns[:-1].inv() * turns[1:]).as_rotvec() * 200.0
-    table = (
-        {"t": time[1:]} | dict(zip("xyzw", turns[1:].as_quat().T, strict=True)) | dict.fromkeys(("px", "py", "pz"), 0.0)
-    )
+    still = dict.fromkeys(("px", "py", "pz"), 0.0)
+    table = {"t": time[1:]} | dict(zip("xyzw", turns[1:].as_quat().T, strict=True)) | still
     table |= {f"w{axis}": rate[:, k] + 2e-3 * rng.standard_normal(len(rate)) for k, axis in enumerate("xyz")}
     table["wy"] = -table["wy"]
     pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)

@@ -77,9 +77,8 @@ def test_a_hole_in_a_joints_column_splits_there(column: str, empty: str, swing: 
     assert f"gap: no sample of {where} for 0.40 s, from 0.80 s on: left out" in said(record)
     for first, last in record.parts:
         for name in ("q", "v", "tau"):
-            np.testing.assert_allclose(
-                getattr(record.block(first, last), name), getattr(whole.block(first, last), name)
-            )
+            one, other = (getattr(each.block(first, last), name) for each in (record, whole))
+            np.testing.assert_allclose(one, other)
 
 
 def test_a_hole_at_an_end_of_a_column_shortens_the_record(swing: pd.DataFrame, tmp_path: Path) -> None:
@@ -329,9 +328,8 @@ def test_rows_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path) -> 
     for key, channel in whole.channels.items():
         np.testing.assert_array_equal(merged.channels[key].values[:], channel.values[:])
     found = [one for one in sample_findings(merged) if one.check == "repeated stamps"]
-    assert [(one.verdict, one.text) for one in found] == [
-        ("note", "table: 1000 of 2000 samples have the stamp of the one before, and are merged with it")
-    ]
+    told = "table: 1000 of 2000 samples have the stamp of the one before, and are merged with it"
+    assert [(one.verdict, one.text) for one in found] == [("note", told)]
     twice = pd.concat([swing.iloc[:500], swing.iloc[499:].assign(turn_q=swing.turn_q + 1e-3)])
     found = [one for one in sample_findings(opened(twice, tmp_path)) if one.check == "repeated stamps"]
     assert [one.verdict for one in found] == ["warning"]
@@ -585,9 +583,8 @@ def test_a_number_that_no_quantity_has_is_told(column: str, value: float, swing:
     """Damaged cells: squares of 1e300 overflow, and the scores were NaN."""
     damaged = swing.copy()
     damaged.loc[100, column] = value
-    with pytest.raises(
-        LogError, match=rf"{column} \(joints\..*\) = {re.escape(f'{value:g}')} at 0\.2 s: a number between"
-    ):
+    told = rf"{column} \(joints\..*\) = {re.escape(f'{value:g}')} at 0\.2 s: a number between"
+    with pytest.raises(LogError, match=told):
         opened(damaged, tmp_path)
 
 
@@ -635,9 +632,8 @@ def test_an_angle_that_restarts_goes_on(kind: str, more: dict[str, Any], turning
     record = opened(table, tmp_path, **joints, **more)
     assert jumps >= 2
     assert f"turn: {jumps} jumps by a full turn are taken out" in record.notes
-    found, whole = (
-        estimate(one, trust=True).estimates["force_level"] for one in (record, opened(turning, tmp_path, **more))
-    )
+    pair = record, opened(turning, tmp_path, **more)
+    found, whole = (estimate(one, trust=True).estimates["force_level"] for one in pair)
     np.testing.assert_allclose(found.components, whole.components, atol=0.5 if kind == "counts" else 1e-6)
 
 

@@ -71,9 +71,8 @@ def test_a_reversed_effort_is_no_friction(folder: Path) -> None:
     """An offset of friction can take up most of it: it is looked for before friction is fitted."""
     free = pd.read_csv(folder / "free.csv", nrows=2500)
     free.assign(lift_i=-free["lift_i"]).to_csv(folder / "reversed.csv", index=False)
-    warnings = calibrated(
-        folder, "reversed", edited(swinging_arm.arm_map(), {"joints.friction.law": "coulomb+viscous"})
-    ).warnings
+    law = edited(swinging_arm.arm_map(), {"joints.friction.law": "coulomb+viscous"})
+    warnings = calibrated(folder, "reversed", law).warnings
     assert any("lift" in line and "reversed" in line for line in warnings)
 
 
@@ -194,9 +193,8 @@ def test_a_fit_that_explains_hardly_anything_is_named(folder: Path, learnt: Cali
     efforts = [f"{joint}_i" for joint in swinging_arm.JOINTS]
     log[efforts] += np.random.default_rng(4).normal(0.0, 2.0, log[efforts].shape)  # four times the friction
     log.to_csv(folder / "rough.csv", index=False)
-    assert not [
-        line for line in calibrated(folder, "rough", swinging_arm.arm_map()).warnings if "hardly anything" in line
-    ]
+    warnings = calibrated(folder, "rough", swinging_arm.arm_map()).warnings
+    assert not [line for line in warnings if "hardly anything" in line]
 
 
 def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(folder: Path, learnt: Calibration) -> None:
@@ -359,9 +357,8 @@ def test_what_cannot_be_learnt_or_used_is_refused(
 
     (folder / "heavy.urdf").write_text(swinging_arm.arm().replace('value="1.5"', 'value="1.6"'))
     assert "belongs to the robot 'arm', not to 'heavy'" in said({"robot.urdf": "heavy.urdf"}, use=True)
-    assert "the effort of turn = 1.6 N m per unit, but 2 N m per unit is believed" in said(
-        {"joints.effort.torque_per_unit": {"*": 2.0}}, use=True
-    )
+    told = "the effort of turn = 1.6 N m per unit, but 2 N m per unit is believed"
+    assert told in said({"joints.effort.torque_per_unit": {"*": 2.0}}, use=True)
     assert "cannot be told apart" in said({"joints.friction": {"scale": True}}, ("mass",))
     assert "parameters has 'drag': of mass some were expected; joints.friction and" in said({}, ("drag",))
     with pytest.raises(MapError, match=r"joints\.friction\.fit: from and to .* or --calibration FILE"):

@@ -101,9 +101,8 @@ def test_a_known_force_acts_in_the_middle_of_its_interval(tmp_path: Path, monkey
     recording(tmp_path, "known", pushed=True, seed=2, seconds=6.0)
     log, model = pd.read_csv(tmp_path / "known.csv").iloc[::10], pin.buildModelFromXML(arm())
     data, tool = model.createData(), model.getFrameId("tool")
-    levers = [
-        pin.computeFrameJacobian(model, data, q, tool, ALIGNED)[2] for q in log[[f"{j}_q" for j in JOINTS]].values
-    ]
+    angles = log[[f"{joint}_q" for joint in JOINTS]].to_numpy()
+    levers = [pin.computeFrameJacobian(model, data, q, tool, ALIGNED)[2] for q in angles]
     log[[f"{j}_i" for j in JOINTS]] += 60.0 / CONSTANT * np.array(levers)
     log["fz"] -= 60.0
     log.to_csv(tmp_path / "known.csv", index=False)

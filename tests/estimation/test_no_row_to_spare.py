@@ -47,9 +47,8 @@ def swung(
     angle = pace * time[:, None] + rng.uniform(0.0, 6.28, n)
     q, v, a = mid + size * np.sin(angle), size * pace * np.cos(angle), -size * pace**2 * np.sin(angle)
     force = np.where(((time > 9.5 - lasts) & (time < 9.5))[:, None], [8.0, 0.0, 12.0], 0.0)
-    dry, viscous, noise = (
-        np.array(each)[:n] for each in ([1.2, 0.7, 1.5, 0.1], [0.5, 0.3, 8.0, 0], [0.05, 0.03, 0.3, 0.02])
-    )
+    shares = ([1.2, 0.7, 1.5, 0.1], [0.5, 0.3, 8.0, 0], [0.05, 0.03, 0.3, 0.02])
+    dry, viscous, noise = (np.array(each)[:n] for each in shares)
     tau = efforts(model, "tool", q, v, a, force)
     tau += rubs * (dry * np.tanh(v / creeps) + viscous * v) + loaded * np.abs(tau) * np.tanh(v / 0.01)
     tau += noise * rng.standard_normal(tau.shape)

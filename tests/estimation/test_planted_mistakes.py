@@ -150,9 +150,8 @@ LINKAGE: Mistakes = {
     "crank angle late": (late(6e-3, CRANK), r"late channel: crank angle comes \d\.\d ms after joint positions"),
     "crank angle off, as if it were late": (off(CRANK, 0.1, 0), r"late channel: joint positions|joints off"),
 }
-KNOWN_AIR: Mistakes = {
-    "efforts 1.3 times": (times(EFFORTS, 1.3), r"all efforts .* 0\.7\d* .*or the forces that the robot knows itself")
-}
+OR_KNOWN = r"all efforts .* 0\.7\d* .*or the forces that the robot knows itself"
+KNOWN_AIR: Mistakes = {"efforts 1.3 times": (times(EFFORTS, 1.3), OR_KNOWN)}
 EFFORTS_APART: Mistakes = {
     "efforts late": (late(20e-3, EFFORTS), r"late efforts: joints\.effort comes (19|20|21) ms after the motion"),
     "an effort of noise alone": (
@@ -245,9 +244,8 @@ def said(record: Record) -> Iterator[str]:
     """Yield what the checks warn of before an observer runs: those of the efforts, which take longest, come last."""
     found = list(record_findings(record))
     yield from (str(one) for one in found if one.warns)
-    yield from (
-        str(one) for one in effort_findings(record, inputs_between(record, KnownForces(record)), found) if one.warns
-    )
+    told = effort_findings(record, inputs_between(record, KnownForces(record)), found)
+    yield from (str(one) for one in told if one.warns)
 
 
 def warned(record: Record) -> list[str]:
@@ -300,9 +298,8 @@ def test_reversed_efforts_are_named(robot: str, noise: float, friction: float, r
     record, loud = records[robot], together(rubbing(friction), noisy(noise))
     for columns in ((1,), (0, 1)):
         found = warned(planted(record, together(loud, times(EFFORTS, -1.0, *columns))))
-        assert [re.findall(r"effort sign: the effort of (\w+) is reversed", one) for one in found] == [
-            [record.driven[k]] for k in columns
-        ]
+        told = [re.findall(r"effort sign: the effort of (\w+) is reversed", one) for one in found]
+        assert told == [[record.driven[k]] for k in columns]
     found = warned(planted(record, together(loud, times(EFFORTS, -1.0))))
     assert len(found) == 1
     assert f"effort sign: all efforts are reversed ({', '.join(record.driven)})" in found[0]

@@ -72,9 +72,8 @@ def truth(log: aerobat.FlightLog) -> np.ndarray:
 
 def worst_r2(force: np.ndarray, true: np.ndarray) -> np.ndarray:
     """Return R2 of Fx, Fy, Fz of the worse wing."""
-    return np.array(
-        [min(r_squared(force[:, i, k].copy(), true[:, i, k].copy()) or 0.0 for i in range(2)) for k in range(3)]
-    )
+    pairs = ((force[:, i, k].copy(), true[:, i, k].copy()) for k in range(3) for i in range(2))
+    return np.reshape([r_squared(*pair) or 0.0 for pair in pairs], (3, 2)).min(axis=1)
 
 
 def test_forces_motion_and_biases_are_found_with_an_accelerometer() -> None:
@@ -165,9 +164,8 @@ def test_dynamics_are_the_derivative_of_what_they_linearise() -> None:
     def accelerations(motion: NominalMotion) -> tuple[np.ndarray, np.ndarray]:
         made = smoother.dynamics(motion, held, known, force)
         rows = made.acceleration
-        return made.push + np.einsum(
-            "kij,kj->ki", rows[:, :, smoother.layout.white], force.reshape(10, -1)
-        ), rows @ state
+        white = rows[:, :, smoother.layout.white]
+        return made.push + np.einsum("kij,kj->ki", white, force.reshape(10, -1)), rows @ state
 
     (here, change), (there, _) = accelerations(part), accelerations(part.moved(x))
     np.testing.assert_allclose(there - here, change, atol=0.02 * np.abs(change).max())

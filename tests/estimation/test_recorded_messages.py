@@ -38,9 +38,7 @@ def test_the_stream_of_the_docs_finds_the_forces(folder: Path, capsys: pytest.Ca
     (folder / "map.toml").write_text(tomli_w.dumps(values))
     whole = estimate(recorded(folder / "walk", values)).estimates["force_level"]
     with highlevel.AnyReader([folder / "walk"]) as reader:
-        messages = [
-            (connection.topic, reader.deserialize(raw, connection.msgtype)) for connection, _, raw in reader.messages()
-        ]
+        messages = [(one.topic, reader.deserialize(raw, one.msgtype)) for one, _, raw in reader.messages()]
     text = (ROOT / "docs" / "recordings.md").read_text()
     [stream] = [code for code in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "OnlineEstimator" in code]
     space = {"messages": sorted(messages, key=lambda item: stamp(item[1]))}
@@ -97,9 +95,8 @@ def test_damage_to_a_sealed_bag_is_noticed(tmp_path: Path) -> None:
     bag(walk(0.6), tmp_path / "walk")
     file = next((tmp_path / "walk").glob("*.mcap"))
     plain = estimate(open_record(file, chosen, tmp_path))
-    assert [str(found) for found in plain.findings if found.check == "checksums"] == [
-        f"checksums: {file.name} has none: damaged numbers would not be noticed"
-    ]
+    told = [str(found) for found in plain.findings if found.check == "checksums"]
+    assert told == [f"checksums: {file.name} has none: damaged numbers would not be noticed"]
     sealed_file = tmp_path / "sealed.mcap"
     with file.open("rb") as source, sealed_file.open("wb") as target:
         writer = mcap_writer.Writer(target, compression=mcap_writer.CompressionType.NONE)

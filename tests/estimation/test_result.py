@@ -93,6 +93,5 @@ def test_the_table_has_a_column_for_what_these_references_mean(paper: Experiment
     assert paper.scores.header == (*("observer", "point", "axis", "R2", "R2 noise-free", "error rms", "lag"),)
     assert len(list(paper.scores.rows())) == 12
     assert "factor" not in repr(paper.scores)
-    assert paper.scores.hints == [
-        "R2 noise-free is lower where the estimate follows the noise of the true force, which is no error of it"
-    ]
+    hint = "R2 noise-free is lower where the estimate follows the noise of the true force, which is no error of it"
+    assert paper.scores.hints == [hint]

@@ -259,9 +259,8 @@ def test_a_calibration_that_knows_no_friction_makes_nothing_worse(folder: Path, 
     assert bare.fitted.friction is None
     found = estimate(record, calibration=bare)
     assert found.inputs["friction"] == "reconstructed"
-    np.testing.assert_allclose(
-        found.observers["force_level"].deviation["tool0"], plain.observers["force_level"].deviation["tool0"]
-    )
+    told = [one.observers["force_level"].deviation["tool0"] for one in (found, plain)]
+    np.testing.assert_allclose(*told)
     assert found.verdict == plain.verdict
     assert found.observers["force_level"].events is None
     assert found.model.verdict == "unchanged"
@@ -290,9 +289,8 @@ def test_an_arm_that_does_not_rub_is_not_said_to(tmp_path: Path) -> None:
     for k in range(6):
         table[f"tau{k}"] += 2.0 * rng.standard_normal(len(table))
     table.to_csv(tmp_path / "free.csv", index=False)
-    found = estimate(
-        opened(tmp_path / "push.csv", ["tool0"]), calibration=calibrate([opened(tmp_path / "free.csv", ["tool0"])])
-    )
+    learnt = calibrate([opened(tmp_path / "free.csv", ["tool0"])])
+    found = estimate(opened(tmp_path / "push.csv", ["tool0"]), calibration=learnt)
     assert not any("friction" in line for line in found.warnings)
     assert found.observers["force_level"].events
 
@@ -377,9 +375,8 @@ def test_friction_that_nobody_told_a_stream_is_in_its_deviations(names: list[str
     every = [one for row in rows for one in stream.push(row.pop("t"), row)]
     found = [one for one in every if one.observer == names[-1] and one.end > 4.0]
     assert {one.observer for one in every} == {*names}
-    force, sure, seen = (
-        np.array([[*getattr(one, what).values()] for one in found]) for what in ("components", "deviation", "seen")
-    )
+    parts = ("components", "deviation", "seen")
+    force, sure, seen = (np.array([[*getattr(one, what).values()] for one in found]) for what in parts)
     error = np.abs(force - pushed(np.array([0.5 * (one.start + one.end) for one in found])))
     shown = seen > SHOWN
     assert shown.mean() > 0.1
@@ -438,9 +435,8 @@ def test_a_blow_too_short_for_a_contact_is_told_if_calibrated(force: Callable[..
         write_log(tmp_path / name, seed, pushes, rate=500.0, rubs=0.05)
     calibration = calibrate([recorded(tmp_path / "free.csv", chosen)], trust=True)
     result = estimate(recorded(tmp_path / "blow.csv", chosen), calibration=calibration)
-    before = (
-        "a push at " if force is a_blow else r"2 pushes, at tool0 \(up to .* along x, from 8\.\d* s to 10\.\d* s\) and "
-    )
+    both = r"2 pushes, at tool0 \(up to .* along x, from 8\.\d* s to 10\.\d* s\) and "
+    before = "a push at " if force is a_blow else both
     assert re.search(rf"{before}tool0 \(short, up to \d.* N downward, at 16\.\d+ s\)", result.verdict), result.verdict
 
 

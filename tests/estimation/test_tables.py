@@ -132,9 +132,8 @@ def test_raw_samples_by_the_map_give_the_forces_of_their_log(tmp_path: Path) -> 
     found = robot.motion_from(time, record.channels, observers_of(record)[0], None)
     expected = aerobat.estimate_flight(read, aerobat.believed_robot(belief), belief).estimates
     forces = expected["smoother"].components
-    np.testing.assert_allclose(
-        found.estimates["smoother"].components, forces, rtol=0.0, atol=1e-12 * np.max(np.abs(forces))
-    )
+    found_there = found.estimates["smoother"].components
+    np.testing.assert_allclose(found_there, forces, rtol=0.0, atol=1e-12 * np.max(np.abs(forces)))
 
 
 BODY = {"body": {"mass": 0.03, "inertia": [1e-5, 1e-5, 2e-5]}, "points": ["centre"]}

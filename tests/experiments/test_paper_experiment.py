@@ -118,13 +118,11 @@ def rerun(experiment: Experiment, gain: float) -> dict[str, np.ndarray]:
     found = {}
     for name, kind in OBSERVERS.items():
         frames = experiment.scenario.observers.frames
-        estimate = kind(experiment.robot.model, frames, gain).run(
-            inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known
-        )
+        observer = kind(experiment.robot.model, frames, gain)
+        estimate = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
         truth = [true_force(experiment.log, frame)[0] for frame in frames]
-        found[name] = np.array(
-            [[r_squared(estimate.force[:, i, k], truth[i][:, k]) for k in range(3)] for i in range(len(frames))]
-        )
+        wings = range(len(frames))
+        found[name] = np.array([[r_squared(estimate.force[:, i, k], truth[i][:, k]) for k in range(3)] for i in wings])
     return found
 
 

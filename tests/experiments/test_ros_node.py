@@ -83,9 +83,8 @@ def test_a_node_loses_nothing_and_says_what_the_stream_says(chosen: Path) -> Non
         np.testing.assert_allclose(forces[:, 0], [one.end - BEGIN for one in expected], rtol=0.0, atol=3e-7)
     weight = 9.81 * 9.6
     up = np.array([[one.components[f"{foot}.Fz"] for foot in FEET] for one in expected])
-    assert found["contacts"] == [
-        [foot for foot, on in zip(FEET, row, strict=True) if on] for row in map(ContactWatch(weight).take, up)
-    ]
+    stands = map(ContactWatch(weight).take, up)
+    assert found["contacts"] == [[foot for foot, on in zip(FEET, row, strict=True) if on] for row in stands]
     counts = {key: int(value) for key, value in found["health"].items()}
     assert counts["estimates"] == len(expected) >= SAMPLES - 3
     assert [counts[fate] for fate in ("refused", "duplicate", "late", "outlier", "clock_step", "failed")] == [0] * 6

@@ -19,9 +19,8 @@ def fly(name: str, *settings: str) -> Experiment:
 
 def r2(experiment: Experiment, observer: str, wing: str = "left") -> np.ndarray:
     """Return R2 of Fx, Fy, Fz."""
-    return np.array(
-        [one["r2"] for one in experiment.metrics["observers"][observer][wing].values() if isinstance(one, dict)]
-    )
+    scores = experiment.metrics["observers"][observer][wing].values()
+    return np.array([one["r2"] for one in scores if isinstance(one, dict)])
 
 
 def test_a_trimmed_flight_repeats_itself_every_flap() -> None:
@@ -47,9 +46,8 @@ def test_a_trim_in_the_wind_is_that_in_still_air_seen_from_the_ground() -> None:
     """Galilei: along y at 4 m/s into 1 m/s of wind is along x at 5 m/s in still air; nose first across it is not."""
     into = ["flight.velocity=[0.0, 4.0, 0.0]", "air.wind=[0.0, -1.0, 0.0]"]
     gust = "air.gust={amplitude = [0.0, 0.0, 1.0], start = 0.0, duration = 0.1}"
-    still, found = (
-        find_trim(load_scenario("paper_open_loop", [*COARSE, *settings])).scenario for settings in ([], [*into, gust])
-    )
+    sought = (load_scenario("paper_open_loop", [*COARSE, *settings]) for settings in ([], [*into, gust]))
+    still, found = (find_trim(one).scenario for one in sought)
     assert found.crank.frequency == pytest.approx(still.crank.frequency, rel=1e-6)
     assert found.robot.changes["wing"]["offset_x"] == pytest.approx(still.robot.changes["wing"]["offset_x"], rel=1e-5)
     assert found.flight.pitch_deg == pytest.approx(still.flight.pitch_deg, rel=1e-6)

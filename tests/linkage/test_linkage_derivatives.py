@@ -61,9 +61,8 @@ def test_every_angle_and_pin_is_differentiated_by_the_adjustable_lengths(t1: flo
     found = LINKAGE.sensitivity(t1)
     assert tuple(found) == ADJUSTABLE == ("L3b", "L5a", "L5b")
     for length, here in found.items():
-        near = [
-            KineticSculpture(replace(BARS, **{length: getattr(BARS, length) + 1e-2 * step})).solve(t1) for step in STEP
-        ]
+        bars = [replace(BARS, **{length: getattr(BARS, length) + 1e-2 * step}) for step in STEP]
+        near = [KineticSculpture(one).solve(t1) for one in bars]
         slope = 100.0 * SLOPE
         for name in ANGLES:
             turned = np.unwrap([one.angles[name] for one in near])

@@ -34,9 +34,8 @@ def test_errors_of_rows_do_not_keep_a_share_of_a_blow(kind: type[KalmanObserver]
     """Before and after it nothing pushes, and within two deviations nothing is said to; the blow itself is found."""
     model, time, q, v = hit_box()
     v = v + 2e-3 * np.random.default_rng(1).standard_normal(v.shape)
-    expected = Expected(
-        np.array([10.0] * 3 + [2.0] * 3), np.array([2.0, 4.0, 1.0, 0.1, 0.2, 0.1]), np.zeros(6), np.ones(6)
-    )
+    rows = np.array([2.0, 4.0, 1.0, 0.1, 0.2, 0.1])
+    expected = Expected(np.array([10.0] * 3 + [2.0] * 3), rows, np.zeros(6), np.ones(6))
     observer = kind(model, [Application("box", "wrench")], 100.0, expected=expected)
     found = observer.run(time, q, v, np.zeros((COUNT, 6)))
     truth = np.zeros((COUNT, 6))
@@ -74,9 +73,8 @@ def test_what_leaves_no_trace_does_not_jump() -> None:
     q, v = np.tile([0.0, 1e-7], (COUNT + 1, 1)), 1e-4 * np.random.default_rng(1).standard_normal((COUNT + 1, 2))
     v[600, 1] += 0.05
     expected = Expected(np.full(3, 1.0), np.array([0.01, 0.002]), np.zeros(2), np.ones(2))
-    found = KalmanObserver(model, ["tip"], 100.0, expected=expected).run(
-        DT * np.arange(COUNT + 1), q, v, np.zeros((COUNT, 2))
-    )
+    observer = KalmanObserver(model, ["tip"], 100.0, expected=expected)
+    found = observer.run(DT * np.arange(COUNT + 1), q, v, np.zeros((COUNT, 2)))
     assert np.max(np.abs(found.components)) < 100.0
 
 

@@ -154,9 +154,8 @@ def test_what_base_rows_cannot_tell_is_zero_with_an_infinite_deviation(settings:
     (time, q, v, tau, _), _ = resting_flight(1)
     q[:] = ROBOT.q0
     for kind in (KalmanObserver, SmootherObserver):
-        blind, seeing = (
-            kind(ROBOT.model, FORCE_POINTS, rows=rows, **settings).run(time, q, v, tau) for rows in ("base", "all")
-        )
+        pair = (kind(ROBOT.model, FORCE_POINTS, rows=rows, **settings) for rows in ("base", "all"))
+        blind, seeing = (one.run(time, q, v, tau) for one in pair)
         np.testing.assert_allclose(blind.force[:, 0, 1], blind.force[:, 1, 1], atol=1e-6 * np.abs(blind.force).max())
         deviation = blind.standard_deviation.reshape(-1, 2, 3)
         assert np.all(np.isinf(deviation[:, :, 1]))

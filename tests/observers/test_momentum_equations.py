@@ -74,9 +74,8 @@ def test_observers_of_the_same_forces_sample_a_record_once() -> None:
     q = np.array([pin.integrate(model, pin.neutral(model), 1e-3 * k * v[0]) for k in range(20)])
     sampled: list[Sampled] = []
     frames = [model.frames[-1].name], [model.frames[-1].name], [model.frames[5].name], [model.frames[-1].name]
-    for kind, points, of in zip(
-        ("momentum", "force_level", "momentum", "momentum"), frames, [model] * 3 + [heavier], strict=True
-    ):
+    kinds = "momentum force_level momentum momentum".split()
+    for kind, points, of in zip(kinds, frames, [model] * 3 + [heavier], strict=True):
         observer = OBSERVERS[kind](of, points, 100.0)
         together, alone = observer.run(time, q, v, tau, None, sampled), observer.run(time, q, v, tau)
         np.testing.assert_array_equal(together.components, alone.components)

@@ -46,9 +46,8 @@ def test_the_projection_is_weighted_damped_least_squares(points: int, rows: Rows
     before[2], after[2] = moving * before[2], moving * after[2]
     phi, mean = rng.standard_normal(nv), 0.5 * (before + after)
     weight = np.diag(twins.believed(model, "all", mean[2]))
-    sizes = ObserverSizes(**dict.fromkeys(ObserverSizes._fields, 0))._replace(
-        nv=nv, components=3 * points, filtered=nv, rows=ROWS.index(rows), believed=nv
-    )
+    none = ObserverSizes(**dict.fromkeys(ObserverSizes._fields, 0))
+    sizes = none._replace(nv=nv, components=3 * points, filtered=nv, rows=ROWS.index(rows), believed=nv)
     memory = new_state(ObserverState, **sizes._asdict())
     observer, found = fields_of(memory, ObserverState), np.full(3 * points, np.nan)
     observer.weight[:], observer.jacobian[:] = weight, mean[3:]

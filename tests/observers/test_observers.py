@@ -12,9 +12,7 @@ from aerobat_pin import observers
 from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.errors import FrameNotFoundError, ObserverError, ShapeError
 
-KINDS = [
-    kind for kind in observers.OBSERVERS.values() if kind is not observers.SmootherObserver
-]  # which takes whole records only
+KINDS = [kind for kind in observers.OBSERVERS.values() if kind is not observers.SmootherObserver]  # of whole records
 
 
 def by_gain(kind: type[observers.Observer]) -> dict[str, Any]:

@@ -181,9 +181,8 @@ def test_what_the_motion_does_not_show_is_zero_and_said() -> None:
     assert friction.coulomb[1] == friction.viscous[2] == 0.0
     assert friction.offset[2] == pytest.approx(TRUE.coulomb[2] + 3.0 * TRUE.viscous[2] + TRUE.offset[2])
     noisy = observers.fit_friction(q, v, a, TRUE.torque(v, a) + np.random.default_rng(1).normal(0.0, 0.1, v.shape))
-    error = np.abs(
-        [noisy.coulomb[0], noisy.viscous[0], noisy.inertia[0], noisy.offset[0]] - np.array([0.3, 0.05, 0.01, 0.05])
-    )
+    found = np.array([noisy.coulomb[0], noisy.viscous[0], noisy.inertia[0], noisy.offset[0]])
+    error = np.abs(found - [0.3, 0.05, 0.01, 0.05])
     assert np.all(error < 4.0 * noisy.deviation[0])
     with pytest.raises(ObserverError, match="3 intervals"):
         observers.fit_friction(q[:3], v[:3], a[:3], q[:3])

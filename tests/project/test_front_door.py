@@ -40,18 +40,16 @@ def test_every_name_of_a_lazy_door_is_there_and_no_other(door: str) -> None:
     module = importlib.import_module(door)
     for name in module.__all__:
         assert getattr(module, name) is not None, name
-    with pytest.raises(
-        AttributeError, match=f"module '{door}' has no attribute 'nonsense'|No {door} attribute nonsense"
-    ):
+    told = f"module '{door}' has no attribute 'nonsense'|No {door} attribute nonsense"
+    with pytest.raises(AttributeError, match=told):
         module.nonsense  # noqa: B018
 
 
 def test_the_doors_alone_import_nothing_heavy() -> None:
     """One after the other in a fresh process: no library but the command line's own."""
     heavy = "{'numpy', 'pinocchio', 'matplotlib', 'xarray', 'scipy', 'jinja2', 'rich', 'pydantic'}"
-    code = "".join(
-        f"import sys, {door}; print('{door}', *({heavy} & set(sys.modules)))\n" for door in (*DOORS, "aerobat_pin.cli")
-    )
+    doors = (*DOORS, "aerobat_pin.cli")
+    code = "".join(f"import sys, {door}; print('{door}', *({heavy} & set(sys.modules)))\n" for door in doors)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == [*DOORS, "aerobat_pin.cli"]
 

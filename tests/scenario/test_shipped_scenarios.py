@@ -105,9 +105,8 @@ def test_a_gust_that_is_not_believed_is_found_as_the_load_it_makes() -> None:
     assert np.isnan(r2("gust", "momentum")).all()
     believed = experiment.scenario.believed_air
     assert not any(believed.gust.amplitude)
-    known = aerobat.known_inputs(
-        experiment.log, aerobat.believed_robot(experiment.scenario), "measured", believed
-    ).known
+    robot = aerobat.believed_robot(experiment.scenario)
+    known = aerobat.known_inputs(experiment.log, robot, "measured", believed).known
     truth = experiment.log.truth["aerodynamic"].values + experiment.log.truth["added_mass"].values
     missed = truth - known["aerodynamic"] - known["added_mass"]
     residual = experiment.estimates["momentum"].residual
@@ -130,9 +129,8 @@ def test_a_blow_on_a_wing_is_found_on_that_wing_with_its_impulse_and_its_moment(
         np.testing.assert_allclose(force[650:800, 1].sum(axis=0) * 1e-3, 0.0, atol=3e-5)
         assert abs(int(np.argmin(force[:, 0, 2])) - 705) <= 3
         assert r2("impact", observer)[2] > 0.95
-    assert aerobat.true_force(experiment.log, "left_force_point")[0][:, 2].min() == pytest.approx(
-        -0.3 * np.pi / 2.0, rel=0.02
-    )
+    true = aerobat.true_force(experiment.log, "left_force_point")[0]
+    assert true[:, 2].min() == pytest.approx(-0.3 * np.pi / 2.0, rel=0.02)
 
 
 def test_sensors_that_one_can_buy_find_two_axes_of_three() -> None:

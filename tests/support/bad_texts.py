@@ -139,9 +139,8 @@ def _path(rng: Rng, place: Path) -> list[str]:
     os.mkfifo(place / "pipe.toml")
     (place / "loop.toml").symlink_to("loop.toml")
     long = int(rng.integers(256, 5000)) * "n"
-    name = str(
-        rng.choice([long, f"{long}.toml", f"a/{long}", "pipe", "pipe.toml", "loop.toml", ".", "/", "/dev/null", "x"])
-    )
+    names = [long, f"{long}.toml", f"a/{long}", "pipe", "pipe.toml", "loop.toml", ".", "/", "/dev/null", "x"]
+    name = str(rng.choice(names))
     reads = (["run", name], ["sweep", name], ["linkage", name], ["urdf", name], ["trim", name], ["estimate", name])
     reads += (["crank", name], ["compare", name, name], ["estimate", name, "--suggest"])
     reads += (["convert", name, "--out", "out.mcap"],)

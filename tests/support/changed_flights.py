@@ -92,9 +92,8 @@ class Verdict:
 
 def somewhere(seed: int) -> tuple[str, ...]:
     """Return settings of a flight within the range of `LOW` and `HIGH`, drawn from a seed."""
-    speed, frequency, pitch, crank = np.random.default_rng([29, seed]).uniform(
-        [2.8, 4.55, 4.2, -180.0], [3.3, 4.95, 5.8, 180.0]
-    )
+    low, high = [2.8, 4.55, 4.2, -180.0], [3.3, 4.95, 5.8, 180.0]
+    speed, frequency, pitch, crank = np.random.default_rng([29, seed]).uniform(low, high)
     return (
         f"flight.velocity=[{speed:.4f},0,0]",
         f"crank.frequency={frequency:.4f}",

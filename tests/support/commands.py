@@ -51,9 +51,8 @@ def aerobat(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 def interrupted(*words: str, cwd: Path, at: str) -> subprocess.CompletedProcess[str]:
     """Run `aerobat` in a process of its own, and press Ctrl-C once a file or folder matches a pattern."""
     command = [sys.executable, "-m", "aerobat_pin", *words]
-    process = subprocess.Popen(
-        command, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+    piped = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(command, cwd=cwd, start_new_session=True, **piped)
     while process.poll() is None and not any(cwd.glob(at)):
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does: a browser too

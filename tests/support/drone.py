@@ -50,9 +50,8 @@ def flight(seconds: float = 30.0, rate: float = 100.0, seed: int = 1, wind: floa
     ):
         columns |= {f"{name}{axis}": values[:, k] for k, axis in enumerate("xyz")}
     columns |= {f"q{axis}": Rotation.from_matrix(R).as_quat()[:, k] for k, axis in enumerate("xyzw")}
-    columns |= {
-        f"m{k}": np.round(65535 * sums / voltage / 4 * (1 + 0.05 * (-1) ** k * np.sin(time))) for k in range(1, 5)
-    }
+    shares = {k: 1 + 0.05 * (-1) ** k * np.sin(time) for k in range(1, 5)}
+    columns |= {f"m{k}": np.round(65535 * sums / voltage / 4 * share) for k, share in shares.items()}
     return pd.DataFrame({**columns, "vbat": np.round(voltage, 2)})
 
 

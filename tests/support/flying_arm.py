@@ -92,9 +92,8 @@ def fly(
         force = push(t)
         J = pin.computeFrameJacobian(model, data, q, tip, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)[:3]
         wrench = mixing @ (thrust_at_full * speed**2)
-        tau = np.concatenate(
-            [[0.0, 0.0, wrench[0]], wrench[1:], effort - COULOMB * np.tanh(v[6:] / 0.01) - VISCOUS * v[6:]]
-        )
+        rubbed = effort - COULOMB * np.tanh(v[6:] / 0.01) - VISCOUS * v[6:]
+        tau = np.concatenate([[0.0, 0.0, wrench[0]], wrench[1:], rubbed])
         a = pin.aba(model, data, q, v, tau + J.T @ force)
         if k % round(1.0 / RATE / STEP) == 0 and t > -1e-9:
             felt = a[:3] + np.cross(v[3:6], v[:3]) + R.T @ [0.0, 0.0, 9.81]
@@ -110,9 +109,8 @@ def fly(
 
 
 JOINTS = ["shoulder", "elbow"]
-COLUMNS = (
-    "t px py pz qx qy qz qw shoulder_q elbow_q wx wy wz shoulder_v elbow_v shoulder_tau elbow_tau ax ay az m1 m2 m3 m4"
-).split()
+MOTION = "t px py pz qx qy qz qw shoulder_q elbow_q wx wy wz shoulder_v elbow_v".split()
+COLUMNS = [*MOTION, *"shoulder_tau elbow_tau ax ay az m1 m2 m3 m4".split()]
 
 
 def flying_map(folder: Path, points: list[str]) -> dict[str, Any]:

@@ -21,9 +21,8 @@ def mcap_record(opcode: int, content: bytes) -> bytes:
 def with_foreign_channels(source: Path, target: Path) -> None:
     """Copy an MCAP file with channels of JSON, protobuf, JSON without a schema; no index, no profile, as if killed."""
     more = b""
-    for number, (topic, encoding, language) in enumerate(
-        ((b"/status", b"json", b"jsonschema"), (b"/blob", b"protobuf", b"protobuf"), (b"/bare", b"json", b"")), 901
-    ):
+    kinds = ((b"/status", b"json", b"jsonschema"), (b"/blob", b"protobuf", b"protobuf"), (b"/bare", b"json", b""))
+    for number, (topic, encoding, language) in enumerate(kinds, 901):
         if language:
             schema = struct.pack("<H", number) + mcap_texts(b"Status", language, b"\n\xff\x80{}")
             more += mcap_record(0x03, schema)

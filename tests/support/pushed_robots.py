@@ -104,9 +104,8 @@ def log_of(robot: PlainRobot, time: Array, states: Array, efforts: Array, rng: n
     table = {"t": time}
     if robot.free:
         twist = v[:, :6] + RATE_NOISE * rng.standard_normal((len(time), 6))
-        table |= dict(
-            zip("x y z qx qy qz qw vx vy vz wx wy wz".split(), np.column_stack([q[:, :7], twist]).T, strict=True)
-        )
+        names = "x y z qx qy qz qw vx vy vz wx wy wz".split()
+        table |= dict(zip(names, np.column_stack([q[:, :7], twist]).T, strict=True))
     means = efforts.reshape(len(time), STEPS, -1).mean(axis=1)
     means[1:] = 0.5 * (means[1:] + means[:-1])
     rms = np.sqrt(np.mean(means**2, axis=0))

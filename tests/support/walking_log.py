@@ -85,9 +85,8 @@ def _place(t: float) -> np.ndarray:
     """Return the configuration (19,) at a time [s]."""
     w = 2 * np.pi
     position = [0.4 * t, 0.03 * np.sin(w * 0.7 * t), 0.35 + 0.01 * np.sin(w * 1.6 * t)]
-    turn = pin.Quaternion(
-        pin.rpy.rpyToMatrix(0.1 * np.sin(w * 0.9 * t), 0.08 * np.sin(w * 1.3 * t + 1.0), 0.3 * np.sin(w * 0.4 * t))
-    )
+    rolled = 0.1 * np.sin(w * 0.9 * t), 0.08 * np.sin(w * 1.3 * t + 1.0), 0.3 * np.sin(w * 0.4 * t)
+    turn = pin.Quaternion(pin.rpy.rpyToMatrix(*rolled))
     legs = []
     for k in range(4):
         phase = w * 1.2 * t + 0.5 * np.pi * k

@@ -83,9 +83,8 @@ def momentum(model: pin.Model, data: pin.Data, q: Vector, v: Vector) -> Vector:
 def drift(model: pin.Model, data: pin.Data, q: Vector, v: Vector) -> Vector:
     """Return C^T v - g (nv,)."""
     turned = [momentum(model, data, pin.integrate(model, q, k * STEP * v), v) for k in (-3, -2, -1, 1, 2, 3)]
-    return np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) @ turned / (60.0 * STEP) - pin.nonLinearEffects(
-        model, data, q, v
-    )
+    slope = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) @ turned / (60.0 * STEP)
+    return slope - pin.nonLinearEffects(model, data, q, v)
 
 
 def residual(model: pin.Model, time: Vector, q: Vector, v: Vector, u: Vector) -> Vector:

@@ -107,9 +107,8 @@ def test_a_texture_pulls_no_file_into_the_page(texture: str, folder: Path) -> No
     (folder / "meshes" / "link.png").symlink_to(folder.parent / "bar.png")
     (folder / "bar.txt").write_bytes(SECRET)
     (folder / "meshes" / "bar.dae").write_text(COLLADA.format(texture.format(above=folder.parent)))
-    with pytest.raises(
-        LogError, match=r"names .*: a (file in the folder of the robot's file|picture \(PNG, JPEG, GIF or BMP\))"
-    ):
+    said = r"names .*: a (file in the folder of the robot's file|picture \(PNG, JPEG, GIF or BMP\))"
+    with pytest.raises(LogError, match=said):
         page_of(folder, "meshes/bar.dae")
 
 

@@ -230,9 +230,8 @@ def test_a_recorded_flight_is_replayed_without_truth(paper: Experiment, paper_fo
 
 def test_poses_and_a_crank_angle_are_enough(paper: Experiment, tmp_path: Path) -> None:
     """A table as a laboratory records it: the linkage supplies the joints, and no estimate is needed."""
-    rows = np.column_stack(
-        [paper.log.time, paper.log.measured["q"].values[:, :7], paper.log.measured["crank_angle"].values]
-    )[::5]
+    seen = paper.log.measured
+    rows = np.column_stack([paper.log.time, seen["q"].values[:, :7], seen["crank_angle"].values])[::5]
     np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="time,x,y,z,qx,qy,qz,qw,crank_angle", comments="")
     recording = replay_flight(paper.robot, read_log(tmp_path / "log.csv"), paper.scenario.air, None, "recorded")
     assert recording.duration == pytest.approx(2.0)
