@@ -67,14 +67,7 @@ def flown(seed: int, share: float) -> Flight:
     return Flight(robot.model, known_inputs(log, robot), noisy, clean)
 
 
-def estimated(
-    name: str,
-    seed: int,
-    condition: Condition,
-    gain: float = 1000.0,
-    rows: Any = "all",
-    tuning: dict[str, dict[str, Any]] = TUNING,
-) -> Estimate:
+def estimated(name: str, seed: int, condition: Condition, gain=1000.0, rows="all", tuning=TUNING) -> Estimate:
     """Run an observer on a flight whose velocities are noisy and whose belief is wrong."""
     flight = flown(seed, condition.share)
     model, inputs = flight.model.copy(), flight.inputs

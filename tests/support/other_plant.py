@@ -269,14 +269,7 @@ def _quaternion(R: np.ndarray) -> np.ndarray:
 
 
 def fly_elsewhere(
-    duration: float,
-    push: Push | None = None,
-    *,
-    speed: float = 3.0,
-    frequency: float = 4.75,
-    settle: float = 0.5,
-    air: float = 1.0,
-    side: bool = False,
+    duration: float, push=None, *, speed=3.0, frequency=4.75, settle=0.5, air=1.0, side=False
 ) -> tuple[FlightLog, np.ndarray]:
     """Fly at a speed [m/s], frequency [Hz] after `settle` [s]; return exact sensors, mean force (m, 3) of steps."""
     # `push`: time -> force [N] on the left outer wing, world axes; `air`: share of its density; `side`: speed opposed.

@@ -1,6 +1,5 @@
 """An arm of six joints whose efforts are recorded: with factors, friction, noise, wrong links and a payload."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +31,7 @@ def six_joints() -> str:
     return f'<robot name="six">{"".join(parts)}</robot>'
 
 
-def swing(
-    file: Path,
-    seed: int,
-    factors: Sequence[float] = (1.0,) * 6,
-    payload: tuple[float, tuple[float, float, float]] | None = None,
-    wrong: float = 0.0,
-    rotors: float = 0.0,
-) -> None:
+def swing(file: Path, seed: int, factors=(1.0,) * 6, payload=None, wrong=0.0, rotors=0.0) -> None:
     """Write a table of the arm that moves all joints, and its URDF: `factors` torque over effort, `payload` [kg, m]."""
     # `wrong`: deviation of the true masses over the URDF's, a third of centres; `rotors` [kg m2], not in the URDF.
     (file.parent / "six.urdf").write_text(six_joints())

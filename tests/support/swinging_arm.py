@@ -29,16 +29,7 @@ def arm() -> str:
 
 
 def recording(
-    folder: Path,
-    name: str,
-    pushed: bool,
-    seed: int,
-    rate: float = 0.02,
-    seconds: float = 10.0,
-    *,
-    turning: float = 0.0,
-    ripple: float = 0.0,
-    knock: tuple[float, float] = (0.0, 0.0),
+    folder: Path, name: str, pushed: bool, seed: int, rate=0.02, seconds=10.0, turning=0.0, ripple=0.0, knock=(0.0, 0.0)
 ) -> np.ndarray:
     """Write a table of the arm, heavier than its URDF; return the force (n, 3) at its tool [N], also as a sensor's."""
     # Mean rate `turning` [rad/s]; its gear's `ripple` [N m]; 8 N upwards from and to the times of `knock` [s].

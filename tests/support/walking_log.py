@@ -134,15 +134,7 @@ def table_map(robot: Path) -> dict[str, object]:
     }
 
 
-def bag(
-    walked: Walk,
-    path: Path,
-    *,
-    odometry_ahead: float = 0.0,
-    odometry_fast: float = 0.0,
-    unmeasured: tuple[str, ...] = (),
-    unstamped: float = 0.0,
-) -> None:
+def bag(walked: Walk, path: Path, *, odometry_ahead=0.0, odometry_fast=0.0, unmeasured=(), unstamped=0.0) -> None:
     """Write a walk as a ROS 2 bag: topics at their own rates, recorded 3 ms after their stamps, with scatter."""
     # The odometry's clock is `ahead` [s] and drifts; efforts of unmeasured joints are NaN; 0 stamps until `unstamped`.
     from rosbags.rosbag2 import StoragePlugin, Writer
