@@ -17,8 +17,7 @@ from aerobat_pin.experiments.experiment import Experiment, run
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.forces.scores import r_squared
 from aerobat_pin.observers import ForceLevelObserver, MomentumObserver
-from aerobat_pin.scenario.air_tables import AirSection
-from aerobat_pin.scenario.scenario import load_scenario
+from aerobat_pin.scenario import AirSection, load_scenario
 
 SHORT = ["simulation.duration=0.3"]
 

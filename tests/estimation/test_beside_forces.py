@@ -10,15 +10,12 @@ import pytest
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from aerobat_pin.forces.expected_of_record import expected_from, row_scale
+from aerobat_pin.forces import FittedValues, expected_from, row_scale, settled_instants
 from aerobat_pin.forces.explanations import coefficient_covariance
 from aerobat_pin.forces.fit_beside_forces import most_likely, with_blows
-from aerobat_pin.forces.instants import settled_instants
-from aerobat_pin.forces.known_forces import FittedValues
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import AllBut, moving_weight, row_names
-from aerobat_pin.records.robot_files import robot_of_map
-from aerobat_pin.records.robot_tables import RobotTable
+from aerobat_pin.records import RobotTable, robot_of_map
 
 SLIDING = 1.0  # tanh(v / v_s) of joints that never rest: no stiction
 

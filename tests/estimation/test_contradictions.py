@@ -9,18 +9,14 @@ import pytest
 from support.bad_logs import CONTRADICTIONS, height_in_millimetres
 from support.commands import call
 
-from aerobat_pin.aerobat import Aerobat, AerobatRobot, flight_record
-from aerobat_pin.aerobat.aerobat import believed_robot, flown_robot
-from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.tables import write_csv
+from aerobat_pin.aerobat import Aerobat, AerobatRobot, FlightLog, believed_robot, flight_record, flown_robot, write_csv
 from aerobat_pin.control import Controller
 from aerobat_pin.estimation import record_findings
 from aerobat_pin.estimation.checks.agreement import agreement_findings
 from aerobat_pin.experiments.experiment import NO_MAP, Experiment, run_recorded
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.records import Agreement
-from aerobat_pin.scenario import AirSection
-from aerobat_pin.scenario.scenario import load_scenario, shipped_scenarios
+from aerobat_pin.scenario import AirSection, load_scenario, shipped_scenarios
 
 
 @pytest.fixture(scope="module")

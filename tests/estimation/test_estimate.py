@@ -19,9 +19,7 @@ from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.aerobat.motion import Motion
 from aerobat_pin.aerobat.tables import read_log
 from aerobat_pin.errors import LogError, ScenarioError
-from aerobat_pin.experiments import Check
-from aerobat_pin.experiments.experiment import Experiment
-from aerobat_pin.experiments.self_check import self_check
+from aerobat_pin.experiments import Check, Experiment, self_check
 from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import AirSection, scenario_toml
 

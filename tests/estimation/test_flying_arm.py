@@ -13,9 +13,8 @@ from support.robot_parts import channels
 
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation import calibrate, estimate
-from aerobat_pin.forces import Contact
+from aerobat_pin.forces import Contact, fitted_forces
 from aerobat_pin.forces.contacts import found_contacts, joined_contacts
-from aerobat_pin.forces.fit_known_forces import fitted_forces
 
 BELIEVED = {"fit": None, "coefficients": [1.07 * THRUST]}
 
@@ -23,8 +22,7 @@ BELIEVED = {"fit": None, "coefficients": [1.07 * THRUST]}
 @pytest.mark.parametrize("seed", [21, *further(22)])
 def test_the_thrusts_of_several_rotors_are_fitted_together(seed: int, tmp_path: Path) -> None:
     """The accelerometer shows their sum: each by itself took all of it, and four made four times the thrust."""
-    fly(seed)[0].to_csv(tmp_path / "free.csv", index=False)
-    forces = fitted_forces(recorded(tmp_path / "free.csv", flying_map(tmp_path, ["tip"])))
+    forces = fitted_forces(recorded(tmp_path / "free.csv", flying_map(tmp_path, ["tip"]), table=fly(seed)[0]))
     found = np.array([forces.values.coefficients[f"rotor_{k}"] for k in range(1, 5)])
     np.testing.assert_allclose(found, 1.07 * THRUST, rtol=0.03)
     assert len({float(c) for c in found.ravel()}) == 1  # hovering rotors turn alike
@@ -56,8 +54,7 @@ def test_rotors_in_another_order_are_named(seed: int, tmp_path: Path) -> None:
     for order in ([0, 1, 2, 3], [1, 0, 2, 3], [2, 3, 1, 0]):
         log = table.copy()
         log[columns] = table[columns].to_numpy()[:, order]
-        log.to_csv(tmp_path / "log.csv", index=False)
-        record = recorded(tmp_path / "log.csv", flying_map(tmp_path, ["tip", "base"]))
+        record = recorded(tmp_path / "log.csv", flying_map(tmp_path, ["tip", "base"]), table=log)
         told = [one for one in estimate(record).findings if one.check == "swapped thrusts"]
         wrong = [k for k in range(4) if order[k] != k]
         assert len(told) == bool(wrong)

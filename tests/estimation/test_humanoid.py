@@ -66,8 +66,7 @@ def estimated(log: pd.DataFrame, folder: Path, robot: dict[str, Any]) -> Result:
         "joints": {"names": joints, **channels(joints, position="q_{}", velocity="v_{}", effort="e_{}")},
         "observer": {"names": ["force_level"], "gain": 100},
     }
-    log.to_csv(folder / "log.csv", index=False)
-    return estimate(recorded(folder / "log.csv", values))
+    return estimate(recorded(folder / "log.csv", values, table=log))
 
 
 def hand_of(found: Result) -> tuple[Array, Array, Array]:

@@ -21,17 +21,11 @@ from support.walking_log import FEET, bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.errors import AerobatError
 from aerobat_pin.estimation import Result, estimate
+from aerobat_pin.forces import StoredEstimate, change_of_axes, given_forces, inputs_between, lifted_errors, with_tilt
 from aerobat_pin.forces.balance import factors_by_balance, motion_of
 from aerobat_pin.forces.contacts import contact_probability, stances_of, stances_on_ground, touching
-from aerobat_pin.forces.deviations import with_tilt
-from aerobat_pin.forces.expected_of_record import lifted_errors
-from aerobat_pin.forces.fit_known_forces import given_forces
-from aerobat_pin.forces.inputs import change_of_axes
-from aerobat_pin.forces.run_observers import inputs_between
-from aerobat_pin.forces.stored_estimate import StoredEstimate
 from aerobat_pin.observers import low_passed
-from aerobat_pin.records import base_requests, parse_map
-from aerobat_pin.records.spool import Spool
+from aerobat_pin.records import Spool, base_requests, parse_map
 from aerobat_pin.visualization.figures import lines
 from aerobat_pin.visualization.figures.estimation import draw_estimation
 from aerobat_pin.visualization.figures.record import draw_contacts, draw_motion, draw_unexplained

@@ -18,19 +18,15 @@ from support.walking_log import bag, bag_map, urdf, walk
 
 from aerobat_pin import open_record
 from aerobat_pin.errors import LogError, MapError
-from aerobat_pin.estimation import OnlineEstimator, Result, estimate
-from aerobat_pin.estimation.checks.motion import record_findings
+from aerobat_pin.estimation import OnlineEstimator, Result, estimate, record_findings
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.experiments import write
-from aerobat_pin.forces.known_forces import FittedValues
-from aerobat_pin.forces.stored_estimate import StoredEstimate
+from aerobat_pin.forces import FittedValues, StoredEstimate
 from aerobat_pin.observers import JointFriction
-from aerobat_pin.records import Record, parse_map, suggested_map
+from aerobat_pin.records import Record, Spool, parse_map, series_of, suggested_map
 from aerobat_pin.records.columns import GrowingTable, in_order
 from aerobat_pin.records.resample import without_turns
-from aerobat_pin.records.spool import Spool, series_of
-from aerobat_pin.visualization.figures.estimation import draw_estimation
-from aerobat_pin.visualization.figures.record import draw_unexplained
+from aerobat_pin.visualization import draw_estimation, draw_unexplained
 
 ROBOT = {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]}
 WITHOUT_FRICTION = edited(arm_map(), {"joints.friction": None})
@@ -182,8 +178,7 @@ def test_a_slow_channel_is_not_split(swing: pd.DataFrame, tmp_path: Path) -> Non
     (tmp_path / "arm.urdf").write_text(arm())
 
     def read(name: str, table: pd.DataFrame) -> Record:
-        table.to_csv(tmp_path / name, index=False)
-        return recorded(tmp_path / name, WITHOUT_FRICTION | {"check": check})
+        return recorded(tmp_path / name, WITHOUT_FRICTION | {"check": check}, table=table)
 
     slow = read("slow.csv", swing.assign(**force))
     assert counts(slow) == [901]

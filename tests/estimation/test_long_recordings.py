@@ -133,8 +133,7 @@ def test_errors_that_last_are_remembered_over_a_border(tmp_path: Path, monkeypat
     swing(tmp_path / "six.csv", 3)
     log = pd.read_csv(tmp_path / "six.csv")
     log.loc[(log.t > 28.0) & (log.t < 29.9), ["pan_i", "elbow_i", "wrist_2_i"]] += [30.0, -40.0, 20.0]
-    log.to_csv(tmp_path / "six.csv", index=False)
-    record = recorded(tmp_path / "six.csv", edited(six_map(), {"joints.friction": None}))
+    record = recorded(tmp_path / "six.csv", edited(six_map(), {"joints.friction": None}), table=log)
     found = []
     for block in (15_000, 18_000):
         monkeypatch.setattr(import_module("aerobat_pin.forces.run_observers"), "BLOCK", block)

@@ -304,8 +304,7 @@ def test_samples_of_the_boot_do_not_move_what_is_fitted(folder: Path, tmp_path: 
     (tmp_path / "arm.urdf").write_text(swinging_arm.arm())
     found = []
     for name, kept in (("clean", rows[4:]), ("boot", pd.concat([boot, rows[4:]]))):
-        kept.to_csv(tmp_path / f"{name}.csv", index=False)
-        record = recorded(tmp_path / f"{name}.csv", swinging_arm.arm_map())
+        record = recorded(tmp_path / f"{name}.csv", swinging_arm.arm_map(), table=kept)
         found.append(calibrate([record]).fitted.friction)
     np.testing.assert_allclose(found[1].coulomb, found[0].coulomb, rtol=1e-3)  # type: ignore[union-attr]
 

@@ -28,11 +28,9 @@ from aerobat_pin.estimation.checks.readings import joint_pairs
 from aerobat_pin.experiments import check_record
 from aerobat_pin.forces.run_observers import rows_of
 from aerobat_pin.observers import AllBut
-from aerobat_pin.records import PlainRobot, parse_map, robot_of_map, suggested_map
-from aerobat_pin.records.columns import Columns
+from aerobat_pin.records import Columns, PlainRobot, RobotTable, parse_map, robot_of_map, suggested_map
 from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
 from aerobat_pin.records.robot_files import FIXED, FREE, option_of_robot
-from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.suggest import _suggest_base
 from aerobat_pin.records.suggest_joints import suggest_joints
 
@@ -485,8 +483,7 @@ def robot_map(count: int = 1, **joints: Any) -> dict[str, Any]:
 def test_a_passive_joint_needs_no_effort_and_its_row_is_believed(tmp_path: Path) -> None:
     """A pole on a slide without a motor: both components in their plane are found."""
     table = robot_table(tmp_path, "prismatic", "revolute")
-    table.to_csv(tmp_path / "log.csv", index=False)
-    record = recorded(tmp_path / "log.csv", robot_map(2, effort={"columns": ["tau1"]}, passive=["slide"]))
+    record = recorded(tmp_path / "log.csv", robot_map(2, effort={"columns": ["tau1"]}, passive=["slide"]), table=table)
     result = estimate(record)
     assert any("without a motor, efforts known to be 0: slide" in note for note in result.notes)
     assert not any("not believed" in note for note in result.notes)

@@ -141,8 +141,7 @@ def test_what_ankles_sensors_show_of_nothing_is_named(tmp_path: Path) -> None:
     told = []
     for of_nothing in (np.zeros(12), [5.0, 3.0, 15.0, 1.0, 1.0, 0.0, -4.0, 8.0, -2.0, 0.0, -1.0, 0.5]):  # [N, N m]
         table[columns] += of_nothing
-        table.to_csv(tmp_path / "log.csv", index=False)
-        findings = estimate(recorded(tmp_path / "log.csv", chosen), ["force_level"]).findings
+        findings = estimate(recorded(tmp_path / "log.csv", chosen, table=table), ["force_level"]).findings
         told.append([one for one in findings if one.warns])
     right, both = told
     assert right == []

@@ -98,8 +98,7 @@ def misread(log: pd.DataFrame, order: dict[str, str], senses: list[str], zeros: 
 
 def warned(log: pd.DataFrame, values: dict[str, Any], folder: Path) -> list[Finding]:
     """Return what the estimate of a log warns of, but for a mean force, which wrong forces may show besides."""
-    log.to_csv(folder / "log.csv", index=False)
-    found = estimate(recorded(folder / "log.csv", values), ["force_level"]).findings
+    found = estimate(recorded(folder / "log.csv", values, table=log), ["force_level"]).findings
     return [one for one in found if one.warns and one.check != "mean force"]
 
 

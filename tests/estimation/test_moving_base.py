@@ -127,8 +127,7 @@ def ball_in_orbit(tumbles: bool = True, jets: float = 1.0) -> tuple[pd.DataFrame
 )
 def test_forces_of_another_sign_and_rates_in_other_axes(key: str, value: Any, told: list[str], tmp_path: Path) -> None:
     table, values = ball_in_orbit()
-    table.to_csv(tmp_path / "orbit.csv", index=False)
-    found = estimate(recorded(tmp_path / "orbit.csv", edited(values, {key: value})), trust=True).findings
+    found = estimate(recorded(tmp_path / "orbit.csv", edited(values, {key: value}), table=table), trust=True).findings
     warned = [str(finding) for finding in found if finding.warns]
     assert len(warned) == len(told)
     assert all(re.match(*pair) for pair in zip(told, warned, strict=True)), warned
@@ -145,8 +144,7 @@ def test_a_push_of_a_fiftieth_of_what_a_ball_weighs_on_earth_is_found_in_an_orbi
     for axis in AXES:
         table[f"v{axis}"] += 1e-3 * rng.standard_normal(len(time))
         table[f"w{axis}"] += 1e-3 * rng.standard_normal(len(time))
-    table.to_csv(tmp_path / "orbit.csv", index=False)
-    result = estimate(recorded(tmp_path / "orbit.csv", edited(values, {"observer.names": ["smoother"]})))
+    result = estimate(recorded(tmp_path / "orbit.csv", edited(values, {"observer.names": ["smoother"]}), table=table))
     found = result.estimates["smoother"]
     error = found.force[:, 0] - np.outer(force[:-1], [0.0, 0.0, 1.0])
     assert np.sqrt(np.mean(error**2)) < 0.25, "0.96 N before"

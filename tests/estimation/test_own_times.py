@@ -31,8 +31,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, pd.DataFrame]
 
 def recorded_at(times: str, folder: Path, table: pd.DataFrame, **changes: Any) -> Record:
     """Return the record of a table at even times or its own."""
-    table.to_csv(folder / "log.csv", index=False)
-    return recorded(folder / "log.csv", edited(arm_map(), {"log.times": times, **changes}))
+    return recorded(folder / "log.csv", edited(arm_map(), {"log.times": times, **changes}), table=table)
 
 
 def check_fits(record: Record) -> None:

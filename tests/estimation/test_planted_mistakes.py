@@ -18,8 +18,7 @@ from support.walking_log import bag, bag_map, urdf, walk
 from aerobat_pin.aerobat import JOINTS, AerobatRobot, believed_robot, flight_record
 from aerobat_pin.estimation import effort_findings, record_findings
 from aerobat_pin.flight import simulate
-from aerobat_pin.forces.known_forces import FittedValues, KnownForces
-from aerobat_pin.forces.run_observers import inputs_between
+from aerobat_pin.forces import FittedValues, KnownForces, inputs_between
 from aerobat_pin.records import PlainRobot, Record, Spool, load_robot, series_of
 from aerobat_pin.scenario import load_scenario
 

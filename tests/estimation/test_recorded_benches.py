@@ -23,8 +23,7 @@ from aerobat_pin.forces.known_forces import Fit, FittedValues, KnownForces
 def test_drag_by_a_map_is_that_of_a_plain_script(tmp_path: Path) -> None:
     """Within 0.5 mN per m/s of it; and within 1 of the truth. The command's lead is found."""
     table = flight()
-    table.to_csv(tmp_path / "flight.csv", index=False)
-    found = estimate(recorded(tmp_path / "flight.csv", MAP))
+    found = estimate(recorded(tmp_path / "flight.csv", MAP, table=table))
     level = found.estimates["force_level"]
     middle = 0.5 * (level.time[1:] + level.time[:-1]) - 1 / 20.0  # 1/K late
     velocity = np.stack([np.interp(middle, table.t, table[f"v{axis}"]) for axis in "xyz"], axis=1)
@@ -46,16 +45,14 @@ def test_a_push_is_no_fit_that_does_not_hold(push: float, worn: float, told: int
     time = table.t - table.t[0]
     table["imu_acc_z"] += push * time.between(17.0, 24.0)
     table["m1"] *= 1.0 + worn * (time > 15.0)
-    table.to_csv(tmp_path / "flight.csv", index=False)
-    found = [*fit_findings(fitted_forces(recorded(tmp_path / "flight.csv", MAP)))]
+    found = [*fit_findings(fitted_forces(recorded(tmp_path / "flight.csv", MAP, table=table)))]
     assert len(found) == told
 
 
 @pytest.mark.parametrize(("outside", "told"), [(0.99, False), (1.01, False), (1.03, True)])
 def test_a_fit_of_next_to_nothing_does_no_harm(outside: float, told: bool, tmp_path: Path) -> None:
     """Friction of 0 that left .0495 N m where none left .0495 was said not to hold; 3 % more than without is told."""
-    flight().to_csv(tmp_path / "flight.csv", index=False)
-    record = recorded(tmp_path / "flight.csv", MAP)
+    record = recorded(tmp_path / "flight.csv", MAP, table=flight())
     fit = Fit("friction of elbow", {}, "N m", before=1.0, inside=1.0, outside=outside)
     forces = cast(KnownForces, SimpleNamespace(record=record, fits=(fit,), values=FittedValues()))
     assert any("does not hold" in one.text for one in fit_findings(forces)) == told

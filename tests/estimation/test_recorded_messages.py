@@ -19,8 +19,7 @@ from aerobat_pin import open_record
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.experiments.write_mcap import McapStretch, write_mcap_stretches
-from aerobat_pin.records import LogTable, mcap_is_sealed, parse_map, read_columns
-from aerobat_pin.records.messages import stamp
+from aerobat_pin.records import LogTable, mcap_is_sealed, parse_map, read_columns, stamp
 
 
 @pytest.fixture

@@ -16,14 +16,12 @@ from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin.aerobat import needs_map
 from aerobat_pin.errors import AerobatError, LogError, MapError
-from aerobat_pin.estimation import Result, estimate
+from aerobat_pin.estimation import Result, estimate, record_findings
 from aerobat_pin.estimation.checks.agreement import accelerometer_findings, agreement_findings
-from aerobat_pin.estimation.checks.motion import record_findings
 from aerobat_pin.numerics import compare_series
-from aerobat_pin.records import Agreement, Record, load_map, suggested_map
+from aerobat_pin.records import Agreement, Record, Spool, load_map, suggested_map
 from aerobat_pin.records.bag_columns import _Topic
 from aerobat_pin.records.resample import line_means, turn_rates
-from aerobat_pin.records.spool import Spool
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
 

@@ -66,8 +66,7 @@ def test_moments_of_pieces_are_those_of_the_whole() -> None:
 def test_metrics_have_the_same_keys_for_every_source(paper: Experiment, tmp_path: Path) -> None:
     """Of a flight with its truth and of a recording with a sensor; the file is what Python gives."""
     (tmp_path / "quadruped.urdf").write_text(urdf())
-    table(walk()).to_csv(tmp_path / "walk.csv", index=False)
-    result = estimate(recorded(tmp_path / "walk.csv", table_map(Path("quadruped.urdf"))))
+    result = estimate(recorded(tmp_path / "walk.csv", table_map(Path("quadruped.urdf")), table=table(walk())))
     (tmp_path / "out").mkdir()
     write(result, tmp_path / "out")
     metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())

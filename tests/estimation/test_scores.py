@@ -8,8 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.signal import lfilter
 
-from aerobat_pin.aerobat import true_events, true_force
-from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat import FlightLog, true_events, true_force
 from aerobat_pin.flight.simulate import simulate
 from aerobat_pin.forces.scores import lag, r_squared
 from aerobat_pin.observers.frames import euler_angles, world_velocity

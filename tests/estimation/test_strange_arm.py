@@ -23,9 +23,8 @@ from aerobat_pin.estimation.calibration.error_bar import noise_where_known
 from aerobat_pin.estimation.checks.efforts import effort_findings
 from aerobat_pin.estimation.checks.motion import record_findings
 from aerobat_pin.experiments import check_record
-from aerobat_pin.forces import KnownForces, inputs_between
+from aerobat_pin.forces import KnownForces, fitted_forces, inputs_between
 from aerobat_pin.forces.deviations import lag_of_filter
-from aerobat_pin.forces.fit_known_forces import fitted_forces
 from aerobat_pin.observers import DOUBTFUL, OBSERVERS, SHOWN
 from aerobat_pin.records import parse_map, suggested_map
 from aerobat_pin.visualization.figures.estimation import draw_estimation

@@ -21,13 +21,10 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.estimation.checks.samples import channel_findings
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import Channel, parse_map, read_columns, suggested_map
+from aerobat_pin.records import Channel, Columns, LogTable, Spool, parse_map, read_columns, series_of, suggested_map
 from aerobat_pin.records.channels import Request, channel_of
-from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import read_csv_columns
 from aerobat_pin.records.joint_columns import columns_by_name
-from aerobat_pin.records.map_tables import LogTable
-from aerobat_pin.records.spool import Spool, series_of
 
 
 def test_decimals_are_judged_over_the_whole_table(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -443,8 +440,7 @@ def test_a_sensor_that_shows_nothing_for_long_is_not_held(tmp_path: Path) -> Non
     (tmp_path / "quadruped.urdf").write_text(urdf())
     frame = table(walk(1.4))
     frame.loc[frame.t < 0.8, ["fl_fx", "fl_fy", "fl_fz"]] = 0.0
-    frame.to_csv(tmp_path / "walk.csv", index=False)
-    found = estimate(recorded(tmp_path / "walk.csv", table_map(Path("quadruped.urdf"))))
+    found = estimate(recorded(tmp_path / "walk.csv", table_map(Path("quadruped.urdf")), table=frame))
     assert not any(one.check == "held channel" for one in found.findings)
 
 

@@ -15,8 +15,7 @@ from aerobat_pin.experiments import Experiment
 from aerobat_pin.forces import CalibrationUse, Contact, StoredEstimate, along_itself, largest_of
 from aerobat_pin.forces.observer_scores import MEDIAN_DEVIATION, score_table
 from aerobat_pin.observers import Estimate, force_size
-from aerobat_pin.visualization.figures.estimation import draw_estimation
-from aerobat_pin.visualization.result_pages import report_html
+from aerobat_pin.visualization import draw_estimation, report_html
 
 SEEN = "every direction of these forces can be seen."
 

@@ -12,8 +12,7 @@ import xarray as xr
 from support.commands import call
 
 from aerobat_pin.errors import OutputError, WorkersLostError
-from aerobat_pin.experiments import effects_text, load_sweep, run_sweep, shipped_sweeps, sweep_effects
-from aerobat_pin.experiments.experiment import run
+from aerobat_pin.experiments import effects_text, load_sweep, run, run_sweep, shipped_sweeps, sweep_effects
 from aerobat_pin.experiments.sweep.plan import RESERVED_NAMES, outcome_of
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
 from aerobat_pin.scenario import load_scenario

@@ -11,8 +11,10 @@ from aerobat_pin import open_record
 from aerobat_pin.records import Map, PlainRobot, Record, parse_map, suggested_map
 
 
-def recorded(log: Path, values: Map | dict[str, Any], robot: PlainRobot | None = None) -> Record:
-    """Return the record of a log by a map, or by its nested values; the robot's file lies beside the log."""
+def recorded(log: Path, values: Map | dict[str, Any], robot: PlainRobot | None = None, table: Any = None) -> Record:
+    """Return the record of a log, or of a table written there, by a map or its values; the robot's file lies there."""
+    if table is not None:
+        table.to_csv(log, index=False)
     chosen = values if isinstance(values, Map) else parse_map(values, "of the test")
     return open_record(log, chosen, log.parent, robot)
 

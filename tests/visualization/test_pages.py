@@ -19,11 +19,9 @@ from aerobat_pin import load_aerobat, load_robot
 from aerobat_pin.aerobat.flight_log import true_force
 from aerobat_pin.experiments import Experiment, run
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization.figures.estimation import draw_estimation
+from aerobat_pin.visualization import draw_all, draw_estimation, replay_result, report_html
 from aerobat_pin.visualization.figures.flight import draw_states, draw_stick_diagram
 from aerobat_pin.visualization.figures.lines import thinned
-from aerobat_pin.visualization.replay.flight_replay import replay_result
-from aerobat_pin.visualization.result_pages import draw_all, report_html
 
 
 def test_the_papers_figures_are_drawn_as_png_and_pdf(paper_folder: Path) -> None:

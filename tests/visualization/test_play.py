@@ -25,13 +25,10 @@ from support.browser import at, needs_browser, node, opened, ready
 from support.commands import call, interrupted, last_words, of_session, served
 
 from aerobat_description import PACKAGE_PATH, URDF_PATH
-from aerobat_pin.aerobat.flight_log import FlightLog
-from aerobat_pin.aerobat.tables import write_csv
+from aerobat_pin.aerobat import FlightLog, write_csv
 from aerobat_pin.errors import BrowserError, LogError
 from aerobat_pin.experiments.experiment import Experiment
-from aerobat_pin.visualization.replay.any_robot import replay_table
-from aerobat_pin.visualization.replay.serve import serve
-from aerobat_pin.visualization.replay.snapshots import snapshots
+from aerobat_pin.visualization import replay_table, serve, snapshots
 
 
 def sent_again(connection: socket.socket) -> int:

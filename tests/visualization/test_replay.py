@@ -12,16 +12,13 @@ from support.browser import at, frames, needs_browser, node, opened, pixels, rea
 from support.shed_wake import wake_at
 
 from aerobat_description.write_urdf import MATERIALS
+from aerobat_pin.aerobat import FlightLog, read_log, true_force
 from aerobat_pin.aerobat.closed_model import bar_placements
-from aerobat_pin.aerobat.flight_log import FlightLog, true_force
-from aerobat_pin.aerobat.tables import read_log
-from aerobat_pin.experiments.experiment import Experiment, run
-from aerobat_pin.experiments.write_results import estimate_dataset
+from aerobat_pin.experiments import Experiment, estimate_dataset, run
 from aerobat_pin.flight.motion_and_wake import wake_of
 from aerobat_pin.numerics.arrays import Array
 from aerobat_pin.scenario.scenario import load_scenario
-from aerobat_pin.visualization import style
-from aerobat_pin.visualization.replay.flight_replay import SLOW_MOTION, replay_flight
+from aerobat_pin.visualization import SLOW_MOTION, replay_flight, style
 
 # Linear RGB as seen without red and without green cones: Machado, Oliveira & Fernandes (2009), severity 1.
 BLIND = {
