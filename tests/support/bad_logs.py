@@ -19,6 +19,9 @@ HARMLESS = ("columns in another order", "dimensions in another order")
 AXES = ("q_axis", "v_axis")
 WRONG_NAMES = ("crank_angel", "angle", "²")  # of a crank angle
 PARTS_OF_TRUTH = ("force_W", "force_noise_free_W", "aerodynamic", "strip_force_z", "motor_power")
+GROUPS, PACK = ("notes", "Truth", "truth/inner", "é"), ("scale_factor", "_Unsigned")
+PARTS = ("q", "v", "airspeed")
+UNITS = ("mm", "deg", "deg/s", "mN m", "", "seconds since 2020")
 TIME_UNITS = ("ms", "minutes", "days since 2000-01-01")
 
 
@@ -86,10 +89,6 @@ def _damaged_numbers(rng: Rng, data: bytes) -> bytes:
     return data[:at] + bytes(byte ^ 0x55 for byte in data[at : at + 4]) + data[at + 4 :]
 
 
-def _foreign_group(rng: Rng, file: h5py.File) -> None:
-    file.create_group(some(rng, ("notes", "Truth", "truth/inner", "é")))["x"] = 1.0
-
-
 def _link(rng: Rng, file: h5py.File) -> None:
     del file["airspeed"]
     own = h5py.ExternalLink(Path(file.filename).name, "/q")
@@ -117,10 +116,6 @@ def _compound(rng: Rng, file: h5py.File) -> None:
     count = len(file.pop("airspeed"))
     types = [np.dtype([("a", "f8")]), h5py.vlen_dtype(float), h5py.ref_dtype, np.dtype("c16"), np.dtype("V8")]
     file.create_dataset("airspeed", (count,), types[rng.integers(len(types))]).attrs["units"] = "m/s"
-
-
-def _packed(rng: Rng, file: h5py.File) -> None:
-    file[some(rng, ("q", "v", "airspeed"))].attrs[some(rng, ("scale_factor", "_Unsigned"))] = "true"
 
 
 def _other_length(rng: Rng, data: xr.Dataset) -> xr.Dataset:
@@ -192,16 +187,8 @@ def _numbered(rng: Rng, data: xr.Dataset) -> xr.Dataset:
     return data.assign_coords({dim: np.arange(data.sizes[dim])})
 
 
-def _wrong_unit(rng: Rng, data: xr.Dataset) -> None:
-    data[some(rng, data.data_vars)].attrs["units"] = some(rng, ("mm", "deg", "deg/s", "mN m", "", "seconds since 2020"))
-
-
-def _no_unit(rng: Rng, data: xr.Dataset) -> None:
-    del data[some(rng, data.data_vars)].attrs["units"]
-
-
-def _number_unit(rng: Rng, data: xr.Dataset) -> None:
-    data[some(rng, data.data_vars)].attrs["units"] = [1.0, np.array([1, 2]), 7][rng.integers(3)]
+def _unit(rng: Rng, data: xr.Dataset, *units: Any) -> None:
+    data[some(rng, data.data_vars)].attrs["units"] = units[rng.integers(len(units))]
 
 
 def off_the_linkage(rng: Rng, data: xr.Dataset) -> None:
@@ -264,7 +251,7 @@ KINDS = [
     Kind(2, "damaged start of the file", "bytes", lambda rng, data: rng.bytes(64) + data[64:]),
     Kind(2, "other kind of file", "bytes", _other_file),
     Kind(2, "damaged numbers", "bytes", _damaged_numbers),
-    Kind(2, "foreign group", "file", _foreign_group),
+    Kind(2, "foreign group", "file", lambda rng, file: file.create_dataset(f"{some(rng, GROUPS)}/x", data=1.0)),
     Kind(2, "truth that is none", "file", lambda rng, file: file["truth"].pop(some(rng, PARTS_OF_TRUTH))),
     Kind(2, "unknown channel", "file", lambda rng, file: file.move("crank_angle", some(rng, WRONG_NAMES))),
     Kind(2, "no clock", "file", lambda rng, file: file.pop(some(rng, ("time", "interval")))),
@@ -272,7 +259,7 @@ KINDS = [
     Kind(2, "values in another file", "file", _external),
     Kind(2, "absurd size", "file", _absurd),
     Kind(2, "type without numbers", "file", _compound),
-    Kind(2, "packed numbers", "file", _packed),
+    Kind(2, "packed numbers", "file", lambda rng, file: file[some(rng, PARTS)].attrs.update({some(rng, PACK): "true"})),
     Kind(2, "channel of another length", "channels", _other_length),
     Kind(2, "text or dates for numbers", "channels", _text),
     Kind(2, "not a number", "channels", _nan),
@@ -290,9 +277,9 @@ KINDS = [
     Kind(1, "missing label", "channels", _missing_label),
     Kind(1, "no labels", "channels", lambda rng, data: data.drop_vars(some(rng, AXES))),
     Kind(1, "numbers for labels", "channels", _numbered),
-    Kind(1, "wrong unit", "channels", _wrong_unit),
-    Kind(1, "no unit", "channels", _no_unit),
-    Kind(1, "unit that is no text", "channels", _number_unit),
+    Kind(1, "wrong unit", "channels", lambda rng, data: _unit(rng, data, *UNITS)),
+    Kind(1, "no unit", "channels", lambda rng, data: data[some(rng, data.data_vars)].attrs.clear()),
+    Kind(1, "unit that is no text", "channels", lambda rng, data: _unit(rng, data, 1.0, np.array([1, 2]), 7)),
     Kind(1, "unit of time", "channels", lambda rng, data: data["time"].attrs.update(units=some(rng, TIME_UNITS))),
     *(Kind(11, name, suffix, change) for name, change in CONTRADICTIONS.items() for suffix in (".nc", ".csv")),
 ]

@@ -79,16 +79,10 @@ def _arm(place: Path, text: str = ARM, motion: str = "time,hinge\n0,0\n1,0.5\n")
     return list(PLAY)
 
 
-def _robot(rng: Rng, place: Path) -> list[str]:
-    """Write a URDF that is none."""
-    return _arm(place, list(ROBOTS)[rng.integers(len(ROBOTS))])
-
-
-def _motion(rng: Rng, place: Path) -> list[str]:
-    return _arm(place, motion=list(MOTIONS)[rng.integers(len(MOTIONS))])
-
-
-ROBOT: dict[str, Kind] = {"robot": _robot, "motion": _motion}
+ROBOT: dict[str, Kind] = {
+    "robot": lambda rng, place: _arm(place, list(ROBOTS)[rng.integers(len(ROBOTS))]),
+    "motion": lambda rng, place: _arm(place, motion=list(MOTIONS)[rng.integers(len(MOTIONS))]),
+}
 
 
 def _elsewhere(rng: Rng, place: Path) -> str:

@@ -154,15 +154,10 @@ def impossible(rng: Rng) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _impossible(rng: Rng, place: Path) -> list[str]:
-    """Give a robot with a number that cannot be."""
-    return _robot(place, _mapped(place), impossible(rng))
-
-
 STRANGERS: dict[str, Kind] = {
     "bag that unpacks": _unpacks,
     "endless bag": _endless,
     "pipe": _pipe,
     "large robot": _large,
-    "robot that cannot be": _impossible,
+    "robot that cannot be": lambda rng, place: _robot(place, _mapped(place), impossible(rng)),
 }

@@ -229,13 +229,9 @@ def _signals(rng: np.random.Generator) -> Case:
     return ignored(share) if number == 3 else killed(share, (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)[number])
 
 
-def _diverged(rng: np.random.Generator) -> Case:
-    return diverging(float(rng.uniform(0.002, 0.01)), float(10.0 ** rng.uniform(3.5, 9.0)))
-
-
 CASES: dict[str, Callable[[np.random.Generator], Case]] = {  # kind -> a random case of it
     "replaced": _replaced,
     "disk": _disk,
     "signals": _signals,
-    "diverged": _diverged,
+    "diverged": lambda rng: diverging(float(rng.uniform(0.002, 0.01)), float(10.0 ** rng.uniform(3.5, 9.0))),
 }

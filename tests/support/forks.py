@@ -58,21 +58,12 @@ class Forks:
         self._process.wait()
         self._said.cleanup()
 
-    def start(
-        self,
-        words: Sequence[str],
-        cwd: Path,
-        *,
-        largest_file: int | None = None,
-        ignored: Sequence[int] = (),
-        more_memory: int | None = None,
-        patience: int | None = None,
-        pages: bool = True,
-    ) -> Running:
+    def start(self, words: Sequence[str], cwd: Path, **limits: Any) -> Running:
         """Start `aerobat` with words in a folder, with limits of a file [bytes] and of further addresses [bytes]."""
         # `ignored`: signals ignored from the start, as by `nohup`; `patience` [s]: SIGALRM; `pages`: draw figures, too.
-        wanted = {"words": list(words), "cwd": str(cwd), "largest_file": largest_file, "ignored": list(ignored)}
-        wanted |= {"more_memory": more_memory, "patience": patience, "pages": pages}
+        usual = {"largest_file": None, "ignored": [], "more_memory": None, "patience": None, "pages": True}
+        wanted = usual | limits | {"words": list(words), "cwd": str(cwd)}
+        assert len(wanted) == len(usual) + 2, limits
         return Running(self, self.ask(wanted), Path(self._said.name))
 
     def warm(self, words: Sequence[str], cwd: Path) -> int:
