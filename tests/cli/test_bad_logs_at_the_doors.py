@@ -10,7 +10,9 @@ import pytest
 import xarray as xr
 from support.commands import call
 
+from aerobat_pin.aerobat.flight_log import FlightLog
 from aerobat_pin.experiments import Experiment, run, write
+from aerobat_pin.experiments.write_results import read_estimates
 from aerobat_pin.scenario.scenario import load_scenario
 
 
@@ -93,9 +95,6 @@ def test_a_run_with_spoilt_estimates_is_not_played(
 
 def test_axes_in_another_order_are_played_alike(good: Path, tmp_path: Path) -> None:
     """Labels decide in estimates too: components and dimensions in reverse."""
-    from aerobat_pin.aerobat.flight_log import FlightLog
-    from aerobat_pin.experiments.write_results import read_estimates
-
     log, path = FlightLog.load(good / "flight.nc"), tmp_path / "estimate.nc"
     straight = read_estimates(good / "estimate.nc", log)
     shutil.copyfile(good / "estimate.nc", path)

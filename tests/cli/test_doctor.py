@@ -5,8 +5,10 @@ from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
 
+import pinocchio
 import pytest
 
+from aerobat_pin import flight
 from aerobat_pin.cli import doctor
 from aerobat_pin.cli.doctor import Verified, check_installation, satisfies
 
@@ -203,16 +205,12 @@ def test_a_mesh_that_is_only_a_pointer_is_found(monkeypatch: pytest.MonkeyPatch,
 
 def test_a_robot_of_the_wrong_mass_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     """Some readers of URDF give a link without an inertial one kilogram."""
-    import pinocchio
-
     monkeypatch.setattr(pinocchio, "computeTotalMass", lambda _: 1.042)
     assert_bad(found(doctor._urdf)["URDF"], "1042.000 g")
 
 
 def test_no_folder_for_the_kernels_is_a_finding(monkeypatch: pytest.MonkeyPatch) -> None:
     """It works all the same, and says why every start is slow."""
-    from aerobat_pin import flight
-
     monkeypatch.setattr(flight, "advance_stage", flight.advance_stage.py_func)
     assert_bad(found(doctor._kernels)["kernel cache"], advice="NUMBA_CACHE_DIR")
 

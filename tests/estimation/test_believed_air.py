@@ -9,6 +9,7 @@ import xarray as xr
 from scipy.signal import savgol_filter
 
 from aerobat_pin.aerobat.aerobat import FORCE_POINTS, Aerobat, flown_robot
+from aerobat_pin.aerobat.air.believed_air import _slerp
 from aerobat_pin.aerobat.flight_log import FlightLog, true_force
 from aerobat_pin.aerobat.flight_record import flight_motion, flight_record, known_inputs
 from aerobat_pin.aerobat.robot import AerobatRobot
@@ -167,8 +168,6 @@ def test_what_a_log_cannot_give_is_refused_by_name(paper: Experiment) -> None:
 
 def test_repeated_stamps_cost_nothing_and_turning_is_even() -> None:
     """An interval of no length has no force; half way between two attitudes lies Pinocchio's own interpolation."""
-    from aerobat_pin.aerobat.air.believed_air import _slerp
-
     rng = np.random.default_rng(4)
     start, end = (np.array([pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs() for _ in range(20)]) for _ in "ab")
     share = rng.uniform(size=(20, 1))

@@ -8,7 +8,7 @@ import pandas as pd
 import pinocchio as pin
 import pytest
 from support.recorded import recorded
-from support.robot_parts import channels
+from support.robot_parts import by_axis, channels
 
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.numerics import Array
@@ -54,15 +54,12 @@ def log() -> pd.DataFrame:
 def estimated(log: pd.DataFrame, folder: Path, robot: dict[str, Any]) -> Result:
     """Return the estimate of a log by a map."""
     joints = list(load_robot("talos").joints)
+    base = by_axis(position="{}", quaternion="q{}", velocity="v{}", rate="w{}")
+    base["velocity"]["axes"] = "body"
     values = {
         "robot": {"name": "talos", **robot},
         "log": {"time": {"column": "t"}},
-        "base": {
-            "position": {"columns": ["x", "y", "z"]},
-            "quaternion": {"columns": ["qx", "qy", "qz", "qw"]},
-            "velocity": {"columns": ["vx", "vy", "vz"], "axes": "body"},
-            "rate": {"columns": ["wx", "wy", "wz"]},
-        },
+        "base": base,
         "joints": {"names": joints, **channels(joints, position="q_{}", velocity="v_{}", effort="e_{}")},
         "observer": {"names": ["force_level"], "gain": 100},
     }

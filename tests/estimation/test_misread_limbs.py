@@ -52,6 +52,8 @@ RIGHT = [f"{leg}_{place}" for leg in ("FR", "RR") for place in ("HFE", "KFE")]
 WITHIN = {joint: joint.replace("HAA", "x").replace("HFE", "HAA").replace("x", "HFE") for joint in JOINTS}
 LAST_FIRST = dict(zip(JOINTS, (f"{leg}_{place}" for leg in LEGS for place in PLACES[::-1]), strict=True))
 BY_PLACE = dict(zip(JOINTS, (f"{leg}_{place}" for place in PLACES for leg in LEGS), strict=True))
+ORDERS = ("FR FL RL RR", "RL RR FL FR", "FR RR FL RL", "RR FR RL FL", "FL FR RR RL")
+ZEROS = (("RR_HFE", 10.0), ("FL_HFE", 45.0), ("FL_HAA", 20.0), ("FL_HAA", 10.0), ("RL_KFE", -90.0))
 MISTAKES = [  # whose columns joints have; joints that turn the other way; where joints stand, when they say 0 [deg]
     ("order", legs("FR", "FL", "RR", "RL"), [], {}),
     ("sense", {}, RIGHT, {}),
@@ -59,27 +61,17 @@ MISTAKES = [  # whose columns joints have; joints that turn the other way; where
     ("sense", {}, ["RL_HAA", "RR_HAA"], {}),  # one effort that is reversed leaves nearly as little
     ("zero", {}, [], {"RL_KFE": -10.0}),  # that leaves 6 %
     *further(
-        ("order", legs("FR", "FL", "RL", "RR"), [], {}),
-        ("order", legs("RL", "RR", "FL", "FR"), [], {}),
-        ("order", legs("FR", "RR", "FL", "RL"), [], {}),
-        ("order", legs("RR", "FR", "RL", "FL"), [], {}),
-        ("order", legs("FL", "FR", "RR", "RL"), [], {}),
-        ("order", BY_PLACE, [], {}),
-        ("order", WITHIN, [], {}),
-        ("order", {joint: WITHIN[joint] for joint in JOINTS[:3]}, [], {}),
-        ("order", LAST_FIRST, [], {}),
+        *(("order", legs(*order.split()), [], {}) for order in ORDERS),
+        *(
+            ("order", order, [], {})
+            for order in (BY_PLACE, WITHIN, {one: WITHIN[one] for one in JOINTS[:3]}, LAST_FIRST)
+        ),
         *(("sense", {}, [joint], {}) for joint in ("RR_HFE", "FL_KFE", "RR_HAA")),
         ("sense", {}, ["FR_HAA", "RR_HAA"], {}),
         *(("sense", {}, of_legs(place), {}) for place in PLACES),
         ("sense", {}, JOINTS, {}),
-        ("zero", {}, [], {"RR_HFE": 10.0}),
-        ("zero", {}, [], {"FL_HFE": 45.0}),
-        ("zero", {}, [], {"FL_HAA": 20.0}),
-        ("zero", {}, [], {"FL_HAA": 10.0}),
-        ("zero", {}, [], {"RL_KFE": -90.0}),
-        ("zero", {}, [], dict.fromkeys(of_legs("HFE"), 45.0)),
-        ("zero", {}, [], dict.fromkeys(of_legs("HFE"), -10.0)),
-        ("zero", {}, [], dict.fromkeys(of_legs("HFE"), 180.0)),
+        *(("zero", {}, [], {joint: angle}) for joint, angle in ZEROS),
+        *(("zero", {}, [], dict.fromkeys(of_legs("HFE"), angle)) for angle in (45.0, -10.0, 180.0)),
     ),
 ]
 

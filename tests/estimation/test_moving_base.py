@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 from support.recorded import edited, recorded
-from support.robot_parts import channels, joint, link
+from support.robot_parts import by_axis, channels, joint, link
 from support.six_joints import SIX, six_joints, six_map
 
 from aerobat_pin import estimate
@@ -75,15 +75,10 @@ def test_nothing_is_compared_with_gravity_in_an_orbit(gravity: float, tmp_path: 
         noisy = values + noise * rng.standard_normal(values.shape)
         columns |= {f"{name}{axis}": noisy[:, k] for k, axis in enumerate(AXES)}
     pd.DataFrame(columns).to_csv(tmp_path / "orbit.csv", index=False)
-    place_and_rate = {"position": {"columns": ["px", "py", "pz"]}, "rate": {"columns": ["wx", "wy", "wz"]}}
     values = {
         "robot": {"body": {"mass": mass, "inertia": [0.4, 0.4, 0.4]}, "points": ["body"], "gravity": gravity},
         "log": {"time": {"column": "t"}},
-        "base": {
-            **place_and_rate,
-            "quaternion": {"columns": ["qx", "qy", "qz", "qw"]},
-            "velocity": {"from": "pose", "window": 0.2},
-        },
+        "base": by_axis(position="p{}", rate="w{}", quaternion="q{}") | {"velocity": {"from": "pose", "window": 0.2}},
         "check": {"specific_force": {"columns": ["ax", "ay", "az"]}},
         "observer": {"names": ["force_level"], "gain": 10.0},
     }

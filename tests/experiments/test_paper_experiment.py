@@ -11,12 +11,14 @@ from support.kernel_cases import record
 from support.shipped import flown
 
 from aerobat_pin.aerobat.flight_log import true_force
-from aerobat_pin.experiments import Experiment, run
+from aerobat_pin.aerobat.flight_record import known_inputs
+from aerobat_pin.experiments import Experiment, beside_pd, run
 from aerobat_pin.experiments.write_results import estimate_dataset, estimate_table
 from aerobat_pin.flight import Plant
-from aerobat_pin.forces.scores import FORCE_AXES
-from aerobat_pin.observers import Application, ForceLevelObserver, KalmanObserver
+from aerobat_pin.forces.scores import FORCE_AXES, r_squared
+from aerobat_pin.observers import OBSERVERS, Application, ForceLevelObserver, KalmanObserver
 from aerobat_pin.scenario import load_scenario
+from aerobat_pin.visualization.result_pages import report_html
 
 PAPER_R2 = {"Fx": 0.7448, "Fy": 0.9970, "Fz": 0.9991}  # the paper, section IV
 
@@ -110,10 +112,6 @@ def benchmark(request: pytest.FixtureRequest) -> Experiment:
 
 def rerun(experiment: Experiment, gain: float) -> dict[str, np.ndarray]:
     """Estimate again from the same log with another gain; R2 (wing, axis) by observer."""
-    from aerobat_pin.aerobat.flight_record import known_inputs
-    from aerobat_pin.forces.scores import r_squared
-    from aerobat_pin.observers import OBSERVERS
-
     inputs = known_inputs(experiment.log, experiment.robot)
     found = {}
     for name, kind in OBSERVERS.items():
@@ -192,3 +190,30 @@ def test_objects_show_themselves_in_a_few_lines(paper: Experiment, paper_plant: 
     html = paper.log._repr_html_()
     assert "<td>crank_angle</td>" in html
     assert "<td>absolute crank angle t1</td>" in html
+
+
+SHORT = ("simulation.duration=0.9",)
+PD = ("control.feedforward=false", "control.integral=false")
+
+
+def test_a_closed_loop_says_how_far_off_it_was_and_pd_alone() -> None:
+    """In metres and degrees, with saturation and margins; PD flies the same blow with the same noise."""
+    made = beside_pd(run(load_scenario("impact_closed_loop", SHORT)))
+    alone = run(load_scenario("impact_closed_loop", [*SHORT, *PD]))
+    assert made.metrics["control"]["pd_rms"] == alone.flight.rms
+    own, pd, effort = made.scores.notes
+    assert own.startswith("off its course by ")
+    assert own.endswith(" deg rms")
+    assert pd.startswith("PD alone, in the same disturbance: ")
+    assert "% of the commands at a limit; least margins: Ms 1." in effort
+    assert "ms more delay (" in effort
+    for line in made.scores.notes:
+        assert line in repr(made.scores)
+    assert "the same with PD alone, rms" in report_html(made, {})
+    assert "no true force to compare with" in repr(made.scores)
+    assert "no signal" not in repr(made.scores)
+    assert beside_pd(alone).metrics["control"]["pd_rms"] is None
+
+
+def test_a_flight_without_a_controller_is_left_as_it_is(paper: Experiment) -> None:
+    assert beside_pd(paper) is paper

@@ -5,6 +5,8 @@ import pandas as pd
 from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
+from support.robot_parts import by_axis
+
 MASS, GRAVITY = 0.027, 9.81
 UP = np.array([0.0, 0.0, GRAVITY])
 DRAG = np.array([0.0116, 0.0104, 0.008])  # [N s/m] along world x, y, z
@@ -61,12 +63,7 @@ MAP = {
         "points": ["body"],
         "rows": {"ignore": ["base.Mx", "base.My", "base.Mz"]},
     },
-    "base": {
-        "position": {"columns": ["px", "py", "pz"]},
-        "quaternion": {"columns": ["qx", "qy", "qz", "qw"]},
-        "velocity": {"columns": ["vx", "vy", "vz"]},
-        "rate": {"columns": ["imu_gyro_x", "imu_gyro_y", "imu_gyro_z"]},
-    },
+    "base": by_axis(position="p{}", quaternion="q{}", velocity="v{}", rate="imu_gyro_{}"),
     "check": {"specific_force": {"columns": ["imu_acc_x", "imu_acc_y", "imu_acc_z"], "unit": "g"}},
     "known": {
         "thrust": {

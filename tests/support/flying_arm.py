@@ -10,7 +10,7 @@ import pandas as pd
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from support.robot_parts import channels
+from support.robot_parts import by_axis, channels
 
 RATE, STEP = 200, 0.001  # [Hz] of the table, [s] of the simulation
 THRUST, LATE = 12.0, 0.03  # [N] of a rotor at full speed, times the square of its command, which it follows so late [s]
@@ -115,22 +115,13 @@ COLUMNS = [*MOTION, *"shoulder_tau elbow_tau ax ay az m1 m2 m3 m4".split()]
 
 def flying_map(folder: Path, points: list[str]) -> dict[str, Any]:
     """Return a map of the table, which fits the thrusts; the robot's file is written into the folder."""
-    (folder / "flying_arm.urdf").write_text(URDF)
+    file = folder / "flying_arm.urdf"
+    file.write_text(URDF)
     rotor = {"law": "polynomial 2", "delay": LATE, "fit": {"to": "check.specific_force"}}
     return {
-        "robot": {
-            "urdf": str(folder / "flying_arm.urdf"),
-            "root": "free_flyer",
-            "points": points,
-            "rows": {"ignore": ["base.Mz"]},
-        },
+        "robot": {"root": "free_flyer", "points": points, "rows": {"ignore": ["base.Mz"]}, "urdf": str(file)},
         "log": {"time": {"column": "t", "unit": "s"}},
-        "base": {
-            "position": {"columns": ["px", "py", "pz"]},
-            "quaternion": {"columns": ["qx", "qy", "qz", "qw"]},
-            "velocity": {"from": "pose", "window": 0.05},
-            "rate": {"columns": ["wx", "wy", "wz"]},
-        },
+        "base": by_axis(position="p{}", quaternion="q{}", rate="w{}") | {"velocity": {"from": "pose", "window": 0.05}},
         "joints": {"names": JOINTS, **channels(JOINTS, position="{}_q", velocity="{}_v", effort="{}_tau")},
         "check": {"specific_force": {"columns": ["ax", "ay", "az"]}},
         "known": {f"rotor_{k}": {"columns": [f"m{k}"], "frame": f"rotor_{k}", **rotor} for k in range(1, 5)},

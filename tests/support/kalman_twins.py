@@ -177,15 +177,12 @@ class KalmanTwin:
         known = int(np.sum(sizes > 1e-5 * np.linalg.norm(sizes)))
         W = believed(self.model, self.rows, mean[2])
         J, unseen = mean[3:], patterns[known:].T
-        if not unseen.size:
-            force = project(J, W, phi)
-        else:  # J is the mean of both ends: unseen patterns leave a small trace in it, which must not be magnified
-            A, kept = J @ W.T @ W @ J.T, np.eye(len(J)) - unseen @ unseen.T
-            held = A + np.trace(A) * (unseen @ unseen.T + 1e-12 * np.eye(len(J)))
-            force = np.linalg.solve(held, kept @ J @ W.T @ W @ phi)
+        A, B, lost = J @ W.T @ W @ J.T, J @ W.T, unseen @ unseen.T
+        held = A + np.trace(A) * (lost + 1e-12 * np.eye(len(J)))
+        force = project(J, W, phi)
+        if unseen.size:  # J is the mean of both ends: unseen patterns leave a small trace in it, not to be magnified
+            force = np.linalg.solve(held, (np.eye(len(J)) - lost) @ B @ W @ phi)
         left = W @ (phi - J.T @ force)
-        A, B = J @ W.T @ W @ J.T, J @ W.T
-        held = A + np.trace(A) * (unseen @ unseen.T + 1e-12 * np.eye(len(J)))
         shown = W - B.T @ np.linalg.solve(held, B @ W)
         return np.pad(left, (0, nv - len(left))), unseen, shown
 

@@ -82,19 +82,9 @@ class Flapping:
         self.cycles, angle = table[:, 0], np.radians(table[:, 1])
         self.pressure = table[:, 2:] - table[:, 2:].mean(axis=0)
         self._harmonics = [np.mean(angle * np.exp(-2j * np.pi * n * self.cycles)) * (2 if n else 1) for n in range(4)]
-        self.place = 1e-3 * np.array(
-            [
-                [12.0, 36.0],
-                [36.0, 36.0],
-                [60.0, 36.0],
-                [13.08, 107.0],
-                [34.2, 107.0],
-                [55.32, 107.0],
-                [15.69, 177.5],
-                [30.69, 176.0],
-                [45.69, 162.825],
-            ]
-        )
+        aft = np.array([12.0, 36.0, 60.0, 13.08, 34.2, 55.32, 15.69, 30.69, 45.69])
+        out = np.array([36.0, 36.0, 36.0, 107.0, 107.0, 107.0, 177.5, 176.0, 162.825])
+        self.place = 1e-3 * np.column_stack([aft, out])
         heights = np.repeat([0.024, 0.02112, 0.015], 3)
         self.area = heights * [0.072, 0.072, 0.072, 0.07, 0.07, 0.07, 0.071, 0.06565, 0.04165]
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.spatial.transform import Rotation
 
 from aerobat_pin.aerobat import FlightLog
 
@@ -67,11 +68,6 @@ def series_at(table: tuple[tuple[float, ...], tuple[float, ...]], angle: float) 
     return table[0][0] + a @ cosine + b @ sine, k @ (b * cosine - a * sine)
 
 
-def _about_x(angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
-
-
 def _strips() -> dict[str, np.ndarray]:
     """Return the strips of both wings: body 1 to 4 (left inner, left outer, right inner, right outer), place, size."""
     rows = []
@@ -127,10 +123,11 @@ class Geometry:
         for side, (first, second) in ((1.0, (0, 1)), (-1.0, (2, 3))):
             mirror = np.array([1.0, side, 1.0])
             flip = np.diag(mirror)
-            Ri, p = state.R @ _about_x(side * s), state.x + state.R @ (SHOULDER_AT * mirror)
+            about_x = Rotation.from_euler("x", [side * s, side * e]).as_matrix()
+            Ri, p = state.R @ about_x[0], state.x + state.R @ (SHOULDER_AT * mirror)
             axis = state.R @ AXES[first]
             wi = axis * self.rates[first]
-            Ro, q = Ri @ _about_x(side * e), p + Ri @ (ELBOW_AT * mirror)
+            Ro, q = Ri @ about_x[1], p + Ri @ (ELBOW_AT * mirror)
             wo, vo = wi + axis * self.rates[second], cross(wi, q - p)
             R, origin = [*R, Ri, Ro], [*origin, p, q]
             spin, moving = [*spin, wi, wo], [*moving, np.zeros(3), vo]
@@ -236,10 +233,7 @@ def loads(
 def advanced(state: State, dt: float, rates: tuple[np.ndarray, ...]) -> State:
     """Return the state after a step with constant rates."""
     F, M, v, w, growth, twist = rates
-    turn = np.linalg.norm(w) * dt
-    axis = w / max(np.linalg.norm(w), 1e-12)
-    K = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    R = (np.eye(3) + np.sin(turn) * K + (1.0 - np.cos(turn)) * K @ K) @ state.R
+    R = Rotation.from_rotvec(w * dt).as_matrix() @ state.R
     P, H = state.P + dt * np.sum(F, axis=0), state.H + dt * np.sum(M, axis=0)
     return State(state.x + dt * v, R, P, H, state.lift + dt * growth, state.twist + dt * twist)
 
@@ -259,13 +253,6 @@ def held(state: State, v: np.ndarray, w: np.ndarray, speed: float, side: bool) -
     lift = 0.85 - 2.3 * state.x[2] - 0.74 * v[2]
     across = -0.37 * v[1] if side else 0.0
     return np.concatenate([state.R.T @ [0.37 * (speed - v[0]), across, lift], torque])
-
-
-def _quaternion(R: np.ndarray) -> np.ndarray:
-    """Return the quaternion xyzw of a rotation that turns by less than 180 degrees."""
-    w = 0.5 * np.sqrt(max(1.0 + np.trace(R), 1e-12))
-    vector = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / (4.0 * w)
-    return np.array([*vector, w])
 
 
 def fly_elsewhere(
@@ -289,7 +276,7 @@ def fly_elsewhere(
             parts = g.momenta(v, w, state.x)
             if before is not None:
                 torques.append(_torques(before, parts))
-            q = np.concatenate([state.x, _quaternion(state.R), g.angles])
+            q = np.concatenate([state.x, Rotation.from_matrix(state.R).as_quat(), g.angles])
             samples.append(np.concatenate([q, state.R.T @ v, state.R.T @ w, g.rates, [crank_at(t, frequency)[0]]]))
         if k == count:
             break

@@ -39,3 +39,9 @@ def efforts(model: pin.Model, frame: str, q: np.ndarray, v: np.ndarray, a: np.nd
 def channels(names: Sequence[Any], **columns: str) -> dict[str, Any]:
     """Return channels of a map: each part's columns, by a pattern such as `{}_q` in which the names stand."""
     return {part: {"columns": [pattern.format(name) for name in names]} for part, pattern in columns.items()}
+
+
+def by_axis(**columns: str) -> dict[str, Any]:
+    """Return channels of a base: each part's columns by a pattern such as `v{}` in which the axes stand."""
+    axes = {part: "xyzw" if part == "quaternion" else "xyz" for part in columns}
+    return {part: {"columns": [columns[part].format(axis) for axis in names]} for part, names in axes.items()}

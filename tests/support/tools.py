@@ -24,18 +24,10 @@ node.calc(work, x, np.zeros(act.nu))
 node.calcDiff(work, x, np.zeros(act.nu))
 assert abs(work.cost - 0.005) < 1e-12, work.cost
 """
-PROBES = {
-    "crocoddyl": CROCODDYL,
-    "placo": "import placo",
-    "robot_descriptions": "import robot_descriptions.loaders.pinocchio",
-}
-PACKAGES = {
-    "pink": "pin-pink",
-    "adam": "adam-robotics",
-    "jax": "mujoco-mjx",
-    "pydrake": "drake",
-    "rerun": "rerun-sdk",
-}  # on PyPI, where that name differs
+LOADER = "import robot_descriptions.loaders.pinocchio"
+PROBES = {"crocoddyl": CROCODDYL, "placo": "import placo", "robot_descriptions": LOADER}
+# On PyPI, where that name differs.
+PACKAGES = {"pink": "pin-pink", "adam": "adam-robotics", "jax": "mujoco-mjx", "pydrake": "drake", "rerun": "rerun-sdk"}
 
 
 def need(tool: str) -> None:

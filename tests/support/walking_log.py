@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 
-from support.robot_parts import channels, joint, link
+from support.robot_parts import by_axis, channels, joint, link
 
 LEGS = ("FL", "FR", "RL", "RR")
 FEET = tuple(f"{leg}_FOOT" for leg in LEGS)
@@ -117,21 +117,13 @@ def table_map(robot: Path) -> dict[str, object]:
     joints = {"names": names, **channels(names, position="{}_pos", velocity="{}_vel", effort="{}_tau")}
     for part, unit in (("position", "rad"), ("velocity", "rad/s"), ("effort", "N m")):
         joints[part]["unit"] = unit
-    return {
-        "robot": {"urdf": str(robot), "points": list(FEET)},
-        "observer": {"gain": 1000.0},
-        "base": {
-            "position": {"columns": ["px", "py", "pz"], "unit": "m"},
-            "quaternion": {"columns": ["qx", "qy", "qz", "qw"]},
-            "velocity": {"columns": ["vx", "vy", "vz"], "unit": "m/s"},
-            "rate": {"columns": ["gyro_x", "gyro_y", "gyro_z"], "unit": "rad/s"},
-        },
-        "joints": joints,
-        "check": {
-            "specific_force": {"columns": ["acc_x", "acc_y", "acc_z"], "unit": "m/s2"},
-            "wrench": {"columns": ["fl_fx", "fl_fy", "fl_fz"], "point": "FL_FOOT"},
-        },
-    }
+    base = by_axis(position="p{}", quaternion="q{}", velocity="v{}", rate="gyro_{}")
+    for part, unit in (("position", "m"), ("velocity", "m/s"), ("rate", "rad/s")):
+        base[part]["unit"] = unit
+    check = by_axis(specific_force="acc_{}", wrench="fl_f{}")
+    check["specific_force"]["unit"], check["wrench"]["point"] = "m/s2", "FL_FOOT"
+    tables = {"robot": {"urdf": str(robot), "points": list(FEET)}, "observer": {"gain": 1000.0}}
+    return tables | {"base": base, "joints": joints, "check": check}
 
 
 def bag(walked: Walk, path: Path, *, odometry_ahead=0.0, odometry_fast=0.0, unmeasured=(), unstamped=0.0) -> None:

@@ -17,18 +17,9 @@ ROOT = Path(__file__).resolve().parents[2]
 HOME = Path.home()
 WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
 # Event -> positions of its paths and, where it has any, of the descriptors of the folders in which they are.
-CHANGES = {
-    "os.chmod": ((0, 2),),
-    "os.chown": ((0, 3),),
-    "os.link": ((1, 3),),
-    "os.mkdir": ((0, 2),),
-    "os.remove": ((0, 1),),
-    "os.rename": ((0, 2), (1, 3)),
-    "os.rmdir": ((0, 1),),
-    "os.symlink": ((1, 2),),
-    "os.truncate": ((0, None),),
-    "os.utime": ((0, 3),),
-}
+OF_ONE = {"chmod": 2, "chown": 3, "mkdir": 2, "remove": 1, "rmdir": 1, "truncate": None, "utime": 3}
+CHANGES = {f"os.{name}": ((0, folder),) for name, folder in OF_ONE.items()}
+CHANGES |= {"os.link": ((1, 3),), "os.rename": ((0, 2), (1, 3)), "os.symlink": ((1, 2),)}
 OUTPUTS = ("--out", "-o", "--frames", "--out-mcap")
 CACHES = (HOME / ".cache", HOME / ".config", HOME / ".numba")
 SYSTEM = (*map(Path, ("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys", "/opt", "/var/cache")), *CACHES)
