@@ -169,17 +169,10 @@ def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == f"aerobat {aerobat_pin.__version__}\n"
 
 
-COMPLETED = {
-    "run pap": "paper_open_loop",
-    "sweep gain": "gain_noise",
-    "urdf aerobat_l": "aerobat_light",
-    "com": "compare",
-    "run paper --set crank.f": "crank.frequency=",
-    "run paper --observer kal": "kalman",
-    "describe scenario unknown_force.*.fr": "unknown_force.*.frame",
-    "describe map joints.eff": "joints.effort.columns",
-    "crank aerobat_g": "aerobat_guard",
-}
+COMPLETED = {"run pap": "paper_open_loop", "sweep gain": "gain_noise", "urdf aerobat_l": "aerobat_light"}
+COMPLETED |= {"run paper --set crank.f": "crank.frequency=", "run paper --observer kal": "kalman"}
+COMPLETED |= {"describe scenario unknown_force.*.fr": "unknown_force.*.frame", "crank aerobat_g": "aerobat_guard"}
+COMPLETED |= {"describe map joints.eff": "joints.effort.columns", "com": "compare"}
 COMPLETING = """
 import os, sys
 from aerobat_pin.cli import main

@@ -32,17 +32,11 @@ def stripped(log: FlightLog, every: int = 1) -> FlightLog:
     return FlightLog(measured)
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        [],
-        ["air.model=quasi_steady"],
-        ["air.added_mass=0"],
-        ["air.wind=[0.5, -1.0, 0.3]", "air.gust.amplitude=[0.0, 1.0, 1.0]", "air.gust.start=0.05"],
-        ["air.lift_limit=1.2"],
-    ],
-    ids=lambda settings: " ".join(settings) or "default",
-)
+WINDY = ["air.wind=[0.5, -1.0, 0.3]", "air.gust.amplitude=[0.0, 1.0, 1.0]", "air.gust.start=0.05"]
+AIRS = [[], ["air.model=quasi_steady"], ["air.added_mass=0"], WINDY, ["air.lift_limit=1.2"]]
+
+
+@pytest.mark.parametrize("settings", AIRS, ids=lambda settings: " ".join(settings) or "default")
 def test_the_air_of_a_flight_comes_back_from_its_motion(settings: list[str]) -> None:
     """Against the plant's interval means, which come by its stages: a thousandth of the largest force is left."""
     scenario = load_scenario("paper", [*SHORT, *settings])

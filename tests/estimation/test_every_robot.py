@@ -23,12 +23,8 @@ NOT: dict[str, dict[str, str]] = {  # feature -> source -> why it has nothing to
     "contacts": {SOURCES[3]: ONE_CONTACT},
     "error bar": {SOURCES[3]: ONE_CONTACT},
     "friction": {SOURCES[3]: ONE_CONTACT, SOURCES[4]: "it has no joints"},
-    "thrust": {
-        SOURCES[0]: "its thrusters' forces are channels",
-        SOURCES[1]: "its thrusters' forces are channels",
-        SOURCES[2]: "it has no commands of thrust",
-        SOURCES[3]: "it has no commands of thrust",
-    },
+    "thrust": dict.fromkeys(SOURCES[:2], "its thrusters' forces are channels")
+    | dict.fromkeys(SOURCES[2:4], "it has no commands of thrust"),
     "parameters": {SOURCES[3]: ONE_CONTACT, SOURCES[4]: "its mass is what its thrust is fitted with"},
     "series over a phase": {SOURCES[2]: NO_PHASE, SOURCES[3]: f"{NO_PHASE}, and {ONE_CONTACT}", SOURCES[4]: NO_PHASE},
 }

@@ -24,16 +24,9 @@ RATES = [f"{joint}_rate" for joint in aerobat.JOINTS]
 TORQUES = [f"torque_{joint}" for joint in aerobat.JOINTS]
 THRUST = [f"thrust_{name}" for name in ("fx", "fy", "fz", "mx", "my", "mz")]
 WIND = ["wind_x", "wind_y", "wind_z"]
-GROUPS = {
-    "pose": POSE,
-    "twist": TWIST,
-    "joint_angle": list(aerobat.JOINTS),
-    "joint_rate": RATES,
-    "joint_torque": TORQUES,
-    "known_thrusters": THRUST,
-    "wind_W": WIND,
-    **{name: [name] for name in ("crank_angle", "crank_rate", "airspeed", "crank_torque")},
-}
+GROUPS = {"pose": POSE, "twist": TWIST, "joint_angle": list(aerobat.JOINTS), "joint_rate": RATES}
+GROUPS |= {"joint_torque": TORQUES, "known_thrusters": THRUST, "wind_W": WIND}
+GROUPS |= {name: [name] for name in ("crank_angle", "crank_rate", "airspeed", "crank_torque")}
 
 
 @pytest.fixture(scope="module")

@@ -121,17 +121,10 @@ def test_attitude_errors_are_small_turns_about_body_axes() -> None:
     np.testing.assert_allclose(angles, np.round(angles), atol=1e-6)
 
 
-FAULTS = {
-    "position": ("q", [0, 1, 2]),
-    "attitude": ("q", [3, 4, 5, 6]),
-    "velocity": ("v", [0, 1, 2]),
-    "gyro": ("v", [3, 4, 5]),
-    "joint_angle": ("q", [7, 8, 9, 10]),
-    "joint_rate": ("v", [6, 7, 8, 9]),
-    "crank_angle": ("crank_angle", None),
-    "airspeed": ("airspeed", None),
-    "motor_torque": ("motor_torque", [6, 7, 8, 9]),
-}
+FAULTS = {"position": ("q", [0, 1, 2]), "attitude": ("q", [3, 4, 5, 6]), "joint_angle": ("q", [7, 8, 9, 10])}
+FAULTS |= {"velocity": ("v", [0, 1, 2]), "gyro": ("v", [3, 4, 5]), "joint_rate": ("v", [6, 7, 8, 9])}
+FAULTS |= {"crank_angle": ("crank_angle", None), "airspeed": ("airspeed", None)}
+FAULTS["motor_torque"] = ("motor_torque", [6, 7, 8, 9])
 
 
 @pytest.fixture(scope="module")

@@ -67,14 +67,9 @@ def errors(ours: LatticeCase, theirs: LatticeCase) -> Errors:
     error = np.sqrt((weight @ np.abs(mine - lift) ** 2) / (weight @ np.abs(lift) ** 2))
     (lift_1, turn_1), (lift_2, turn_2) = ((each.lift[1], each.moment[1]) for each in (ours, theirs))
     about = [abs(turn + 0.25 * CHORD * push) for push, turn in ((lift_1, turn_1), (lift_2, turn_2))]
-    return Errors(
-        lift=float(error),
-        lift_ratio=abs(lift_1 / lift_2),
-        lift_phase=float(np.degrees(np.angle(lift_1 / lift_2))),
-        thrust=ours.thrust / theirs.thrust,
-        moment=abs(turn_1 / turn_2),
-        phase=float(np.degrees(np.angle(turn_1 / turn_2))),
-        quarter=about[0] / about[1],
-        centre=abs(turn_1 / lift_1) / CHORD,
-        lattice_centre=abs(turn_2 / lift_2) / CHORD,
+    (lift_ratio, lift_phase), (moment, phase) = (
+        (abs(ratio), float(np.degrees(np.angle(ratio)))) for ratio in (lift_1 / lift_2, turn_1 / turn_2)
     )
+    centre, lattice_centre = (abs(turn / lift) / CHORD for turn, lift in ((turn_1, lift_1), (turn_2, lift_2)))
+    thrust, quarter = ours.thrust / theirs.thrust, about[0] / about[1]
+    return Errors(float(error), lift_ratio, lift_phase, thrust, moment, phase, quarter, centre, lattice_centre)

@@ -18,15 +18,8 @@ from aerobat_pin.aerobat import load_aerobat
 from aerobat_pin.errors import ArgumentError
 from aerobat_pin.visualization import crank_page, open_robot
 
-BARS = {
-    "L1": "J1 J2",
-    "L2": "J2 J3 J4",
-    "L3": "J5 J4 J6",
-    "L4": "J3 J7",
-    "L5": "J8 J7 J9",
-    "L6": "J9 J10",
-    "L7": "J6 J10",
-}
+BARS = {"L1": "J1 J2", "L2": "J2 J3 J4", "L3": "J5 J4 J6", "L4": "J3 J7", "L5": "J8 J7 J9", "L6": "J9 J10"}
+BARS["L7"] = "J6 J10"
 SET = """([crank, lengths]) => {
     for (const [key, length] of Object.entries(lengths)) element(key).value = element(key).dataset.exact = length;
     element("crank").step = "any";
