@@ -123,14 +123,8 @@ def test_the_log_holds_what_each_strip_and_link_does() -> None:
     log, plant = simulate(scenario), Plant(flown_robot(scenario), scenario)
     twists = twists_of(plant.robot, log.measured["q"].values[7], log.measured["v"].values[7])
     _, _, strips = evaluate(plant.air, twists, log.truth["air_state"].values[7])
-    for name, found in (
-        ("airspeed", strips.airspeed),
-        ("incidence", strips.incidence),
-        ("downwash", strips.downwash),
-        ("circulation", strips.circulation),
-        ("strip_force_x", strips.force_x),
-        ("strip_force_z", strips.force_z),
-    ):
+    for name in "airspeed incidence downwash circulation strip_force_x strip_force_z".split():
+        found = getattr(strips, name.removeprefix("strip_"))
         assert log.truth[name].dims == ("interval", "strip")
         assert log.truth[name].values[7] == pytest.approx(found, rel=1e-9, abs=1e-12)
     downwash = plant.air.line.downwash @ strips.circulation

@@ -178,12 +178,8 @@ def test_a_wrong_sign_frame_or_unit_does_not_pass() -> None:
     """Minus the force, the force in another axis or at the other point, grams for newtons."""
     good = Check("momentum", "left", "y", 0.1, (0.0, 0.1, 0.0), 0.0)
     assert good.ok
-    for found, elsewhere in (
-        ((0.0, -0.1, 0.0), 0.0),
-        ((0.1, 0.0, 0.0), 0.0),
-        ((0.0, 0.1, 0.0), 0.1),
-        ((0.0, 10.0, 0.0), 0.0),
-    ):
+    wrong = [((0.0, -0.1, 0.0), 0.0), ((0.1, 0.0, 0.0), 0.0), ((0.0, 0.1, 0.0), 0.1), ((0.0, 10.0, 0.0), 0.0)]
+    for found, elsewhere in wrong:
         bad = Check("momentum", "left", "y", 0.1, found, elsewhere)
         assert not bad.ok
         assert str(bad).startswith("BAD")

@@ -20,12 +20,9 @@ from aerobat_pin.records.spool import Series, Spool, series_of, typical_spacing
 
 MASS = 1.5
 AXES = {"position": "pxyz", "velocity": "vxyz", "rate": "wxyz"}
+BODY = {"mass": MASS, "inertia": [0.01, 0.01, 0.02]}
 MAP = {
-    "robot": {
-        "body": {"mass": MASS, "inertia": [0.01, 0.01, 0.02]},
-        "points": ["body"],
-        "rows": {"ignore": ["base.Mx", "base.My", "base.Mz"]},
-    },
+    "robot": {"body": BODY, "points": ["body"], "rows": {"ignore": ["base.Mx", "base.My", "base.Mz"]}},
     "base": {key: {"columns": [f"{name[0]}{axis}" for axis in name[1:]]} for key, name in AXES.items()}
     | {"quaternion": {"columns": ["qx", "qy", "qz", "qw"]}},
     "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 20.0}},

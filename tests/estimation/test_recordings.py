@@ -162,14 +162,9 @@ def test_axes_that_the_map_states_count_for_an_odometry_topic_too(folder: Path) 
     pytest.importorskip("rosbags")
     bag(walk(2.0), folder / "twists")
     shared = bag_map(folder / "quadruped.urdf")
+    said = ({}, {"base.velocity": {"axes": "body"}}, {"base.velocity": {"axes": "world"}}, {"base.rate.axes": "world"})
     plain, body, world, turning = (
-        recorded(folder / "twists", edited(shared, changes)).block(0, 900).v
-        for changes in (
-            {},
-            {"base.velocity": {"axes": "body"}},
-            {"base.velocity": {"axes": "world"}},
-            {"base.rate.axes": "world"},
-        )
+        recorded(folder / "twists", edited(shared, changes)).block(0, 900).v for changes in said
     )
     np.testing.assert_array_equal(plain, body)
     assert np.max(np.abs(plain[:, :3] - world[:, :3])) > 0.01

@@ -23,15 +23,10 @@ from aerobat_pin.estimation.stream_rings import LENGTH
 from aerobat_pin.observers import DOUBTFUL
 from aerobat_pin.records import LARGEST_VALUE, Map, parse_map
 
-CLOCKS = {  # channel -> rate [Hz] and first stamp [s]
-    "base.position": (120.0, 0.0031),
-    "base.quaternion": (333.0, 0.0007),
-    "base.velocity": (250.0, 0.0),
-    "base.rate": (411.0, 0.0013),
-    "joints.position": (500.0, 0.002),
-    "joints.velocity": (499.0, 0.0),
-    "joints.effort": (777.0, 0.0004),
-}
+# Channel -> rate [Hz] and first stamp [s].
+CLOCKS = {"base.position": (120.0, 0.0031), "base.quaternion": (333.0, 0.0007), "base.velocity": (250.0, 0.0)}
+CLOCKS |= {"base.rate": (411.0, 0.0013), "joints.position": (500.0, 0.002), "joints.velocity": (499.0, 0.0)}
+CLOCKS |= {"joints.effort": (777.0, 0.0004)}
 Stamped = list[tuple[float, dict[str, float]]]
 
 

@@ -133,13 +133,9 @@ np.savez(sys.argv[1], compiled=not numba.config.DISABLE_JIT, **found)
 @compiled_only
 def test_kernels_that_are_not_compiled_give_the_same_numbers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """NUMBA_DISABLE_JIT=1, for debugging and coverage: a short flight and every observer, batch and stream."""
-    done = subprocess.run(
-        [sys.executable, "-c", INTERPRETED, str(tmp_path / "interpreted.npz")],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(PACKAGE.parent)},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-c", INTERPRETED, str(tmp_path / "interpreted.npz")]
+    plainly = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(PACKAGE.parent)}
+    done = subprocess.run(command, env=plainly, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
     monkeypatch.setattr(sys, "argv", ["", str(tmp_path / "compiled.npz")])
     exec(INTERPRETED, {})

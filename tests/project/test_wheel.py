@@ -90,14 +90,9 @@ def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -
         in {".py", ".pyi", ".toml", ".urdf", ".srdf", ".stl", ".obj", ".typed", ".xml", ".txt", ".html", ".css", ".svg"}
     }
     assert files_of(wheel) == ours
-    for one in (
-        "aerobat_pin/py.typed",
-        "aerobat_description/py.typed",
-        "aerobat_description/package.xml",
-        "aerobat_description/CMakeLists.txt",
-        "aerobat_pin/scenario/shipped/paper.toml",
-        "aerobat_pin/experiments/sweep/shipped/morphology.toml",
-    ):
+    described = [f"aerobat_description/{name}" for name in ("py.typed", "package.xml", "CMakeLists.txt")]
+    shipped = ("py.typed", "scenario/shipped/paper.toml", "experiments/sweep/shipped/morphology.toml")
+    for one in (*described, *(f"aerobat_pin/{name}" for name in shipped)):
         assert one in ours
     for end in (".toml", ".urdf", ".srdf", ".stl"):
         assert sum(name.startswith("aerobat_description/") and name.endswith(end) for name in ours) >= 3

@@ -155,9 +155,7 @@ def judged(result: Result, log: aerobat.FlightLog, scenario: Scenario) -> Verdic
         {name: _rounded(_rms(error)) for name, error in errors.items()},
         _rounded(_rms(errors["force_level"][log.time[:-1] >= STARTED])),
         nees,
-        model["verdict"],
-        model["ratio"],
-        model["cause"],
+        *(model[key] for key in ("verdict", "ratio", "cause")),
         (found, sum(map(len, onsets))),
         float(f"{np.median(spaces):.3g}") if len(spaces) else None,
     )

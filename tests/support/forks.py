@@ -44,13 +44,9 @@ class Forks:
         self.ended: set[int] = set()
         self._said = tempfile.TemporaryDirectory()
         paths = os.pathsep.join([str(TESTS), str(TESTS.parent)])
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "support.forks", self._said.name],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "PYTHONPATH": paths},
-        )
+        command, there = [sys.executable, "-m", "support.forks", self._said.name], {**os.environ, "PYTHONPATH": paths}
+        piped = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+        self._process = subprocess.Popen(command, env=there, **piped)
         return self
 
     def __exit__(self, *error: object) -> None:

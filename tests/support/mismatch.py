@@ -106,14 +106,9 @@ def thinned(flight: Seen, every: int) -> Seen:
         return values[: count * every].reshape(count, every, *values.shape[1:]).mean(axis=1)
 
     part = slice(0, count * every + 1, every)
-    fewer = replace(
-        inputs,
-        time=inputs.time[part],
-        q=inputs.q[part],
-        v=inputs.v[part],
-        tau=mean(inputs.tau),
-        known={name: mean(values) for name, values in inputs.known.items()},
-    )
+    time, q, v = (each[part] for each in (inputs.time, inputs.q, inputs.v))
+    known = {name: mean(values) for name, values in inputs.known.items()}
+    fewer = replace(inputs, time=time, q=q, v=v, tau=mean(inputs.tau), known=known)
     return Seen(flight.model, fewer, mean(flight.truth))
 
 
