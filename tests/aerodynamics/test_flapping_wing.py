@@ -204,7 +204,7 @@ def test_any_motion_gives_finite_loads(motion: Callable[[float], Halves]) -> Non
     [
         (Stroke(4.0, 0.1), [0.0, 0.0], "rising"),
         (lambda t: Halves(*(np.nan * part for part in Stroke(1.0)(t))), [0.0, 0.1], "motion at 0 s holds NaN"),
-        (lambda _: Halves(np.eye(3), np.zeros((2, 6))), [0.0], r"at 0 s: rotation has shape \(3, 3\): \(2, 3, 3\)"),
+        (lambda _: Halves(np.eye(3), np.zeros((2, 6))), [0, 0.1], r"at 0 s: rotation has shape \(3, 3\): \(2, 3, 3\)"),
     ],
 )
 def test_a_flight_that_cannot_be_is_refused(motion: Any, time: list[float], message: str) -> None:
