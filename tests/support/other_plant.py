@@ -123,7 +123,7 @@ class Geometry:
         for side, (first, second) in ((1.0, (0, 1)), (-1.0, (2, 3))):
             mirror = np.array([1.0, side, 1.0])
             flip = np.diag(mirror)
-            about_x = Rotation.from_euler("x", [side * s, side * e]).as_matrix()
+            about_x = Rotation.from_rotvec(side * np.outer([s, e], [1.0, 0.0, 0.0])).as_matrix()
             Ri, p = state.R @ about_x[0], state.x + state.R @ (SHOULDER_AT * mirror)
             axis = state.R @ AXES[first]
             wi = axis * self.rates[first]
@@ -276,7 +276,7 @@ def fly_elsewhere(
             parts = g.momenta(v, w, state.x)
             if before is not None:
                 torques.append(_torques(before, parts))
-            q = np.concatenate([state.x, Rotation.from_matrix(state.R).as_quat(), g.angles])
+            q = np.concatenate([state.x, Rotation.from_matrix(state.R).as_quat(canonical=True), g.angles])
             samples.append(np.concatenate([q, state.R.T @ v, state.R.T @ w, g.rates, [crank_at(t, frequency)[0]]]))
         if k == count:
             break
