@@ -136,7 +136,7 @@ def test_nothing_is_said_of_rotors_that_hover(seed: int, tmp_path: Path) -> None
 
 @pytest.mark.parametrize("seed", [42, *further(41)])
 def test_a_faint_push_that_lasts_is_one_contact(seed: int, tmp_path: Path) -> None:
-    """Single samples pass a threshold here and there: 0.7 N for 1.5 s were several, as where a hole of 1000 s follows."""
+    """Single samples pass a threshold here and there: 0.7 N for 1.5 s were several, also before a hole of 1000 s."""
     pushes = ((2.0, 4.0), (5.5, 7.0))
     fly(21)[0].to_csv(tmp_path / "free.csv", index=False)
     table, _ = fly(seed, lambda t: np.array([1.5 * (2.0 < t < 4.0), -0.7 * (5.5 < t < 7.0), 0.0]))

@@ -329,13 +329,13 @@ def test_a_model_that_nothing_checks_says_why(points: list[str], why: str, folde
 
 def test_a_joint_that_another_recording_holds_says_nothing_of_its_current(folder: Path, learnt: Calibration) -> None:
     """It was refused: "learnt with the effort of bend = 1.6 N m per unit, but 1 N m per unit is believed"."""
-    changes: dict[str, Any] = {"joints.names": JOINTS[:2], "joints.held": {"bend": 0.8}}
+    changes: dict[str, Any] = {"joints.names": swinging_arm.JOINTS[:2], "joints.held": {"bend": 0.8}}
     changes |= {
-        f"joints.{part}.columns": arm_map()["joints"][part]["columns"][:2]
+        f"joints.{part}.columns": swinging_arm.arm_map()["joints"][part]["columns"][:2]
         for part in ("position", "velocity", "effort")
     }
-    record = recorded(folder / "pushed.csv", edited(arm_map(), changes))
-    assert learnt.forces(learnt.applied(record)).values.joints == tuple(JOINTS)
+    record = recorded(folder / "pushed.csv", edited(swinging_arm.arm_map(), changes))
+    assert learnt.forces(learnt.applied(record)).values.joints == tuple(swinging_arm.JOINTS)
 
 
 def test_what_cannot_be_learnt_or_used_is_refused(
