@@ -192,7 +192,7 @@ def _without_drift(
 def _about_the_course(placements: Array, twists: Array, level: Array, velocity: Array, time: Array) -> Array:
     """Return position, velocity over ground, turn and body rate (n, 12) of a body, less those of its course."""
     places, speeds = placements[:, :3] - time[:, None] * velocity, world_velocity(placements, twists) - velocity
-    turns = [pin.log3(one) for one in pin.Quaternion(level).matrix().T @ rotation_matrices(placements[:, 3:])]
+    turns = [pin.log3(turn) for turn in pin.Quaternion(level).matrix().T @ rotation_matrices(placements[:, 3:])]
     return np.concatenate([places, speeds, turns, twists[:, 3:]], axis=1)
 
 

@@ -176,5 +176,5 @@ def _played(observer: Observer, record: Record, inputs: KnownInputs, size: float
             change = (after.components - before.components)[wait:, columns]
             wrong = np.max(np.abs(change - size * np.eye(len(columns))[3 * at + k]), axis=1)
             share = float(np.mean(wrong <= FORCE_TOLERANCE * size))
-            found = np.mean(change, axis=0).reshape(-1, 3)
-            yield Check.of(observer.name, frames, at, axis, size, found, share, whole=whole)
+            force = np.mean(change, axis=0).reshape(-1, 3)
+            yield Check.of(observer.name, frames, at, axis, size, force, share, whole=whole)

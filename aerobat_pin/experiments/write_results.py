@@ -59,8 +59,8 @@ def read_run(folder: Path) -> tuple[Scenario, FlightLog, xr.Dataset]:
     missing = [name for name in names if not os.path.isfile(folder / name)]  # False for names that no file can have
     if missing:
         page = folder / "replay.html"  # of an estimate by a map
-        there = f"; it has a replay: open {page}" if os.path.isfile(page) else ""
-        raise LogError(f"{folder} is not the folder of a run: it has no {', '.join(missing)}{there}")
+        hint = f"; it has a replay: open {page}" if os.path.isfile(page) else ""
+        raise LogError(f"{folder} is not the folder of a run: it has no {', '.join(missing)}{hint}")
     scenario, log = scenario_of_run(folder), FlightLog.load(folder / "flight.nc")
     return scenario, log, read_estimates(folder / "estimate.nc", log)
 

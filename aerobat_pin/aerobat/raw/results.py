@@ -75,8 +75,8 @@ def smoothed_raw(
     )
     estimates = {}
     for name in names:
-        found = filtered(record, smoother, smoothed) if name == "kalman" else smoothed
-        estimates[name] = as_estimate(name, checked, inputs, robot, torque, found)
+        estimate = filtered(record, smoother, smoothed) if name == "kalman" else smoothed
+        estimates[name] = as_estimate(name, checked, inputs, robot, torque, estimate)
     extra = {"crank": smoothed.nominal.crank.T}
     block = Block(inputs.time, inputs.q, inputs.v, inputs.tau, extra, frozenset(channels), inputs.source)
     return SmoothedMotion(block, inputs.known, estimates)
@@ -121,19 +121,19 @@ def smoothed_inputs(record: RawRecord, robot: Aerobat, smoother: JointSmoother, 
 
 
 def as_estimate(
-    name: str, checked: Estimate, inputs: KnownInputs, robot: Aerobat, torque: Torque, found: JointEstimate
+    name: str, checked: Estimate, inputs: KnownInputs, robot: Aerobat, torque: Torque, estimate: JointEstimate
 ) -> Estimate:
     """Return the forces that smoother or filter found as an estimate; without torques, their sum over the frames.
 
     Identifiability and redundancy are those that `force_level` checked along the smoothed motion.
     """
-    (m, points, _), covariance, (total, count) = found.force.shape, found.force_covariance, found.innovation.T
+    (m, points, _), covariance, (total, count) = estimate.force.shape, estimate.force_covariance, estimate.innovation.T
     counted = count > 0.0
     nis = np.where(counted, total / np.maximum(count, 1.0), 1.0)
     centred = nis[counted] - 1.0
     white = float(np.sum(centred[1:] * centred[:-1]) / max(float(np.sum(centred[:-1] ** 2)), 1e-300))
-    components, frames, units = found.force.reshape(m, -1), checked.frames, checked.units
-    identifiability, warnings = checked.identifiability, warnings_of(found)
+    components, frames, units = estimate.force.reshape(m, -1), checked.frames, checked.units
+    identifiability, warnings = checked.identifiability, warnings_of(estimate)
     if torque == "none" and points > 1:
         warnings.append(f"torque none: the split between {', '.join(frames)} is not determined; the sum is given")
         adding = np.tile(np.eye(3), points)
@@ -148,11 +148,11 @@ def as_estimate(
         components=components,
         frames=frames,
         units=units,
-        residual=generalised(robot, checked.frames, inputs, found.force),
+        residual=generalised(robot, checked.frames, inputs, estimate.force),
         identifiability=identifiability,
         standard_deviation=deviation,
         innovation=Innovation(nis, white),
-        notes=tuple(notes_of(found)),
+        notes=tuple(notes_of(estimate)),
         warnings=tuple(warnings),
     )
 
@@ -182,8 +182,8 @@ def warnings_of(smoothed: JointEstimate) -> list[str]:
     """Return what spoils the estimate: clock offsets, stated noise that the samples contradict, no convergence."""
     lines = []
     if sure := [offset for offset in smoothed.offsets if offset.sure]:
-        told = "; ".join(map(str, sure)) if smoothed.applied else str(sure[0])
-        lines.append(f"late channel: {told}; {'' if smoothed.applied else 'not '}applied: observers.raw.apply_offsets")
+        words = "; ".join(map(str, sure)) if smoothed.applied else str(sure[0])
+        lines.append(f"late channel: {words}; {'' if smoothed.applied else 'not '}applied: observers.raw.apply_offsets")
     for name, ratio in smoothed.nis.items():
         if not NIS_LIMITS[0] < ratio < NIS_LIMITS[1]:
             lines.append(

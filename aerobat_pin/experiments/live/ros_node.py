@@ -183,7 +183,7 @@ class ForceNode:
             f"nobody publishes {', '.join(sorted(self._wanted))}": self._wanted,
             "the observers have just started": not health.settled,
         }
-        trouble = next((words for words, there in troubles.items() if there), None)
+        trouble = next((words for words, applies in troubles.items() if applies), None)
         level = kind.STALE if idle else kind.WARN if trouble else kind.OK
         words = trouble or ("no estimates in the last second" if idle else "estimates")
         pairs = [self._diagnostic.KeyValue(key=key, value=str(value)) for key, value in values.items()]

@@ -196,7 +196,7 @@ def _overwrites(last: str, key: str) -> bool:
     """Return whether setting a dotted key sets another anew: itself, or a table or list (`*`: each item) above it."""
     above, parts = last.split("."), key.split(".")
     return len(above) <= len(parts) and all(
-        one == other or "*" in (one, other) for one, other in zip(above, parts, strict=False)
+        part == other or "*" in (part, other) for part, other in zip(above, parts, strict=False)
     )
 
 
