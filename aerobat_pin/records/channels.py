@@ -197,10 +197,10 @@ def _holes(request: Request, clocks: list[Series], longest: float) -> tuple[tupl
         for hole in gaps[id(stamps)]:
             labels.setdefault(hole, []).append(label)
 
-    def told(whose: list[str]) -> str:
+    def name_of(whose: list[str]) -> str:
         return request.key if len(whose) == len(clocks) else f"{request.key} of {', '.join(whose)}"
 
-    return tuple((begin - request.delay, end - request.delay, told(whose)) for (begin, end), whose in labels.items())
+    return tuple((begin - request.delay, end - request.delay, name_of(whose)) for (begin, end), whose in labels.items())
 
 
 def _unwrapped(columns: Columns, request: Request, table: Array, before: Series) -> Array:
@@ -262,9 +262,9 @@ def _asked(
     """
     kind, counts, part, axes = ASKED[key]
     section = section or ChannelSection()
-    own = bool(section.columns or section.topic)
-    optional = twist and key in TWIST and not own
-    part, topic = TWIST[key] if optional else part, section.topic if own else shared
+    stated = bool(section.columns or section.topic)
+    optional = twist and key in TWIST and not stated
+    part, topic = TWIST[key] if optional else part, section.topic if stated else shared
     names = section.columns or tuple(f"{topic}.{part}.{axis}" for axis in axes if topic)
     if names:
         check_count(key, names, counts)

@@ -188,8 +188,8 @@ class GrowingTable:
 
     def _columns_rise(self, stamps: Array) -> bool:
         """Return whether the stamps (n,) of each column's samples rise, as where some sensors come late."""
-        own = (stamps[np.isfinite(series[:])] for series in self._columns.values())
-        return bool(np.all(np.isfinite(stamps))) and all(np.all(np.diff(time) > 0.0) for time in own)
+        times = (stamps[np.isfinite(series[:])] for series in self._columns.values())
+        return bool(np.all(np.isfinite(stamps))) and all(np.all(np.diff(time) > 0.0) for time in times)
 
 
 def _rounded_to(time: Array, rows: NDArray[np.intp]) -> float:

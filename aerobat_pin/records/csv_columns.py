@@ -194,8 +194,8 @@ def _stamps(path: Path, log: LogTable, column: str | None, values: dict[str, Arr
 
 def _time_column(path: Path, names: list[str]) -> str:
     """Return the name of the column that looks like a time. Raises LogError, which asks for it, if none does."""
-    if found := [name for wanted in TIME_NAMES for name in names if name.lower() == wanted]:
-        return found[0]
+    if columns := [name for wanted in TIME_NAMES for name in names if name.lower() == wanted]:
+        return columns[0]
     raise LogError(
         f"log {path}: which column is the time? Write [log] time = {{column = ..., unit = ...}} into the map, or "
         f"time = {{rate = 1000}} if there is none; columns: {', '.join(names[:40])}"

@@ -78,8 +78,8 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         key, section = f"joints.{part}", getattr(table, part)
         if getattr(section, "from_", None) == "position":
             continue
-        own = None if section is None else section.topic
-        topic = own or table.topic
+        part_topic = None if section is None else section.topic
+        topic = part_topic or table.topic
         columns = () if section is None else section.columns
         whose, counts = joints, (len(joints), len(joints))
         if part == "effort":  # a topic need not tell what is not believed, unless others are coupled to it
@@ -89,7 +89,7 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
             check_count(key, names, counts)
         elif topic is not None and whose:
             names = tuple(f"{topic}.{part}.{heard.get(joint, joint)}" for joint in whose)
-            optional = own is None and part != "position"
+            optional = part_topic is None and part != "position"
         else:
             continue
         unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
@@ -107,8 +107,8 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         factor[others] = 1.0
         units = []
         for joint, slid, other in zip(whose, slides, others, strict=True):
-            one = (slide_unit if slid else unit) if slide_unit else None if other else unit
-            units.append(one or ("" if slid and {joint, "*"} & given else SI_UNITS[part][slid]))
+            joint_unit = (slide_unit if slid else unit) if slide_unit else None if other else unit
+            units.append(joint_unit or ("" if slid and {joint, "*"} & given else SI_UNITS[part][slid]))
         mix, turns = None, list[float]()
         shift: float | Array = 0.0
         if geared:
@@ -116,7 +116,7 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         if part == "position":
             shift = encoder_offset(table, joints) if geared else 0.0
             gear = [0.0 if slid else abs(_gear(table, joint)) for joint, slid in zip(whose, slides, strict=True)]
-            turns = [2.0 * np.pi / (each * one) if each else 0.0 for each, one in zip(gear, factor, strict=True)]
+            turns = [2.0 * np.pi / (each * scale) if each else 0.0 for each, scale in zip(gear, factor, strict=True)]
         yield Request(
             key, names, factor, delay, optional, whose, tuple(units), mix=mix, shift=shift, turns=tuple(turns)
         )
@@ -134,8 +134,8 @@ def _of_other_kind(
     lengths = SLIDING_UNITS[part]
     others = [robot.slides(name) != (unit in lengths) and not {name, "*"} & {*given} for name in joints]
     if all(others) and others:
-        known = [one for one in SI_FACTORS[JOINT_KINDS[part]] if one not in CURRENTS]
-        expected = " or ".join(one for one in known if (one in lengths) != (unit in lengths))
+        known = [each for each in SI_FACTORS[JOINT_KINDS[part]] if each not in CURRENTS]
+        expected = " or ".join(each for each in known if (each in lengths) != (unit in lengths))
         what = "turn" if unit in lengths else "slide"
         raise LogError(
             f"map: joints.{part}.unit = '{unit}', but {', '.join(joints)} {what if len(joints) > 1 else f'{what}s'}: "

@@ -61,10 +61,10 @@ def read_netcdf_columns(path: Path, log: LogTable, wanted: Iterable[str] | None)
     clock_of: dict[str, str] = {}
     arrays = list[str]()
     with netcdf_variables(path, "log", NETCDF_GROUPS) as groups:
-        series = [name for name, one in groups[""].items() if len(one.dims) == 1 and one.kind in "fiu"]
+        series = [name for name, variable in groups[""].items() if len(variable.dims) == 1 and variable.kind in "fiu"]
         for group, variables in groups.items():
             prefix, over = f"{group}/" if group else "", set[str]()
-            arrays += [f"{prefix}{name}." for name, one in variables.items() if len(one.dims) > 1]
+            arrays += [f"{prefix}{name}." for name, variable in variables.items() if len(variable.dims) > 1]
             for clock in times:
                 if clock not in variables or len(variables[clock].dims) != 1 or not variables[clock].shape[0]:
                     continue

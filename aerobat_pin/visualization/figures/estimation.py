@@ -236,7 +236,7 @@ def _enlarged(result: Result, panels: _Panels, events: Sequence[TrueEvent]) -> _
     begin = begin if begin < first.start[-1] else -np.inf
     drawn = [k for k, (frame, label) in enumerate(panels.places) if frame in panels.frames and label in panels.labels]
     time, force = estimate_lines(first, lambda part, _: np.where(part.shown, part.components, np.nan)[:, drawn], begin)
-    middle, column = _fastest_change(time[recorded := np.isfinite(time)], force[recorded], length)  # parts may be short
+    middle, column = _fastest_change(time[finite := np.isfinite(time)], force[finite], length)  # parts may be short
     label = panels.places[drawn[column]][1]
     start, end = _samples_around(first, middle - 0.5 * length, middle + 0.5 * length)
     return _Enlarged(start - result.start, end - result.start, label, "fastest change")

@@ -152,8 +152,8 @@ def replay_result(outcome: Experiment | Result) -> Replay:
     at = np.minimum(rows, last - first - 1)
     for name, stored in outcome.stored.items():
         estimate = stored.between(low, low + last - first)
-        found = force_columns(estimate).items()
-        forces = {frame: estimate.components[at][:, columns[:3]] for frame, columns in found}
+        by_frame = force_columns(estimate).items()
+        forces = {frame: estimate.components[at][:, columns[:3]] for frame, columns in by_frame}
         if forces:
             replay.add_forces(f"estimated force ({name})", style.ESTIMATES[0], forces, choice=name)
     for reference in outcome.references:
