@@ -195,8 +195,8 @@ def carried_by_rows(model: pin.Model) -> Array:
     return np.asarray(scale_of_forces(model) * np.maximum(share, LEAST_CARRIED * row_scale(model)))
 
 
-def no_less(record: Record, found: Mapping[str, float]) -> dict[str, float]:
+def no_less(record: Record, errors: Mapping[str, float]) -> dict[str, float]:
     """Return errors of rows [N or N m], found while unknown forces pushed, none of them less than `least_row_error`."""
     rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
     least = zip(row_names(record.robot.model), least_row_error(record.robot.model, rows).tolist(), strict=True)
-    return {row: max(found[row], size) for row, size in least if row in found}
+    return {row: max(errors[row], size) for row, size in least if row in errors}

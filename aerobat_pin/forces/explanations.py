@@ -49,14 +49,14 @@ class EffortRows:
     needed: Array
     rates: Array  # (m, k) how fast the efforts change [N/s, N m/s]
     forces: Array  # (m, c, k) S J, of forces of the size expected, or so many times that
-    own: Array  # (m, k, p) friction and constants of the driven joints' rows, and rotors if they are sought
+    joint_terms: Array  # (m, k, p) friction and constants of the driven joints' rows, and rotors if they are sought
     prior: Array  # (p,) B^-2
     variance: Array  # (m, k) what is expected of R
     driven: Sequence[int]  # the rows of driven joints
 
     def but(self, quarters: range) -> EffortRows:
         """Return the rows without some quarters of the record."""
-        series = ("y", "effort", "needed", "rates", "forces", "own", "variance")
+        series = ("y", "effort", "needed", "rates", "forces", "joint_terms", "variance")
         kept: dict[str, Any] = {name: without_quarters(getattr(self, name), quarters) for name in series}
         return replace(self, **kept)
 
@@ -108,16 +108,18 @@ def effort_rows(
     kept, some = instants.kept, instants.weighed
     y, (coulomb, viscous, _, effort) = instants.rows[some][:, kept], instants.columns[:, some]
     J = forces * expected.force[:, None] * jacobians[:, :, kept]
-    one = np.eye(len(kept))[:, driven]
+    identity = np.eye(len(kept))[:, driven]
     likely = (coulomb, viscous, *[instants.around[1, some]] * rotors)
-    own = np.concatenate([x[:, :, None] * one for x in (*likely, np.ones_like(y))], axis=2)
+    joint_terms = np.concatenate([x[:, :, None] * identity for x in (*likely, np.ones_like(y))], axis=2)
     rests = np.abs(instants.sliding[:, driven]).max(axis=0) < SLIDES_AT
     stiction = np.where(rests, expected.stiction[np.array(kept)[driven]], 0.0)
-    held = np.maximum(np.maximum(OFFSET * column_rms(effort)[driven], stiction), 1e-9)
-    prior = np.concatenate([np.zeros(len(likely) * len(driven)), held**-2.0])
+    constants = np.maximum(np.maximum(OFFSET * column_rms(effort)[driven], stiction), 1e-9)
+    prior = np.concatenate([np.zeros(len(likely) * len(driven)), constants**-2.0])
     variance = expected.row_deviation(instants.v[some])[:, kept] ** 2
     J = J if forces else J[:, :0]
-    return EffortRows(y, effort, instants.around[0, some], instants.rates[some], J, own, prior, variance, driven)
+    return EffortRows(
+        y, effort, instants.around[0, some], instants.rates[some], J, joint_terms, prior, variance, driven
+    )
 
 
 def most_likely_with(rows: EffortRows, columns: Array | None = None, start: Explanation | None = None) -> Explanation:
@@ -125,7 +127,7 @@ def most_likely_with(rows: EffortRows, columns: Array | None = None, start: Expl
 
     It begins with the errors that were most likely at the `start`, with another change.
     """
-    y, x = rows.y, rows.own if columns is None else np.concatenate([rows.own, columns], axis=2)
+    y, x = rows.y, rows.joint_terms if columns is None else np.concatenate([rows.joint_terms, columns], axis=2)
     prior = np.concatenate([rows.prior, np.zeros(x.shape[2] - len(rows.prior))])
     at, reached = range(y.shape[1]), np.swapaxes(rows.forces, 1, 2) @ rows.forces
     size, flat = np.ones(y.shape[1]) if start is None else start.row_size, x.reshape(y.size, -1)
@@ -157,13 +159,13 @@ def most_likely_with(rows: EffortRows, columns: Array | None = None, start: Expl
 
 def screened(rows: EffortRows, without: Explanation, columns: Sequence[Array], shifts: Sequence[Array]) -> Array:
     """Return about how much each of some columns (m, k, p), and of some shifts (m, k), gains: with R as without it."""
-    parts = [rows.own, *columns, *(shift[..., None] for shift in shifts)]
+    parts = [rows.joint_terms, *columns, *(shift[..., None] for shift in shifts)]
     x = np.concatenate([*parts, rows.y[..., None]], axis=2)
     gram = x.reshape(rows.y.size, -1).T @ (without.precision @ x).reshape(rows.y.size, -1)
     n = len(rows.prior)
     gram[range(n), range(n)] += rows.prior
-    own = _inverse_of_shown(gram[:n, :n])
-    gram = gram[n:, n:] - gram[n:, :n] @ own @ gram[:n, n:]  # what these leave
+    inverse = _inverse_of_shown(gram[:n, :n])
+    gram = gram[n:, n:] - gram[n:, :n] @ inverse @ gram[:n, n:]  # what these leave
     gains, at = [], 0
     for part in columns:
         chosen = slice(at, at + part.shape[2])

@@ -92,19 +92,19 @@ class FittedValues:
             size[every] = as_others_rub(size[every], np.isin(every, known), effort_limits(robot.model, every))
         return size, rate
 
-    def joined(self, found: FittedValues) -> FittedValues:
-        """Return these values of joints whose friction is known with what was `found` of other joints."""
-        law, more = self.friction, found.friction
+    def joined(self, other: FittedValues) -> FittedValues:
+        """Return these values of joints whose friction is known with what was found of `other` joints."""
+        law, more = self.friction, other.friction
         assert law is not None
         assert more is not None
         names = "coulomb", "viscous", "inertia", "offset"
         both = {name: np.concatenate([getattr(law, name), getattr(more, name)]) for name in names}
         return replace(
-            found,
-            joints=(*self.joints, *found.joints),
+            other,
+            joints=(*self.joints, *other.joints),
             friction=JointFriction(**both, rate=law.rate),
-            scale=np.concatenate([self.scale, found.scale]),
-            row_noise={**found.row_noise, **self.row_noise},
+            scale=np.concatenate([self.scale, other.scale]),
+            row_noise={**other.row_noise, **self.row_noise},
         )
 
 

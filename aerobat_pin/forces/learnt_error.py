@@ -69,7 +69,7 @@ class LearntError:
     def deviation(self, condition: Condition) -> Array:
         """Return the standard deviation (m, nv) of the reduced error about `force` [N, N m]."""
         terms = self.regressors(condition)
-        weights = np.stack([np.sum((terms @ one) * terms, axis=1) for one in self.covariance], axis=1)
+        weights = np.stack([np.sum((terms @ cov) * terms, axis=1) for cov in self.covariance], axis=1)
         variance = np.maximum(weights, 0.0) + (DAILY * self.size) ** 2 + self.remainder**2
         return np.asarray(np.sqrt(variance))
 
@@ -92,9 +92,9 @@ class LearntError:
 
 def alone(values: Array, row: int) -> Array:
     """Return a force (m, nv) that has one row of the given one alone."""
-    found = np.zeros_like(values)
-    found[:, row] = values[:, row]
-    return found
+    force = np.zeros_like(values)
+    force[:, row] = values[:, row]
+    return force
 
 
 def falling(order: int) -> Array:
@@ -172,34 +172,36 @@ def fit_learnt_error(
         steps: length of an interval of each [s].
         order: highest harmonic.
     """
-    values = np.concatenate([one.values for one in conditions])
-    centre, scale = np.mean(values, axis=0), np.mean([one.scale for one in conditions], axis=0)
+    values = np.concatenate([condition.values for condition in conditions])
+    centre, scale = np.mean(values, axis=0), np.mean([condition.scale for condition in conditions], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
-    targets = [one.reduced(residual) for one, residual in zip(conditions, residuals, strict=True)]
+    targets = [condition.reduced(residual) for condition, residual in zip(conditions, residuals, strict=True)]
     size = _error_sizes(conditions, targets, order)
-    flights = [_flight_terms(*one, order, centre, scale) for one in zip(conditions, targets, known, steps, strict=True)]
+    flights = [
+        _flight_terms(*each, order, centre, scale) for each in zip(conditions, targets, known, steps, strict=True)
+    ]
     count, width = weight_count(order, len(centre)), 2 * order + 1
     prior = np.concatenate([_prior(order, len(centre)), np.tile(DAILY**2 * shares(order), len(flights))])
-    terms = np.zeros((sum(len(one.slope) for one in flights), count + width * len(flights)))
+    terms = np.zeros((sum(len(flight.slope) for flight in flights), count + width * len(flights)))
     at = 0
-    for j, one in enumerate(flights):
-        rows = slice(at, at + len(one.slope))
-        terms[rows, :count] = one.terms
-        terms[rows, count + width * j : count + width * (j + 1)] = one.terms[:, :width]
-        at += len(one.slope)
+    for j, flight in enumerate(flights):
+        rows = slice(at, at + len(flight.slope))
+        terms[rows, :count] = flight.terms
+        terms[rows, count + width * j : count + width * (j + 1)] = flight.terms[:, :width]
+        at += len(flight.slope)
     terms *= np.sqrt(prior)
-    target, doubted = (np.concatenate([getattr(one, name) for one in flights]) for name in ("target", "doubted"))
+    target, doubted = (np.concatenate([getattr(flight, name) for flight in flights]) for name in ("target", "doubted"))
     share = _share(target, doubted, size)
     target -= share * doubted
     mean, covariance = np.zeros((count, len(size))), np.zeros((len(size), count, count))
-    left = np.zeros(len(size))
+    remainder = np.zeros(len(size))
     for i in np.flatnonzero(size > 0.0):
-        noise = np.concatenate([one.noise[i] * one.slope for one in flights]) / size[i] ** 2
-        found, spread, rest = _weights(terms, target[:, i] / size[i], noise)
+        noise = np.concatenate([flight.noise[i] * flight.slope for flight in flights]) / size[i] ** 2
+        weights, spread, rest = _weights(terms, target[:, i] / size[i], noise)
         root = size[i] * np.sqrt(prior[:count])
-        mean[:, i], covariance[i] = root * found[:count], np.outer(root, root) * spread[:count, :count]
-        left[i] = size[i] * np.sqrt(rest * np.mean([one.share for one in flights]))
-    return LearntError(order, conditions[0].states, share, centre, scale, size, mean, covariance, left)
+        mean[:, i], covariance[i] = root * weights[:count], np.outer(root, root) * spread[:count, :count]
+        remainder[i] = size[i] * np.sqrt(rest * np.mean([flight.share for flight in flights]))
+    return LearntError(order, conditions[0].states, share, centre, scale, size, mean, covariance, remainder)
 
 
 def _share(target: Array, doubted: Array, size: Array) -> float:
@@ -231,9 +233,9 @@ def _weights(terms: Array, target: Array, noise: Array) -> tuple[Array, Array, f
     used = np.eye(len(mean)) - covariance  # tr H = tr used, tr H^2 = |used|^2
     free = 1.0 - (2.0 * np.trace(used) - np.sum(used**2)) / len(target)
     share = rest / variance
-    left = float(np.mean(share**2 * (target - terms @ mean) ** 2 / free + rest * (1.0 - share)))
-    told = weighted.T @ ((noise + left)[:, None] * weighted) + np.eye(len(mean))
-    return mean, covariance @ told @ covariance, left
+    remainder = float(np.mean(share**2 * (target - terms @ mean) ** 2 / free + rest * (1.0 - share)))
+    gram = weighted.T @ ((noise + remainder)[:, None] * weighted) + np.eye(len(mean))
+    return mean, covariance @ gram @ covariance, remainder
 
 
 def _flight_terms(
@@ -283,7 +285,7 @@ def _error_sizes(conditions: Sequence[Condition], targets: Sequence[Array], orde
 
     Half of the harmonics have nearly all of it, and the least of the sensors' noise.
     """
-    terms = np.concatenate([series(one.phase, order // 2) for one in conditions])
+    terms = np.concatenate([series(condition.phase, order // 2) for condition in conditions])
     target = np.concatenate(targets)
     size = np.sqrt(np.mean((terms @ np.linalg.lstsq(terms, target, rcond=None)[0]) ** 2, axis=0))
     for rows in conditions[0].alike:

@@ -118,18 +118,18 @@ class _Group:
         """Return what pushed here, of `count` intervals."""
         stands_out = self.largest.rank[0] and not self.contacts
         short = not stands_out and self.blow.rank[0] and self.blow.sure > SHORT_BLOW * self.usual
-        found = self.blow if short else self.largest
+        largest = self.blow if short else self.largest
         stated = [sizes[k].deviation for k in self.columns]
-        along, peak = float(along_itself(found.force, found.deviation)), float(np.linalg.norm(found.force))
+        along, peak = float(along_itself(largest.force, largest.deviation)), float(np.linalg.norm(largest.force))
         typical = [noise[k] if size is None else size for k, size in zip(self.columns, stated, strict=True)]
         return Push(
             place=point_label(self.place),
             unit=self.unit,
             peak=peak,
-            at=found.time - start,
-            way=_way(found.force, self.axes, level=self.level),
+            at=largest.time - start,
+            way=_way(largest.force, self.axes, level=self.level),
             deviation=None if stated == [None] * len(stated) or (short and along > peak) else along,
-            sure=found.sure / SURE_OF_CONTACT,
+            sure=largest.sure / SURE_OF_CONTACT,
             rms=(self.squares / count) ** 0.5,
             lasting=(self.shares / count) ** 0.5,
             error=float(np.linalg.norm(typical)),

@@ -65,7 +65,7 @@ class StoredEstimate:
             self._columns = {name: Series(self._spool, *rows.shape[1:]) for name, rows in columns.items()}
             self.head = empty
         judged = self.head.identifiability, block.identifiability
-        worst = min(judged, key=lambda one: (one.rank, -one.condition))
+        worst = min(judged, key=lambda each: (each.rank, -each.condition))
         self.head = replace(self.head, innovation=empty.innovation, identifiability=worst)
         for name, series in self._columns.items():
             series.append(columns[name])
