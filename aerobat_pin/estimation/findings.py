@@ -93,7 +93,7 @@ def verdict_of(
     sought = scores.events is not None and (head.are_world_forces or not head.frames)
     level = level and bool(head.frames)  # else rows of a base are in its own axes
     pushes, least = pushes_of(estimate, start, contacts if sought else (), level=level), dict[str, float]()
-    for unit, size in [(one.unit, one.peak) for one in pushes] + [(one.unit, one.size) for one in contacts]:
+    for unit, size in [(push.unit, push.peak) for push in pushes] + [(event.unit, event.size) for event in contacts]:
         least[unit] = max(least.get(unit, 0.0), CROSSTALK * size)
     if head.expected_force is None:  # else the deviations contain the errors of the belief
         least["N"] = max(least.get("N", 0.0), estimate.redundancy.least)
@@ -104,7 +104,7 @@ def verdict_of(
         blows = [push for push in certain if push.short]  # too short for a contact
         named = sorted(contacts, key=lambda event: -event.size)[: SAID_AT_MOST - len(blows[:1])]
         named.sort(key=lambda event: event.onset)
-        certain = [contact_push(estimate, one, start, level=level) for one in named] + blows
+        certain = [contact_push(estimate, event, start, level=level) for event in named] + blows
         count = len(contacts) + len(blows)
         places = {place_of(event, estimate) for event in contacts} | {push.place for push in blows}
         what = what if count == 1 else f"{count} {plural}, at"

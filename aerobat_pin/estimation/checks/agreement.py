@@ -185,13 +185,13 @@ def reading_findings(
     low = -np.inf if weightless else low
     shares, misfit, upward = dict[Reading, Array](), dict[Reading, float](), dict[Reading, float]()
     for reading, turns in attitudes.items():
-        made = pairs(turns)
-        shares[reading] = share = _shares(made)
+        agreements = pairs(turns)
+        shares[reading] = share = _shares(agreements)
         misfit[reading] = float(np.linalg.norm(share)) / max(len(share), 1) ** 0.5
         upward[reading] = _upward(turns, specific_force)
         fits = len(share) > 0 and misfit[mapped] < CERTAINLY_FITS and upward[mapped] > low
         if reading == mapped:
-            seem = [_other_way(pair) for pair in made]
+            seem = [_other_way(pair) for pair in agreements]
             if fits or any(alone for _, alone in seem):
                 others = []
                 break
@@ -237,7 +237,7 @@ def _other_way(pair: Agreement) -> tuple[str, bool]:
         return "", False
     moving = comparison.swings.max(axis=0) > LEAST_MOTION
     wrong, clear = moving & (comparison.correlation < -FOLLOWS), np.abs(comparison.correlation[moving]) > FOLLOWS
-    labels = ", ".join(label for label, one in zip(pair.labels, wrong, strict=True) if one)
+    labels = ", ".join(label for label, is_wrong in zip(pair.labels, wrong, strict=True) if is_wrong)
     words = f"; or {pair.names[1]} counts the other way {labels}" if labels else ""
     return words, bool(clear.all()) and len(clear) > 2 and int(wrong.sum()) == 1
 

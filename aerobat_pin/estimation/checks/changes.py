@@ -79,9 +79,9 @@ class Change:
         width = 2 if self.doubt else 1
         return [range(first, first + width) for first in range(QUARTERS + 1 - width)]
 
-    def enough(self, found: Explanation) -> float:
+    def enough(self, explanation: Explanation) -> float:
         """Return the share of what is left, in squares, that it must leave at most."""
-        return LEFT_BY_CHANGE if np.any(np.abs(found.size) > self.large) else self.leaves
+        return LEFT_BY_CHANGE if np.any(np.abs(explanation.size) > self.large) else self.leaves
 
     def likely(self, rows: EffortRows, without: Explanation, but: range | None = None) -> tuple[float, Explanation]:
         """Return by how much it makes the rows likelier, for its price, and what is most likely with it.
@@ -94,8 +94,8 @@ class Change:
             mapped, changed = mapped.but(but), changed.but(but)
             columns = None if columns is None else without_quarters(columns, but)
         before = without if mapped is rows else most_likely_with(mapped, None, without)
-        found = most_likely_with(changed, columns, without)
-        return before.loss - found.loss, found
+        explanation = most_likely_with(changed, columns, without)
+        return before.loss - explanation.loss, explanation
 
 
 def sliding_rows(instants: Instants) -> NDArray[np.bool_]:
@@ -113,13 +113,13 @@ def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, wit
     """Yield factors of efforts, and exchanged ones."""
     driven = driven_rows(record, instants)
     names, at = [joint for joint, _ in driven], [place for _, place in driven]
-    one, moving = np.eye(len(instants.kept))[:, at], bool(sliding_rows(instants).any())
+    identity, moving = np.eye(len(instants.kept))[:, at], bool(sliding_rows(instants).any())
     all_alike, each_own = partial(_common, record, names, moving), partial(_own_factors, names, moving)
     one_own = [partial(_own_factors, [name], moving) for name in names]
     for true in (rows.needed, rows.needed - without.around):  # forces that wrong efforts show are wrong, too
-        needed = true[:, :, None] * one
+        needed = true[:, :, None] * identity
         common = Change(all_alike, needed.sum(axis=2, keepdims=True), doubt=FACTOR)
-        single = [Change(told, needed[:, :, [k]], doubt=FACTOR) for k, told in enumerate(one_own)]
+        single = [Change(findings_of, needed[:, :, [k]], doubt=FACTOR) for k, findings_of in enumerate(one_own)]
         yield common
         yield Change(each_own, needed, doubt=FACTOR, cases=(common, *single))
         yield from single
@@ -158,23 +158,24 @@ def no_names(*_: object) -> Sequence[Finding]:
     return ()
 
 
-def _common(record: Record, names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:
+def _common(record: Record, names: Sequence[str], moving: bool, explanation: Explanation, _: str) -> Sequence[Finding]:
     """Return that all efforts would have to be larger or smaller by one factor, or reversed."""
-    if _show_nothing(found).all():
+    if _show_nothing(explanation).all():
         return [no_effort("all efforts show")]
-    factors = _factor_of(found.size)
+    factors = _factor_of(explanation.size)
     named = np.abs(factors - 1.0) > NAMED if moving else _beyond(factors, GROSS)
     return [of_all(record, names, float(factors[0]))] if named[0] else []
 
 
-def _own_factors(names: Sequence[str], moving: bool, found: Explanation, _: str) -> Sequence[Finding]:
+def _own_factors(names: Sequence[str], moving: bool, explanation: Explanation, _: str) -> Sequence[Finding]:
     """Return the efforts that would have to be larger or smaller by a factor of their own, or reversed.
 
     Not if they are many: then it is the model that is wrong, or what pushes.
     """
-    nothing, clearly = np.flatnonzero(_show_nothing(found)).tolist(), _clearly(found)
-    sure = (np.abs(found.size) > clearly) & (np.abs(1.0 - found.size) > clearly)  # neither 1 nor of any size
-    factors = _factor_of(found.size)
+    nothing, clearly = np.flatnonzero(_show_nothing(explanation)).tolist(), _clearly(explanation)
+    # neither 1 nor of any size
+    sure = (np.abs(explanation.size) > clearly) & (np.abs(1.0 - explanation.size) > clearly)
+    factors = _factor_of(explanation.size)
     wrong = np.flatnonzero(sure & _beyond(factors, OWN if moving else GROSS)).tolist()
     if len(wrong) + len(nothing) > MOST_WRONG:
         return []
@@ -184,15 +185,15 @@ def _own_factors(names: Sequence[str], moving: bool, found: Explanation, _: str)
     ]
 
 
-def _clearly(found: Explanation) -> Array:
+def _clearly(explanation: Explanation) -> Array:
     """Return by how much each coefficient (p,) must differ to be told from something."""
-    return np.asarray(CLEARLY * found.deviation * found.independent**-0.5)
+    return np.asarray(CLEARLY * explanation.deviation * explanation.independent**-0.5)
 
 
-def _show_nothing(found: Explanation) -> NDArray[np.bool_]:
+def _show_nothing(explanation: Explanation) -> NDArray[np.bool_]:
     """Return which efforts (p,) surely show less than `SHOW_NOTHING`, and not surely anything."""
-    clearly = _clearly(found)
-    return np.asarray((np.abs(1.0 - found.size) <= clearly) & (clearly < SHOW_NOTHING))
+    clearly = _clearly(explanation)
+    return np.asarray((np.abs(1.0 - explanation.size) <= clearly) & (clearly < SHOW_NOTHING))
 
 
 def _beyond(factors: Array, size: float) -> NDArray[np.bool_]:
@@ -205,18 +206,18 @@ def _factor_of(size: Array) -> Array:
     return np.asarray(1.0 / np.where(size == 1.0, 1e-9, 1.0 - size))
 
 
-def _exchanged(names: Sequence[str], pair: Exchange, _: Explanation, left: str) -> Sequence[Finding]:
-    return [swapped(names, "efforts", pair, left)]
+def _exchanged(names: Sequence[str], pair: Exchange, _: Explanation, leaves: str) -> Sequence[Finding]:
+    return [swapped(names, "efforts", pair, leaves)]
 
 
-def _mounting(model: pin.Model, found: Explanation, left: str) -> Sequence[Finding] | None:
+def _mounting(model: pin.Model, explanation: Explanation, leaves: str) -> Sequence[Finding] | None:
     """Return gravity of another direction, or none: what is believed, less h [m/s2], in the axes of the root."""
     believed = model.gravity.linear
-    gravity, g = believed - found.size, float(np.linalg.norm(believed))
+    gravity, g = believed - explanation.size, float(np.linalg.norm(believed))
     size = max(float(np.linalg.norm(gravity)), 1e-300)
     if size < NO_GRAVITY * g:
         text = (
-            f"efforts that bear no weight leave {left}: where a controller adds the weight to what is logged "
+            f"efforts that bear no weight leave {leaves}: where a controller adds the weight to what is logged "
             "(gravity compensation), write gravity = 0 in [robot]"
         )
         return [Finding("efforts without weight", "warning", text, size / g, "1")]
@@ -226,34 +227,34 @@ def _mounting(model: pin.Model, found: Explanation, left: str) -> Sequence[Findi
         return None if abs(size - g) > NAMED * g else []
     x, y, z = gravity / size
     text = (
-        f"gravity along ({x:.2f}, {y:.2f}, {z:.2f}) leaves {left}: is the robot mounted so (robot.down), or are its "
+        f"gravity along ({x:.2f}, {y:.2f}, {z:.2f}) leaves {leaves}: is the robot mounted so (robot.down), or are its "
         "first joints off?"
     )
     return [Finding("mounting", "warning", text)]
 
 
-def _zero(robot: PlainRobot, joint: str, found: Explanation, left: str) -> Sequence[Finding] | None:
+def _zero(robot: PlainRobot, joint: str, explanation: Explanation, leaves: str) -> Sequence[Finding] | None:
     """Return another zero of a joint; its value is how much farther than its position says the joint stands."""
-    off, slides = -float(found.size[0]), robot.slides(joint)
+    off, slides = -float(explanation.size[0]), robot.slides(joint)
     low, high = SLID if slides else TURNED
     if not low < abs(off) < high:
         return [] if abs(off) < high else None
     words = f"{1e3 * off:.0f} mm" if slides else f"{np.degrees(off):.1f} deg"
     text = (
-        f"{joint} seems to stand {words} farther than its position says, which leaves {left}: its encoder's zero "
+        f"{joint} seems to stand {words} farther than its position says, which leaves {leaves}: its encoder's zero "
         "(joints.offset), or a centre of mass that lies aside"
     )
     return [Finding("joint zero", "warning", text, off, "m" if slides else "rad")]
 
 
-def _load(robot: PlainRobot, name: str, found: Explanation, left: str) -> Sequence[Finding]:
+def _load(robot: PlainRobot, name: str, explanation: Explanation, leaves: str) -> Sequence[Finding]:
     """Return a load beside a point: its weight passes for a force there, its moment about it is left."""
     frame = robot.model.frames[frame_id(robot.model, name)]
-    moment = float(np.linalg.norm(found.size[1:] - found.size[0] * frame.placement.translation))
+    moment = float(np.linalg.norm(explanation.size[1:] - explanation.size[0] * frame.placement.translation))
     if moment < LEAST_MOMENT * robot.mass:
         return []
     text = (
-        f"a load beside {name}, mass times distance {moment:.2g} kg m, leaves {left}: does the robot carry what its "
+        f"a load beside {name}, mass times distance {moment:.2g} kg m, leaves {leaves}: does the robot carry what its "
         "file lacks ([payload] in the map)?"
     )
     return [Finding("load", "warning", text, moment, "kg m")]

@@ -86,23 +86,23 @@ def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings
     least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
     turned = balance.imbalance(signs=signs)
     zeros, without_zeros = zeros_of_free(record, motion, balance, _left_by_one_number)
-    found = late_efforts(record, balance, min(turned, float(least @ least) / balance.size, without_zeros))
-    if found is None and not idle and share > WORTH and not record.map.base.held:
-        found = turned_base(record, motion, share, min(SWAP * min(turned, without_zeros, least_share), RIGHT_PLACES))
-    if found is not None:
-        yield found
-    if found is not None or idle:
+    finding = late_efforts(record, balance, min(turned, float(least @ least) / balance.size, without_zeros))
+    if finding is None and not idle and share > WORTH and not record.map.base.held:
+        finding = turned_base(record, motion, share, min(SWAP * min(turned, without_zeros, least_share), RIGHT_PLACES))
+    if finding is not None:
+        yield finding
+    if finding is not None or idle:
         return
     by_factors = float(least @ least) / (SWAP * balance.size)
     exchanged = share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors, without_zeros)
     most = min(SWAP * least_share if exchanged else np.inf, without_zeros)
-    told = list(_read_otherwise(record, motion, balance, signs, most)) if readings else []
-    if exchanged and not told:
-        told = [swapped(record.driven, "efforts", pair, _share_words(least_share, share))]
-    told = told or zeros or list(_factors(record, balance, signs, factors, least))
-    if not told and unfit and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
-        told = [left_unexplained("no factors, places or zeros", 100.0 * float(np.sqrt(share)))]
-    yield from told
+    findings = list(_read_otherwise(record, motion, balance, signs, most)) if readings else []
+    if exchanged and not findings:
+        findings = [swapped(record.driven, "efforts", pair, _share_words(least_share, share))]
+    findings = findings or zeros or list(_factors(record, balance, signs, factors, least))
+    if not findings and unfit and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
+        findings = [left_unexplained("no factors, places or zeros", 100.0 * float(np.sqrt(share)))]
+    yield from findings
 
 
 def _read_otherwise(
@@ -123,23 +123,23 @@ def _read_otherwise(
         if turned > WELL or np.all(signs > 0.0):
             readings.append(reading_of(record, motion, needed))
         shares = left_by_readings(record, motion, readings, needed)
-        left, reading = min(zip(shares, readings, strict=True), key=lambda each: each[0])
+        after, reading = min(zip(shares, readings, strict=True), key=lambda each: each[0])
         factors = float(least @ least) / balance.size  # what they leave, with a number for each joint and friction
         k, enough = int(np.argmax(np.abs(reading.turn))), LEFT_BY_JOINTS * share
         if not record.robot.knows_forces:  # else these may be wrong, and are those of the joints as mapped
-            one = reading == mapped.otherwise([k], reading.turn[k])  # number, which must explain it better than others
-            enough = max(enough, min(EXPLAINED * share, max(factors, _left_by_one_number(balance) if one else 0.0)))
-        if left < min(enough, RIGHT_PLACES, turned, NO_NUMBERS * factors, most):
-            unsure = " (so much that it may be other joints, or a push)" if left > GOOD else ""
-            yield from reading.told(record, _share_words(left, share) + unsure)
+            sole = reading == mapped.otherwise([k], reading.turn[k])  # number, which must explain it better than others
+            enough = max(enough, min(EXPLAINED * share, max(factors, _left_by_one_number(balance) if sole else 0.0)))
+        if after < min(enough, RIGHT_PLACES, turned, NO_NUMBERS * factors, most):
+            unsure = " (so much that it may be other joints, or a push)" if after > GOOD else ""
+            yield from reading.told(record, _share_words(after, share) + unsure)
 
 
 def _left_by_one_number(balance: Balance) -> float:
     """Return what the best of one effort's factor, one of all, and the base's mass leaves beside friction."""
     columns = np.column_stack([balance.given, balance.given.sum(axis=1), balance.base])
     tables = [np.column_stack([balance.rubbing, column]) for column in columns.T]
-    left = [balance.residual + table @ balance.explained_by(table) for table in tables]
-    return min(float(each @ each) for each in left) / balance.size
+    residuals = [balance.residual + table @ balance.explained_by(table) for table in tables]
+    return min(float(each @ each) for each in residuals) / balance.size
 
 
 def _share_words(after: float, before: float) -> str:
@@ -188,9 +188,9 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     n = len(record.driven)
     gain, unsure = _measured_per_needed(balance, signs, balance.needed - balance.given @ signs)
     if np.any(turned := gain + SURE * unsure < 0.0):
-        left = balance.beside_friction(balance.needed - balance.given @ np.where(turned, -1.0, 1.0))
+        after = balance.beside_friction(balance.needed - balance.given @ np.where(turned, -1.0, 1.0))
         before = balance.beside_friction(balance.residual)
-        if left < RIGHT_PLACES * before:
+        if after < RIGHT_PLACES * before:
             yield from _reversed(record, gain, np.flatnonzero(turned | np.all(signs < 0.0)))
         elif balance.imbalance() > 1.0:  # more is left than is needed
             yield left_unexplained("no signs", 100.0 * float(np.sqrt(balance.imbalance())))
@@ -225,18 +225,18 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
         if c < 0.0:
             yield from _reversed(record, shown, off)
             return
-        told = of_all(record, record.driven, common)
-        if told.verdict == "warning" and abs(alone) > NAMED_MASS and share * EXPLAINED < 1.0:
-            told = replace(
-                told, text=f"{told.text}; or a force or a load on the base link: the record does not tell which"
+        finding = of_all(record, record.driven, common)
+        if finding.verdict == "warning" and abs(alone) > NAMED_MASS and share * EXPLAINED < 1.0:
+            finding = replace(
+                finding, text=f"{finding.text}; or a force or a load on the base link: the record does not tell which"
             )
-        yield told
+        yield finding
         return
     gain, unsure = _measured_per_needed(balance, np.ones(n), balance.residual)
     off = off[np.abs(gain[off] - 1.0) > np.maximum(NAMED, SURE * unsure[off])]
     changed = np.where(np.isin(range(n), off), factors, 1.0)
-    left = balance.beside_friction(balance.needed - balance.given @ changed)
-    if left > EXPLAINED * balance.beside_friction(balance.residual):
+    after = balance.beside_friction(balance.needed - balance.given @ changed)
+    if after > EXPLAINED * balance.beside_friction(balance.residual):
         return
     yield from _reversed(record, shown, off[factors[off] < 0.0])
     yield from (wrong_effort(record.driven[k], float(factors[k])) for k in off[factors[off] > 0.0])

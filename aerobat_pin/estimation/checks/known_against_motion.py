@@ -92,7 +92,7 @@ def _needed(record: Record, motion: FreeMotion) -> tuple[Array, Array]:
     """Return the base's axes in the world (m, 3, 3), and the generalised forces (m, nv) that a motion needs."""
     model, data = record.robot.model, record.robot.model.createData()
     each = zip(motion.halfway, motion.v, motion.a, strict=True)
-    return rotation_matrices(motion.halfway[:, 3:7]), np.array([pin.rnea(model, data, *one) for one in each])
+    return rotation_matrices(motion.halfway[:, 3:7]), np.array([pin.rnea(model, data, *instant) for instant in each])
 
 
 def _mean_force(record: Record, estimated: Array | None, needed: Array, known: Array, fallen: float) -> Finding:
@@ -135,9 +135,9 @@ def _in_other_axes(forces: KnownForces, mapped: float) -> Iterator[Finding]:
             return replace(given, known={**given.known, name: forces.force_of(name, other, block)})
 
         motion = motion_of(record, between)
-        left = mapped if motion is None else float(_opposed(record, motion)[0])
-        if left < LEFT_BY_TURN * mapped:
-            share = float(np.sqrt(left / mapped))
+        opposed = mapped if motion is None else float(_opposed(record, motion)[0])
+        if opposed < LEFT_BY_TURN * mapped:
+            share = float(np.sqrt(opposed / mapped))
             what = f"leaves {100.0 * share:.0f} % of what known forces leave of the motion as mapped"
             yield Finding(
                 OTHER_AXES, "warning", f'known.{name} in axes = "{other.axes}" {what}: known.{name}.axes', share, "1"
@@ -199,15 +199,15 @@ def turned_base(record: Record, motion: FreeMotion, share: float, most: float) -
     left_by = [tried.between(k * m, k * m + m).imbalance() for k in range(len(QUARTER_TURNS))]
     best = QUARTER_TURNS[np.argmin(left_by)]
     balance = turned(motion, [best])
-    if balance is None or (left := balance.imbalance()) >= min(LEFT_BY_TURN * share, most):
+    if balance is None or (after := balance.imbalance()) >= min(LEFT_BY_TURN * share, most):
         return None
     turn = best.T @ pin.rpy.rpyToMatrix(*np.radians(record.map.base.imu.turn))
     angles = ", ".join(f"{x:.0f}" for x in np.degrees(pin.rpy.matrixToRpy(turn)).round() + 0.0)
     what = (
-        f"attitude and rates of a sensor with base.imu.turn = [{angles}] leave {100.0 * left**0.5:.1f} %, as mapped "
+        f"attitude and rates of a sensor with base.imu.turn = [{angles}] leave {100.0 * after**0.5:.1f} %, as mapped "
         f"{100.0 * share**0.5:.1f} %: how is it mounted, or has the body whose pose it is other axes (base.axes)?"
     )
-    return Finding("axes of the base", "warning", what, left, "1")
+    return Finding("axes of the base", "warning", what, after, "1")
 
 
 def _opposed(record: Record, motion: FreeMotion, readings: int = 1) -> Array:
@@ -256,15 +256,15 @@ def thrust_order_findings(record: Record, forces: KnownForces) -> Iterator[Findi
     inverse, volume = np.linalg.inv(A), np.linalg.slogdet(A)[1].sum(axis=1)
     rest, by_others = (x - x.mean(axis=-2, keepdims=True) for x in (y[weigh][:, kept], thrusts[:, :, weigh][..., kept]))
 
-    def left(order: Sequence[int]) -> Array:
+    def misfit(order: Sequence[int]) -> Array:
         """Return Q (sizes,) where thrust i takes the commands of thrust order[i]."""
         z = rest + sum((by_others[i, i] - by_others[i, j] for i, j in enumerate(order)), np.zeros_like(rest))
         return np.asarray(np.einsum("mi,smij,mj->s", z, inverse, z, optimize=True))
 
-    order = _likeliest(lambda order: float(np.min(left(order) + volume)), len(names))
-    found, mapped = left(order), left(range(len(names)))
-    s = int(np.argmin(found + volume))
-    share = float(np.sqrt(found[s] / mapped[s]))
+    order = _likeliest(lambda order: float(np.min(misfit(order) + volume)), len(names))
+    reordered, mapped = misfit(order), misfit(range(len(names)))
+    s = int(np.argmin(reordered + volume))
+    share = float(np.sqrt(reordered[s] / mapped[s]))
     if share**2 < LEFT_BY_ORDER:
         moved = ", ".join(f"known.{names[i]} of known.{names[j]}" for i, j in enumerate(order) if i != j)
         text = (

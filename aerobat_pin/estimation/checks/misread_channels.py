@@ -93,10 +93,10 @@ def change_of_time(
 
     `formed` returns the rows of other inputs, `as_mapped` those as mapped at the same instants.
     """
-    short = Change(partial(_delay_told, record, 0.0), _changing(rows), leaves=LEFT_BY_CHANGE)
-    gain, found = short.likely(rows, without)
-    rest = move = float(found.size[0])
-    if record.knots is not None or abs(rest) < _least_delay(record) or gain * found.independent < short.price:
+    short = Change(partial(_delay_findings, record, 0.0), _changing(rows), leaves=LEFT_BY_CHANGE)
+    gain, explanation = short.likely(rows, without)
+    rest = move = float(explanation.size[0])
+    if record.knots is not None or abs(rest) < _least_delay(record) or gain * explanation.independent < short.price:
         return short
     at, by, shifted = [record.robot.v_index(joint) for joint in record.driven], 0.0, rows
 
@@ -116,7 +116,7 @@ def change_of_time(
         if abs(move) < SETTLED_STEP * max(record.dt, abs(by)):
             break
     anew = (as_mapped(), shifted, _changing(shifted))
-    return Change(partial(_delay_told, record, by), anew=lambda: anew, leaves=LEFT_BY_DELAY)
+    return Change(partial(_delay_findings, record, by), anew=lambda: anew, leaves=LEFT_BY_DELAY)
 
 
 def _changing(rows: EffortRows) -> Array:
@@ -128,9 +128,9 @@ def _least_delay(record: Record) -> float:
     return max(LARGEST_DELAY, record.dt)
 
 
-def _delay_told(record: Record, shifted: float, found: Explanation, left: str) -> Sequence[Finding]:
-    by = shifted + float(found.size[0])
-    return [] if abs(by) < _least_delay(record) else [late_finding(by, left)]
+def _delay_findings(record: Record, shifted: float, explanation: Explanation, leaves: str) -> Sequence[Finding]:
+    by = shifted + float(explanation.size[0])
+    return [] if abs(by) < _least_delay(record) else [late_finding(by, leaves)]
 
 
 def changes_of_reading(
@@ -150,15 +150,15 @@ def changes_of_reading(
     q, v = (each[some] for each in instants.past)
     a, effort = np.zeros((2, len(q), model.nv))
     a[:, kept], effort[:, kept] = -instants.columns[2, some], instants.columns[3, some]
-    mapped, left = JointReading.as_mapped(record), _left(model, q, v, a, effort)
+    mapped, residual = JointReading.as_mapped(record), _effort_residual(model, q, v, a, effort)
 
     def shift(read: JointReading) -> Array:
-        return (left - _left(model, *read.of_motion(record, q, v, a, effort=effort)))[:, kept]
+        return (residual - _effort_residual(model, *read.of_motion(record, q, v, a, effort=effort)))[:, kept]
 
     @cache
     def change_to(read: JointReading) -> Change:
         anew = cache(partial(_anew, record, read, inputs, as_mapped, formed))
-        return Change(partial(_told_of_joint, record, read), anew=anew, doubt=FACTOR + PRICE, leaves=LEFT_BY_JOINTS)
+        return Change(partial(_joint_findings, record, read), anew=anew, doubt=FACTOR + PRICE, leaves=LEFT_BY_JOINTS)
 
     def loss(read: JointReading) -> float:
         return -change_to(read).likely(rows, without)[0] if possible_readings(record, q, [read])[0] else np.inf
@@ -189,7 +189,7 @@ def changes_of_reading(
     yield from map(change_to, dict.fromkeys([*([] if best is None else [best]), *chosen]))
 
 
-def _left(model: pin.Model, q: Array, v: Array, a: Array, effort: Array) -> Array:
+def _effort_residual(model: pin.Model, q: Array, v: Array, a: Array, effort: Array) -> Array:
     """Return what efforts leave of what motion and weight need."""
     data = model.createData()
     return np.array([pin.rnea(model, data, *each) for each in zip(q, v, a, strict=True)]) - effort
@@ -198,22 +198,26 @@ def _left(model: pin.Model, q: Array, v: Array, a: Array, effort: Array) -> Arra
 def _joint_changed(read: JointReading) -> tuple[int, float, float, float] | None:
     """Return the joint that is read otherwise, its turn, sense and effort; None if columns are exchanged."""
     each = zip(itertools.count(), read.turn, read.sense, read.effort)
-    return next((one for one in each if one[1:] != (0.0, 1.0, 1.0)), None)
+    return next((joint for joint in each if joint[1:] != (0.0, 1.0, 1.0)), None)
 
 
-def _told_of_joint(record: Record, read: JointReading, found: Explanation, left: str) -> Sequence[Finding] | None:
+def _joint_findings(
+    record: Record, read: JointReading, explanation: Explanation, leaves: str
+) -> Sequence[Finding] | None:
     """Return what is found, None if the rest of the turn is too far."""
     changed = _joint_changed(read)
     if changed is None:
-        return read.told(record, left)
+        return read.told(record, leaves)
     k, turn, sense, effort = changed
-    rest = -float(found.size[0])
-    rest = 0.0 if record.robot.slides(record.driven[k]) or found.deviation[0] > REST_AT_MOST else rest  # not shown
+    rest = -float(explanation.size[0])
+    rest = (
+        0.0 if record.robot.slides(record.driven[k]) or explanation.deviation[0] > REST_AT_MOST else rest
+    )  # not shown
     if abs(rest) > REST_AT_MOST:
         return None
     if effort != sense:
         return [reversed_effort(record.driven[k], -1.0)]
-    return read.otherwise([k], rest).told(record, left) if sense < 0.0 or abs(turn + rest) >= SMALLEST_TURN else None
+    return read.otherwise([k], rest).told(record, leaves) if sense < 0.0 or abs(turn + rest) >= SMALLEST_TURN else None
 
 
 def _anew(
@@ -267,30 +271,34 @@ def _changes_of_axes(
     both = [("forces and moments", np.sum(each, axis=0))] * (len(each) - 1)
     for what, shifts in [*both, *zip(("forces", "moments"), each, strict=False)]:
         best = int(np.argmax(screened(rows, without, [], list(shifts))))
-        told = partial(_in_order, name, what, COLUMN_ORDERS[best])
-        yield Change(told, shift=shifts[best], doubt=FACTOR + PRICE, leaves=LEFT_BY_CHANGE)
+        findings_of = partial(_in_order, name, what, COLUMN_ORDERS[best])
+        yield Change(findings_of, shift=shifts[best], doubt=FACTOR + PRICE, leaves=LEFT_BY_CHANGE)
 
 
-def _in_axes(name: str, axes: str, _: Explanation, left: str) -> Sequence[Finding]:
-    what = f'known.{name} in axes = "{axes}" leaves {left}: known.{name}.axes'
+def _in_axes(name: str, axes: str, _: Explanation, leaves: str) -> Sequence[Finding]:
+    what = f'known.{name} in axes = "{axes}" leaves {leaves}: known.{name}.axes'
     return [Finding(MISREAD_FORCE, "warning", what)]
 
 
-def _in_order(name: str, part: str, order: Array, _: Explanation, left: str) -> Sequence[Finding]:
+def _in_order(name: str, part: str, order: Array, _: Explanation, leaves: str) -> Sequence[Finding]:
     words = ", ".join("-" * int(row.min() < 0.0) + "xyz"[int(np.argmax(np.abs(row)))] for row in order)
-    what = f"known.{name} with {part} ({words}) in place of (x, y, z) leaves {left}: known.{name}.columns"
+    what = f"known.{name} with {part} ({words}) in place of (x, y, z) leaves {leaves}: known.{name}.columns"
     return [Finding(MISREAD_FORCE, "warning", what)]
 
 
-def _known_factor(name: str, found: Explanation, left: str) -> Sequence[Finding]:
-    factor, clearly = 1.0 + float(found.size[0]), CLEARLY * float(found.deviation[0]) * found.independent**-0.5
+def _known_factor(name: str, explanation: Explanation, leaves: str) -> Sequence[Finding]:
+    factor, clearly = (
+        1.0 + float(explanation.size[0]),
+        CLEARLY * float(explanation.deviation[0]) * explanation.independent**-0.5,
+    )
     if abs(factor - 1.0) < max(NAMED, clearly):
         return []
     what = (
-        f"known.{name} would have to be {factor:.3g} times as large, which leaves {left}: its unit, sign, axes or frame"
+        f"known.{name} would have to be {factor:.3g} times as large, which leaves {leaves}: its unit, sign, axes or "
+        "frame"
     )
     return [Finding(MISREAD_FORCE, "warning", what, factor, "1")]
 
 
-def _shown_of_nothing(record: Record, name: str, found: Explanation, left: str) -> Sequence[Finding]:
-    return shown_of_nothing(record, name, -found.size, left)
+def _shown_of_nothing(record: Record, name: str, explanation: Explanation, leaves: str) -> Sequence[Finding]:
+    return shown_of_nothing(record, name, -explanation.size, leaves)

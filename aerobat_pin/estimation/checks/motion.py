@@ -179,20 +179,20 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
 
 def axes_findings(key: str, mapped: Agreement, otherwise: Agreement) -> Iterator[Finding]:
     """Yield that a velocity fits the pose in the other axes alone, world or body, or else how it fits as mapped."""
-    size, left = _left_of(mapped)
-    least = _left_of(otherwise)[1] if left > AXES_OFF * size else np.inf
-    if size == 0.0 or least > AXES_FIT * left:
+    size, residual = _size_and_residual(mapped)
+    least = _size_and_residual(otherwise)[1] if residual > AXES_OFF * size else np.inf
+    if size == 0.0 or least > AXES_FIT * residual:
         yield from agreement_findings(mapped)
         return
     text = (
         f"{mapped.names[1]} seems to be in the other axes, the world's or the body's: in these it leaves "
-        f"{100.0 * least / size:.2g} % of what follows from {mapped.names[0]}, as mapped {100.0 * left / size:.2g} %: "
-        f"{key}.axes"
+        f"{100.0 * least / size:.2g} % of what follows from {mapped.names[0]}, as mapped "
+        f"{100.0 * residual / size:.2g} %: {key}.axes"
     )
-    yield Finding(mapped.check, "warning", text, left / size, "1")
+    yield Finding(mapped.check, "warning", text, residual / size, "1")
 
 
-def _left_of(pair: Agreement) -> tuple[float, float]:
+def _size_and_residual(pair: Agreement) -> tuple[float, float]:
     """Return the size of the first of two series and of their difference, rms over all columns; 0 if too short."""
     comparison = comparison_of(pair)
     if comparison is None:
@@ -310,7 +310,7 @@ def speed_findings(record: Record, time: Array, motion: Array, *, differs: bool)
 
     Both in [rad/s, m/s] or [rad, m], at times (m,) [s]. Of angles, differences over `FAST_FOR` count, not steps.
     """
-    model, found, rates = record.robot.model, [], motion
+    model, too_fast, rates = record.robot.model, [], motion
     if differs:
         n = min(max(1, round(FAST_FOR * (len(time) - 1) / float(time[-1] - time[0]))), len(time) - 1)
         rates = (motion[n:] - motion[:-n]) / (time[n:] - time[:-n])[:, None]
@@ -318,9 +318,9 @@ def speed_findings(record: Record, time: Array, motion: Array, *, differs: bool)
     for joint, fast in zip(record.joints, fastest.tolist(), strict=True):
         limit = float(model.velocityLimit[record.robot.v_index(joint)])
         if 0.0 < limit < UNLIMITED and fast > FAST * limit:
-            found.append((fast / limit, joint, fast, limit))
-    if found:
-        times, joint, fast, limit = max(found)
+            too_fast.append((fast / limit, joint, fast, limit))
+    if too_fast:
+        times, joint, fast, limit = max(too_fast)
         unit = "m/s" if record.robot.slides(joint) else "rad/s"
         text = (
             f"{joint} moves with {fast:.3g} {unit}, {times:.3g} times what its robot's file allows ({limit:.3g}): is "

@@ -67,26 +67,26 @@ class JointReading:
 
     def of_motion(self, record: Record, q: Array, *rates: Array, effort: Array) -> list[Array]:
         """Return positions (m, nq), rates and accelerations (m, nv), efforts (n, nv), so read [rad, m, s, N, N m]."""
-        robot, there = record.robot, [values.copy() for values in (q, *rates, effort)]
+        robot, as_read = record.robot, [values.copy() for values in (q, *rates, effort)]
         at_q, at_v = (np.array([index(joint) for joint in record.driven]) for index in (robot.q_index, robot.v_index))
         order = list(self.order)
-        there[0][:, at_q] = np.array(self.turn) + self.sense * q[:, at_q[order]]
-        for ours, values in zip(there[1:-1], rates, strict=True):
+        as_read[0][:, at_q] = np.array(self.turn) + self.sense * q[:, at_q[order]]
+        for ours, values in zip(as_read[1:-1], rates, strict=True):
             ours[:, at_v] = self.sense * values[:, at_v[order]]
-        there[-1][:, at_v] = self.effort * effort[:, at_v[order]]
-        return there
+        as_read[-1][:, at_v] = self.effort * effort[:, at_v[order]]
+        return as_read
 
-    def told(self, record: Record, left: str) -> list[Finding]:
+    def told(self, record: Record, leaves: str) -> list[Finding]:
         """Return what that says of the map, and what it leaves."""
         names, table = record.driven, record.map.joints
-        found, alike = list[Finding](), dict[tuple[float, float], list[str]]()
+        findings, alike = list[Finding](), dict[tuple[float, float], list[str]]()
         moved = [k for k, other in enumerate(self.order) if k != other]
         if moved and all(self.order[self.order[k]] == k for k in moved):
             first = tuple(k for k in moved if k < self.order[k])
-            found.append(swapped(names, "all columns", (first, tuple(self.order[k] for k in first)), left))
+            findings.append(swapped(names, "all columns", (first, tuple(self.order[k] for k in first)), leaves))
         elif moved:
             ours, theirs = (", ".join(names[k] for k in places) for places in (moved, (self.order[k] for k in moved)))
-            found.append(Finding("swapped joints", "warning", f"{ours} with all columns of {theirs} leave {left}"))
+            findings.append(Finding("swapped joints", "warning", f"{ours} with all columns of {theirs} leave {leaves}"))
         for joint, turn, sense in zip(names, self.turn, self.sense, strict=True):
             quarters = QUARTER * round(turn / QUARTER)
             near = _within_a_turn(quarters if abs(turn - quarters) < AS_QUARTERS else turn)
@@ -103,9 +103,9 @@ class JointReading:
                 what = f"turn the other way than {its} columns say{zero}"
                 factors = {joint: -table.factor.get(joint, 1.0) for joint in joints}
                 keys = f"joints.factor = {_inline_table(factors)}{f' and {keys}' if any(offset.values()) else ''}"
-            text = f"{', '.join(joints)} {seem} to {what}, which leaves {left}: {keys}"
-            found.append(Finding("joint zero" if sense > 0.0 else "joint sense", "warning", text, turn, "rad"))
-        return found
+            text = f"{', '.join(joints)} {seem} to {what}, which leaves {leaves}: {keys}"
+            findings.append(Finding("joint zero" if sense > 0.0 else "joint sense", "warning", text, turn, "rad"))
+        return findings
 
 
 def possible_readings(record: Record, q: Array, readings: Iterable[JointReading]) -> list[bool]:
@@ -129,10 +129,10 @@ def possible_readings(record: Record, q: Array, readings: Iterable[JointReading]
     return [bool(np.all(beyond(each) < allowed)) for each in readings]
 
 
-def swapped(names: Sequence[str], columns: str, pair: Exchange, left: str) -> Finding:
+def swapped(names: Sequence[str], columns: str, pair: Exchange, leaves: str) -> Finding:
     """Return that columns of joints or limbs are exchanged."""
     both = " and ".join(", ".join(names[k] for k in limb) for limb in pair)
-    return Finding("swapped joints", "warning", f"{columns} of {both} in exchanged places leave {left}")
+    return Finding("swapped joints", "warning", f"{columns} of {both} in exchanged places leave {leaves}")
 
 
 def joint_pairs(robot: PlainRobot, names: Sequence[str]) -> list[Exchange]:
@@ -190,7 +190,7 @@ def reading_of(record: Record, motion: FreeMotion, needed: float) -> JointReadin
     def left_by(readings: Sequence[JointReading], motion: FreeMotion = few) -> list[float]:
         return left_by_readings(record, motion, readings, needed)
 
-    (left,) = left_by([reading])
+    (share,) = left_by([reading])
     for _ in range(MOST_MISREADINGS):
         tried = list(changes(reading))
         first = left_by([each for _, each in tried], few.every(FIRST_LOOK))
@@ -199,10 +199,10 @@ def reading_of(record: Record, motion: FreeMotion, needed: float) -> JointReadin
         if any(best.turn[k] for k in group):
             best = downhill(best, group, DOWNHILL_OF_LEGS, lambda each: left_by([each])[0])
         (least,) = left_by([best])
-        if least > FAR_LESS * left:
+        if least > FAR_LESS * share:
             break
-        reading, left = best, least
-        if left < WELL:
+        reading, share = best, least
+        if share < WELL:
             break
     return reading
 
@@ -224,8 +224,8 @@ def left_by_readings(
     if balance is None:
         return len(readings) * [np.inf]
     parts = (balance.between(k * count, (k + 1) * count) for k in range(len(read)))
-    left = (part.beside_friction(part.residual) * max(1.0, part.size / (count * needed)) for part in parts)
-    return [next(left) if each else np.inf for each in possible]
+    shares = (part.beside_friction(part.residual) * max(1.0, part.size / (count * needed)) for part in parts)
+    return [next(shares) if each else np.inf for each in possible]
 
 
 def _sharing_a_sense(limbs: list[tuple[int, ...]]) -> list[list[int]]:
@@ -249,5 +249,5 @@ def _orders(limbs: list[tuple[int, ...]]) -> list[tuple[list[int], list[int]]]:
     for j, k in itertools.combinations(range(len(limbs[0])), 2):
         ours, theirs = [limb[j] for limb in limbs], [limb[k] for limb in limbs]
         moved += [([*ours, *theirs], [*theirs, *ours])]
-        moved += [([one, other], [other, one]) for one, other in zip(ours, theirs, strict=True)]
+        moved += [([joint, other], [other, joint]) for joint, other in zip(ours, theirs, strict=True)]
     return [*moved, (whole, by_place), (by_place, whole)]

@@ -122,9 +122,9 @@ def _rotor_findings(forces: KnownForces) -> Iterator[Finding]:
         return
     mass = sum(inertia.mass for inertia in robot.model.inertias.tolist()[1:])
     for joint, inertia in zip(forces.values.joints, friction.inertia.tolist(), strict=True):
-        unit, own = ("kg", mass) if robot.slides(joint) else ("kg m2", mass * robot_length(robot.model) ** 2)
-        if inertia > HUGE * own:
-            text = f"the rotor of {joint} would have {inertia:.3g} {unit}, all of the robot has {own:.3g}"
+        unit, whole = ("kg", mass) if robot.slides(joint) else ("kg m2", mass * robot_length(robot.model) ** 2)
+        if inertia > HUGE * whole:
+            text = f"the rotor of {joint} would have {inertia:.3g} {unit}, all of the robot has {whole:.3g}"
             asked = "are units and factors of its positions, rates and efforts right?"
             yield Finding("fit", "warning", f"{text}: {asked}", inertia, unit)
 

@@ -38,16 +38,16 @@ def late_efforts(record: Record, balance: Balance, least: float) -> Finding | No
 
     It is None for a record at its own times, whose channels cannot be shifted.
     """
-    by = before = left = 0.0
+    by = before = share = 0.0
     for round_ in range(SHIFT_STEPS if record.knots is None else 0):
-        left, step = _left_and_step(record, balance, by)
-        before = left if round_ == 0 else before
+        share, step = _share_and_step(record, balance, by)
+        before = share if round_ == 0 else before
         if abs(step) < SETTLED_STEP * max(record.dt, abs(by)) or abs(by + step) > LATEST_SHIFT:
             break
         by += step
-    if left > min(LEFT_BY_SHIFT * before, least) or abs(by) < max(LARGEST_DELAY, record.dt):
+    if share > min(LEFT_BY_SHIFT * before, least) or abs(by) < max(LARGEST_DELAY, record.dt):
         return None
-    leaves = f"{100.0 * left**0.5:.2g} % of what weight and motion need, as mapped {100.0 * before**0.5:.2g} %"
+    leaves = f"{100.0 * share**0.5:.2g} % of what weight and motion need, as mapped {100.0 * before**0.5:.2g} %"
     return late_finding(by, leaves)
 
 
@@ -63,7 +63,7 @@ def late_finding(by: float, leaves: str) -> Finding:
     return Finding("late efforts", "warning", text, by, "s")
 
 
-def _left_and_step(record: Record, balance: Balance, by: float) -> tuple[float, float]:
+def _share_and_step(record: Record, balance: Balance, by: float) -> tuple[float, float]:
     """Return which share of what is needed efforts a time [s] later leave, and by how much later they leave less."""
     apart = 2.0 * record.dt
     earlier, later = (balance.later(by + offset) for offset in (-apart, apart))
@@ -71,8 +71,8 @@ def _left_and_step(record: Record, balance: Balance, by: float) -> tuple[float, 
     shifted = replace(balance, effort=balance.later(by))
     others = np.column_stack([balance.rubbing, balance.reach * balance.a[balance.at]])
     both = np.column_stack([others, -np.sum(balance.reach * slope, axis=1)])
-    left = shifted.residual + others @ shifted.explained_by(others)
-    return float(left @ left) / balance.size, float(shifted.explained_by(both)[-1])
+    residual = shifted.residual + others @ shifted.explained_by(others)
+    return float(residual @ residual) / balance.size, float(shifted.explained_by(both)[-1])
 
 
 def felt_of_constant(record: Record, section: KnownSection, q: Array) -> Array | None:
@@ -90,7 +90,7 @@ def felt_of_constant(record: Record, section: KnownSection, q: Array) -> Array |
 
 
 def shown_of_nothing(
-    record: Record, name: str, shown: Array, left: str, least_force: float = LEAST_CONSTANT
+    record: Record, name: str, shown: Array, leaves: str, least_force: float = LEAST_CONSTANT
 ) -> list[Finding]:
     """Return that the sensor of a known wrench shows so much (p,) [N, N m] of nothing; nothing if that is little.
 
@@ -103,7 +103,7 @@ def shown_of_nothing(
     if not words:
         return []
     what = (
-        f"known.{name} seems to show {' and '.join(words)} too much all the time, which leaves {left}: its zero "
+        f"known.{name} seems to show {' and '.join(words)} too much all the time, which leaves {leaves}: its zero "
         f"(known.{name}.tare), what the robot carries, or what carries it (buoyancy, a tether; in an orbit gravity = 0)"
     )
     return [Finding(MISREAD_FORCE, "warning", what, float(np.linalg.norm(shown[:3])), "N")]
@@ -127,12 +127,12 @@ def zeros_of_free(
         table = np.column_stack([balance.rubbing, *(columns[name] for name in names)])
         fitted = balance.explained_by(table)
         remainder = balance.residual + table @ fitted
-        left = float(remainder @ remainder) / balance.size
-        if left < (most if len(names) == 1 else LEFT_BY_ZEROS * most):
+        share = float(remainder @ remainder) / balance.size
+        if share < (most if len(names) == 1 else LEFT_BY_ZEROS * most):
             ends = np.cumsum([balance.rubbing.shape[1], *(columns[name].shape[1] for name in names)])[:-1]
-            most, best = left, dict(zip(names, np.split(fitted, ends)[1:], strict=True))
+            most, best = share, dict(zip(names, np.split(fitted, ends)[1:], strict=True))
     leaves = f"{100.0 * most**0.5:.1f} %, as mapped {100.0 * before**0.5:.1f} %"
     if not best or most > max(LEFT_BY_JOINTS * before, NEARLY_EXACT):
         return [], most if best else np.inf
-    found = [shown_of_nothing(record, name, shown, leaves, LEAST_OF_LEGS) for name, shown in best.items()]
-    return list(itertools.chain(*found)), most
+    findings = [shown_of_nothing(record, name, shown, leaves, LEAST_OF_LEGS) for name, shown in best.items()]
+    return list(itertools.chain(*findings)), most
