@@ -132,4 +132,4 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     """Say how to run the tests in the same order again."""
     seed = config.getoption("randomly_seed", None)
     if seed is not None:
-        terminalreporter.write_line(f"random order: --randomly-seed={seed} repeats it, -p no:randomly the files' own")
+        terminalreporter.write_line(f"random order: --randomly-seed={seed} repeats it, -p no:randomly keeps the files'")
