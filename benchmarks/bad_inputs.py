@@ -62,7 +62,7 @@ def main() -> int:
 
     with tempfile.TemporaryDirectory() as folder, Doors(Path(folder), SLOWEST) as doors:
         # Made before anything is timed.
-        _ = doors.run, doors.swept, doors.estimated, doors.recordings, doors.bench.seconds
+        _ = doors.run, doors.swept, doors.estimated, doors.results, doors.bench.seconds
         doors.longest, doors.patience = 0.0, PATIENCE
         rngs = [np.random.default_rng(seed) for seed in chosen.seeds]
         drawn = zip(*(drawn_classes(rng, -(-chosen.count // len(rngs))) for rng in rngs), strict=True)

@@ -147,9 +147,10 @@ class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
 
     def _say(self) -> None:
         if self._ours:
-            remaining = max(self._count - self._done, self._depth)  # one is compiled again for other types of arguments
-            share = 1.0 - remaining / max(self._count, remaining)
-            self._tell(f"{self._what}, {remaining} of {self._count} kernels left, once per installation", share)
+            # Some are compiled again for other types of arguments.
+            self._count = max(self._count, self._done + self._depth, 1)
+            left = f"{self._count - self._done} of {self._count} kernels left"
+            self._tell(f"{self._what}, {left}, once per installation", self._done / self._count)
 
 
 @contextmanager

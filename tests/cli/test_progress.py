@@ -2,6 +2,7 @@
 
 import os
 import pty
+import re
 import subprocess
 import sys
 import threading
@@ -74,6 +75,13 @@ def test_kernels_that_are_left_are_counted() -> None:
         assert outer(8.0) == 7.0
     assert [share for _, share in told].count(1.0) == 1
     assert told[-1] == ("compiling outer of observers, 0 of 3 kernels left, once per installation", 1.0)
+    unnamed = numba.njit(lambda x: x + 1.0)
+    around = numba.njit(lambda x: unnamed(x))
+    unnamed.py_func.__module__ = around.py_func.__module__ = "aerobat_pin.observers.somewhere"
+    with told_of_compilation(lambda *words: told.append(words)):
+        assert around(1.0) == 2.0
+    counted = re.findall(r"\d of \d", " ".join(words for words, _ in told))
+    assert counted[-3:] == ["1 of 1", "1 of 2", "0 of 2"]
 
 
 def test_each_observer_is_a_stage_of_its_own() -> None:
