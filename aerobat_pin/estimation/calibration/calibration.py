@@ -202,7 +202,7 @@ def _positions(records: Sequence[Record]) -> dict[str, Array]:
 
     None of a robot with a phase, nor of joints that turn on and on, as wheels do: their file states no limits.
     """
-    found = dict[str, list[Array]]()
+    positions = dict[str, list[Array]]()
     for record in records:
         if "joints.position" not in record.channels or record.robot.remembers:
             continue
@@ -213,8 +213,8 @@ def _positions(records: Sequence[Record]) -> dict[str, Array]:
             for joint, column in zip(record.joints, table.T, strict=True):
                 low, high = limits[record.robot.q_index(joint)]
                 if 0.0 < high - low < UNLIMITED and joint not in turned:
-                    found.setdefault(joint, []).append(column)
-    return {joint: np.concatenate(parts) for joint, parts in found.items()}
+                    positions.setdefault(joint, []).append(column)
+    return {joint: np.concatenate(parts) for joint, parts in positions.items()}
 
 
 TRAIN, REGULAR_TRAIN = 4, 0.1  # gaps between contacts that make a train, and by how many cycles most of them may differ
@@ -254,7 +254,9 @@ class CalibrationWatch:
             times, sizes = zip(*self._excess, strict=True)
             time = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])
             until = self._until  # a hole is behind what lasts until the end of a part
-            self._contacts = [one if one.end is not None else replace(one, end=until) for one in self._contacts]
+            self._contacts = [
+                contact if contact.end is not None else replace(contact, end=until) for contact in self._contacts
+            ]
             self._contacts += detection.contacts(time, np.concatenate(sizes))
             self._excess, self._until = [], float(time[-1])
 

@@ -72,15 +72,15 @@ def read_calibration(path: Path) -> Calibration:
     if kind != KIND:
         raise CalibrationError(f"{name}: a file that `aerobat calibrate` wrote was expected")
     try:
-        found: Calibration = _of_type(Calibration, json.loads(str(data[ALL_ELSE].values)), data)
-        for place, wanted in _shapes(found).items():
-            if (shape := attrgetter(place)(found).shape) != wanted:
+        calibration: Calibration = _of_type(Calibration, json.loads(str(data[ALL_ELSE].values)), data)
+        for place, wanted in _shapes(calibration).items():
+            if (shape := attrgetter(place)(calibration).shape) != wanted:
                 raise ValueError(f"{place} has shape {shape}: {wanted} was expected")
-        _refuse_values(found)
+        _refuse_values(calibration)
     except (KeyError, ValueError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         reason = " ".join(str(error).split())[:200]
         raise CalibrationError(f"{name}: a part is missing or damaged: {reason}") from error
-    return found
+    return calibration
 
 
 def _of_type(kind: Any, value: Any, data: xr.Dataset) -> Any:
@@ -100,8 +100,8 @@ def _of_type(kind: Any, value: Any, data: xr.Dataset) -> Any:
     if origin is tuple or hints:
         entries = _of_kind(value, list)
         kinds = hints.values() or (len(entries) * inner[:1] if inner[-1] is ... else inner)
-        made = [_of_type(each, entry, data) for each, entry in zip(kinds, entries, strict=True)]
-        return kind(*made) if hints else tuple(made)
+        elements = [_of_type(each, entry, data) for each, entry in zip(kinds, entries, strict=True)]
+        return kind(*elements) if hints else tuple(elements)
     return _of_kind(value, *((float, int) if kind is float else (kind,)))
 
 

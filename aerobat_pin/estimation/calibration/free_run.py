@@ -208,25 +208,25 @@ def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
         text = "no row is to spare: a force that lasts would have been learnt as friction and offset of "
         untold = f"{record.title}: {text}{', '.join(instants.joints)}; make sure that nothing pushed"
         return [], [] if forces.values.friction is None else [untold]
-    left, stiction = y.copy(), np.zeros(len(kept))
-    left[:, at] -= np.einsum("ami,ai->mi", x, b)
+    residual, stiction = y.copy(), np.zeros(len(kept))
+    residual[:, at] -= np.einsum("ami,ai->mi", x, b)
     stiction[at] = b[0]
     error = np.sqrt(size * error**2 + stiction**2 / 3.0 * (1.0 - instants.sliding**2))
     B = J / error[:, None]
     P = np.linalg.inv(B @ np.swapaxes(B, 1, 2) + np.diag(S**-2.0))
-    found = np.einsum("mcd,mdk,mk->mc", P, B, left / error)
-    deviation = np.sqrt(np.diagonal(P, axis1=1, axis2=2) + burst_noise(found) ** 2)  # that of velocities is in all rows
+    push = np.einsum("mcd,mdk,mk->mc", P, B, residual / error)
+    deviation = np.sqrt(np.diagonal(P, axis1=1, axis2=2) + burst_noise(push) ** 2)  # that of velocities is in all rows
     components = Applications(record.robot.model, points).components
-    return list(_in_words(forces, components, instants.time, found, deviation)), []
+    return list(_in_words(forces, components, instants.time, push, deviation)), []
 
 
 def _in_words(
-    forces: KnownForces, components: Sequence[str], time: Array, found: Array, deviation: Array
+    forces: KnownForces, components: Sequence[str], time: Array, push: Array, deviation: Array
 ) -> Iterator[str]:
     """Yield what stands out of forces (m, c), with standard deviations (m, c), at times (m,) [s]."""
     record = forces.record
     for k in range(0, len(components), 3):
-        force, sure = found[:, k : k + 3], deviation[:, k : k + 3]
+        force, sure = push[:, k : k + 3], deviation[:, k : k + 3]
         place, _, axis = components[k].rpartition(".")
         scale = 1.0 if axis.startswith("F") else robot_length(record.robot.model)
         size = np.linalg.norm(force, axis=1)

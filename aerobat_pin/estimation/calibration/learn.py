@@ -294,7 +294,9 @@ def _learnt_error(runs: Sequence[FreeRun], order: int, *, held_out: bool) -> Lea
 
 
 def _without(runs: Sequence[FreeRun], series: LearntError) -> list[FreeRun]:
-    expected = [series.force(one, run.inputs.known) for one, run in zip(conditions_of(runs), runs, strict=True)]
+    expected = [
+        series.force(condition, run.inputs.known) for condition, run in zip(conditions_of(runs), runs, strict=True)
+    ]
     return [run.explained(CALIBRATION, force) for run, force in zip(runs, expected, strict=True)]
 
 
