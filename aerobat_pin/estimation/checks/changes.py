@@ -54,7 +54,7 @@ class Change:
     """A change of the map or the robot."""
 
     # what is found, of what is likely with it and what that leaves: nothing if it is too small, None if it cannot be
-    told: Callable[[Explanation, str], Sequence[Finding] | None]
+    findings_of: Callable[[Explanation, str], Sequence[Finding] | None]
     columns: Array | None = None  # (m, k, p) what it does to the rows for h = 1
     shift: Array | None = None  # (m, k) what it does to the rows, where it has no coefficient
     # where neither says what it does: rows as mapped, and rows and columns as they would be at the same instants

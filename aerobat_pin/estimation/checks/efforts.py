@@ -97,16 +97,16 @@ def effort_findings(
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{how}")
         return
     explained = partial(_explained, record, inputs, instants, expected, beyond)
-    share, independent, told, hidden = explained()
+    share, independent, causes, hidden = explained()
     text = f"forces and friction leave {100.0 * np.sqrt(share):.1f} % of what weight and motion need"
     if beyond and share < GOOD:
         text += ": they fit the angles as they are, also those of joints beyond their limits"
     yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
     if hidden:
-        told = explained(rotors=True, before=share)[2] or told
-    if told:
-        most = max(gain for gain, _ in told)
-        likeliest = [findings for gain, findings in told if gain > most - AS_LIKELY]
+        causes = explained(rotors=True, before=share)[2] or causes
+    if causes:
+        most = max(gain for gain, _ in causes)
+        likeliest = [findings for gain, findings in causes if gain > most - AS_LIKELY]
         named = _as_likely(next((findings for findings in likeliest if findings), ()), likeliest)
         yield from named if all(likeliest) else map(_in_doubt, named)
         if named:
@@ -145,11 +145,11 @@ def _explained(
     as_mapped = cache(lambda: formed(inputs)[0])  # the rows as mapped, at the instants of those of other inputs
     needed = max(float(np.sum((rows.needed / scale) ** 2)), 1e-300)
 
-    def left(explanation: Explanation) -> float:
+    def share_of(explanation: Explanation) -> float:
         """Return the share of what is needed that is left, in squares; moments count over the robot's length."""
         return float(np.sum((explanation.errors / scale) ** 2)) / needed
 
-    share = left(without)
+    share = share_of(without)
     changes = list[Change]()
     if not beyond:  # whose efforts say nothing of factors or places before that is settled
         changes += [*changes_of_efforts(record, instants, rows, without), *changes_of_robot(record, instants)]
@@ -158,29 +158,29 @@ def _explained(
     if share > MISPLACED and sliding_rows(instants).any():  # one pose fits many
         changes += changes_of_reading(record, inputs, instants, rows, without, as_mapped, formed)
     explaining = []
-    for gain, found, change, lasts in _likely(rows, without, changes):
-        after, mapped = left(found), min(share, before or share)
+    for gain, explanation, change, lasts in _likely(rows, without, changes):
+        after, mapped = share_of(explanation), min(share, before or share)
         leaves = f"{100.0 * after**0.5:.3g} % of what is needed, as mapped {100.0 * (before or share) ** 0.5:.3g} %"
-        findings = change.told(found, leaves) if lasts else []
+        findings = change.findings_of(explanation, leaves) if lasts else []
         if findings and after >= mapped:
             findings = []  # it only makes constants smaller
-        if findings is not None and after < change.enough(found) * mapped:
+        if findings is not None and after < change.enough(explanation) * mapped:
             explaining.append((gain, findings, change))
     by_name = {change: gain for gain, findings, change in explaining if findings}
-    said = {change.told for change in by_name}  # the same change of what is needed with and without the forces
-    told = [  # too many factors to name are one of all, where that explains most of what they do
+    said = {change.findings_of for change in by_name}  # the same change of what is needed with and without the forces
+    causes = [  # too many factors to name are one of all, where that explains most of what they do
         (gain, findings)
         for gain, findings, change in explaining
         if findings
         or (
-            change.told not in said
+            change.findings_of not in said
             and max((by_name.get(case, 0.0) for case in change.cases[:1]), default=0.0) < MOST_OF_IT * gain
         )
     ]
-    most = max((gain for gain, _ in told), default=0.0)
-    rotating = any(change.told is no_names and gain > most - AS_LIKELY for gain, _, change in explaining)
-    hidden = rotating and not any(findings for gain, findings in told if gain > most - AS_LIKELY)
-    return share, without.independent, told, hidden
+    most = max((gain for gain, _ in causes), default=0.0)
+    rotating = any(change.findings_of is no_names and gain > most - AS_LIKELY for gain, _, change in explaining)
+    hidden = rotating and not any(findings for gain, findings in causes if gain > most - AS_LIKELY)
+    return share, without.independent, causes, hidden
 
 
 def _as_likely(named: Sequence[Finding], likeliest: Sequence[Sequence[Finding]]) -> Sequence[Finding]:
@@ -246,13 +246,13 @@ def _likely(
     tried = [(*each.likely(rows, without), each) for each in chosen]
     if not tried:
         return
-    independent = max(tried, key=lambda one: one[0])[1].independent
+    independent = max(tried, key=lambda each: each[0])[1].independent
     gains_of = {change: gain * independent - change.price for gain, _, change in tried}
-    for _, found, change in tried:
+    for _, explanation, change in tried:
         gain = gains_of[change]
         if gain > max([ENOUGH, *(gains_of.get(case, ENOUGH) for case in change.cases)]):
             parts = (change.likely(rows, without, part)[0] * independent for part in change.parts)
-            yield gain, found, change, all(part > change.price for part in parts)
+            yield gain, explanation, change, all(part > change.price for part in parts)
 
 
 def efforts_and_friction(
