@@ -93,7 +93,7 @@ def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
 
     A contact ends where a hole begins before the next block.
     """
-    times, count, ended, found = list[Array](), 0, np.inf, list[Stance]()
+    times, count, ended, stances = list[Array](), 0, np.inf, list[Stance]()
     vertical, sure = defaultdict[str, list[Array]](list), defaultdict[str, float](float)
     for block in blocks:
         if not block.are_world_forces:
@@ -118,8 +118,8 @@ def stances_of(blocks: Iterable[Estimate], weight: float) -> tuple[Stance, ...]:
         onset, end = time[change > 0], time[change < 0]
         end = np.pad(end, (0, len(onset) - len(end)), constant_values=np.nan)
         whole = max(count, 1)
-        found.append(Stance(point, onset, end, float(on.sum()) / whole, sure[point] / whole))
-    return tuple(found)
+        stances.append(Stance(point, onset, end, float(on.sum()) / whole, sure[point] / whole))
+    return tuple(stances)
 
 
 def walks_on(robot: PlainRobot, chosen: Map) -> bool:
@@ -203,7 +203,7 @@ def _lasting(estimate: StoredEstimate, contacts: Iterable[Contact]) -> list[Cont
         after = (event for event in stretches.get(contact.point, ()) if event.end is None or event.end > contact.onset)
         stretch = next((event for event in after if event.onset < end), contact)
         before = whole.setdefault((contact.point, stretch.onset), contact)
-        onsets, ends = zip(*((one.onset, one.end) for one in (before, contact, stretch)), strict=True)
+        onsets, ends = zip(*((span.onset, span.end) for span in (before, contact, stretch)), strict=True)
         whole[contact.point, stretch.onset] = replace(
             before, onset=min(onsets), end=None if None in ends else max(end for end in ends if end is not None)
         )
@@ -238,9 +238,9 @@ def _events(estimate: StoredEstimate, detector: LevelDetector, series: Array) ->
     events = list[Event]()
     for first, last in pairwise(estimate.borders):
         edges = np.append(estimate.start[first:last], estimate.ends[last - 1])
-        found = detector.detect(edges, series[first:last])
+        detected = detector.detect(edges, series[first:last])
         cut = float(edges[-1]) if last < len(estimate) else None
-        events += [replace(event, end=cut if event.end is None else event.end) for event in found]
+        events += [replace(event, end=cut if event.end is None else event.end) for event in detected]
     return events
 
 

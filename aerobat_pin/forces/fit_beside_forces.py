@@ -79,22 +79,22 @@ def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None
     if instants is None:
         return forces, None, None
     expected = expected_of(record, instants, values)
-    found = _found(forces, instants, expected) if sought else None
-    if found is None:
+    fitted = _shown_values(forces, instants, expected) if sought else None
+    if fitted is None:
         if measured and not sought:  # friction is known
             expected = replace(expected, shared=shared_error(record.robot.model, instants, expected).deviation)
         return forces, expected, instants
-    law, n = found.friction, len(instants.joints)
+    law, n = fitted.friction, len(instants.joints)
     assert law is not None
-    b = np.stack([law.coulomb, law.viscous, law.inertia, found.scale - 1.0])[:, -n:]
+    b = np.stack([law.coulomb, law.viscous, law.inertia, fitted.scale - 1.0])[:, -n:]
     smooth = instants.without(b)
-    expected = expected_of(record, smooth, found)
+    expected = expected_of(record, smooth, fitted)
     shared = shared_error(record.robot.model, instants, expected)
-    expected = replace(expected, shared=shared.by_weight if np.any(found.scale != 1.0) else shared.deviation)
-    return replace(forces, values=found), expected, instants
+    expected = replace(expected, shared=shared.by_weight if np.any(fitted.scale != 1.0) else shared.deviation)
+    return replace(forces, values=fitted), expected, instants
 
 
-def _found(forces: KnownForces, instants: Instants, expected: Expected) -> FittedValues | None:
+def _shown_values(forces: KnownForces, instants: Instants, expected: Expected) -> FittedValues | None:
     """Return what instants tell of friction and of the errors of the rows; None if they tell nothing."""
     record, values, law = forces.record, forces.values, forces.values.friction
     if len(instants.rows) < FEWEST_INSTANTS or not instants.joints:
@@ -146,8 +146,8 @@ def with_blows(force: Array, y: Array, J: Array) -> Array:
     for _ in range(BLOW_ROUNDS):
         B = force[..., None] * J
         cov = np.swapaxes(B, 1, 2) @ B + np.diag(size**2)
-        found = np.abs(force * (B @ np.linalg.solve(cov, y[..., None]))[..., 0])
-        force = np.where(found > BLOW * force, found, force)
+        shown = np.abs(force * (B @ np.linalg.solve(cov, y[..., None]))[..., 0])
+        force = np.where(shown > BLOW * force, shown, force)
     return force
 
 
@@ -266,7 +266,7 @@ def most_likely(
         offset: force [N] that a base's accelerometer with an offset may find in each of the first three rows for ever.
     """
     k, (kinds, _, n) = y.shape[1], x.shape
-    B, one = force[..., None] * J, np.eye(J.shape[1])
+    B, identity = force[..., None] * J, np.eye(J.shape[1])
     stiction, every, prior = np.zeros(k), range(kinds * n), np.repeat(known**-2.0, n)
     slid, shown = np.abs(sliding).max(axis=0), np.abs(x).max(axis=1) + LEAST_SHOWN
     largest = np.maximum(np.abs(y).max(axis=0), error)[at] * (slid[at] + LEAST_SHOWN) / shown  # of friction
@@ -277,7 +277,7 @@ def most_likely(
     for _ in range(EXPECTATION_ROUNDS):
         R = size * error**2 + stiction**2 / 3.0 * (1.0 - sliding**2)
         Z = B / R[:, None]  # the rows' covariance has the inverse R^-1 - Z^T P (Woodbury)
-        P = np.linalg.solve(one + Z @ np.swapaxes(B, 1, 2), Z)
+        P = np.linalg.solve(identity + Z @ np.swapaxes(B, 1, 2), Z)
         normal = -np.tensordot(x[:, :, None] * Z[:, :, at], x[:, :, None] * P[:, :, at], axes=((1, 2), (1, 2)))
         normal[:, range(n), :, range(n)] += np.einsum("ami,bmi->iab", x / R[:, at], x)
         normal = normal.reshape(kinds * n, -1)

@@ -125,25 +125,25 @@ def _fit_thrusts(given: KnownForces) -> tuple[dict[str, Array], tuple[Fit, ...]]
         names = ", ".join(f"known.{name}" for name in thrusts)
         raise MapError(f"map: {names}: fit.part = {list(part)}: {inside.sum()} samples are too few")
     table = np.stack(columns, axis=2)
-    found = np.linalg.lstsq(table[inside].reshape(-1, len(columns)), target[inside].ravel(), rcond=None)[0]
-    residual, coefficients, done = target - table @ found, dict[str, Array](), 0
+    solution = np.linalg.lstsq(table[inside].reshape(-1, len(columns)), target[inside].ravel(), rcond=None)[0]
+    residual, coefficients, done = target - table @ solution, dict[str, Array](), 0
     for kind in kinds:
         count = len(thrusts[kind[0]].powers)
-        coefficients |= dict.fromkeys(kind, found[done : done + count])
+        coefficients |= dict.fromkeys(kind, solution[done : done + count])
         done += count
     fits = []
     for name, section in thrusts.items():
-        shown, left = (np.sum(along[name] * force, axis=1) for force in (target, residual))
+        shown, remainder = (np.sum(along[name] * force, axis=1) for force in (target, residual))
         spread = shown if inside.all() else shown[~inside]
         values = {f"of power {p}": float(c) for p, c in zip(section.powers, coefficients[name], strict=True)}
-        before, within = map(rms_or_nan, (spread - spread.mean(), left[inside]))
-        fits.append(Fit(f"known.{name}", values, "N", before, within, _calm_rms(left[~inside])))
+        before, within = map(rms_or_nan, (spread - spread.mean(), remainder[inside]))
+        fits.append(Fit(f"known.{name}", values, "N", before, within, _calm_rms(remainder[~inside])))
     return {name: coefficients[name] for name in thrusts}, tuple(fits)
 
 
-def _calm_rms(left: Array) -> float:
+def _calm_rms(residual: Array) -> float:
     """Return the rms of a calm piece of what is left (m,): a push, which is sought, lasts for a part of it at most."""
-    pieces = np.array_split(left, min(TESTED_PIECES, max(len(left), 1)))
+    pieces = np.array_split(residual, min(TESTED_PIECES, max(len(residual), 1)))
     return float(np.quantile([rms_or_nan(piece) for piece in pieces], CALM))
 
 

@@ -139,8 +139,8 @@ class SharedError:
     def deviation(self) -> Array:
         """The rms (k,) over the instants of what c does to each component [N or N m], as far as the record tells it."""
         size = self.size
-        left, taken = self._left(size)
-        return self._deviation(left + np.outer(taken, taken))
+        covariance, taken = self._moments(size)
+        return self._deviation(covariance + np.outer(taken, taken))
 
     @property
     def by_weight(self) -> Array:
@@ -151,9 +151,9 @@ class SharedError:
     @property
     def untested(self) -> Array:
         """The rms (k,) of what three quarters would not show of c [N or N m], if each mass may err by a tenth."""
-        return self._deviation(self._left(ERROR_OF_MASS)[0])
+        return self._deviation(self._moments(ERROR_OF_MASS)[0])
 
-    def _left(self, size: float) -> tuple[Array, Array]:
+    def _moments(self, size: float) -> tuple[Array, Array]:
         """Return covariance and mean of c that has deviations of a size before it is shown."""
         share = size**2 * np.linalg.inv(size**2 * np.eye(len(self.shown)) + self.covariance)
         return size**2 * (np.eye(len(share)) - share), share @ self.shown
@@ -172,18 +172,18 @@ def shared_error(model: pin.Model, instants: Instants, expected: Expected) -> Sh
     weights = np.reshape(weighs, (len(weighs), model.nv, -1, 10))[:, kept].sum(axis=3)  # of one joint they are (10,)
     J = instants.jacobians[some][..., kept]
     R = expected.doubt * expected.row_deviation(instants.v[some])[:, kept] ** 2
-    one = np.eye(len(kept))[instants.at].T
-    friction = np.concatenate([x[:, None] * one for x in instants.columns[:3, some][..., instants.at]], axis=2)
+    identity = np.eye(len(kept))[instants.at].T
+    friction = np.concatenate([x[:, None] * identity for x in instants.columns[:3, some][..., instants.at]], axis=2)
     white, y = J / R[:, None], instants.rows[some][:, kept]
     both = white @ np.concatenate([weights, y[:, :, None]], axis=2)
     both = np.linalg.solve(white @ np.swapaxes(J, 1, 2) + np.diag(expected.force**-2.0), both)
     moved, force = both[:, :, :-1], expected.force[:, None] * J
     columns = np.concatenate([weights, friction], axis=2)
-    found = shown_without_any_quarter(columns, y, force, R, moved)
-    if np.any(many := np.abs(found.shown) > 1.0):
+    shared = shown_without_any_quarter(columns, y, force, R, moved)
+    if np.any(many := np.abs(shared.shown) > 1.0):
         columns[..., : len(many)][..., many & _loads(weights, J)] = 0.0
-        found = shown_without_any_quarter(columns, y, force, R, moved)
-    return replace(found, carried=column_rms(both[:, :, -1]), masses=links.reshape(-1, 10)[:, 0])
+        shared = shown_without_any_quarter(columns, y, force, R, moved)
+    return replace(shared, carried=column_rms(both[:, :, -1]), masses=links.reshape(-1, 10)[:, 0])
 
 
 def _loads(weights: Array, J: Array) -> NDArray[np.bool_]:
@@ -201,13 +201,13 @@ def shown_without_any_quarter(columns: Array, y: Array, force: Array, variance: 
 
     A push elsewhere, which lasts for a while, is no error of masses. The rest as in `beside_forces`.
     """
-    n, found = moved.shape[2], list[SharedError]()
+    n, errors = moved.shape[2], list[SharedError]()
     for k in range(QUARTERS):
-        one = range(k, k + 1)
-        x, rows, SJ, R = (without_quarters(each, one) for each in (columns, y, force, variance))
+        quarter = range(k, k + 1)
+        x, rows, SJ, R = (without_quarters(each, quarter) for each in (columns, y, force, variance))
         b, covariance = beside_forces(x, rows, SJ, R, n)
-        found.append(SharedError(b[:n], covariance[:n, :n], moved))
-    return min(found, key=lambda each: each.size)
+        errors.append(SharedError(b[:n], covariance[:n, :n], moved))
+    return min(errors, key=lambda each: each.size)
 
 
 def beside_forces(columns: Array, y: Array, force: Array, variance: Array, shares: int) -> tuple[Array, Array]:
