@@ -120,7 +120,7 @@ MUTANTS = (
     Mutant("downwash upward", "aerodynamics/lifting_line.py", "w = normal_velocity - self.downwash @ circulation",
            "w = normal_velocity + self.downwash @ circulation", "tests/aerodynamics/test_lifting_line.py"),
     Mutant("recorder's stamps for the sensors'", "records/bag_columns.py",
-           'stamped if self._chosen == "header" and self._stamped else recorded', "recorded", RECORDINGS),
+           'stamped if self._chosen == "header" and self._stamped else arrival', "arrival", RECORDINGS),
     Mutant("w first read as w last", "records/axes.py", "np.roll(turns, -1, axis=1)", "turns",
            RECORDINGS),
     Mutant("delay of a command on the wrong side", "records/channels.py",

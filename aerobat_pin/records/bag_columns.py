@@ -94,7 +94,7 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
         read = [connection for connection in readable if connection.topic in topics]
         tables: dict[str, _Topic] = {}
         spool = Spool()
-        for connection, recorded, raw in reader.messages(connections=read) if read else ():
+        for connection, arrival, raw in reader.messages(connections=read) if read else ():
             table = tables.setdefault(connection.topic, _Topic(spool, log.clock))
             if table.useless:
                 continue
@@ -112,7 +112,7 @@ def read_bag_columns(path: Path, log: LogTable, wanted: Iterable[str] | None) ->
             if numbers is None:
                 table.useless = True
                 continue
-            table.add(stamp(message), 1e-9 * recorded, numbers)
+            table.add(stamp(message), 1e-9 * arrival, numbers)
     clocks: dict[str, Clock] = {}
     values, clock_of = {}, {}
     for topic, table in tables.items():
@@ -156,14 +156,14 @@ class _Topic:
         self.rows, self.useless, self._chosen = GrowingTable(spool), False, chosen
         self._stamped = False  # whether one of the messages of the first flush is
         self._largest_delay = 0.0
-        self._header, self._recorded = array("d"), array("d")
+        self._header, self._arrival = array("d"), array("d")
         self._table: dict[str, array[float]] = {}
 
-    def add(self, header: float, recorded: float, numbers: dict[str, float]) -> None:
+    def add(self, header: float, arrival: float, numbers: dict[str, float]) -> None:
         """Append a message."""
-        count = len(self._recorded)
+        count = len(self._arrival)
         self._header.append(header)
-        self._recorded.append(recorded)
+        self._arrival.append(arrival)
         for name, value in numbers.items():
             column = self._table.get(name)
             if column is None:
@@ -179,18 +179,18 @@ class _Topic:
 
     def flush(self, kept: int) -> None:
         """Hand on all messages but the `kept` last ones by the chosen stamps."""
-        header, recorded = np.array(self._header), np.array(self._recorded)
+        header, arrival = np.array(self._header), np.array(self._arrival)
         if not len(self.rows):
             self._stamped = bool(np.any(header > 0.0))
         stamped = np.where(header > 0.0, header, np.nan)
-        time = stamped if self._chosen == "header" and self._stamped else recorded
+        time = stamped if self._chosen == "header" and self._stamped else arrival
         order = np.argsort(np.nan_to_num(time, nan=-np.inf), kind="stable")  # those without a stamp wait for nobody
         done, waiting = order[: len(order) - kept], order[len(order) - kept :]
-        late = recorded - header
+        late = arrival - header
         self._largest_delay = max(self._largest_delay, float(np.max(np.abs(late[np.isfinite(time)]), initial=0.0)))
         columns = {name: np.array(column) for name, column in self._table.items()}
         self.rows.add(time[done], {name: column[done] for name, column in columns.items()}, late[done])
-        self._header, self._recorded = array("d", header[waiting]), array("d", recorded[waiting])
+        self._header, self._arrival = array("d", header[waiting]), array("d", arrival[waiting])
         self._table = {name: array("d", column[waiting]) for name, column in columns.items()}
 
     def finished(self) -> tuple[Clock, dict[str, Series]]:

@@ -92,8 +92,8 @@ def with_held_joints(chosen: Map, robot: PlainRobot) -> Map:
         return chosen
     names = {*listed_joints(chosen.joints.names), *renamed_joints(chosen.joints.names).values()}
     unnamed = {name: fixed["*"] for name in robot.joints if name not in names}
-    held = {**unnamed, **{name: place for name, place in fixed.items() if name != "*"}}
-    return chosen.model_copy(update={"joints": chosen.joints.model_copy(update={"held": held})})
+    places = {**unnamed, **{name: place for name, place in fixed.items() if name != "*"}}
+    return chosen.model_copy(update={"joints": chosen.joints.model_copy(update={"held": places})})
 
 
 def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -128,8 +128,8 @@ def _sensed_joints(chosen: Map, robot: PlainRobot, columns: Columns) -> tuple[tu
         hint = "name their columns"
         following = [f"{name} mimics {robot.mimics[name].leader}" for name in missing if name in robot.mimics]
         hint += f" ({', '.join(following)}, and moves with it)" * bool(following)
-        told = [name for name, kind in columns.kinds.items() if "JointState" in kind and name != table.topic]
-        hint = f"does {told[0]} have them? Columns can be of several topics" if told and not following else hint
+        topics = [name for name, kind in columns.kinds.items() if "JointState" in kind and name != table.topic]
+        hint = f"does {topics[0]} have them? Columns can be of several topics" if topics and not following else hint
         if strangers:
             alike = as_names(nearest_joints(strangers, missing) or {"NAME": missing[0]})
             hint = f"{table.topic} has {', '.join(strangers)}: if one of them is meant, write {alike}"

@@ -90,8 +90,8 @@ def columns_by_name(columns: Columns, names: list[str]) -> dict[str, dict[str, s
     parts_of, forces = dict[str, dict[str, str]](), dict[str, str]()
     for name in _described(columns):
         forms = (name.lower(), humps_apart(name).lower())
-        found = ((joint, text) for text in forms for joint, pattern in patterns.items() if pattern.search(text))
-        joint, text = next(found, (None, ""))
+        matches = ((joint, text) for text in forms for joint, pattern in patterns.items() if pattern.search(text))
+        joint, text = next(matches, (None, ""))
         if joint is not None:
             others = patterns[joint].sub(" ", text)
             part = _part_in(others) or ("position" if {*words_of_name(others)} <= {""} else None)
@@ -145,7 +145,7 @@ def numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, 
         if match is not None and BEHIND_NUMBERS.issuperset(words_of_name(match["tail"])):
             series.setdefault((match["stem"].lower(), match["tail"].lower()), {})[int(match["number"])] = name
     parts_of: dict[str, dict[str, str]] = {}
-    for (stem, tail), listed in sorted(series.items(), key=lambda one: -len(one[1])):
+    for (stem, tail), listed in sorted(series.items(), key=lambda each: -len(each[1])):
         part = _part_in(f"{stem} {tail}")
         first, count = min(listed), len(listed)
         if count == 4 and _are_turns(columns, list(listed.values())):

@@ -177,7 +177,7 @@ def _beside_the_model(path: Path, *, mjcf: bool) -> tuple[dict[str, Mimic], tupl
 
 
 def _mimic(element: ElementTree.Element) -> Mimic:
-    return Mimic(element.get("joint", ""), *(float(element.get(key, one)) for key, one in MIMIC_NUMBERS))
+    return Mimic(element.get("joint", ""), *(float(element.get(key, default)) for key, default in MIMIC_NUMBERS))
 
 
 def _one_body(table: RobotTable) -> pin.Model:

@@ -50,8 +50,8 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         alike = nearest_joints((name for name in heard if name not in joints), (j for j in joints if j not in heard))
         if alike:
             yield f"{as_names(alike)}  # the robot calls them otherwise: are these the same?"
-        told = {*heard, *alike.values()}
-        silent = [joint for joint in joints if joint not in told]
+        sensed = {*heard, *alike.values()}
+        silent = [joint for joint in joints if joint not in sensed]
         if 0 < len(silent) < len(joints):
             places = ", ".join(f"{toml_key(joint)} = 0.0" for joint in silent)
             yield f"held = {{{places}}}  # do they stand still? The topic says nothing of them"
@@ -108,11 +108,11 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
             yield f'effort = {{columns = {listed(whole["effort"])}{units["effort"]}  # or a current, "A"?'
     else:
         lacking = ", ".join(name for name in driven if "effort" not in parts_of[name])
-        found = ", ".join(toml_text(parts_of[name].get("effort")) for name in driven)
+        efforts = ", ".join(toml_text(parts_of[name].get("effort")) for name in driven)
         yield f"# MISSING: what drives {lacking}? No column with numbers is called so; without, no row is believed:"
         unknown = listed(name for name in driven if "effort" not in parts_of[name])
         yield f"# passive = {unknown}  # or nothing at all?"
-        yield f"# effort = {{columns = [{found}]{units['effort']}"
+        yield f"# effort = {{columns = [{efforts}]{units['effort']}"
         yield f"# Or nobody measures it: robot.rows = {{ignore = {unknown}}}, and the columns of the others"
     for key, plain in (("factor", 1.0), ("offset", 0.0)):
         others = {name: value for name, mimic in following.items() if (value := getattr(mimic, key)) != plain}
@@ -224,18 +224,18 @@ def joint_topic(columns: Columns) -> str | None:
 def joint_topics(columns: Columns) -> list[str]:
     """Return the topics of joints that have numbers, those with most positions and efforts first."""
     topics = (f"{topic}." for topic, kind in columns.kinds.items() if "JointState" in kind)
-    told = {topic: [name[len(topic) :] for name in columns.names if name.startswith(topic)] for topic in topics}
+    entries = {topic: [name[len(topic) :] for name in columns.names if name.startswith(topic)] for topic in topics}
     count = {
-        topic[:-1]: sum(not name.startswith("velocity.") for name in names) for topic, names in told.items() if names
+        topic[:-1]: sum(not name.startswith("velocity.") for name in names) for topic, names in entries.items() if names
     }
     return sorted(count, key=lambda topic: -count[topic])
 
 
 def topic_of(columns: Columns, *kinds: str, without: Collection[str] = ()) -> str | None:
     """Return the first topic of one of these types, without these words in its name."""
-    told = {name.partition(".")[0] for name in columns.values}  # a topic can be silent, or hold no numbers
+    filled = {name.partition(".")[0] for name in columns.values}  # a topic can be silent, or hold no numbers
     named = (topic for topic, kind in columns.kinds.items() if any(word in kind for word in kinds))
-    return next((topic for topic in named if topic in told and not {*words_of_name(topic)} & {*without}), None)
+    return next((topic for topic in named if topic in filled and not {*words_of_name(topic)} & {*without}), None)
 
 
 def listed(names: Iterable[str]) -> str:

@@ -57,7 +57,7 @@ class Unpacking:
 
     def __init__(self, path: Path) -> None:
         files = path.iterdir() if os.path.isdir(path) else [path]
-        self._path, self._left = path, MOST_TIMES_LARGER * sum(file.stat().st_size for file in files) + MOST_UNPACKED
+        self._path, self._budget = path, MOST_TIMES_LARGER * sum(file.stat().st_size for file in files) + MOST_UNPACKED
 
     @property
     def of_mcap(self) -> Mapping[str, Callable[[bytes, int], bytes]]:
@@ -95,7 +95,7 @@ class Unpacking:
         return unpacked
 
     def _take(self, size: int) -> None:
-        self._left -= size
-        if self._left < 0:
+        self._budget -= size
+        if self._budget < 0:
             most = f"{MOST_TIMES_LARGER} times its size"
             raise LogError(f"log {self._path}: unpacks to more than {most}: a recording was expected")

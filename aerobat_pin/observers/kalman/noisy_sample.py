@@ -41,7 +41,7 @@ def kinship_of(model: pin.Model) -> Integers:
     That is `ABOVE` if the other one moves the joint, `BELOW` if it is in a joint further out, else 0.
     """
     joint = np.repeat(np.arange(model.njoints), model.nvs.tolist())
-    above = np.array([np.isin(joint, model.supports[one].tolist()) for one in joint.tolist()])
+    above = np.array([np.isin(joint, model.supports[index].tolist()) for index in joint.tolist()])
     return np.column_stack([joint, np.where(above, ABOVE, np.where(above.T, BELOW, 0))])
 
 
