@@ -60,12 +60,12 @@ class Bar:
         """Return the mesh of the bar in its frame: struts, and a boss around every pin; `side` is left or right."""
         sign = 1.0 if side == "left" else -1.0
         centre = sign * layer(self.name)
-        made: Mesh = []
+        mesh: Mesh = []
         for start, end in self.struts:
-            made += slab(strut(start, end, HALF_WIDTH), centre - THICKNESS / 2, centre + THICKNESS / 2)
+            mesh += slab(strut(start, end, HALF_WIDTH), centre - THICKNESS / 2, centre + THICKNESS / 2)
         for pin in self.pins.values():
-            made += slab(disc(pin, BOSS_RADIUS), centre - BOSS_THICKNESS / 2, centre + BOSS_THICKNESS / 2)
-        return made if side == "left" else mirrored(made)
+            mesh += slab(disc(pin, BOSS_RADIUS), centre - BOSS_THICKNESS / 2, centre + BOSS_THICKNESS / 2)
+        return mesh if side == "left" else mirrored(mesh)
 
 
 def layer(bar: str) -> float:
@@ -81,7 +81,7 @@ def linkage_bars(lengths: LinkageLengths) -> dict[str, Bar]:
     lever, long_lever = complex(-lengths.L5a, lengths.L5b), complex(lengths.L5c, lengths.L5d)
     horn, tip = complex(lengths.L7b, lengths.L7c), complex(FOREARM * lengths.L7a)
     o = 0j
-    made = (
+    bars = (
         Bar("L1", {"J1": o, "J2": crank}, ((o, crank),)),
         Bar("L2", {"J2": o, "J3": coupler, "J4": arm}, ((o, arm), (coupler, arm))),
         Bar("L3", {"J5": o, "J4": rocker, "J6": elbow(lengths)}, ((o, rocker), (o, elbow(lengths)))),
@@ -90,7 +90,7 @@ def linkage_bars(lengths: LinkageLengths) -> dict[str, Bar]:
         Bar("L6", {"J9": o, "J10": pull}, ((o, pull),)),
         Bar("L7", {"J6": o, "J10": horn}, ((o, horn), (o, tip), (horn, tip))),
     )
-    return {bar.name: bar for bar in made}
+    return {bar.name: bar for bar in bars}
 
 
 def closing_bars(lengths: LinkageLengths) -> dict[str, tuple[Bar, str]]:

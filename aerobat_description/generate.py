@@ -45,7 +45,7 @@ PREAMBLE = """\
 
 def files(morphology: Morphology) -> dict[str, bytes]:
     """Return all generated files of a morphology: path relative to the package -> content."""
-    made = {
+    contents = {
         f"urdf/{morphology.name}.urdf": urdf_text(morphology).encode(),
         f"mjcf/{morphology.name}.xml": mjcf_text(morphology).encode(),
         f"srdf/{morphology.name}.srdf": srdf_text(morphology).encode(),
@@ -54,10 +54,10 @@ def files(morphology: Morphology) -> dict[str, bytes]:
     drawn |= {name: bar.mesh(side) for name, (bar, side) in closing_bars(morphology.linkage).items()}
     for name, mesh in drawn.items():
         file = mesh_name(morphology, name)
-        made[f"meshes/{file}"] = binary_stl(mesh)
-        made[f"mjcf/meshes/{obj_name(file)}"] = obj_text(mesh).encode()
-    made[f"linkage/{morphology.name}.toml"] = linkage_toml(morphology).encode()
-    return made
+        contents[f"meshes/{file}"] = binary_stl(mesh)
+        contents[f"mjcf/meshes/{obj_name(file)}"] = obj_text(mesh).encode()
+    contents[f"linkage/{morphology.name}.toml"] = linkage_toml(morphology).encode()
+    return contents
 
 
 def rewrite_files() -> None:
@@ -92,16 +92,16 @@ def export(
     target = target.absolute()
     folder = target.parent / "meshes"
     package = f"package://{target.parent.name}/meshes"
-    made = {target: _text(morphology, form, meshes, bars, package, "meshes", folder).encode()}
+    contents = {target: _text(morphology, form, meshes, bars, package, "meshes", folder).encode()}
     for name, content in files(morphology).items():
         path = Path(name)
         if path.parent.as_posix() == {"urdf": "meshes", "mjcf": "mjcf/meshes"}[form]:
-            made[folder / path.name] = content
+            contents[folder / path.name] = content
         elif form == "urdf" and path.parent.name == "linkage":  # the morphology beside the URDF can have the same name
-            made[target.parent / "linkage" / f"{target.stem}.toml"] = content
+            contents[target.parent / "linkage" / f"{target.stem}.toml"] = content
         elif form == "urdf" and path.suffix == ".srdf":
-            made[target.with_suffix(path.suffix)] = content
-    return made
+            contents[target.with_suffix(path.suffix)] = content
+    return contents
 
 
 def shipped_text(
@@ -173,10 +173,10 @@ def _bar(bar: Bar, morphology: str) -> list[str]:
 
 def _continued(angles: Iterable[float]) -> list[float]:
     """Return a series of angles [rad] without jumps of a full turn."""
-    made: list[float] = []
+    series: list[float] = []
     for angle in angles:
-        made.append(made[-1] + math.remainder(angle - made[-1], 2.0 * math.pi) if made else angle)
-    return made
+        series.append(series[-1] + math.remainder(angle - series[-1], 2.0 * math.pi) if series else angle)
+    return series
 
 
 def _toml_list(values: Iterable[float]) -> str:

@@ -37,29 +37,29 @@ def parts(morphology: Morphology) -> dict[str, Part]:
     These are body, frame, guard, motors, propellers, tail and fin, as far as the robot has them, and the panels and
     bones (L3, L7) of both wings.
     """
-    made = {
+    visible = {
         "body": Part("base_link", "carbon", partial(body, morphology)),
         "frame": Part("base_link", "frame", partial(frame, morphology)),
     }
     if morphology.guard is not None:
-        made["guard"] = Part("base_link", "guard", partial(guard, morphology, morphology.guard))
+        visible["guard"] = Part("base_link", "guard", partial(guard, morphology, morphology.guard))
     if morphology.thrusters:
-        made["motors"] = Part("base_link", "carbon", partial(motors, morphology.thrusters))
-        made["propellers"] = Part("base_link", "propeller", partial(propellers, morphology.thrusters))
+        visible["motors"] = Part("base_link", "carbon", partial(motors, morphology.thrusters))
+        visible["propellers"] = Part("base_link", "propeller", partial(propellers, morphology.thrusters))
     if morphology.tail is not None:
-        made["tail"] = Part("base_link", "tail", partial(plate, morphology.tail))
+        visible["tail"] = Part("base_link", "tail", partial(plate, morphology.tail))
     if morphology.fin is not None:
-        made["fin"] = Part("base_link", "tail", partial(blade, morphology.fin))
+        visible["fin"] = Part("base_link", "tail", partial(blade, morphology.fin))
     bars = linkage_bars(morphology.linkage)
     for panel, stations in panels(morphology).items():
         left = partial(membrane, stations)
         # Not named like their links: viser would take them for each other and move neither.
-        made[f"left_{panel}_membrane"] = Part(f"left_{panel}", "membrane", left)
-        made[f"right_{panel}_membrane"] = Part(f"right_{panel}", "membrane", partial(_mirrored, left))
+        visible[f"left_{panel}_membrane"] = Part(f"left_{panel}", "membrane", left)
+        visible[f"right_{panel}_membrane"] = Part(f"right_{panel}", "membrane", partial(_mirrored, left))
     for bar, link in LINK_OF.items():
         for side in ("left", "right"):
-            made[f"{side}_{bar}"] = Part(f"{side}_{link}", "bone", partial(bars[bar].mesh, side))
-    return made
+            visible[f"{side}_{bar}"] = Part(f"{side}_{link}", "bone", partial(bars[bar].mesh, side))
+    return visible
 
 
 def panels(morphology: Morphology) -> dict[str, list[tuple[Point, Point]]]:

@@ -92,10 +92,10 @@ class Morphology:
         """
         values = dict(values)
         scale = build(Scale, values.pop("scale", {}), "scale")
-        made: Morphology = build(cls, values, "")
+        morphology: Morphology = build(cls, values, "")
         if scale != Scale():
-            made = build(cls, asdict(made._scaled(scale)), "")
-        return made
+            morphology = build(cls, asdict(morphology._scaled(scale)), "")
+        return morphology
 
     def with_changes(self, changes: Mapping[str, Any]) -> Morphology:
         """Return a new morphology with changes, adapted and checked as by `load`; nothing is read from disk.
@@ -268,10 +268,10 @@ def laid_over(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str
         reached = reach(after)
     except (KeyError, MorphologyError, ClosureError):
         return merged
-    own = changes.get("joints", {}), changes.get("wing", {})
+    given = changes.get("joints", {}), changes.get("wing", {})
     limits = {f"{joint}_limits": (low - LIMIT_MARGIN, high + LIMIT_MARGIN) for joint, (low, high) in reached.items()}
-    pairs = {key: (*getattr(joints, key), *pair) for key, pair in limits.items() if key not in own[0]}
+    pairs = {key: (*getattr(joints, key), *pair) for key, pair in limits.items() if key not in given[0]}
     wide = {key: (min(ends), max(ends)) for key, ends in pairs.items()}
     stretch = abs(elbow(after)) / abs(elbow(before))
     stations = {"proximal_stations": [stretch * y for y in wing.proximal_stations]}
-    return merge(merged, {"joints": wide, "wing": {} if "proximal_stations" in own[1] else stations})
+    return merge(merged, {"joints": wide, "wing": {} if "proximal_stations" in given[1] else stations})

@@ -122,8 +122,8 @@ def reach(bars: LinkageLengths) -> dict[str, tuple[float, float]]:
 
 def remedies(bars: LinkageLengths, dyad: str) -> dict[str, float]:
     """Return new lengths by name [m], each of which alone lets the crank turn, of bars that do not close at a dyad."""
-    found = {key: nearest_length(bars, key) for key in (*ADJUSTABLE, *BARS_OF[dyad])}
-    return {key: value for key, value in found.items() if value is not None}
+    lengths = {key: nearest_length(bars, key) for key in (*ADJUSTABLE, *BARS_OF[dyad])}
+    return {key: value for key, value in lengths.items() if value is not None}
 
 
 def advice(bars: LinkageLengths, lengths: Mapping[str, float]) -> str:
@@ -138,7 +138,7 @@ def nearest_length(bars: LinkageLengths, key: str) -> float | None:
     The value is rounded to whole micrometres, away from the present value, so that the crank can still turn when the
     value is printed and typed in again. None if there is no value [m] from 0.2 to 5 times the present one.
     """
-    own = getattr(bars, key)
+    present = getattr(bars, key)
     stuck = 0.0  # [rad]: the last crank angle that failed; trying it first rejects most lengths at once
 
     def turns(length: float) -> bool:
@@ -153,11 +153,11 @@ def nearest_length(bars: LinkageLengths, key: str) -> float | None:
                 return False
         return True
 
-    found: list[float] = []
+    nearest: list[float] = []
     for step in (1.02, 1.0 / 1.02):
-        outside = own
+        outside = present
         for _ in range(81):
-            if found and abs(outside - own) > abs(found[0] - own):
+            if nearest and abs(outside - present) > abs(nearest[0] - present):
                 break
             inside = outside * step
             if turns(inside):
@@ -165,7 +165,7 @@ def nearest_length(bars: LinkageLengths, key: str) -> float | None:
                     middle = 0.5 * (inside + outside)
                     inside, outside = (middle, outside) if turns(middle) else (inside, middle)
                 away = math.ceil if step > 1.0 else math.floor
-                found.append(away(1e6 * inside) * 1e-6)
+                nearest.append(away(1e6 * inside) * 1e-6)
                 break
             outside = inside
-    return min(found, key=lambda value: abs(value - own)) if found else None
+    return min(nearest, key=lambda value: abs(value - present)) if nearest else None

@@ -38,7 +38,7 @@ def did_you_mean(name: str, known: Iterable[str], every: str = "") -> str:
 
     With words before all of them, `every`, such as `shipped are`, they follow the question, too.
     """
-    names = {one.lower(): one for one in known}
+    names = {each.lower(): each for each in known}
     close = difflib.get_close_matches(name.lower(), names, n=1)
     listed = textwrap.shorten(f"{every or 'known are'} {', '.join(names.values())}", LONGEST_LIST, placeholder=" ...")
     if not close:
@@ -70,13 +70,13 @@ def build(kind: Any, values: object, where: str) -> Any:
     for key in values:
         if key not in known:
             raise MorphologyError(f"morphology: unknown key '{dotted(where, key)}'; {did_you_mean(str(key), known)}")
-    made = {}
+    converted = {}
     for key, field in known.items():
         if key in values:
-            made[key] = _field(hints[key], values[key], dotted(where, key))
+            converted[key] = _field(hints[key], values[key], dotted(where, key))
         elif field.default is MISSING:
             raise MorphologyError(f"morphology: missing key '{dotted(where, key)}'")
-    section = kind(**made)
+    section = kind(**converted)
     if hasattr(section, "check"):
         section.check(where)
     return section
@@ -130,7 +130,7 @@ def check_thrusters(names: Sequence[str]) -> None:
     """Raise MorphologyError if frames with the names of thrusters, and their fixed joints, would repeat a name."""
     taken = set(BUILT_IN)
     for i, name in enumerate(names):
-        own = {name, f"{name}_fixed"}
+        pair = {name, f"{name}_fixed"}
         rule = "another link, joint or frame has this name or that of its joint; each needs a name of its own"
-        require(not own & taken, f"thrusters[{i}].name", repr(name), rule)
-        taken |= own
+        require(not pair & taken, f"thrusters[{i}].name", repr(name), rule)
+        taken |= pair

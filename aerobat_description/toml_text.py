@@ -59,8 +59,8 @@ def toml_values(text: str) -> dict[str, Any]:
 def _check_limits(text: str) -> None:
     """Raise TomlError if a word is too long, a text has a NUL, or brackets or dotted keys have too many levels."""
     line, brackets, parts = 1, 0, 0
-    for found in TOKEN.finditer(text):
-        token = found[0]
+    for match in TOKEN.finditer(text):
+        token = match[0]
         first = token[0]
         if first in "[{":
             brackets, parts = brackets + 1, 0

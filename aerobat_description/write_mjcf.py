@@ -105,13 +105,13 @@ def _assets(root: ET.Element, morphology: Morphology) -> None:
 
 def _add_wing(base: ET.Element, morphology: Morphology, pose: Pose, side: str, sign: float) -> dict[str, ET.Element]:
     """Add proximal and distal wing, with the joints and frames of the URDF; return the bodies by name."""
-    boxes, made, parent = wing_boxes(morphology), {}, base
+    boxes, elements, parent = wing_boxes(morphology), {}, base
     for panel, joint, position, angle in (
         ("proximal", "shoulder", morphology.shoulder, pose.theta_s),
         ("distal", "elbow", morphology.elbow, pose.theta_e),
     ):
         name = f"{side}_{panel}"
-        parent = made[name] = _add_body(
+        parent = elements[name] = _add_body(
             parent, name, on_side(position, sign), sign * angle, getattr(morphology, panel), sign
         )
         limits = getattr(morphology.joints, f"{joint}_limits")
@@ -119,11 +119,11 @@ def _add_wing(base: ET.Element, morphology: Morphology, pose: Pose, side: str, s
         centre, size, roll = boxes[panel]
         _add_box(parent, on_side(centre, sign), size, sign * roll)
     point = on_side(morphology.force_point, sign)
-    ET.SubElement(made[f"{side}_distal"], "site", name=f"{side}_force_point", pos=spaced(point))
+    ET.SubElement(elements[f"{side}_distal"], "site", name=f"{side}_force_point", pos=spaced(point))
     for pivot in ("J1", "J8"):
         at = on_side((morphology.wing.offset_x, *getattr(morphology.linkage, f"P{pivot[1:]}")), sign)
         ET.SubElement(base, "site", name=f"{side}_linkage_{pivot}", pos=spaced(at))
-    return made
+    return elements
 
 
 def _add_bars(
@@ -131,21 +131,21 @@ def _add_bars(
 ) -> dict[str, ET.Element]:
     """Add the bars that are not wing links; return their bodies by name."""
     drawn, bodies, offset = linkage_bars(morphology.linkage), bar_bodies(morphology, bars), morphology.wing.offset_x
-    made: dict[str, ET.Element] = {}
+    elements: dict[str, ET.Element] = {}
     for bar, body in bodies.items():
         angle, joint, kind = pose.angles[bar], "J8", "bar"
         if bar in CARRIERS:
             carrier, joint = CARRIERS[bar]
-            parent, angle = made[f"{side}_{carrier}"], math.remainder(angle - pose.angles[carrier], 2.0 * math.pi)
+            parent, angle = elements[f"{side}_{carrier}"], math.remainder(angle - pose.angles[carrier], 2.0 * math.pi)
             pivot = drawn[carrier].pins[joint]
             position: Vector = (0.0, pivot.real, pivot.imag)
         else:
             joint, kind = ("crank", "crank") if bar == "L1" else (joint, kind)
             parent, position = base, (offset, *getattr(morphology.linkage, f"P{drawn[bar].origin[1:]}"))
         name = f"{side}_{bar}"
-        made[name] = _add_body(parent, name, on_side(position, sign), sign * angle, body, sign)
-        _add_hinge(made[name], f"{side}_{joint}", sign, angle, **{"class": kind})
-    return made
+        elements[name] = _add_body(parent, name, on_side(position, sign), sign * angle, body, sign)
+        _add_hinge(elements[name], f"{side}_{joint}", sign, angle, **{"class": kind})
+    return elements
 
 
 def _closures(root: ET.Element, morphology: Morphology) -> None:
@@ -163,13 +163,13 @@ def _add_body(
     parent: ET.Element, name: str, position: Vector, roll: float, body: Body, sign: float = 1.0
 ) -> ET.Element:
     """Add a body, turned by `roll` [rad] about x; with `sign` -1 its mass properties are mirrored."""
-    made = ET.SubElement(parent, "body", name=name, pos=spaced(position))
+    element = ET.SubElement(parent, "body", name=name, pos=spaced(position))
     if roll:
-        made.set("quat", _quaternion(roll))
+        element.set("quat", _quaternion(roll))
     xx, yy, zz, xy, xz, yz = body.inertia
     values = {"pos": spaced(on_side(body.com, sign)), "mass": repr(body.mass)}
-    ET.SubElement(made, "inertial", values, fullinertia=spaced((xx, yy, zz, sign * xy, xz, sign * yz)))
-    return made
+    ET.SubElement(element, "inertial", values, fullinertia=spaced((xx, yy, zz, sign * xy, xz, sign * yz)))
+    return element
 
 
 def _add_hinge(body: ET.Element, name: str, sign: float, ref: float, **more: str) -> None:

@@ -110,13 +110,13 @@ def poses(morphology: Morphology) -> dict[str, tuple[float, float]]:
     angles = [pose.theta_s for pose in cycle]
     middle = 0.5 * (min(angles) + max(angles))
     after = list(itertools.pairwise([*cycle, cycle[0]]))
-    found = {
+    reached = {
         "glide": max(cycle, key=reach),
         "mid_downstroke": next(a for a, b in after if a.theta_s >= middle > b.theta_s),
         "mid_upstroke": next(a for a, b in after if a.theta_s <= middle < b.theta_s),
         "folded": min(cycle, key=reach),
     }
-    return {"neutral": (0.0, 0.0)} | {name: (pose.theta_s, pose.theta_e) for name, pose in found.items()}
+    return {"neutral": (0.0, 0.0)} | {name: (pose.theta_s, pose.theta_e) for name, pose in reached.items()}
 
 
 def _wing(robot: ET.Element, morphology: Morphology, side: str, sign: float) -> None:
@@ -217,7 +217,7 @@ def wing_boxes(morphology: Morphology) -> dict[str, Box]:
     """
     wing, (_, along, up) = morphology.wing, morphology.elbow
     roll = math.atan2(up, along)
-    made: dict[str, Box] = {}
+    boxes: dict[str, Box] = {}
     for panel, start, end, tilt in (
         ("proximal", ROOT_GAP, math.hypot(along, up) - HINGE_GAP, roll),
         ("distal", HINGE_GAP, (1.0 - TIP_CUT) * wing.distal_stations[-1], 0.0),
@@ -225,8 +225,8 @@ def wing_boxes(morphology: Morphology) -> dict[str, Box]:
         front, back = max(getattr(wing, f"{panel}_leading_edge")), min(getattr(wing, f"{panel}_trailing_edge"))
         middle = 0.5 * (start + end)
         centre = (0.5 * (front + back), middle * math.cos(tilt), middle * math.sin(tilt))
-        made[panel] = centre, (front - back, end - start, BOX_THICKNESS), tilt
-    return made
+        boxes[panel] = centre, (front - back, end - start, BOX_THICKNESS), tilt
+    return boxes
 
 
 def on_side(point: Vector, sign: float) -> Vector:
