@@ -6,9 +6,9 @@ import os
 import re
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
-import threading
 import time
 import urllib.request
 import warnings
@@ -28,7 +28,6 @@ from aerobat_pin.errors import AerobatError
 from aerobat_pin.experiments import run_recorded
 from aerobat_pin.flight import simulate
 from aerobat_pin.scenario import load_scenario
-from aerobat_pin.visualization import serve
 from support import bad_recordings
 from support.bad_bytes import READERS, changed_bytes, write_readable
 from support.bad_folders import SWEEP, bad_comparison, bad_run, bad_sweep
@@ -132,12 +131,12 @@ class Doors:
 
     @cached_property
     def address(self) -> str:
-        """Where a page is served."""
-        found: list[str] = []
-        threading.Thread(target=serve, args=("the page", found.append), daemon=True).start()
-        while not found:
-            time.sleep(0.001)
-        return found[0]
+        """Where a page is served, by a program of its own: a command that ends in this one would end it, too."""
+        code = "from aerobat_pin.visualization import serve; serve('the page', lambda at: print(at, flush=True))"
+        server = self._stack.enter_context(subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE))
+        self._stack.callback(server.kill)
+        assert server.stdout is not None
+        return server.stdout.readline().decode().strip()
 
     def attempt(self, rng: np.random.Generator, number: int) -> Attempt:
         """Draw one bad input of a class and try it."""
