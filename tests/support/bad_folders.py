@@ -56,7 +56,7 @@ def bad_run(rng: Rng, place: Path, run: Path) -> list[str]:
 METRICS = (  # that are no scores of a run
     *(b"", b"{}", b"[]", b"3", b"{", 9000 * b"[", b"\xff\xfe", 6_000_000 * b" "),
     *(b'{"observers": NaN}', b'{"observers": 3}', b'{"observers": {"momentum": 3}}'),
-    *(b'{"observers": {"momentum": {"left": {"Fx": 3}}}}'),
+    b'{"observers": {"momentum": {"left": {"Fx": 3}}}}',
     b'{"observers": {"momentum": {"left": {"Fx": {"r2": "good", "rmse": 1}}}}}',
     b'{"observers": {"momentum": {"left": {"Fx": {"r2": 1, "rmse": 1e999}}}}}',
     b'{"observers": {"a\\u001b": {"left": {"Fx": {"r2": 1, "rmse": 1}}}}}',
