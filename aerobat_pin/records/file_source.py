@@ -284,7 +284,7 @@ def _parts(
     when, level = chosen.use.when, None
     if when is not None:
         level = Channel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
-    runs, covered, used = list[tuple[int, int]](), 0, 0
+    runs, covered, used, begins = list[tuple[int, int]](), 0, 0, sorted(begin for begin, _ in missing)
     for low, high in _outside(outside | set(missing), time_of, count):
         time = start + np.arange(low, high) / rate if knots is None else knots[low:high]
         good = np.ones(len(time), bool)
@@ -296,7 +296,7 @@ def _parts(
         covered, used = covered + len(good), used + int(np.sum(good))
         for first, last in runs_of_true(good):
             follows = runs and runs[-1][1] == low + first - 1
-            if follows and (knots is None or not any(time_of(low - 1) <= begin < time[0] for begin, _ in missing)):
+            if follows and (knots is None or bisect_left(begins, time[0]) == bisect_left(begins, time_of(low - 1))):
                 runs[-1] = (runs[-1][0], low + last - 1)
             else:
                 runs.append((low + first, low + last - 1))

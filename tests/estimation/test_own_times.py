@@ -14,6 +14,7 @@ from aerobat_pin.estimation import estimate
 from aerobat_pin.forces import accelerations, fitted_by_map, settled, taken_as_free
 from aerobat_pin.records import Record
 from aerobat_pin.records.resample import neighbour_rates
+from aerobat_pin.records.spool import Spool
 from aerobat_pin.visualization.figures.record import draw_motion
 from aerobat_pin.visualization.replay.flight_replay import replay_result
 
@@ -71,6 +72,17 @@ def test_steps_as_long_as_the_usual_ones_end_no_part(
     slow = whole.iloc[10 * count].assign(t=0.1 * count + 0.02 * np.sin(count))
     record = recorded_at("own", folder, slow.drop(slow.index[230:234]))
     assert record.parts == ((0, 229), (230, 445))
+
+
+def test_pauses_are_not_looked_for_among_all_others(
+    table: tuple[Path, pd.DataFrame], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a record with 2000 of them it took 20 s to open it."""
+    reads, read, (folder, whole) = list[int](), Spool.read, table
+    monkeypatch.setattr(Spool, "read", lambda spool, place, numbers: (reads.append(place), read(spool, place, numbers)))
+    record = recorded_at("own", folder, whole.assign(t=whole.t + 0.15 * (np.arange(len(whole)) // 20)))
+    assert len(record.parts) == len(whole) // 20
+    assert len(reads) < 50 * len(record.parts)
 
 
 def test_channels_are_seen_between_the_stamps(table: tuple[Path, pd.DataFrame]) -> None:
