@@ -34,7 +34,7 @@ from aerobat_pin.control.nominal_wrench import PITCHING, control_of, nominal_fli
 from aerobat_pin.control.sensed import SensedMotion
 from aerobat_pin.errors import ControlWarning, ScenarioError, ShapeError
 from aerobat_pin.flight import LaggedThrust, Plant, ThrusterSet, thrusters_of
-from aerobat_pin.numerics import Array, fields_of, guarded, new_state
+from aerobat_pin.numerics import Array, Viewed, fields_of, guarded, new_state
 from aerobat_pin.scenario import ControlSection, Scenario
 
 SHORT = np.array([2e-3, np.inf, 5e-3, 5e-4, 5e-4, 5e-4])  # [N, N m]: what the nominal wrench may lack, without a word
@@ -71,7 +71,7 @@ def shortfall(scenario: Scenario, wrench: Array, thrusters: ThrusterSet) -> list
     return lines
 
 
-class Controller:
+class Controller(Viewed):
     """Flies a believed robot along the course of a scenario's start.
 
     Args:
@@ -121,10 +121,13 @@ class Controller:
         self.sensed = SensedMotion(scenario, robot, nominal)
         self._monitor = Monitor(self.thrusters.limit, step, self.sensed)
         self._memory = new_state(Law, m=len(self.thrusters.limit), waves=len(nominal.swing) // 2)
-        self._law = law = fields_of(self._memory, Law)
-        self.disturbance, self.wanted, self.unrealised = law.disturbance, law.wanted, law.unrealised
+        self._view()
         self._fill()
         self._restart()
+
+    def _view(self) -> None:
+        self._law = law = fields_of(self._memory, Law)
+        self.disturbance, self.wanted, self.unrealised = law.disturbance, law.wanted, law.unrealised
 
     def __repr__(self) -> str:
         parts = ["PD", *(["integral"] if self.control.integral else [])]

@@ -23,7 +23,7 @@ import numpy as np
 
 from aerobat_pin.control.sensed import SensedMotion
 from aerobat_pin.control.sensed_channels import CHANNELS, FAULTS
-from aerobat_pin.numerics import Array, Integers, fields_of, inner, kernel, new_state
+from aerobat_pin.numerics import Array, Integers, Viewed, fields_of, inner, kernel, new_state
 
 STATE_WORDS = ("OK", "DEGRADED", "SATURATED", "UNSTABLE", "LOST")
 FAILED = ("UNSTABLE", "LOST")  # the flight is no success: the command line ends with exit code 2
@@ -92,7 +92,7 @@ OFF, TILT = 7, 8
 DEGRADED, SATURATED, UNSTABLE, LOST = 1, 2, 3, 4
 
 
-class Monitor:
+class Monitor(Viewed):
     """Watches a flight, sample by sample, and says how it is.
 
     Args:
@@ -103,11 +103,15 @@ class Monitor:
 
     def __init__(self, limit: Array, dt: float, sensed: SensedMotion) -> None:
         self._memory = new_state(WatchState, m=len(limit))
-        self._fields = fields = fields_of(self._memory, WatchState)
+        self._view()
+        fields = self._fields
         fields.limit[:], fields.samples[:], fields.swings[:] = limit, round(WATCHED_TIME / dt), SWINGS
         fields.silent[:] = np.ceil(SILENT / dt)
         self._dt, self._sensed = dt, sensed
         self.restart()
+
+    def _view(self) -> None:
+        self._fields = fields_of(self._memory, WatchState)
 
     def restart(self) -> None:
         """Begin a flight."""

@@ -52,7 +52,7 @@ from aerobat_pin.control.sensed_channels import (
     write_turn,
 )
 from aerobat_pin.linkage import joint_series, joints_at
-from aerobat_pin.numerics import Array, copy_values, fields_of, inner, kernel, new_state
+from aerobat_pin.numerics import Array, Viewed, copy_values, fields_of, inner, kernel, new_state
 from aerobat_pin.scenario import Scenario, SensorSection
 
 ANCHOR = 0.02  # [s]
@@ -75,7 +75,7 @@ REACH = {
 }
 
 
-class SensedMotion:
+class SensedMotion(Viewed):
     """The motion that sensors show, checked and carried to now.
 
     Args:
@@ -98,7 +98,8 @@ class SensedMotion:
         series = joint_series(robot.linkage)
         sizes = {"waves": len(nominal.swing) // 2, "harmonics": len(series), "rows": max(delay) + 1}
         self._memory = new_state(Senses, nq=robot.model.nq, nv=robot.model.nv, **sizes)
-        self._fields = fields = fields_of(self._memory, Senses)
+        self._view()
+        fields = self._fields
         fields.joints[:], fields.series[:] = (robot.idx_q, robot.idx_v), series
         fields.start[:], fields.course[:], fields.level[:] = flight.position, flight.velocity, nominal.quaternion
         fields.swing[:], fields.rate[...] = nominal.swing, 2.0 * pi * scenario.crank.frequency
@@ -131,6 +132,9 @@ class SensedMotion:
         jump = MOST_DEVIATIONS * np.sqrt(2.0) * max(gyro.noise) + UNKNOWN_SPIN * periods[GYRO_CHANNEL]
         fields.trust[2] = jump if punctual else np.inf
         fields.trust[3] = max(max(attitude.noise), LEAST_ATTITUDE_NOISE) ** 2
+
+    def _view(self) -> None:
+        self._fields = fields = fields_of(self._memory, Senses)
         self.q, self.v, self.error, self.faults = fields.q, fields.v, fields.error, fields.faults
         self.beyond = fields.beyond
 

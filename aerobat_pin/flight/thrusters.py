@@ -19,7 +19,7 @@ import numpy as np
 
 from aerobat_description.morphology import Morphology
 from aerobat_pin.errors import ScenarioError, ShapeError
-from aerobat_pin.numerics import Array, Integers, fields_of, guarded, kernel, new_state
+from aerobat_pin.numerics import Array, Integers, Viewed, fields_of, guarded, kernel, new_state
 from aerobat_pin.scenario import ThrustersSection
 
 
@@ -56,7 +56,7 @@ def thrusters_of(morphology: Morphology) -> ThrusterSet:
     )
 
 
-class LaggedThrust:
+class LaggedThrust(Viewed):
     """The thrust of a robot's thrusters over time, from command to command.
 
     Args:
@@ -74,19 +74,22 @@ class LaggedThrust:
         """Start in a steady state."""
         waiting, self._fault, self._until_fault = round(section.delay / dt), section.fault, -1
         self._memory = new_state(Propellers, m=len(thrusters.limit), n=waiting)
-        fields = fields_of(self._memory, Propellers)
-        self.thrust, self.mean = fields.thrust, fields.mean
+        fields = self._view()
         fields.map[:], fields.limit[:], fields.factor[:] = thrusters.map, thrusters.limit, section.factor
         fields.kept[...] = kept = float(np.exp(-dt / section.lag)) if section.lag > 0.0 else 0.0
         fields.lagging[...] = section.lag / dt * (1.0 - kept)
         self.thrust[:] = fields.waiting[:] = np.clip(start, 0.0, thrusters.limit)
         self.mean[:] = section.factor * self.thrust
-        self._factor = fields.factor
         if self._fault is not None:
             if self._fault.thruster > len(thrusters.limit):
                 least = f"at most {len(thrusters.limit)} was expected"
                 raise ScenarioError(f"thrusters.fault.thruster = {self._fault.thruster}: {least}")
             self._until_fault = round(self._fault.start / dt)
+
+    def _view(self) -> Propellers:
+        fields = fields_of(self._memory, Propellers)
+        self.thrust, self.mean, self._factor = fields.thrust, fields.mean, fields.factor
+        return fields
 
     def advance(self, command: Array) -> Array:
         """Follow a command (m,) [N] over the next interval; return the mean wrench (6,) on the body, body axes."""

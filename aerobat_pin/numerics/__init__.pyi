@@ -28,6 +28,7 @@ from .jit import kernel as kernel
 from .jit import lock as lock
 from .jit import told_of_compilation as told_of_compilation
 from .kernel_state import ELSEWHERE as ELSEWHERE
+from .kernel_state import Viewed as Viewed
 from .kernel_state import directory_size as directory_size
 from .kernel_state import fields_of as fields_of
 from .kernel_state import fill as fill

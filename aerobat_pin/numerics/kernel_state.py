@@ -119,6 +119,18 @@ def fields_of(memory: Array, table: type[Fields]) -> Fields:
     return cast(Fields, _fields_at(memory.ctypes.data, table, memory))
 
 
+class Viewed:
+    """A base of classes that keep views of a memory: a copy, or what is unpickled, makes its own by `_view`."""
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._view()
+
+    def _view(self) -> Any:
+        """Keep views of the memory."""
+        raise NotImplementedError
+
+
 def fill(fields: tuple[Any, ...], values: tuple[Any, ...]) -> None:
     """Copy values into the fields of a state, in order; nested tuples into nested fields."""
     for field, value in zip(fields, values, strict=True):

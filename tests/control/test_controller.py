@@ -1,6 +1,9 @@
 """The law: its nominal flight, its signs, its margins, and what it says before a flight that must fail."""
 
+import copy
+import pickle
 import warnings
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
@@ -144,6 +147,27 @@ def test_a_course_in_millimetres_is_refused_at_once() -> None:
     """Its warm-up took millions of steps, and all memory."""
     with pytest.raises(ScenarioError, match=r"the wings meet air at 3e\+03 m/s in a flap: at most 100"):
         controller("flight.velocity=[3000,0,0]")
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda one: pickle.loads(pickle.dumps(one))])
+@pytest.mark.parametrize("settings", [STEADY[: -len(ROUND)], []])
+def test_a_copied_controller_flies_as_it_does(settings: list[str], copied: Callable[[Controller], Controller]) -> None:
+    """It flew the trim: commands were written where a copy did not look, and the air read from the original's robot."""
+    pilot = controller(*settings)
+    q, v, _ = begun(pilot)
+    pilots = pilot, copied(pilot)
+    if not settings:  # a copied observer has no sample yet
+        for each in pilots:
+            each.begin(0.0, q, v, 0.0)
+    for k in range(8):
+        q[2] += 1e-3
+        one, other = (each.command(k * pilot.dt, q, v, 0.1 * k) for each in pilots)
+        np.testing.assert_array_equal(one, other)
+    assert not np.allclose(one, pilot.trim)
+    for name in ("disturbance", "wanted", "unrealised"):
+        np.testing.assert_array_equal(getattr(pilot, name), getattr(pilots[1], name))
+    np.testing.assert_array_equal(pilot.thrust.mean, pilots[1].thrust.mean)
+    assert str(pilot.state) == str(pilots[1].state)
 
 
 @pytest.mark.parametrize(("dt", "bound"), [(1e-3, 1e-3), (1e-2, 0.03)])

@@ -14,6 +14,8 @@ stable up to twice that airspeed.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pinocchio as pin
 
@@ -251,6 +253,10 @@ class AirStream:
         self._memory = new_state(Stream, air=self._in_air.memory, nq=robot.model.nq, nv=robot.model.nv)
         self._stream = fields_of(self._memory, Stream)
         self._stream.dt[...] = dt
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy as one that is not yet reset: its memory points into that of the robot in its air."""
+        return type(self), (self.robot, self._along.section, self.dt)
 
     @guarded(q=("nq",), v=("nv",))
     def reset(self, time: float, q: Array, v: Array, crank_angle: float, crank_rate: float) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -96,6 +96,13 @@ class RobotInAir:
         fill(self.fields.added_mass, factored(air.added_mass))
         fill(self.fields.tree, tree_of(model))
         self.fields.gravity[...] = -model.gravity.linear[2]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy as one laid out anew, in the same aerodynamic state: its memory points into `data`."""
+        return type(self), (self.robot, self.air), (self.fields.start, self.fields.state)
+
+    def __setstate__(self, wake: tuple[Array, Array]) -> None:
+        self.fields.start[:], self.fields.state[:] = wake
 
     @guarded(q=("n", "nq"), v=("n", "nv"))
     def link_twists(self, q: Array, v: Array) -> Array:
