@@ -115,12 +115,13 @@ def rivals(columns: Columns, parts_of: dict[str, dict[str, str]]) -> list[str]:
 
 def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str]]:
     """Return joint -> part -> column of names such as base_pos_deg, base_speed, if they are as many as the joints."""
-    units = {word for words in UNITS_IN_NAMES.values() for word in words} | {"", "joint", "per"}
+    beside = {word for words in UNITS_IN_NAMES.values() for word in words} | {"", "joint", "per"}
+    beside |= WANTED_WORDS | MEASURED_WORDS
     parts_of: dict[str, dict[str, str]] = {}
     for name in _described(columns):
         part = _part_in(name)
         if part is not None:
-            stem = "_".join(word for word in words_of_name(name) if word not in PART_WORDS[part] | units | WANTED_WORDS)
+            stem = "_".join(word for word in words_of_name(name) if word not in PART_WORDS[part] | beside)
             parts_of.setdefault(stem, {}).setdefault(part, name)
     whole = [
         parts

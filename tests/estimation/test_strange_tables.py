@@ -426,10 +426,10 @@ def test_numbers_behind_words_leave_the_words_as_they_are(tmp_path: Path) -> Non
 
 
 def test_columns_of_a_single_joint_need_no_name(tmp_path: Path) -> None:
-    """As of a pendulum's log: t, position, velocity, torque."""
+    """As of a pendulum's log: t, position, velocity, torque; what is measured comes before what was wanted."""
     (tmp_path / "arm.urdf").write_text(arm_of(1))
-    names = ("position", "velocity", "torque")
-    swing = {name: np.sin(np.arange(50) / 10.0) for name in names}
+    names = ("position", "velocity", "torque_meas")
+    swing = {name: np.sin(np.arange(50) / 10.0) for name in ("torque_cmd", *names)}
     pd.DataFrame({"t": np.arange(50) / 100.0, **swing}).to_csv(tmp_path / "log.csv", index=False)
     table = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))["joints"]
     assert [table[part]["columns"] for part in ("position", "velocity", "effort")] == [[name] for name in names]
