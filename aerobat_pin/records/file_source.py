@@ -273,7 +273,7 @@ def _parts(
         if (cut := max(edges)[0] - min(edges)[0]) > chosen.log.longest_gap:
             notes.append(f"the {where} {cut:.3g} s are left out: not all columns of {max(edges)[1]} have samples there")
     for key, channel in channels.items():
-        if (usual := typical_spacing(channel.time)) > chosen.log.longest_gap:
+        if (usual := typical_spacing(channel.time)) > chosen.log.longest_gap * (1.0 + STEP_ERROR):
             notes.append(f"{key}: a sample every {usual:.3g} s, beyond log.longest_gap: interpolated all the same")
         for begin, finish, whose in channel.holes:
             if finish > start and begin < end:

@@ -524,12 +524,16 @@ def test_a_record_too_short_to_settle_is_estimated(rows: int, swing: pd.DataFram
     assert found.components.shape == (rows - 1, 3)
 
 
-@pytest.mark.parametrize("jitter", [0.0, 2e-3])
-def test_a_record_of_ten_samples_a_second_is_whole(jitter: float, swing: pd.DataFrame, tmp_path: Path) -> None:
-    """Its steps are as long as `log.longest_gap` but for rounding: half of them were holes."""
+@pytest.mark.parametrize(("begin", "jitter"), [(0.0, 0.0), (0.0, 2e-3), (1.7e9, 0.0)])
+def test_a_record_of_ten_samples_a_second_is_whole(
+    begin: float, jitter: float, swing: pd.DataFrame, tmp_path: Path
+) -> None:
+    """Its steps are as long as `log.longest_gap` but for rounding: half of them were holes, or all were said to be."""
     slow = swing.iloc[::50].copy()
-    slow["t"] = 0.1 * np.arange(len(slow)) + jitter * np.random.default_rng(1).uniform(-1.0, 1.0, len(slow))
-    assert len(opened(slow, tmp_path).parts) == 1
+    slow["t"] = begin + 0.1 * np.arange(len(slow)) + jitter * np.random.default_rng(1).uniform(-1.0, 1.0, len(slow))
+    record = opened(slow, tmp_path)
+    assert len(record.parts) == 1
+    assert not any("beyond log.longest_gap" in note for note in record.notes)
 
 
 def test_efforts_that_never_change_are_said(swing: pd.DataFrame, tmp_path: Path) -> None:
