@@ -172,15 +172,14 @@ def _own_factors(names: Sequence[str], moving: bool, explanation: Explanation, _
 
     Not if they are many: then it is the model that is wrong, or what pushes.
     """
-    nothing, clearly = np.flatnonzero(_show_nothing(explanation)).tolist(), _clearly(explanation)
+    silent, clearly = _show_nothing(explanation), _clearly(explanation)
     # neither 1 nor of any size
-    sure = (np.abs(explanation.size) > clearly) & (np.abs(1.0 - explanation.size) > clearly)
+    sure = (np.abs(explanation.size) > clearly) & (np.abs(1.0 - explanation.size) > clearly) & ~silent
     factors = _factor_of(explanation.size)
     wrong = np.flatnonzero(sure & _beyond(factors, OWN if moving else GROSS)).tolist()
-    if len(wrong) + len(nothing) > MOST_WRONG:
+    if len(wrong) + np.count_nonzero(silent) > MOST_WRONG:
         return []
-    silent = [no_effort(f"the effort of {names[k]} shows") for k in nothing]
-    return silent + [
+    return [no_effort(f"the effort of {names[k]} shows") for k in np.flatnonzero(silent)] + [
         (reversed_effort if factors[k] < 0.0 else wrong_effort)(names[k], float(factors[k])) for k in wrong
     ]
 
@@ -191,9 +190,9 @@ def _clearly(explanation: Explanation) -> Array:
 
 
 def _show_nothing(explanation: Explanation) -> NDArray[np.bool_]:
-    """Return which efforts (p,) surely show less than `SHOW_NOTHING`, and not surely anything."""
-    clearly = _clearly(explanation)
-    return np.asarray((np.abs(1.0 - explanation.size) <= clearly) & (clearly < SHOW_NOTHING))
+    """Return which efforts (p,) show less than `SHOW_NOTHING`, and not by what factor, within twice or half of it."""
+    shown, clearly = np.abs(1.0 - explanation.size), _clearly(explanation)
+    return np.asarray((shown <= 2.0 * clearly) & (np.maximum(shown, clearly) < SHOW_NOTHING))
 
 
 def _beyond(factors: Array, size: float) -> NDArray[np.bool_]:
