@@ -109,6 +109,11 @@ def test_the_figures_are_those_of_the_mistake(paper: Experiment) -> None:
     assert "left_elbow is 2.00 deg (rms) off" in elbow
     held = warned(changed(log, "q", slice(0, 3), q[np.arange(len(q)) // 10 * 10, :3]), robot)[0]
     assert number(held) == pytest.approx(100.0)
+    short = FlightLog(
+        log.measured.isel(time=slice(0, 500), interval=slice(0, 499))
+    )  # it begins with a rate of exactly 0
+    slow = log.measured["v"].values[np.arange(500) // 17 * 17, 3:6]
+    assert "held channel" in kinds(warned(changed(short, "v", slice(3, 6), slow), robot))
     poses = log.measured["q"].isel(q_axis=slice(7)).rename(q_axis="pose_axis").copy(deep=True)
     bare = log.measured.drop_vars(["q", "v", "q_axis", "v_axis", "motor_torque", "known_thrusters"]).assign(pose=poses)
     assert warned(FlightLog(bare), robot) == []

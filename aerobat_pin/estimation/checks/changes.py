@@ -179,7 +179,7 @@ def _own_factors(names: Sequence[str], moving: bool, explanation: Explanation, _
     wrong = np.flatnonzero(sure & _beyond(factors, OWN if moving else GROSS)).tolist()
     if len(wrong) + np.count_nonzero(silent) > MOST_WRONG:
         return []
-    return [no_effort(f"the effort of {names[k]} shows") for k in np.flatnonzero(silent)] + [
+    return [no_effort(f"the effort of {names[k]} shows") for k in np.flatnonzero(silent).tolist()] + [
         (reversed_effort if factors[k] < 0.0 else wrong_effort)(names[k], float(factors[k])) for k in wrong
     ]
 

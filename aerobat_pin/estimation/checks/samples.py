@@ -155,8 +155,8 @@ def channel_findings(
     In the used `parts` [s] it may rest as long as joint positions, `angles`, do. `alone` says whether it has a clock of
     its own: in a table with one clock, slower channels are interpolated. Times are told after a `start` [s].
     """
-    key, count = channel.key, len(channel.values)
-    changed = _changes(channel)
+    key, count, (differs, rests) = channel.key, len(channel.values), _changes(channel)
+    changed = differs | rests
     if count < 2:
         return
     rate, share = 1.0 / typical_spacing(channel.time), float(np.mean(~changed))
@@ -165,7 +165,7 @@ def channel_findings(
     if key.endswith(".supply") or key.startswith("extra.known") or not changed.any():
         return  # a controller holds its commands
     title = CHANNEL_WORDS.get(key, key.removeprefix("extra.").replace("_", " "))
-    if _held(changed):
+    if _held(differs[~rests]):
         changes = f"{title} change{'' if title[-1] == 's' else 's'}"
         what = f"{changes} only {rate * (1.0 - share):.3g} times a second among {rate:.4g} samples a second; {EMPTY}"
         yield Finding("held channel", "warning", what, share, "1")
@@ -176,14 +176,14 @@ def channel_findings(
             yield Finding("interpolated channel", "warning" if alone else "note", f"{what}; {EMPTY}", straight, "1")
 
 
-def _changes(channel: Channel) -> NDArray[np.bool_]:
-    """Return whether each sample (n - 1,) differs from the one before, or shows exactly zero where this may last."""
-    may_rest, changes = rests_at_zero(channel.key), [np.zeros(0, bool)]
+def _changes(channel: Channel) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return whether samples (n - 1,) differ from the one before, and whether they are zero where this may last."""
+    may_rest, differs, rests = rests_at_zero(channel.key), [np.zeros(0, bool)], [np.zeros(0, bool)]
     for begin in range(0, len(channel.values) - 1, EXTENT):
         values = channel.values[begin : begin + EXTENT + 1]
-        changed = np.any(np.diff(values, axis=0) != 0.0, axis=1)
-        changes.append(changed | np.all(values[1:] == 0.0, axis=1) if may_rest else changed)
-    return np.concatenate(changes)
+        differs.append(np.any(np.diff(values, axis=0) != 0.0, axis=1))
+        rests.append(np.all(values[1:] == 0.0, axis=1) & may_rest)
+    return np.concatenate(differs), np.concatenate(rests)
 
 
 def rests_at_zero(key: str) -> bool:
