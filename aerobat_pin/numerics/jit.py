@@ -149,8 +149,8 @@ class _Compilations(event.Listener):  # type: ignore[misc]  # numba has no types
         if self._ours:
             # Some are compiled again for other types of arguments.
             self._count = max(self._count, self._done + self._depth, 1)
-            left = f"{self._count - self._done} of {self._count} kernels left"
-            self._tell(f"{self._what}, {left}, once per installation", self._done / self._count)
+            remaining = f"{self._count - self._done} of {self._count} kernels left"
+            self._tell(f"{self._what}, {remaining}, once per installation", self._done / self._count)
 
 
 @contextmanager

@@ -39,9 +39,10 @@ class Spool:
         place, size = self._size, self._size + rows.nbytes
         try:
             if isinstance(self._file, io.BytesIO) and size > IN_MEMORY:
-                memory, self._file = self._file, tempfile.TemporaryFile()
-                weakref.finalize(self, self._file.close)
-                self._file.write(memory.getbuffer())
+                file = tempfile.TemporaryFile()
+                weakref.finalize(self, file.close)
+                file.write(self._file.getbuffer())
+                self._file = file
             self._file.seek(place)
             self._file.write(np.ascontiguousarray(rows, float).data)
             self._file.flush()

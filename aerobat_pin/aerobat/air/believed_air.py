@@ -30,6 +30,7 @@ from aerobat_pin.numerics import Array, Integers, fields_of, guarded, new_state
 from aerobat_pin.observers import rotations
 from aerobat_pin.scenario import AirSection
 
+TOO_FAST = 1.1 * LARGEST_AIRSPEED  # [m/s], for noisy sensors; a motion in millimetres is far beyond
 LONGEST_STEP = 1.5e-3  # [s]: longer steps change the lift by more than a thousandth at 5 m/s and 6.7 Hz
 LARGEST_MODE_STEP = 1.4  # rate of the fastest mode times the step; the method is unstable from 2.785 on
 CRANK_ANGLES_TRIED = 721  # every half degree
@@ -82,7 +83,7 @@ class AirAlongMotion:
         """Return the longest step [s] for the fastest airspeed of a flap, of a body as `through_air` returns it."""
         turn = joint_table(self.robot.linkage.solve(np.linspace(0.0, 2.0 * np.pi, FLAP_ANGLES), crank_rate))
         airspeed = float(np.max(self.airspeed(self.in_air.flapping_twists(placement, twist, turn))))
-        if airspeed > 1.1 * LARGEST_AIRSPEED:  # which would take millions of steps
+        if airspeed > TOO_FAST:  # which would take millions of steps
             most = f"at most {LARGEST_AIRSPEED:g}, in metres and seconds, was expected"
             raise ScenarioError(f"the wings meet air at {airspeed:.3g} m/s in a flap: {most}")
         return float(self.longest_step(np.array([airspeed]))[0])
@@ -93,7 +94,7 @@ class AirAlongMotion:
         v[:, :3] -= np.einsum("nji,nj->ni", rotations(moved.q), moved.wind[:, 0])
         airspeed = self.airspeed(self.in_air.link_twists(moved.q, v))
         at = int(np.argmax(airspeed))
-        if airspeed[at] > 1.1 * LARGEST_AIRSPEED:  # noisy sensors; a log in millimetres is far beyond
+        if airspeed[at] > TOO_FAST:
             raise LogError(
                 f"flight log: the wings meet air at {airspeed[at]:.0f} m/s at t = {moved.time[at]:g} s: metres, "
                 "seconds and a motion that is less noisy were expected"

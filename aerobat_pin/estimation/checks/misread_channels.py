@@ -209,10 +209,8 @@ def _joint_findings(
     if changed is None:
         return read.told(record, leaves)
     k, turn, sense, effort = changed
-    rest = -float(explanation.size[0])
-    rest = (
-        0.0 if record.robot.slides(record.driven[k]) or explanation.deviation[0] > REST_AT_MOST else rest
-    )  # not shown
+    hidden = record.robot.slides(record.driven[k]) or explanation.deviation[0] > REST_AT_MOST
+    rest = 0.0 if hidden else -float(explanation.size[0])
     if abs(rest) > REST_AT_MOST:
         return None
     if effort != sense:
@@ -287,10 +285,8 @@ def _in_order(name: str, part: str, order: Array, _: Explanation, leaves: str) -
 
 
 def _known_factor(name: str, explanation: Explanation, leaves: str) -> Sequence[Finding]:
-    factor, clearly = (
-        1.0 + float(explanation.size[0]),
-        CLEARLY * float(explanation.deviation[0]) * explanation.independent**-0.5,
-    )
+    factor = 1.0 + float(explanation.size[0])
+    clearly = CLEARLY * float(explanation.deviation[0]) * explanation.independent**-0.5
     if abs(factor - 1.0) < max(NAMED, clearly):
         return []
     what = (

@@ -125,8 +125,8 @@ def untested_findings(
     Where nothing touched the robot its rows were tested: nothing is said of a record with `use.free`. Nor of one with
     no row to spare at all, which `error bar` says.
     """
-    settled = forces.record.map.use.free is not None or estimate.redundancy.verdict == "blind"
-    if settled or expected is None or instants is None or not len(instants.rows):
+    answered = forces.record.map.use.free is not None or estimate.redundancy.verdict == "blind"
+    if answered or expected is None or instants is None or not len(instants.rows):
         return
     some, kept = instants.weighed, instants.kept
     error = expected.row_deviation(instants.v[some])[:, None, kept]
