@@ -58,7 +58,7 @@ def draw_view(axes: Axes, robot: Aerobat, q: np.ndarray, view: np.ndarray, names
     meshes, painted = parts(robot.morphology), []
     for item in robot.visual_model.geometryObjects:
         place = data.oMi[item.parentJoint] * item.placement
-        for triangle in np.array(meshes[item.name].mesh) @ place.rotation.T + place.translation:
+        for triangle in np.array(meshes[item.name].mesh()) @ place.rotation.T + place.translation:
             normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
             shade = 0.55 + 0.45 * abs(normal @ LIGHT) / (np.linalg.norm(normal) + 1e-12)
             pale = 1.0 - 0.42 * (1.0 - np.array(item.meshColor[:3]))
