@@ -116,8 +116,7 @@ def _read_otherwise(
     residuals = balance.residual, balance.needed - balance.given @ signs, balance.needed - scaled_efforts
     share, turned, scaled = map(balance.beside_friction, residuals)
     _, least = _least_squares(balance, balance.rubbing)
-    noisy = share < ABOVE_NOISE * _white_share(balance)
-    if min(share, scaled) > (GOOD if noisy else WELL):
+    if min(share, scaled) > max(WELL, ABOVE_NOISE * _white_share(balance)):
         mapped, needed = JointReading.as_mapped(record), balance.size / len(motion.q)
         readings = [mapped.otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)]  # as efforts are reversed
         if turned > WELL or np.all(signs > 0.0):
