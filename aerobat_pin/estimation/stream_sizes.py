@@ -29,7 +29,7 @@ from aerobat_pin.observers import (
 )
 from aerobat_pin.records import Map, PlainRobot
 
-LEGS_EVERY, LEGS_KEPT = 50, 200  # estimates of a robot that walks: one in so many shows the errors of legs in the air
+LEGS_EVERY, LEGS_KEPT = 10, 200  # estimates of a robot that walks: one in so many shows the errors of legs in the air
 RUBS_EVERY = 4  # estimates of another: one in so many shows friction
 
 
@@ -82,7 +82,8 @@ class StreamSizes:
         errors = np.zeros_like(expected.row_error)
         if self._walks and self._taken:
             force, jacobians = (part[: self._taken] for part in self._legs)
-            errors = lifted_errors(np.einsum("mc,mcv->mv", force, jacobians), jacobians, self._robot.weight)
+            rows = np.einsum("mc,mcv->mv", force, jacobians)
+            errors = lifted_errors(self._robot.model, rows, jacobians, self._robot.weight)
         elif self._taken and self._values.friction is None:
             slides = self._slid[self._joints] > SLIDES_AT
             errors[self._joints] = as_others_rub(self._rubbing()[self._joints], slides, self._limits)

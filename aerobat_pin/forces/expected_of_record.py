@@ -60,7 +60,7 @@ def expected_of(record: Record, instants: Instants, values: FittedValues) -> Exp
     some = instants.weighed
     v, residual, jacobians = instants.v[some], instants.rows[some], instants.jacobians[some]
     if stands(record, instants) and not values.row_noise:
-        lifted = lifted_errors(residual, jacobians, robot.weight)
+        lifted = lifted_errors(robot.model, residual, jacobians, robot.weight)
         expected = replace(expected, row_error=np.hypot(expected.row_error, lifted))
     weighed = with_record(expected, rows, robot.model, v, residual, jacobians)
     return replace(weighed, doubt=max(weighed.doubt, values.doubt))
@@ -156,15 +156,19 @@ def lifted_feet(rows: Array, jacobians: Array, weight: float) -> tuple[Array, Ar
     return lifted, legs, usual
 
 
-def lifted_errors(rows: Array, jacobians: Array, weight: float) -> Array:
-    """Return the rms (nv,) of the rows of each leg while its foot carries nothing; 0 where that is not shown.
+def lifted_errors(model: pin.Model, rows: Array, jacobians: Array, weight: float) -> Array:
+    """Return the rms (nv,) of the rows of each leg while its foot carries nothing; 0 where no leg shows it.
 
-    They show friction and noise, however small the efforts are.
+    They show friction and noise, however small the efforts are. Legs whose feet never seem to be in the air, as those
+    whose friction looks like what they carry, rub as the others.
     """
     errors, (lifted, legs, _) = np.zeros(rows.shape[1]), lifted_feet(rows, jacobians, weight)
+    shown = legs[lifted.sum(axis=0) >= LEAST_LIFTED].any(axis=0)
     for up, leg in zip(lifted.T, legs, strict=True):
         if up.sum() >= LEAST_LIFTED:
             errors[leg] = column_rms(rows[up][:, leg])
+    every = np.flatnonzero(legs.any(axis=0)).tolist()
+    errors[every] = as_others_rub(errors[every], shown[every], effort_limits(model, every))
     return errors
 
 

@@ -6,6 +6,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -155,7 +156,7 @@ def test_a_tilt_turns_forces_in_world_axes() -> None:
 
 
 def test_a_leg_in_the_air_shows_the_errors_of_its_rows() -> None:
-    """Of known sizes, within 3 %; the trunk's rows, and those of a foot that always stands, show none."""
+    """Of known sizes, within 3 %; the trunk's rows show none, and a leg that always stands errs as the worst row."""
     rng, sizes = np.random.default_rng(3), np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.3, 0.3, 0.3])
     count = 4000
     jacobians = np.zeros((count, 9, 15))
@@ -167,10 +168,10 @@ def test_a_leg_in_the_air_shows_the_errors_of_its_rows() -> None:
     force[: count // 2, :3] = force[count // 4 :, 3:6] = 0.0
     rows = np.einsum("mcv,mc->mv", jacobians, force)
     rows[:, 6:] += sizes * rng.standard_normal((count, 9))
-    found = lifted_errors(rows, jacobians, 150.0)
+    found = lifted_errors(SimpleNamespace(effortLimit=np.zeros(15)), rows, jacobians, 150.0)
     np.testing.assert_allclose(found[6:12], sizes[:6], rtol=0.03)
     assert not found[:6].any()
-    assert not found[12:].any()
+    np.testing.assert_array_equal(found[12:], found[6:12].max())
 
 
 def test_a_base_slower_than_the_joints_shows_as_much_noise(folder: Path) -> None:
