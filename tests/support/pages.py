@@ -63,7 +63,7 @@ def run(find: Callable[[], Values], quick: Callable[[], Values] = dict) -> None:
     folder = "write nothing, compare with the pages below this folder (default: the repository's)"
     parser.add_argument("--check", type=Path, nargs="?", const=ROOT, metavar="FOLDER", help=folder)
     other = parser.parse_args().check
-    with mpl.rc_context(style.RC):
+    with mpl.rc_context({**style.RC, "text.parse_math": True}):  # ticks of logarithmic axes
         found = [quick(), *([find()] if other is None else [])]
     for page, values in (item for part in found for item in part.items()):
         if other is None:
