@@ -318,6 +318,17 @@ def test_reversed_efforts_are_named(robot: str, noise: float, friction: float, r
     assert f"effort sign: all efforts are reversed ({', '.join(record.driven)})" in found[0]
 
 
+@pytest.mark.parametrize("joint", [1, *further(0, 2, 4, 7)])
+def test_one_effort_of_a_walking_robot_is_named_alone(joint: int, records: dict[str, Record]) -> None:
+    """It is 2.86 times as large; a base link of nearly no mass and other efforts, up to five wrong ones, left less."""
+    record = records["quadruped"]
+    [found] = warned(planted(record, together(rubbing(0.1), noisy(0.02), times(EFFORTS, 1.0 / 0.35, joint))))
+    told = re.match(r"effort unit: the effort of (\w+) would have to be ([.\d]+) times as large", found)
+    assert told is not None
+    assert told[1] == record.driven[joint]
+    assert float(told[2]) == pytest.approx(0.35, abs=0.1)
+
+
 @pytest.mark.parametrize("keys", [(EFFORTS,), (ANGLES, RATES, EFFORTS)])
 @pytest.mark.parametrize(("noise", "friction"), LOUD)
 @pytest.mark.parametrize("other", [3, 6])

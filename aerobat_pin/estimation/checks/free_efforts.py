@@ -44,6 +44,7 @@ SURE = 4.0  # in standard deviations
 EXPLAINED = 0.5  # share of what is left otherwise that factors, or another mass, must explain
 UNFIT = 0.05  # of the needed square sum left by the best factors, from which they explain nothing
 CLEAR = 0.9  # share of the imbalance that is explained, from which they are named all the same
+LIGHTEST = 0.5  # of the base link's mass, that it may lack
 SWAP = 0.5  # of the imbalance that is left if joints or limbs change places
 WORTH, GOOD = 0.005, 0.02  # of the needed square sum: an imbalance for which efforts, or limbs, may be exchanged
 RIGHT_PLACES = 0.25  # of the needed square sum, that joints or limbs in the right places leave at most
@@ -165,7 +166,7 @@ def _best_signs(balance: Balance) -> Array:
 def _least_squares(balance: Balance, *more: Array) -> tuple[Array, Array]:
     """Return the factors of the efforts and the change of the base's mass (joints + 1,), and what they leave (n,).
 
-    The mass changes only if it stays above 0 and the efforts alone leave far more: without most of weight and motion
+    The mass changes only if half of it stays and the efforts alone leave far more: without most of weight and motion
     any efforts would do. Columns (n, k) of `more` may make up for some of it.
     """
     table, n = np.column_stack([balance.given, -balance.base, *more]), balance.given.shape[1]
@@ -178,7 +179,7 @@ def _least_squares(balance: Balance, *more: Array) -> tuple[Array, Array]:
         return fitted, balance.needed - table @ fitted
 
     alone, other = best(seen & (np.arange(len(seen)) != n)), best(seen)
-    heavy = other[0][n] > -1.0 and other[1] @ other[1] < EXPLAINED * (alone[1] @ alone[1])
+    heavy = other[0][n] > -LIGHTEST and other[1] @ other[1] < EXPLAINED * (alone[1] @ alone[1])
     return other if heavy else alone
 
 
