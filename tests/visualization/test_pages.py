@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+import xarray as xr
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from support.browser import at, needs_browser, node, opened, ready
@@ -16,8 +17,8 @@ from support.further import further
 from support.shipped import flown
 
 from aerobat_pin import load_aerobat, load_robot
-from aerobat_pin.aerobat.flight_log import true_force
-from aerobat_pin.experiments import Experiment, run
+from aerobat_pin.aerobat.flight_log import FlightLog, true_force
+from aerobat_pin.experiments import Experiment, run, run_recorded
 from aerobat_pin.scenario.scenario import load_scenario
 from aerobat_pin.visualization import draw_all, draw_estimation, replay_result, report_html
 from aerobat_pin.visualization.figures.flight import draw_states, draw_stick_diagram
@@ -100,6 +101,20 @@ def test_the_close_up_is_where_it_happens(name: str, row: int, span: tuple[float
     [words] = figure.legends
     assert [text.get_text() for text in words.get_texts()][-2:] == legend
     assert all(box.get_zorder() < looked_at.lines[0].get_zorder() for box in looked_at.patches)
+
+
+def test_events_are_drawn_in_a_log_that_begins_late() -> None:
+    """The figure's times count from the start; the events of a log 100 s later were taken for ones after its end."""
+    made, late = flown("guard"), []
+    with xr.set_options(keep_attrs=True):
+        for data in (made.log.measured, made.log.truth):
+            assert data is not None
+            moved = {name: data[name] + 100.0 for name in ("event_start", "event_end") if name in data}
+            times = {name: data[name] + 100.0 for name in ("time", "interval") if name in data.coords}
+            late.append(data.assign(moved).assign_coords(times))
+    figure = draw_estimation(run_recorded(FlightLog(*late), made.scenario).scores)
+    assert figure.axes[-1].get_xlim() == pytest.approx((0.35, 1.25))
+    assert figure.legends[0].get_texts()[-1].get_text() == "push, enlarged in the last row"
 
 
 def test_the_panels_of_the_forces_can_be_compared(paper: Experiment) -> None:

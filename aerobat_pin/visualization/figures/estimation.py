@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -45,7 +46,8 @@ def draw_estimation(result: Result, events: Sequence[TrueEvent] = ()) -> Figure:
     """
     panels = _Panels(result)
     frames, known = panels.frames, bool(result.references) and bool(panels.frames[0])
-    events = sorted([*result.events, *events], key=lambda event: event.start)
+    begin, events = result.start, sorted([*result.events, *events], key=lambda event: event.start)
+    events = [replace(event, start=event.start - begin, end=event.end - begin) for event in events]
     heights = [*((1.0, 0.45) if known else (1.0,)) * len(panels.labels), 1.15]
     height = 0.45 + sum(heights) * (1.77 if known else 1.67)
     figure = Figure(figsize=(max(6.5, 4.5 * len(frames)), height), layout="constrained")
@@ -222,7 +224,7 @@ def _enlarged(result: Result, panels: _Panels, events: Sequence[TrueEvent]) -> _
         lasts = event.end <= end_of_all and event.name != "step"
         end = event.end if lasts else event.start
         margin = max(0.25 * (end - event.start), 0.5 * (SHORTEST_ENLARGED - (end - event.start)))
-        start, end = _samples_around(first, event.start - margin, end + margin)
+        start, end = _samples_around(first, result.start + event.start - margin, result.start + end + margin)
         rows = slice(first.index(start), first.index(end))
         known = panels.reference(event.frames[0], "Fx") if event.frames else None
         clean = None if known is None else known[0].noise_free
@@ -230,7 +232,7 @@ def _enlarged(result: Result, panels: _Panels, events: Sequence[TrueEvent]) -> _
         size = np.ptp(force, axis=0) if event.name == "step" else np.abs(force).max(axis=0)
         axis = ("Fx", "Fy", "Fz")[int(np.argmax(size))]  # of a point, or of the base among the rows
         label = next((label for label in panels.labels if label.endswith(axis)), panels.labels[0])
-        return _Enlarged(start, end, label, event.name)
+        return _Enlarged(start - result.start, end - result.start, label, event.name)
     length = max(SHORTEST_ENLARGED, ENLARGED_SHARE * (panels.span[1] - panels.span[0]))
     begin = first.start[0] + length  # until then filters rise
     begin = begin if begin < first.start[-1] else -np.inf
