@@ -73,6 +73,7 @@ HEAD_SHARE = 0.25  # of an arrow's length
 SHAFT, HEAD_WIDTH = 0.01, 0.02  # diameters [m]
 SHOWN_FOR = 100_000_000  # [ns]
 ARROWS_PER_SECOND = 30.0
+LATEST = 2.0**31  # [s]
 LONGEST_MARKER = 0.5  # [m] of the largest force
 TRUE_COLOUR = {"r": 0.0, "g": 0.0, "b": 0.0, "a": 1.0}
 ESTIMATE_COLOUR = {"r": 0.835, "g": 0.369, "b": 0.0, "a": 1.0}
@@ -204,6 +205,8 @@ def write_mcap_stretches(stretches: Iterable[McapStretch], path: Path) -> None:
             writer.start("ros2", "aerobat")
             topics = _Topics(writer, store)
             for stretch in stretches:
+                if not 0.0 <= stretch.time[0] <= stretch.time[-1] < LATEST:
+                    raise OutputError(f"{path}: time {stretch.time[0]:g} s: MCAP of ROS 2 has 0 to {LATEST:g} s")
                 _write_stretch(topics, stretch)
             writer.finish()
         write_files({path: draft})

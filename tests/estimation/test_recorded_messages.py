@@ -5,6 +5,7 @@ import struct
 import zlib
 from ast import literal_eval
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from support.recorded import edited, recorded
 from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 
 from aerobat_pin import open_record
-from aerobat_pin.errors import LogError, MapError
+from aerobat_pin.errors import LogError, MapError, OutputError
 from aerobat_pin.estimation import estimate
 from aerobat_pin.experiments.write_mcap import McapStretch, write_mcap_stretches
 from aerobat_pin.records import LogTable, mcap_is_sealed, parse_map, read_columns, stamp
@@ -123,7 +124,10 @@ def test_our_own_file_is_whole(tmp_path: Path) -> None:
     model = pin.buildSampleModelHumanoidRandom()
     time, force = np.linspace(0.0, 1.0, 101), np.tile([1.0, 2.0, 3.0], (100, 1))
     q, v = np.tile(pin.neutral(model), (101, 1)), np.zeros((101, model.nv))
-    write_mcap_stretches([McapStretch(model, time, q, v, None, {"/truth/here": ("universe", force)}, 4.0)], path)
+    stretch = McapStretch(model, time, q, v, None, {"/truth/here": ("universe", force)}, 4.0)
+    with pytest.raises(OutputError, match=r"forces\.mcap: time -1 s: MCAP of ROS 2 has 0 to"):
+        write_mcap_stretches([replace(stretch, time=time - 1.0)], path)
+    write_mcap_stretches([stretch], path)
     assert mcap_is_sealed(path)
     content = path.read_bytes()
     start, _, summary = struct.unpack("<QQI", content[-28:-8])  # of the footer: before the closing magic
