@@ -19,7 +19,7 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.aerobat import JOINTS, Aerobat
 from aerobat_pin.aerobat.channels import KNOWN
-from aerobat_pin.aerobat.flight_log import FlightLog, truth_of
+from aerobat_pin.aerobat.flight_log import SUM, FlightLog, truth_of
 from aerobat_pin.aerobat.motion import RECORDED, Motion, Torque
 from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE
 from aerobat_pin.aerobat.robot import AerobatRobot
@@ -81,7 +81,7 @@ def flight_record(
     knots = series_of(Spool(), log.time)
     channels = flight_channels(log, robot.aerobat, knots)
     section = section or ObserverSection()
-    last, references = len(log.time) - 1, truth_of(log, section.frames)
+    last, references = len(log.time) - 1, truth_of(log, [*section.frames, *[SUM] * log.is_raw])  # as no torque shows it
     start, span = float(log.time[0]), float(log.time[-1] - log.time[0])
     rate = last / span if span > 0.0 else 1.0
     driven = JOINTS if "joints.effort" in channels else ()

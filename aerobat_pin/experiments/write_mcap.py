@@ -287,6 +287,8 @@ def _put_arrows(topics: _Topics, part: McapStretch, data: pin.Data, k: int, time
     """Put each force as an arrow from its point, for Foxglove and for RViz."""
     markers, entities = [], []
     for number, (topic, (frame, force)) in enumerate(part.forces.items()):
+        if not part.model.existFrame(frame):  # a sum is at no point
+            continue
         start = data.oMf[frame_id(part.model, frame)].translation
         along = LONGEST_MARKER / part.largest * force[k, :3]
         length = float(np.linalg.norm(along))

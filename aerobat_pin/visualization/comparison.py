@@ -14,7 +14,7 @@ import matplotlib as mpl
 import xarray as xr
 from matplotlib.figure import Figure
 
-from aerobat_pin.aerobat import FlightLog, true_force
+from aerobat_pin.aerobat import SUM, FlightLog, true_force
 from aerobat_pin.errors import LogError, content_of, plain_json
 from aerobat_pin.experiments import RESULTS, read_run
 from aerobat_pin.forces import one_unit, point_label, quantity
@@ -53,6 +53,11 @@ class ComparedRun:
         """Read a run's folder. Raises LogError if it is none."""
         scenario, log, estimates = read_run(folder)
         return cls(label, folder, scenario, log, estimates, _force_scores(folder / "metrics.json"), _figures(folder))
+
+    @property
+    def known(self) -> set[str]:
+        """Points at which the true force is known, and all of them together."""
+        return set() if self.log.truth is None else {SUM, *map(str, self.log.truth["point"].values)}
 
 
 def _figures(folder: Path) -> dict[str, bytes]:
@@ -147,8 +152,7 @@ class RunComparison:
             for name in ("observer", "point"):
                 if alone := sorted(set(_names_along(run, name)) - set(_names_along(other, name))):
                     lines.append(f"{run.label} alone has the {name} {', '.join(alone)}: nothing to set beside it")
-            known = set() if run.log.truth is None else set(map(str, run.log.truth["point"].values))
-            if blind := [point_label(point) for point in _names_along(run, "point") if point not in known]:
+            if blind := [point_label(point) for point in _names_along(run, "point") if point not in run.known]:
                 why = "is not known" if run.log.truth is None else "is none"
                 lines.append(
                     f"{run.label}: the true force at {', '.join(blind)} {why}, so it and its error are not drawn"
@@ -183,17 +187,17 @@ class RunComparison:
                         middle = 0.5 * (run.log.time[1:] + run.log.time[:-1])
                         values = run.estimates["force_W"].sel(observer=name, point=point).values[:, k]
                         force.plot(middle, values, line, color=colour, lw=0.9, label=f"{run.label}: {name}", zorder=2)
-                        if run.log.truth is not None and point in run.log.truth["point"].values:
+                        if point in run.known:
                             truth = true_force(run.log, point)[0][:, k]
-                            label = "actual" if run is self.first else None
-                            force.plot(middle, truth, color=style.TRUTH, lw=1.8, label=label, zorder=1)
+                            force.plot(middle, truth, color=style.TRUTH, lw=1.8, label="actual", zorder=1)
                             error.plot(middle, 1e3 * (values - truth), line, color=colour, lw=0.7)
                 grid[-1][column].set_xlabel("time [s]")
             for k in range(3):
                 fit_to_drawn(grid[2 * k])
             fit_errors([grid[2 * k + 1] for k in range(3)])
             style.title_of(figure, f"Unknown forces, {runs[0].label} and {runs[1].label}: world axes, interval means")
-            figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+            curves = {str(line.get_label()): line for axis in grid[0] for line in axis.lines}
+            figure.legend(curves.values(), curves.keys(), loc="outside lower center", ncols=3)
         return figure
 
     def write(self, folder: Path) -> None:

@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from support.commands import call
 from support.walking_log import FEET, bag, table, table_map, urdf, walk
 
-from aerobat_pin import records
+from aerobat_pin import load_aerobat, records
+from aerobat_pin.experiments import read_run, write_flight_mcap
 from aerobat_pin.records import open_by_map, parse_map
 
 WALK = walk(1.0)
@@ -163,6 +164,11 @@ def test_a_simulated_flight_becomes_mcap(here: Path) -> None:
     assert call("convert", "flown", "--out", "paper.mcap") == 0
     with highlevel.AnyReader([here / "paper.mcap"]) as reader:
         assert {"/pose", "/joint_states", "/arrows", "/truth/left_force_point"} <= set(reader.topics)
+    _, log, estimates = read_run(here / "flown")
+    total = estimates.isel(point=[0]).assign_coords(point=["sum"])  # as of raw samples without torques
+    write_flight_mcap(load_aerobat("aerobat_guard").model, log, total, here / "sum.mcap")
+    with highlevel.AnyReader([here / "sum.mcap"]) as reader:
+        assert "/force/momentum/sum" in reader.topics
 
 
 def test_the_map_is_described(capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,6 +15,7 @@ from support.commands import aerobat, call
 from typer.main import get_command
 
 import aerobat_pin
+from aerobat_pin.aerobat import FlightLog
 from aerobat_pin.cli.app import app
 from aerobat_pin.visualization.comparison import compare_runs
 
@@ -152,6 +153,12 @@ def test_two_runs_stand_side_by_side(here: Path, capsys: pytest.CaptureFixture[s
     pair = compare_runs(here / "one, calm", here / "two")
     others = {("kalman", *place): score for (_, *place), score in pair.second.scores.items()}
     assert replace(pair, second=replace(pair.second, scores=others)).verdict.startswith("No observer's forces")
+    total = (run.estimates.isel(point=[0]).assign_coords(point=["sum"]) for run in (pair.first, pair.second))
+    first, second = (replace(pair.first, estimates=one) for one in total)
+    blind = replace(first, log=FlightLog(first.log.measured))
+    both = replace(pair, first=blind, second=second)
+    assert [line for line in both.missing if "true force" in line][1:] == []
+    assert "actual" in [text.get_text() for text in both.draw().legends[0].get_texts()]
     assert call("compare", "one, calm", "runs") == 2
     assert "runs is not the folder of a run: it has no scenario.toml" in capsys.readouterr().err
     assert call("play", str(folder)) == 2

@@ -330,12 +330,13 @@ def test_without_torque_the_split_between_the_wings_is_refused() -> None:
     observers = scenario.observers.model_copy(update={"raw": GIVEN})
     scenario = scenario.model_copy(update={"observers": observers})
     log, robot = flight()
-    estimates = aerobat.estimate_flight(log, robot, scenario).estimates
-    estimate = estimates["smoother"]
+    result = aerobat.estimate_flight(log, robot, scenario)
+    estimate = result.estimates["smoother"]
     assert estimate.frames == ("sum",)
     assert estimate.force.shape[1:] == (1, 3)
     total = truth(log).sum(axis=1)
     assert (r_squared(estimate.force[:, 0, 2].copy(), total[:, 2].copy()) or 0.0) > 0.98
+    assert (result.observers["smoother"].points["sum"]["Fz"].r2 or 0.0) > 0.98
     assert any("split" in line for line in estimate.warnings)
 
 
