@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,10 @@ import pytest
 import xarray as xr
 from support.commands import call
 
+from aerobat_pin.control import loop_margins
 from aerobat_pin.errors import OutputError, WorkersLostError
 from aerobat_pin.experiments import effects_text, load_sweep, run, run_sweep, shipped_sweeps, sweep_effects
-from aerobat_pin.experiments.sweep.plan import RESERVED_NAMES, outcome_of
+from aerobat_pin.experiments.sweep.plan import RESERVED_NAMES, flight_columns, outcome_of
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
 from aerobat_pin.scenario import load_scenario
 from aerobat_pin.visualization import draw_sweep
@@ -271,6 +273,17 @@ def test_a_loop_that_is_lost_is_said(tmp_path: Path) -> None:
     outcome = json.loads(outcome_of(scenario))
     assert outcome["flight"]["rms_z"] > 0.3
     assert outcome["warnings"][-1].startswith("the controller is LOST at 0.")
+
+
+def test_a_loop_that_is_unstable_has_no_margins() -> None:
+    """Beyond the largest gain of a stable loop Ms fell from 135 to 4.8, and the delay margin rose to 25 ms."""
+    columns = {}
+    for roll in (100, 150):
+        margins = loop_margins(load_scenario("hover_closed_loop", [f"control.roll={roll}"]))
+        control = {"slew_rms": 0.0, "saturated_share": 0.0, "margins": {name: asdict(m) for name, m in margins.items()}}
+        columns[roll] = flight_columns({"flight": {}, "control": control})
+    assert columns[100]["largest_ms"] > 100.0
+    assert columns[150] == {"slew_rms": 0.0, "saturated_share": 0.0}
 
 
 def test_a_sweep_of_closed_loops_goes_on(tmp_path: Path) -> None:

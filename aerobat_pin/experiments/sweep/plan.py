@@ -188,15 +188,19 @@ def _with_keys(scenario: Scenario, settings: list[dict[str, Any]], source: str) 
 
 
 def flight_columns(metrics: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the numbers of a run's flight and of its control, without nested tables, as columns of the results."""
+    """Return the numbers of a run's flight and of its control, without nested tables, as columns of the results.
+
+    Margins are those of a loop that is stable by its gains; another has none.
+    """
     columns = dict(metrics["flight"])
     columns |= {f"rms_{axis}": value for axis, value in columns.pop("rms", {}).items()}
     control = metrics.get("control")
     if control is not None:
         margins = control["margins"].values()
         columns |= {name: control[name] for name in ("slew_rms", "saturated_share")}
-        columns["largest_ms"] = max(margin["ms"] for margin in margins)
-        columns["delay_margin"] = min(margin["delay"] for margin in margins if margin["delay"] is not None)
+        if all(margin["stable"] for margin in margins):
+            columns["largest_ms"] = max(margin["ms"] for margin in margins)
+            columns["delay_margin"] = min(margin["delay"] for margin in margins if margin["delay"] is not None)
     return columns
 
 
