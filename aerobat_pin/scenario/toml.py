@@ -67,6 +67,8 @@ def scenario_value(value: Any) -> str:
     """Return one value as TOML on a single line."""
     if isinstance(value, tuple | list):
         return f"[{', '.join(scenario_value(item) for item in value)}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key} = {scenario_value(item)}' for key, item in value.items())}}}"
     return tomli_w.dumps({"value": value}).removeprefix("value = ").rstrip("\n")
 
 

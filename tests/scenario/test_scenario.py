@@ -113,6 +113,7 @@ AT_LEAST = "input should be greater than or equal to"
         ("flight.velocity=4", "flight.velocity = 4: input should be a valid list, such as [4, 0.0, 0.0]"),
         ("unknown_force.0.direction=[1]", "unknown_force.0.direction = [1]: 3 numbers were expected"),
         ("observers.names=momentum", 'input should be a valid list, such as ["momentum"]'),
+        ("air.wave={frequency=2}", "a valid list, such as [{frequency = 2}]"),
         ("crank.frequency=fast", "crank.frequency = 'fast'"),
         ("crank.drive=steam", "crank.drive = 'steam': input should be 'constant', 'spin_up' or 'motor'"),
         ("crank.motor.torque_limit=0.1", 'crank.motor is given, but crank.drive = "constant"; write drive = "motor"'),
