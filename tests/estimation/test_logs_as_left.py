@@ -27,6 +27,7 @@ from aerobat_pin.records import Record, Spool, parse_map, series_of, suggested_m
 from aerobat_pin.records.columns import GrowingTable, in_order
 from aerobat_pin.records.resample import without_turns
 from aerobat_pin.visualization import draw_estimation, draw_unexplained
+from aerobat_pin.visualization.figures.record import draw_motion
 
 ROBOT = {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]}
 WITHOUT_FRICTION = edited(arm_map(), {"joints.friction": None})
@@ -128,7 +129,8 @@ def test_no_interval_of_an_estimates_files_goes_over_a_hole(holed: Result, tmp_p
 
 def test_no_line_of_a_figure_goes_over_a_hole(holed: Result) -> None:
     """Nor an area: what is not known there is not called unseen, either."""
-    for figure in (draw_estimation(holed), draw_unexplained(holed)):
+    assert holed.record is not None
+    for figure in (draw_estimation(holed), draw_unexplained(holed), draw_motion(holed.record)):
         axis = figure.axes[0]
         time = axis.lines[0].get_xdata()
         assert np.nanmax(np.diff(time)) < 3e-3

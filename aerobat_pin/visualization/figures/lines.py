@@ -41,8 +41,7 @@ def estimate_lines(
 ) -> Lines:
     """Return values (n, k) of an estimate over the middles (n,) [s] of its intervals that start in [begin, end) [s].
 
-    `values_of` returns the values (n, k) of some intervals, given these and the index of the first. In a hole stand a
-    time and values that are NaN, so that no line goes over it.
+    `values_of` returns the values (n, k) of some intervals, given these and the index of the first.
     """
     low, high = estimate.index(begin), estimate.index(end)
 
@@ -51,8 +50,12 @@ def estimate_lines(
         middle = 0.5 * (estimate.start[rows] + estimate.ends[rows])
         return middle, values_of(estimate.between(rows.start, rows.stop), rows.start)
 
-    time, values = thinned(high - low, read)
-    at = np.searchsorted(time, estimate.holes)
+    return broken(*thinned(high - low, read), estimate.holes)
+
+
+def broken(time: Array, values: Array, holes: Sequence[float]) -> Lines:
+    """Return lines (m,), (m, k) with NaN at a moment [s] in each hole, so that they do not go over it."""
+    at = np.searchsorted(time, holes)
     at = at[(at > 0) & (at < len(time))]
     return np.insert(time, at, np.nan), np.insert(values, at, np.nan, axis=0)
 

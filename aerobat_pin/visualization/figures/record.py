@@ -11,7 +11,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.observers import DOUBTFUL, SLOW_TIME, Estimate, Redundancy, slow_part, typical_step
 from aerobat_pin.records import Channel, Record
 from aerobat_pin.visualization import style
-from aerobat_pin.visualization.figures.lines import Lines, estimate_lines, thinned
+from aerobat_pin.visualization.figures.lines import Lines, broken, estimate_lines, thinned
 
 CONTACTS_SHOWN = 5.0  # [s]
 SHOWN_JOINTS = 8
@@ -33,7 +33,8 @@ def draw_motion(record: Record) -> Figure:
         def read(first: int, last: int, channel: Channel = channel) -> Lines:
             return channel.time[first:last] - record.start, channel.values[first:last]
 
-        time, values = thinned(len(channel.time), read)
+        holes = [0.5 * (begin + end) - record.start for begin, end, _ in channel.holes]
+        time, values = broken(*thinned(len(channel.time), read), holes)
         for k, name in enumerate(names[:SHOWN_JOINTS]):
             colour = (*style.AXIS_COLOURS, style.ORANGE)[k % 4]
             axis.plot(time, values[:, k], style.LINE_STYLES[k // 4], color=colour, label=name)
