@@ -13,6 +13,7 @@ from support.robot_parts import by_axis, channels
 from aerobat_pin.estimation import Result, estimate
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import load_robot
+from aerobat_pin.visualization import draw_estimation
 
 HAND, SOLES = "gripper_right_base_link", ("left_sole_link", "right_sole_link")
 PUSH = np.array([10.0, -25.0, 15.0])  # [N], world axes, 3 % of the weight
@@ -82,6 +83,8 @@ def test_a_push_at_a_hand_is_no_foot_in_the_air(log: pd.DataFrame, tmp_path: Pat
     assert np.sqrt(np.mean((force - true) ** 2, axis=0))[:2].max() < 7.0
     assert np.mean(np.abs(force - true) < 2.0 * deviation, axis=0).min() > 0.95
     assert not any("effort times" in fit.values for fit in found.forces.values.fits)
+    units = [axis.get_ylabel()[-4:] for axis in draw_estimation(found).axes[:-3] if axis.get_visible()]
+    assert units == [" [N]"] * 9 + ["N m]"] * 6  # the hand has no moments
 
 
 @pytest.mark.evidence  # other tests say so of a walk and of an arm

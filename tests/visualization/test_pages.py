@@ -57,6 +57,8 @@ def test_the_figures_show_the_channels_they_name(paper: Experiment, drawn: dict[
     for name in ("position", "states", "stick_diagram", "estimation"):
         assert "79 % thruster-borne" in drawn[name].get_suptitle()
     assert "Unknown force at each wing" in drawn["estimation"].get_suptitle()
+    curves, limits = (drawn["unexplained"].axes[0].lines[first::2] for first in (0, 1))
+    assert [line.get_color() for line in limits] == [line.get_color() for line in curves]
 
 
 def test_a_force_that_acts_on_no_wing_is_not_said_to() -> None:

@@ -146,7 +146,8 @@ class _Panels:
                 words, whole_height = "not seen: the pose does not show it", axis.get_xaxis_transform()
                 axis.fill_between(time, 0, 1, where=unseen, transform=whole_height, label=words, **HATCHED)
         letter = f"${label[0]}_{label[1]}$" if frame else label
-        axis.set_ylabel(f"{letter} [{self.units.get((frame, label), 'N')}]", parse_math=bool(frame))
+        axis.set_ylabel(f"{letter} [{self.units.get((frame, label), '')}]", parse_math=bool(frame))
+        axis.set_visible((frame, label) in self.units)
 
     def draw_errors(self, axis: Axes, frame: str, label: str) -> None:
         """Draw estimates minus reference, where this is scored, both behind its filter; nothing without a reference."""
@@ -154,7 +155,7 @@ class _Panels:
         axis.set(
             xlim=self.span,
             visible=known is not None,
-            ylabel=f"error [{'' if self.factor == 1.0 else 'm'}{self.units.get((frame, label), 'N')}]",
+            ylabel=f"error [{'' if self.factor == 1.0 else 'm'}{self.units.get((frame, label), '')}]",
         )
         for name, estimate, colour, line in self._estimates():
             for side in self.result.compared[name]:

@@ -81,7 +81,7 @@ def draw_unexplained(result: Result) -> Figure:
         limit = unexplained_limit(result, name)[0]
         if limit is not None:
             label = "limit of its rms, sensors' noise included" if i == 0 else None
-            axis.axhline(np.hypot(limit, check.sensors), color=style.MUTED, linestyle="--", label=label)
+            axis.axhline(np.hypot(limit, check.sensors), color=style.ESTIMATES[i % 4], linestyle="--", label=label)
     axis.set(xlabel="time [s]", ylabel="unexplained a row [N]")
     style.title_of(figure, "Slow part of what no force at the points explains")
     style.legend_on_top(axis, ncols=3)
