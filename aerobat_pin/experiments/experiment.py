@@ -133,7 +133,7 @@ def run(
             experiment.scores,
             title=f"{scenario.name}, seed {seed}: {experiment.note}; motor torque {scenario.observers.torque}",
             changes=changes_text(scenario.name, changed),
-            advice=NOISE_ADVICE if scenario.sensors.sampled else "",
+            advice=NOISE_ADVICE if scenario.sensors.sampled and not scenario.sensors.raw else "",
             findings=(*said, *experiment.scores.findings),
             more=more if control is None else {**more, "control": control},
         )

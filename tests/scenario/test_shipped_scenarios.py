@@ -47,6 +47,7 @@ def test_every_scenario_flies_and_reports_finite_numbers(name: str) -> None:
             scores = experiment.metrics["observers"][observer][point_label(frame)]
             assert all(np.isfinite(one["rmse"]) for one in scores.values())
     assert "no observer looks" not in experiment.metrics["note"]
+    assert not (experiment.scenario.sensors.raw and experiment.scores.advice)  # its observers have no gain
 
 
 def test_no_shipped_flight_has_joints_or_efforts_that_are_misread() -> None:
