@@ -249,8 +249,8 @@ def _effort(control: Mapping[str, Any]) -> str:
     """Return the commands at a limit, and the margins of the axis that has least, in words."""
     said = f"{100.0 * control['saturated_share']:.2g} % of the commands at a limit"
     margins = {axis: margin for axis, margin in control["margins"].items() if margin["stable"]}
-    if len(margins) < len(control["margins"]):
-        return f"{said}; unstable by its gains: {', '.join(control['margins'].keys() - margins.keys())}"
+    if unstable := [axis for axis in control["margins"] if axis not in margins]:
+        return f"{said}; unstable by its gains: {', '.join(unstable)}"
     largest = max(margins, key=lambda axis: margins[axis]["ms"])
     delays = {axis: margin["delay"] for axis, margin in margins.items() if margin["delay"] is not None}
     least = min(delays, key=lambda axis: delays[axis], default="")

@@ -15,6 +15,7 @@ from support.commands import call
 from aerobat_pin.control import loop_margins
 from aerobat_pin.errors import OutputError, WorkersLostError
 from aerobat_pin.experiments import effects_text, load_sweep, run, run_sweep, shipped_sweeps, sweep_effects
+from aerobat_pin.experiments.experiment import _effort
 from aerobat_pin.experiments.sweep.plan import RESERVED_NAMES, flight_columns, outcome_of
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
 from aerobat_pin.scenario import load_scenario
@@ -284,6 +285,9 @@ def test_a_loop_that_is_unstable_has_no_margins() -> None:
         columns[roll] = flight_columns({"flight": {}, "control": control})
     assert columns[100]["largest_ms"] > 100.0
     assert columns[150] == {"slew_rms": 0.0, "saturated_share": 0.0}
+    shaky = {axis: {"stable": axis == "height"} for axis in ("roll", "pitch", "yaw", "height", "forward")}
+    said = _effort({"saturated_share": 0.0, "margins": shaky})
+    assert said.endswith("unstable by its gains: roll, pitch, yaw, forward")  # in any order, by the seed of hashes
 
 
 def test_a_sweep_of_closed_loops_goes_on(tmp_path: Path) -> None:
