@@ -134,8 +134,11 @@ def test_the_panels_of_the_forces_can_be_compared(paper: Experiment) -> None:
 
 def test_a_noisy_estimate_does_not_hide_the_truth_and_shows_its_deviation() -> None:
     """It is drawn behind; a band of two standard deviations where the observer states them; long titles are broken."""
-    made = run(load_scenario("noisy_sensors", ["simulation.duration=0.4"]))
+    made = run(load_scenario("noisy_sensors", ["simulation.duration=0.4", "sensors.attitude.bias=[0.0,0.3,0.0]"]))
     drawn = draw_all(made)
+    assert made.flight is not None
+    lift = np.mean(drawn["aerodynamics"].axes[0].lines[0].get_ydata()) / (1e3 * made.robot.mass * 9.81)
+    assert lift == pytest.approx(made.flight.aerodynamic_lift_over_weight)  # by the true attitude
     figure = drawn["estimation"]
     truth, noisy = figure.axes[4].lines[:2]
     assert noisy.get_zorder() < truth.get_zorder()

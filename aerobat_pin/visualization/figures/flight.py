@@ -155,7 +155,7 @@ def draw_aerodynamics(robot: Aerobat, log: FlightLog) -> Figure:
     lift, thrust, strips = figure.subplots(3, 1, sharex=True, height_ratios=(1.0, 1.0, 1.2))
     middle = 0.5 * (log.time[1:] + log.time[:-1])
     generalised = log.truth["aerodynamic"].values + log.truth["added_mass"].values
-    force = 1e3 * world_velocity(log.measured["q"].values[:-1], generalised)  # base rows in world axes
+    force = 1e3 * world_velocity(_true_motion(log)[:-1], generalised)  # base rows in world axes
     weight = 1e3 * robot.mass * float(log.measured.attrs["gravity"])
     for axis, values, name in ((lift, force[:, 2], "lift, Z"), (thrust, force[:, 0], "thrust, X")):
         axis.plot(middle, values, color=style.BLUE)
@@ -203,8 +203,7 @@ def draw_control(robot: Aerobat, scenario: Scenario, log: FlightLog) -> Figure:
     parts: Any = figure.subfigures(3, 1, height_ratios=(1.0, 1.25, 1.0))
     top, thrusts, seen = parts
     time, middle = log.time, 0.5 * (log.time[1:] + log.time[:-1])
-    q = (log.truth if "q" in log.truth else log.measured)["q"].values
-    flight = scenario.flight
+    q, flight = _true_motion(log), scenario.flight
     course = np.array(flight.position) + time[:, None] * np.array(flight.velocity)
     place, angle = top.subplots(1, 2)
     _curves(place, time, 1e3 * (q[:, :3] - course), "xyz")
@@ -239,9 +238,15 @@ def draw_control(robot: Aerobat, scenario: Scenario, log: FlightLog) -> Figure:
 def thrust_forces(robot: Aerobat, log: FlightLog) -> dict[str, Array]:
     """Return the force (n, 3) of each thruster in world axes [N], by the name of its frame, as interval means."""
     assert log.truth is not None
-    q, thrust = (log.truth if "q" in log.truth else log.measured)["q"].values[:-1], log.truth["thrust"].values
+    q, thrust = _true_motion(log)[:-1], log.truth["thrust"].values
     R, thrusters = rotation_matrices(q[:, 3:7]), robot.morphology.thrusters
     return {item.name: R @ np.array(item.direction) * thrust[:, i : i + 1] for i, item in enumerate(thrusters)}
+
+
+def _true_motion(log: FlightLog) -> Array:
+    """Return the configurations (n, nq) of a simulated flight, without the errors of its sensors."""
+    assert log.truth is not None
+    return np.asarray((log.truth if "q" in log.truth else log.measured)["q"].values)
 
 
 def _legend(part: Any, axis: Any) -> None:
