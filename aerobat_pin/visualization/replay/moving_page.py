@@ -276,7 +276,8 @@ class Replay:
         if first == last:
             return
         inside = self.time[(self.time > first) & (self.time < last)]
-        scene.line(f"{node}/way", self._path_at(np.concatenate([[first], inside, [last]])), zone.colour)
+        way = self._path_at(np.concatenate([[first], inside, [last]]))
+        scene.segments(f"{node}/way", np.stack([way[:-1], way[1:]], axis=1), zone.colour)
         for name, time in (("onset", zone.start), ("end", zone.end)):
             if first <= time <= last:
                 scene.ball(f"{node}/{name}", self._path_at(np.array([time]))[0], 0.03 * self.size, zone.colour)

@@ -172,11 +172,6 @@ class Scene:
         self.move(f"{node}/shaft", position=start, quaternion=rotation, scale=np.column_stack([share, shaft, share]))
         self.move(f"{node}/head", position=head_start, quaternion=rotation, scale=np.column_stack([share] * 3))
 
-    def line(self, node: str, points: Array, colour: str) -> None:
-        """Draw a line through points (k, 3) [m]."""
-        paint = shapes.LineBasicMaterial(color=rgb_number(colour))
-        self.viewer[node].set_object(shapes.Line(shapes.PointsGeometry(points.T), paint))
-
     def segments(self, node: str, ends: Array, colour: str) -> None:
         """Draw straight lines between ends (k, 2, 3) [m]."""
         paint = shapes.LineBasicMaterial(color=rgb_number(colour))
