@@ -145,9 +145,8 @@ def write_flight_mcap(model: pin.Model, log: FlightLog, estimates: xr.Dataset, p
         raise LogError("convert: the flight log has no channels q and v")
     q, v = log.measured["q"].values, log.measured["v"].values
     forces: dict[str, tuple[str, Array]] = {}
-    points = [str(point) for point in estimates["point"].values]
     for name in map(str, estimates["observer"].values):
-        for point in points:
+        for point in map(str, estimates["point"].values):
             forces[f"/force/{name}/{point}"] = (point, estimates["force_W"].sel(observer=name, point=point).values)
     if log.truth is not None and "force_W" in log.truth:
         for point in map(str, log.truth["point"].values):
