@@ -18,8 +18,9 @@ from support.walking_log import bag, bag_map, urdf, walk
 from aerobat_pin.aerobat import JOINTS, AerobatRobot, believed_robot, flight_record
 from aerobat_pin.estimation import effort_findings, record_findings
 from aerobat_pin.estimation.checks import free_efforts
+from aerobat_pin.estimation.checks.changes import _load
 from aerobat_pin.flight import simulate
-from aerobat_pin.forces import FittedValues, KnownForces, inputs_between
+from aerobat_pin.forces import Explanation, FittedValues, KnownForces, inputs_between
 from aerobat_pin.records import PlainRobot, Record, Spool, load_robot, series_of
 from aerobat_pin.scenario import load_scenario
 
@@ -395,6 +396,18 @@ def test_a_load_beside_the_point_is_a_load(kilograms: float, place: tuple[float,
     assert told is not None, found
     away = float(np.linalg.norm(place - tool.placement.translation))
     assert float(told.group(1)) == pytest.approx(kilograms * away, rel=0.12)
+
+
+@pytest.mark.parametrize(
+    ("kilograms", "away", "told"), [(1.0, 0.1, True), (-0.1, 1.0, True), (-1.0, 0.1, False), (1.0, 30.0, False)]
+)
+def test_no_load_is_negative_nor_heavier_than_the_robot(kilograms: float, away: float, told: bool) -> None:
+    """Of a real SO-101 that logs its efforts without their signs -0.3 kg at 7 m were a load it carries."""
+    ur5, errors = load_robot("ur5"), np.ones((9, 6))
+    place = ur5.model.frames[ur5.model.getFrameId("tool0")].placement.translation + np.array([away, 0.0, 0.0])
+    size, rows = -kilograms * np.array([1.0, *place]), np.ones((9, 6, 6))
+    found = _load(ur5, "tool0", Explanation(0.0, size, np.full(4, 1e-3), errors, errors, rows, errors[0]), "little")
+    assert found is None if not told else len(found) == 1
 
 
 @pytest.mark.parametrize("factors", [(0.7, 0.7, 1.0, 0.7, 0.7, 0.7), (0.3, 1.0, 0.3, 0.5, 1.0, 1.0)])

@@ -30,6 +30,7 @@ from aerobat_pin.forces import (
     without_quarters,
 )
 from aerobat_pin.numerics import Array, frame_id
+from aerobat_pin.observers import robot_length
 from aerobat_pin.records import PlainRobot, Record
 
 PRICE = 2.0  # in the logarithm of the likelihood: what each number of a change costs
@@ -246,14 +247,18 @@ def _zero(robot: PlainRobot, joint: str, explanation: Explanation, leaves: str) 
     return [Finding("joint zero", "warning", text, off, "m" if slides else "rad")]
 
 
-def _load(robot: PlainRobot, name: str, explanation: Explanation, leaves: str) -> Sequence[Finding]:
+def _load(robot: PlainRobot, name: str, explanation: Explanation, leaves: str) -> Sequence[Finding] | None:
     """Return a load beside a point: its weight passes for a force there, its moment about it is left."""
-    frame = robot.model.frames[frame_id(robot.model, name)]
+    model = robot.model
+    frame = model.frames[frame_id(model, name)]
     moment = float(np.linalg.norm(explanation.size[1:] - explanation.size[0] * frame.placement.translation))
+    lacks = explanation.size[0] - _clearly(explanation)[0]
+    if lacks > model.inertias[frame.parentJoint].mass or moment > robot.mass * robot_length(model):
+        return None  # no body lacks more than its mass, and the whole robot weighs less at its end
     if moment < LEAST_MOMENT * robot.mass:
         return []
     text = (
         f"a load beside {name}, mass times distance {moment:.2g} kg m, leaves {leaves}: does the robot carry what its "
-        "file lacks ([payload] in the map)?"
+        "file lacks ([payload] in the map), or lack what it has?"
     )
     return [Finding("load", "warning", text, moment, "kg m")]
