@@ -12,13 +12,13 @@ from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_channels import JOINT_KINDS
 
 NUMBERED = re.compile(r"^(?P<stem>[a-z].*?)[._ \[]?[jJ]?(?P<number>\d+)(?P<tail>(?:\D.*)?)$", re.IGNORECASE)
+CURRENT_WORDS = {"current", "currents", "cur", "i"}
 PART_WORDS = {  # what a joint's column may be -> words beside the joint's name, tried in this order
-    "velocity": {"v", "vel", "velocity", "velocities", "qd", "dq", "qdot", "rate", "speed"},
-    "effort": {"tau", "torque", "trq", "effort", "efforts", "eff", "current", "cur", "i", "moment"},
-    "position": {"pos", "position", "positions", "angle", "enc", "encoder", "theta", "q", ""},
+    "velocity": {"v", "vel", "velocity", "velocities", "qd", "dq", "qdot", "rate", "rates", "speed", "speeds"},
+    "effort": CURRENT_WORDS | {"tau", "torque", "torques", "trq", "effort", "efforts", "eff", "moment", "moments"},
+    "position": {"pos", "position", "positions", "angle", "angles", "enc", "encoder", "theta", "q", ""},
 }
 FORCE_WORDS = {"", "f", "force", "n"}  # beside a joint's name: its effort, if no other column is
-CURRENT_WORDS = {"current", "cur", "i"}
 WANTED_WORDS = {"target", "desired", "des", "cmd", "command", "commanded", "setpoint", "goal", "ref", "reference"}
 MEASURED_WORDS = {"actual", "act", "measured", "meas"}
 OTHER_WORDS = {"voltage", "volt", "temp", "temperature", "acc", "accel", "acceleration", "ext", "external", "error"}

@@ -392,6 +392,8 @@ def test_numbered_columns_of_all_joints_come_before_a_tools_position(tmp_path: P
         ("J{} [deg]", "J{} [deg/s]", "J{} [N m]", ["deg", "deg/s", "N m"]),
         ("q{} [rad]", "dq{} [rad/s]", "tau{} [mN m]", ["rad", "rad/s", "mN m"]),
         ("m{}_actual_pos_rad", "m{}_actual_rad_per_s", "m{}_mA", ["rad", "rad/s", "mA"]),
+        ("angles.{}", "rates.{}", "torques.{}", ["rad", "rad/s", "N m"]),
+        ("positions[{}]", "speeds[{}]", "motor_currents[{}]", ["rad", "rad/s", "A"]),
     ],
 )
 def test_numbers_and_units_within_names_say_whose_columns_these_are(
