@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.observers import has_free_base
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import SECONDS, header_of
 from aerobat_pin.records.joint_columns import WANTED_WORDS, humps_apart, joint_columns, named_unit
@@ -188,6 +189,7 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
         ]
     path = urdf_of(known, Path()) or Path(known.mjcf or "")
     model = model_of_file(path, mjcf=known.mjcf is not None, free=free)
+    floats = has_free_base(model)
     moved = {model.getJointId(name) for name in joint_columns(columns, model.names.tolist()[1:])} or {model.njoints - 1}
     leaves = sorted(moved - {int(model.parents[joint]) for joint in moved})
     bodies = [frame for frame in model.frames.tolist()[1:] if frame.type == pin.FrameType.BODY]
@@ -200,7 +202,8 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
             f"{key} = {json.dumps(value, ensure_ascii=False)}"
             for key, value in known.model_dump(include={"name", "urdf", "mjcf"}, exclude_none=True).items()
         ),
-        f'root = "{"free_flyer" if free else "fixed"}"  # does its base move?',
+        f'root = "{"free_flyer" if floats else "fixed"}"  # does its base move?',
+        *["# MISSING: [base]. By its file it floats: its pose, or held = true if it stands still"] * (floats > free),
         f"points = {listed(ends)}  # where may something push? Its frames: {frames}",
     ]
 
