@@ -74,14 +74,12 @@ def paper_folder(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPa
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
-    """Return a headless Chromium."""
     with started() as running:
         yield running
 
 
 @contextmanager
 def papers_replay(folder: Path, browser: Any) -> Iterator[Any]:
-    """Open the replay of the paper's flight, ready."""
     with opened(browser, (folder / "replay.html").as_uri()) as replay:
         ready(replay)
         yield replay
@@ -103,7 +101,6 @@ def shown(paper_folder: Path, browser: Any) -> Iterator[Any]:
 
 @pytest.fixture(scope="session")
 def paper_plant() -> Plant:
-    """Build the paper's plant."""
     scenario = load_scenario("paper")
     return Plant(load_aerobat(scenario.robot.morphology, scenario.robot.changes), scenario)
 

@@ -17,7 +17,6 @@ COLD = "air.warm_up_cycles=0"
 
 @pytest.fixture(scope="module")
 def plant() -> Plant:
-    """Return the paper's plant."""
     return plant_of("paper", COLD)
 
 

@@ -23,7 +23,6 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 @pytest.fixture(scope="module")
 def robot() -> Aerobat:
-    """Load the default robot."""
     return load_aerobat("aerobat")
 
 

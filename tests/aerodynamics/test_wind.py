@@ -14,7 +14,6 @@ TABLES = ("air.wave=[{amplitude = [0.0, 0.3, 0.1], frequency = 2.0, phase_deg = 
 
 
 def wind(*settings: str) -> Wind:
-    """Return the wind of a scenario."""
     return wind_of(load_scenario("paper", settings).air)
 
 

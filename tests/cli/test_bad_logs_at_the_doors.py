@@ -24,7 +24,6 @@ def short() -> Experiment:
 
 @pytest.fixture(scope="module")
 def good(short: Experiment, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write the short run's folder."""
     folder = tmp_path_factory.mktemp("short")
     write(short, folder)
     return folder

@@ -17,7 +17,6 @@ FAKE = "__version__ = {version!r}\ndef crba(): ...\n"
 
 @pytest.fixture(autouse=True)
 def clean_shell(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Start from a shell that sets nothing."""
     for variable in ("PYTHONPATH", "LD_LIBRARY_PATH"):
         monkeypatch.delenv(variable, raising=False)
 
@@ -42,7 +41,6 @@ def assert_bad(finding: Verified, *detail: str, advice: str = "") -> None:
 
 
 def distribution(folder: Path, name: str, version: str) -> None:
-    """Write the metadata of an installed distribution."""
     info = folder / f"{name.replace('-', '_')}-{version}.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")

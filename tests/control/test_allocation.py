@@ -15,7 +15,6 @@ LIFT = 0.77  # [N] that the guarded robot's nominal flight needs
 
 
 def guard() -> ThrusterSet:
-    """Return the guard's thrusters."""
     return thrusters_of(load_morphology("aerobat_guard"))
 
 

@@ -21,12 +21,10 @@ PD_I = ("control.feedforward=false",)
 
 @cache
 def flown(name: str, *settings: str) -> Experiment:
-    """Run a closed loop."""
     return run(load_scenario(f"{name}_closed_loop", [*SHORT, *settings]))
 
 
 def rms(name: str, *settings: str) -> dict[str, float]:
-    """Return the errors about the course."""
     found: dict[str, float] = flown(name, *settings).metrics["flight"]["rms"]
     return found
 

@@ -25,7 +25,6 @@ STEADY = ["control.lead=1.0", "control.integral=false", "control.feedforward=fal
 
 
 def controller(*settings: str) -> Controller:
-    """Build the controller of the paper's closed loop."""
     return Controller(load_scenario("paper_left_closed_loop", settings))
 
 

@@ -66,7 +66,6 @@ def flown(
 
 @pytest.fixture(scope="module")
 def undisturbed() -> Array:
-    """Return the flight without any fault."""
     return flown([])[0]
 
 

@@ -38,7 +38,6 @@ def rows(text: str, header: str) -> Iterator[list[str]]:
 
 
 def quoted(cell: str) -> list[str]:
-    """Return what stands in backticks."""
     return re.findall(r"`([^`]+)`", cell)
 
 

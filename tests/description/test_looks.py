@@ -24,12 +24,10 @@ TILTED = pin.SE3(pin.rpy.rpyToMatrix(0.4, -0.7, 2.1), np.array([1.0, -2.0, 3.0])
 
 @cache
 def robot(name: str) -> Aerobat:
-    """Load a shipped robot."""
     return load_aerobat(name)
 
 
 def configuration(one: Aerobat, crank_angle: float, base: pin.SE3) -> np.ndarray:
-    """Return q with the joints where the crank puts them."""
     closure = one.linkage.solve(crank_angle)
     return one.configuration(pin.SE3ToXYZQUAT(base), closure.theta_s, closure.theta_e)
 

@@ -23,7 +23,6 @@ EDGES = {"proximal_leading_edge": [0.0635, 0.07, 0.0765], "proximal_trailing_edg
 
 
 def thruster(name: str) -> dict[str, Any]:
-    """Return a thruster of a name."""
     return {"name": name, "position": [0.1, 0.0, 0.0], "direction": [0.0, 0.0, 1.0], "thrust": 0.1}
 
 

@@ -33,7 +33,6 @@ def state(seed: int) -> tuple[dict[str, float], np.ndarray, np.ndarray]:
 
 
 def in_pinocchio_axes(model: pin.Model, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return q and v of a drawn state."""
     angles, placement, v = state(seed)
     q = pin.neutral(model)
     q[:7] = placement

@@ -38,12 +38,10 @@ PROGRAM = [sys.executable, "-m", "aerobat_pin"]
 
 
 def written(folder: Path) -> dict[str, str]:
-    """Return the files below a folder."""
     return {str(path.relative_to(folder)): path.read_text() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
 def write(target: Path) -> None:
-    """Write a new result of one file over an old one of two."""
     with output_folder(target, force=True, replaces=REPLACES, sign="a.txt") as work:
         (work / "a.txt").write_text("new")
 
@@ -294,7 +292,6 @@ CASES = [  # `make evidence` ends runs at 400 random moments
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    """Return the bench on which the cases are played."""
     with Bench(tmp_path_factory.mktemp("bench")) as made:
         yield made
 

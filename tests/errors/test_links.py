@@ -124,7 +124,6 @@ def test_files_of_two_names_are_kept(name: str, outside: Path, here: Path, capsy
 
 
 def result(target: Path, *, force: bool = False) -> None:
-    """Write a small result."""
     with output_folder(target, force=force, replaces=("a.txt", "figures/*.png"), sign="a.txt") as work:
         (work / "a.txt").write_text("new")
         (work / "figures").mkdir()

@@ -27,7 +27,6 @@ def errors(rows: list[LiveRow]) -> np.ndarray:
 
 @pytest.fixture
 def hovering() -> LiveFlight:
-    """Return a flight that has settled."""
     live = LiveFlight(load_scenario("hover_closed_loop"))
     live.change({"noise": 0.0, "gain": 1000.0})
     live.advance(0.1, LONG)

@@ -105,7 +105,6 @@ def test_the_observers_use_the_gravity_of_the_scenario() -> None:
 
 @pytest.fixture(scope="module", params=[1, *further(2)])
 def benchmark(request: pytest.FixtureRequest) -> Experiment:
-    """Return the observer benchmark for a seed."""
     settings = [f"simulation.seed={request.param}"]
     return flown("observer_benchmark") if request.param == 1 else run(load_scenario("observer_benchmark", settings))
 

@@ -59,7 +59,6 @@ seed = 5
 
 
 def written(folder: Path, text: str) -> Path:
-    """Write a sweep file."""
     path = folder / "short.toml"
     path.write_text(text)
     return path
@@ -154,7 +153,6 @@ def test_a_factor_scales_several_keys_from_their_references(tmp_path: Path) -> N
 
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> xr.Dataset:
-    """Return the results of a sweep that draws."""
     folder = tmp_path_factory.mktemp("drawn")
     return run_sweep(load_sweep(written(folder, SHORT + DRAWS)), folder / "out")
 

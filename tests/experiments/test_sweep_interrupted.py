@@ -43,7 +43,6 @@ seeds = 6
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write the sweep."""
     path = tmp_path_factory.mktemp("sweep") / "short.toml"
     path.write_text(SWEEP)
     return path
@@ -51,26 +50,22 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def uninterrupted(file: Path) -> Path:
-    """Fly it in this process, undisturbed."""
     run_sweep(load_sweep(file), file.parent / "uninterrupted")
     return file.parent / "uninterrupted"
 
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[LocalCluster]:
-    """Start a real cluster of two processes."""
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as running:
         yield running
 
 
 def lines(folder: Path) -> list[str]:
-    """Return the finished lines."""
     path = folder / "finished.jsonl"
     return path.read_text().splitlines(keepends=True) if path.exists() else []
 
 
 def wait_for(folder: Path, count: int, process: subprocess.Popen[bytes]) -> None:
-    """Wait until so many runs are finished, or the process is."""
     while len(lines(folder)) < count and process.poll() is None:
         time.sleep(0.002)
 
@@ -86,7 +81,6 @@ def workers_of(process: psutil.Process) -> list[psutil.Process]:
 
 
 def same_tables(one: Path, other: Path) -> None:
-    """Compare both tables to the last bit."""
     for name in ("results.csv", "results.nc"):
         assert (one / name).read_bytes() == (other / name).read_bytes(), name
 
@@ -194,7 +188,6 @@ KEY = '"observers.gain"'
 
 
 def written(folder: Path, text: str) -> Path:
-    """Write a sweep file."""
     (folder / "short.toml").write_text(text)
     return folder / "short.toml"
 
@@ -242,7 +235,6 @@ def test_labels_that_no_table_can_hold_are_refused_before_the_first_flight(tmp_p
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Fly two runs."""
     folder = tmp_path_factory.mktemp("swept")
     run_sweep(load_sweep(written(folder, SHORT)), folder / "out")
     return folder

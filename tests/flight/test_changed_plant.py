@@ -26,7 +26,6 @@ PAYLOAD = ("plant.payload.mass=0.009", "plant.payload.position=[0.03,0.005,0.02]
 
 
 def still(plant: Plant, duration: float, bent: list[float], dt: float = 1e-3) -> Trajectory:
-    """Fly without unknown forces from given deflections and rates."""
     count = round(duration / dt)
     start = replace(plant.initial, bent=np.array(bent))
     return plant.fly(count, dt, np.zeros((2, len(plant.forces), count)), start=start)

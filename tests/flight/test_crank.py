@@ -101,13 +101,11 @@ SHORT = ["simulation.duration=0.2", "air.warm_up_cycles=1", "crank.spin_up.durat
 
 
 def scenario(drive: str, *settings: str) -> Scenario:
-    """Return the paper's scenario, short, with a drive."""
     kept = [setting for setting in SHORT if drive == "spin_up" or "spin_up" not in setting]
     return load_scenario("paper", [*kept, f"crank.drive={drive}", *settings])
 
 
 def swing(time: Array) -> tuple[Array, Array, Array]:
-    """Return a crank that swings to and fro instead of turning."""
     return -1.5 + 0.8 * np.sin(25.0 * time), 20.0 * np.cos(25.0 * time), -500.0 * np.sin(25.0 * time)
 
 

@@ -25,7 +25,6 @@ def table(count: int = 20) -> list[list[float]]:
 
 
 def write(path: Path, header: list[str], rows: list[list[float]]) -> Path:
-    """Write a CSV file."""
     path.write_text("\n".join([",".join(header), *(",".join(map(str, row)) for row in rows)]) + "\n")
     return path
 
@@ -45,7 +44,6 @@ def test_a_table_becomes_a_log_with_units(tmp_path: Path) -> None:
 
 
 def changed(row: int, column: int, value: object) -> list[list[float]]:
-    """Return the table with one value changed."""
     rows = table()
     rows[row][column] = value  # type: ignore[call-overload]
     return rows

@@ -13,7 +13,6 @@ COARSE = ("simulation.dt=4e-3", "air.strips=2")  # which a trim is found with in
 
 
 def fly(name: str, *settings: str) -> Experiment:
-    """Run a shipped scenario with settings."""
     return run(load_scenario(name, settings))
 
 

@@ -129,7 +129,6 @@ FAULTS["motor_torque"] = ("motor_torque", [6, 7, 8, 9])
 
 @pytest.fixture(scope="module")
 def exact() -> FlightLog:
-    """Return a short flight with perfect sensors."""
     return simulate(load_scenario("paper", SHORT))
 
 

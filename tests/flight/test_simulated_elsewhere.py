@@ -18,7 +18,6 @@ from aerobat_pin.scenario import Scenario, load_scenario
 
 
 def in_both(scenario: Scenario) -> tuple[FlightLog, FlightLog]:
-    """Fly a scenario in our plant and in MuJoCo."""
     pilots = [None if scenario.control is None else Controller(scenario) for _ in range(2)]
     ours = simulate(scenario, pilot=pilots[0])
     return ours, simulate(scenario, pilot=pilots[1], simulator=MujocoRobot(flown_robot(scenario)))

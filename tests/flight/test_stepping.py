@@ -16,7 +16,6 @@ STEPS, DT = 60, 1e-3
 
 
 def held_of(plant: Plant, count: int = STEPS) -> np.ndarray:
-    """Return the means of a plant's unknown forces."""
     return interval_means(plant.forces, np.arange(count + 1) * DT, plant.scenario.simulation.seed)
 
 

@@ -25,7 +25,6 @@ DYADS = {"J4": ("J2", "J5"), "J7": ("J3", "J8"), "J10": ("J9", "J6")}
 
 @pytest.fixture(scope="module")
 def turn() -> Closure:
-    """One turn of the crank in steps of a hundredth of a degree."""
     return LINKAGE.solve(TURN)
 
 

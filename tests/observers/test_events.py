@@ -162,7 +162,6 @@ def test_the_standard_error_of_a_bias_is_that_of_many_free_runs() -> None:
 
 
 def calibrated(time: np.ndarray, free: np.ndarray, drift: float) -> bool:
-    """Tell whether a drift can be calibrated."""
     try:
         calibrate_cusum(time, free, 0.001, drift)
     except ObserverError:

@@ -23,7 +23,6 @@ EXACT = np.zeros((6, 6))
 
 @pytest.fixture(scope="module")
 def robot() -> Aerobat:
-    """Load the default robot."""
     return load_aerobat()
 
 

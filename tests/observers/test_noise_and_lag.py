@@ -17,7 +17,6 @@ DT = 1e-3
 
 
 def scene(name: str) -> tuple[pin.Model, list[str | observers.Application], np.ndarray]:
-    """Return a model, what acts on it, and a configuration."""
     if name == "arm":
         model, frame = arm()
         q = np.random.default_rng(1).uniform(-1.0, 1.0, model.nq)

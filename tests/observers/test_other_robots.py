@@ -41,7 +41,6 @@ DT, COUNT, PUSHED = 1e-3, 150, 20  # [s]; intervals; the first in which the forc
 
 
 def robot(name: str) -> tuple[pin.Model, str]:
-    """Return a robot and the frame at which it is pushed."""
     if name == "arm":
         return arm()
     if name == "humanoid":

@@ -46,7 +46,6 @@ def names_in(file: Path) -> frozenset[str]:
 
 
 def missing(page: str) -> list[str]:
-    """Return what a page shows that is not there."""
     wrong = []
     for word in sorted(mentions(page)):
         path, _, name = word.partition(":")

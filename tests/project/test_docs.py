@@ -29,7 +29,6 @@ WRITTEN = ("lifting_line/lifting_line.py", "crank.py", "results.py", "observer_s
 
 
 def blocks(text: str) -> list[str]:
-    """Return the Python of a page."""
     return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
 
 

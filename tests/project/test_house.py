@@ -14,7 +14,6 @@ TEXT = {".py", ".toml", ".md", ".cff", ".urdf", ".srdf", ".cfg", ".yml", ""}
 
 
 def text_files() -> list[Path]:
-    """Return the project's own text files."""
     skipped = {"runs", "build", "dist", "__pycache__"}
     tops = [top for top in ROOT.iterdir() if top.name == ".ci" or (top.is_dir() and not top.name.startswith("."))]
     return [

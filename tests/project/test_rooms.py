@@ -31,7 +31,6 @@ EXPORTED = {
 
 @functools.cache
 def trees() -> dict[str, ast.Module]:
-    """Return what each module says, parsed."""
     return {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
 
 
@@ -48,7 +47,6 @@ def imports(module: str) -> Iterator[tuple[str, str]]:
 
 
 def definitions(tree: ast.Module) -> Iterator[str]:
-    """Yield the names that a module defines at its top."""
     for node in tree.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             yield node.name

@@ -71,7 +71,6 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def pages(site: Path) -> dict[Path, Page]:
-    """Read every page of the site."""
     return {path: Page(path) for path in site.rglob("*.html")}
 
 

@@ -50,14 +50,12 @@ def copied(folder: Path) -> Path:
 
 
 def files_of(wheel: Path) -> set[str]:
-    """Return the files in a wheel but for its metadata."""
     names = zipfile.ZipFile(wheel).namelist()
     return {name for name in names if not name.endswith("/") and ".dist-info/" not in name}
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Build the wheel."""
     target = tmp_path_factory.mktemp("wheel")
     run(*BUILD, target, copied(tmp_path_factory.mktemp("source")), cwd=target)
     (made,) = target.iterdir()

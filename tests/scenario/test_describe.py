@@ -29,7 +29,6 @@ def sections(section: type[Section] = Scenario) -> dict[str, type[Section]]:
 
 
 def inside(annotation: object) -> set[object]:
-    """Return all types that a type is made of."""
     return {annotation}.union(*(inside(one) for one in get_args(annotation))) if get_args(annotation) else {annotation}
 
 

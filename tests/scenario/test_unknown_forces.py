@@ -32,7 +32,6 @@ def scenario(**force: Any) -> Scenario:
 
 
 def means(edges: np.ndarray, **force: Any) -> np.ndarray:
-    """Return the noise-free means over intervals of one force."""
     [signal] = scenario(**force).unknown_force
     return signal.interval_means(edges, np.random.default_rng(1))[1]
 
@@ -91,7 +90,6 @@ def test_an_impulse_is_complete_however_short_against_the_step() -> None:
 
 
 def series(path: Path, text: str = "time [s], force [N], other\n0.1, 0.0, 1\n0.2, 0.4, 1\n0.5, -0.2, 1\n") -> str:
-    """Write a recorded series."""
     path.write_text(text)
     return str(path)
 

@@ -92,7 +92,6 @@ class Doors:
     """Where bad inputs are tried, in a `with` statement: an empty folder, and how long a command may take [s]."""
 
     def __init__(self, folder: Path, patience: float = LONGEST) -> None:
-        """Keep the folder."""
         self.folder, self.patience, self.longest = folder, patience, 0.0  # the last: of all command lines [s]
         self.tried = Counter[str]()  # door -> number of inputs
 
@@ -217,7 +216,6 @@ class Doors:
             signal.signal(signal.SIGALRM, before)
 
     def _fault_of(self, error: BaseException) -> str:
-        """Return the fault that an error is which should not have come."""
         hang = isinstance(error, Hang)
         return f"hang: more than {self.patience:g} s" if hang else f"traceback: {type(error).__name__}: {error}"[:300]
 
@@ -346,7 +344,6 @@ class Doors:
         return Attempt(7, "host of another", "" if fine else f"silent acceptance: host {host!r}")
 
     def _broken(self, rng: np.random.Generator, number: int) -> Attempt:
-        """Play a case of a broken run."""
         case = CASES[RUNS[number]](rng)
         place = self.bench.new_folder()
         wrong = "; ".join(case.play(self.bench, place))

@@ -64,7 +64,6 @@ _SAVED: list[tuple[FlightLog, bytes]] = []  # the last good log and its file: sa
 
 
 def save(log: FlightLog, path: Path) -> None:
-    """Save a good log."""
     if not _SAVED or _SAVED[0][0] is not log:
         log.save(path)
         _SAVED[:] = [(log, path.read_bytes())]
@@ -72,7 +71,6 @@ def save(log: FlightLog, path: Path) -> None:
 
 
 def some(rng: Rng, names: Any) -> str:
-    """Draw a name."""
     return str(rng.choice(sorted(map(str, names))))
 
 

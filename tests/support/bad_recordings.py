@@ -20,7 +20,6 @@ def write_good(place: Path) -> None:
 
 
 def copied(good: Path, place: Path, *names: str) -> None:
-    """Copy good files and folders to another place."""
     for name in names:
         (shutil.copytree if (good / name).is_dir() else shutil.copy)(good / name, place / name)
 

@@ -170,7 +170,6 @@ TEXT |= {"setting": _setting, "path": _path}
 
 
 def _flight(rng: Rng, place: Path) -> list[str]:
-    """Ask for more steps than fit."""
     settings = (
         [f"simulation.duration=1e{rng.integers(4, 300)}"],
         [f"simulation.dt=1e-{rng.integers(8, 300)}"],

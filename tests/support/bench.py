@@ -20,7 +20,6 @@ class Bench:
     """Where cases are played, in an empty folder: the good results, and the process from which programs are forked."""
 
     def __init__(self, folder: Path) -> None:
-        """Keep the folder."""
         self.folder, self.count = folder, 0
 
     def __enter__(self) -> Self:

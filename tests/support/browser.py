@@ -25,7 +25,6 @@ PATIENCE = 120_000.0  # [ms]: what takes longer hangs
 
 @contextmanager
 def started() -> Iterator[Any]:
-    """Start the browser, with software rendering."""
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:

@@ -123,7 +123,6 @@ def free_flight(settings: tuple[str, ...]) -> Record:
 
 @cache
 def learnt(*flights: tuple[str, ...]) -> Calibration:
-    """Return what free flights with these settings show."""
     return calibrate([free_flight(one) for one in flights], parameters=[])
 
 

@@ -65,7 +65,6 @@ def robot_with_a_turned_frame(morphology: str, tail: str = "own") -> Aerobat:
 
 
 def force(frame: str, axes: str, direction: tuple[float, float, float] = (0.3, -0.5, 0.8)) -> dict[str, Any]:
-    """Return one unknown force of a scenario."""
     return {"frame": frame, "axes": axes, "direction": list(direction), "amplitude": 0.3}
 
 
@@ -103,7 +102,6 @@ def built(morphology: str, case: str) -> Plant:
 
 
 def plant_of(name: str, *settings: str) -> Plant:
-    """Build the plant of a scenario with settings."""
     scenario = load_scenario(name, settings)
     return Plant(flown_robot(scenario), scenario)
 

@@ -77,7 +77,6 @@ class Flapping:
     trailing = 1e-3 * np.array([72.0, 71.5, 67.0, 61.2, 53.5, 43.4, 33.0, 21.4, 18.7])
 
     def __init__(self) -> None:
-        """Read the pressures and the flapping angle."""
         table = np.genfromtxt(MEASURED / "flapping.csv", delimiter=",", skip_header=1)
         self.cycles, angle = table[:, 0], np.radians(table[:, 1])
         self.pressure = table[:, 2:] - table[:, 2:].mean(axis=0)

@@ -113,7 +113,6 @@ def thinned(flight: Seen, every: int) -> Seen:
 
 
 def estimated(name: str, flight: Seen, gain: float = 2000.0, **settings: Any) -> Estimate:
-    """Run an observer as it comes."""
     inputs = flight.inputs
     observer = OBSERVERS[name](flight.model, FORCE_POINTS, gain, inputs.rows, **settings)
     return observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)

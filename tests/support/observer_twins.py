@@ -65,7 +65,6 @@ class PosteriorTwin:
     """
 
     def __init__(self, expected: Expected, gain: float) -> None:
-        """Begin with no errors seen."""
         self.expected, self.gain = expected, gain
         self.rest, self.mean, self.seconds = 0.0, 0.0, 0.0
         self.deviation, self.k = np.zeros(0), float("nan")

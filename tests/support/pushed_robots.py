@@ -54,7 +54,6 @@ def last_link(model: pin.Model) -> str:
 
 
 def pushed_robot(name: str, seed: int = 0) -> Pushed:
-    """Return the log of a robot by its name."""
     robot, rng = load_robot(name), np.random.default_rng(seed)
     model = robot.model
     point, weight = last_link(model), 9.81 * sum(link.mass for link in model.inertias.tolist()[1:])
@@ -121,7 +120,6 @@ def log_of(robot: PlainRobot, time: Array, states: Array, efforts: Array, rng: n
 
 
 def map_of(name: str, robot: PlainRobot, point: str) -> dict[str, Any]:
-    """Return the map of such a log."""
     values: dict[str, Any] = {"robot": {"name": name, "points": [point]}, "log": {"time": {"column": "t"}}}
     values["observer"] = {"gain": GAIN}
     if robot.joints:

@@ -19,7 +19,6 @@ ROBOTS = pytest.mark.parametrize("name", description.MORPHOLOGIES)
 
 @cache
 def in_pinocchio(name: str) -> pin.Model:
-    """Read the committed URDF with a free base."""
     return pin.buildModelFromUrdf(URDF[name], pin.JointModelFreeFlyer())
 
 

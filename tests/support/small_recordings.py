@@ -14,7 +14,6 @@ from support import drone, swinging_arm, walking_log
 
 
 def write_map(folder: Path, name: str, values: dict[str, Any], **tables: Any) -> None:
-    """Write a map with some tables in place of its own."""
     (folder / f"{name}.toml").write_text(tomli_w.dumps({**values, **tables}))
 
 
@@ -85,7 +84,6 @@ def write_sweep(folder: Path) -> None:
 
 
 def main() -> None:
-    """Write all of them into the folder that the command names."""
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
     for write in (write_arm, write_walk, write_drone, write_hall, write_sweep):

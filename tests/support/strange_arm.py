@@ -83,7 +83,6 @@ def write_log(
 
 
 def arm_map(points: list[str], *, friction: bool = False) -> dict[str, Any]:
-    """Return the map of a log."""
     joints = {"names": JOINTS, **channels(range(6), position="q{}", velocity="v{}", effort="tau{}")}
     for part, unit in (("position", "rad"), ("velocity", "rad/s"), ("effort", "N m")):
         joints[part]["unit"] = unit

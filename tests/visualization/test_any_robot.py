@@ -44,7 +44,6 @@ def folder(tmp_path: Path) -> Path:
 
 
 def page_of(folder: Path, mesh: str) -> str:
-    """Return the page of a robot with a mesh."""
     (folder / "arm.urdf").write_text(ARM.replace(SHAPE, f'<mesh filename="{mesh}"/>'))
     return replay_table(folder / "motion.csv", folder / "arm.urdf").html()
 

@@ -33,7 +33,6 @@ WING = "(link) => node(link).position.toArray().concat(node(link).quaternion.toA
 
 @pytest.fixture(scope="module")
 def page_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Write the page by its command."""
     folder = tmp_path_factory.mktemp("crank")
     done = aerobat("crank", cwd=folder)
     assert (done.returncode, done.stderr) == (0, "")

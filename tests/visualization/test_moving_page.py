@@ -30,7 +30,6 @@ def humanoid() -> tuple[pin.Model, pin.GeometryModel, Any]:
 
 
 def manipulator() -> tuple[pin.Model, pin.GeometryModel, Any]:
-    """Return the sample manipulator, swinging."""
     model = pin.buildSampleModelManipulator()
     return model, pin.buildSampleGeometryModelManipulator(model), 0.4 * np.sin(np.outer(4.0 * TIME, np.arange(1, 7)))
 

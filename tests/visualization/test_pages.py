@@ -38,7 +38,6 @@ def test_the_papers_figures_are_drawn_as_png_and_pdf(paper_folder: Path) -> None
 
 @pytest.fixture(scope="module")
 def drawn(paper: Experiment) -> dict[str, Figure]:
-    """Return the figures of the paper's flight."""
     return draw_all(paper)
 
 
@@ -152,7 +151,6 @@ def test_a_noisy_estimate_does_not_hide_the_truth_and_shows_its_deviation() -> N
 
 @pytest.fixture(scope="module")
 def tumble() -> Experiment:
-    """Return a flight in which the robot turns over."""
     return flown("tumble")
 
 

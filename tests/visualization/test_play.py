@@ -207,7 +207,6 @@ def test_without_a_browser_the_error_says_what_to_install(monkeypatch: pytest.Mo
 
 
 def table(folder: Path, header: str, rows: Any) -> Path:
-    """Write a table and return its path."""
     np.savetxt(folder / "motion.csv", rows, delimiter=",", header=header, comments="")
     return folder / "motion.csv"
 

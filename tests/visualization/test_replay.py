@@ -38,7 +38,6 @@ SHOWN = """(() => {
 
 
 def newtons_per_centimetre(page: Any) -> float:
-    """Read the scale of the arrows from the legend."""
     return float(re.findall(r"([0-9.]+) N per cm", page.inner_text("#legend"))[0])
 
 
@@ -203,7 +202,6 @@ def test_quasi_steady_air_leaves_no_wake_and_wind_carries_one(browser: Any, tmp_
 
 
 def made(experiment: Experiment, log: FlightLog | None = None) -> str:
-    """Return the replay of an experiment."""
     estimates = estimate_dataset(experiment.estimates)
     flight = experiment.log if log is None else log
     return replay_flight(experiment.robot, flight, experiment.scenario.air, estimates, "note").html(SLOW_MOTION)
