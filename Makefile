@@ -6,7 +6,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Where Python may not write what it compiled, each of hundreds of programs compiles all its libraries again.
 export PYTHONDONTWRITEBYTECODE :=
 PYTHONS := 3.11 3.12 3.13
-HEART := tests/description/test_description.py tests/description/test_portability.py tests/description/test_other_tools.py \
+HEART := tests/description/test_description.py tests/description/test_portability.py \
 	tests/aerobat/test_identities.py tests/observers/test_observers.py tests/experiments/test_paper_experiment.py \
 	tests/cli/test_cli.py
 # Each writes the pages and figures that its first line names.

@@ -10,7 +10,8 @@ import pytest
 import xarray as xr
 from support.commands import call
 
-from aerobat_pin.aerobat.flight_log import FlightLog
+from aerobat_pin.aerobat import FlightLog, write_csv
+from aerobat_pin.estimation import read_calibration
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.write_results import write_metrics
 from aerobat_pin.scenario.scenario import load_scenario
@@ -64,18 +65,12 @@ def test_an_estimate_that_drowns_in_noise_says_what_helps(tmp_path: Path, capsys
     for name, settings, hints in (("noisy", ["sensors.gyro.noise=1.0"], 1), ("fine", ["sensors.gyro.noise=1e-9"], 0)):
         words = [word for one in settings for word in ("--set", one)]
         out = str(tmp_path / name)
-        assert call("run", "paper", "--out", out, "--no-report", *SHORT, *words) == 0
+        assert call("run", "paper", "--out", out, "--no-report", "--observer", "momentum", *SHORT, *words) == 0
         printed = capsys.readouterr().out
         assert printed.count("a smaller observers.gain follows the sensors' noise less") == hints
         clean = [float(line.split()[4]) for line in printed.splitlines() if line.startswith("momentum  ")]
         assert (min(clean) < 0.0) == bool(hints)
-
-
-def test_only_the_observers_asked_for_are_run(tmp_path: Path) -> None:
-    """`--observer` may be repeated and replaces the scenario's choice."""
-    out = tmp_path / "one"
-    assert call("run", "paper", "--out", str(out), "--no-report", "--observer", "momentum", *SHORT) == 0
-    assert list(json.loads((out / "metrics.json").read_text())["observers"]) == ["momentum"]
+        assert "force_level  " not in printed
 
 
 def test_only_force_replaces_a_run_and_other_files_stay(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -105,13 +100,6 @@ def test_a_way_through_a_missing_folder_is_followed_first(tmp_path: Path, capsys
     assert "not empty" in capsys.readouterr().err
     assert (tmp_path / "mine" / "metrics.json").read_text() == "mine"
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
-
-
-def test_what_a_killed_run_left_is_swept_away(tmp_path: Path) -> None:
-    """A work folder of a run that was killed does not make the folder count as full."""
-    (tmp_path / ".aerobat-dead").mkdir()
-    assert call("run", "paper", "--out", str(tmp_path), "--no-report", *SHORT) == 0
-    assert not (tmp_path / ".aerobat-dead").exists()
 
 
 def test_a_robot_of_ones_own_is_found_beside_its_scenario_and_travels_with_the_results(here: Path) -> None:
@@ -165,3 +153,68 @@ def test_a_trim_that_cannot_be_written_is_refused_before_it_is_sought(
     monkeypatch.setattr(output.os, "access", lambda path, mode: Path(path) != tmp_path)
     assert call("trim", "paper_open_loop", "--out", str(tmp_path / "found.toml")) == 2
     assert f"the folder {tmp_path} takes no files" in capsys.readouterr().err
+
+
+QUICK = ["--set", "simulation.dt=2e-3", "--set", "air.strips=4", "--set", "air.warm_up_cycles=1"]
+BELIEF = ["--set", "believed.air.density=1.47"]
+
+
+def fly(out: str, *words: str) -> int:
+    """Fly `paper` quickly and coarsely, with too dense an air believed."""
+    return call("run", "paper", "--out", out, "--no-report", *QUICK, *BELIEF, *words)
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_a_free_run_calibrates_another_run_and_its_log(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`metrics.json` names the calibration and what changed since, the folder has a copy, and `check` asks it alone."""
+    free = ["--set", "unknown_force=[]", "--set", "simulation.duration=1"]
+    assert fly("free", *free) == 0
+    assert call("calibrate", "free", "--out", "c.nc", "--identify", "density") == 0
+    printed = capsys.readouterr().out
+    assert "density" in printed
+    assert "of the known force aerodynamic; 12 harmonics of the crank" in printed
+    assert read_calibration(here / "c.nc").changes["density"] == pytest.approx(-1.0 / 6.0, abs=0.02)
+    assert fly("used", "--set", "simulation.duration=0.5", "--calibration", "c.nc") == 0
+    metrics = json.loads((here / "used" / "metrics.json").read_text())
+    assert metrics["calibration"].startswith("calibration: learnt from")
+    assert metrics["model"]["verdict"] == "unchanged"
+    assert set(metrics["observers"]["force_level"]["events"][0]) == {"point", "onset", "alarm", "end", "size"}
+    assert metrics["observers"]["force_level"]["redundancy"]["verdict"] == "consistent"
+    assert (here / "used" / "calibration.nc").is_file()
+    assert "model: unchanged since the calibration" in capsys.readouterr().out
+    short = ["--set", "simulation.duration=0.1"]
+    assert call("check", "used", "--calibration", "c.nc", "--out", "same.png") == 0
+    assert "model: unchanged since the calibration" in capsys.readouterr().out
+    thin = ["--set", "air.density=1.1025", "--set", "simulation.duration=0.5"]
+    assert fly("thin", "--calibration", "c.nc", "--correct", *thin) == 0
+    model = json.loads((here / "thin" / "metrics.json").read_text())["model"]
+    assert (model["verdict"], model["cause"]["name"], model["corrected"]) == ("changed", "air_density", True)
+    assert model["cause"]["estimate"][0] == pytest.approx(-10.0, abs=3.0)
+    assert call("check", "thin", "--calibration", "c.nc", "--out", "other.PNG") == 3
+    assert "density of the air: change -" in capsys.readouterr().out
+    assert (here / "other.PNG").stat().st_size > 1000
+    log = FlightLog.load(here / "free" / "flight.nc")
+    write_csv(log, here / "free.csv")
+    robot = ["--morphology", "aerobat_guard", "--set", "robot.changes.wing.offset_x=-0.06", "--set", "air.strips=4"]
+    assert call("calibrate", "free.csv", "--out", "hall.nc", "--identify", "none", *robot) == 0
+    assert call("estimate", "free.csv", "--calibration", "hall.nc", "--out", "hall", *robot) == 0
+    assert json.loads((here / "hall" / "metrics.json").read_text())["model"]["verdict"] == "unchanged"
+    assert call("check", "free.csv", "--calibration", "hall.nc", *robot) == 0
+    assert (here / "runs" / "free-check.png").is_file()
+    assert json.loads((here / "free" / "metrics.json").read_text())["calibration"] is None
+    capsys.readouterr()
+    run = ["run", "paper", "--out", "new", *short, "--calibration"]
+    for words, message in (
+        (["calibrate", "used", "--out", "new.nc"], "an unknown force of"),
+        (["calibrate", "free", "--out", "c.nc"], "--force overwrites it"),
+        (["calibrate", "hall", "--out", "new.nc"], "is not the folder of a run"),
+        (["calibrate", "nowhere.nc", "--out", "new.nc"], "there is no such file"),
+        (["calibrate", "free", "--out", "new.nc", "--identify", "luck"], "parameters has 'luck'"),
+        (["calibrate", "free", "--out", "new.nc", "--morphology", "aerobat"], "a log was expected"),
+        ([*run, "c.nc"], "air.density = 1.47, but 1.225 is believed"),
+        ([*run, "nowhere.nc"], "calibration nowhere.nc: cannot be"),
+    ):
+        assert call(*words) == 2, words
+        assert message in capsys.readouterr().err
+    assert not (here / "new").exists()
+    assert not (here / "new.nc").exists()

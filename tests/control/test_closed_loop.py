@@ -79,16 +79,6 @@ def test_metrics_log_and_note_tell_of_the_loop() -> None:
     np.testing.assert_allclose(log.measured["known_thrusters"][:, :6], log.truth["thruster_wrench"].values, atol=1e-15)
 
 
-def test_a_flight_repeats_itself_to_the_bit() -> None:
-    """Same seed, same numbers; another seed, other noise."""
-    settings = ["simulation.duration=0.1", 'observers.names=["momentum"]']
-    flown = (load_scenario("hover_closed_loop", [*settings, f"simulation.seed={seed}"]) for seed in (1, 1, 2))
-    first, second, other = (run(one).log for one in flown)
-    for name in ("q", "v", "thruster_command"):
-        np.testing.assert_array_equal(first.measured[name].values, second.measured[name].values)
-        assert not np.array_equal(first.measured[name].values, other.measured[name].values)
-
-
 def test_a_log_keeps_little_more_than_its_channels() -> None:
     """Bytes a sample that stay after a closed loop, without a garbage collection: below 1.3 times those of the log."""
     gc.disable()

@@ -1,6 +1,7 @@
 """The description is what its morphologies say, and refuses robots that cannot be."""
 
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -249,3 +250,33 @@ def test_collision_boxes_overlap_at_no_crank_angle(name: str) -> None:
         pin.computeDistances(boxes, work)
         least = min(least, *(result.min_distance for result in work.distanceResults))
     assert least > 0.5e-3
+
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@ROBOTS
+def test_every_link_is_a_rigid_body_or_weighs_nothing(name: str) -> None:
+    """Of the file itself: finite, positive, triangle inequality of the principal moments; no mass, no inertia."""
+    root = ET.parse(URDF[name]).getroot()
+    assert all(visual.find("material") is not None for visual in root.iter("visual"))  # no grey default
+    for link in root.iter("link"):
+        mass, inertia = float(link.find("inertial/mass").get("value")), link.find("inertial/inertia")
+        xx, xy, xz, yy, yz, zz = (float(inertia.get(f"i{axes}")) for axes in ("xx", "xy", "xz", "yy", "yz", "zz"))
+        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        assert np.all(np.isfinite([mass, *moments]))
+        if mass == 0.0:
+            assert np.all(moments == 0.0), link.get("name")
+        else:
+            assert mass > 0.0
+            assert moments[0] > 0.0, link.get("name")
+            assert moments[0] + moments[1] > moments[2], link.get("name")
+
+
+def test_every_test_that_the_page_names_is_there() -> None:
+    page, folder = (ROOT / "docs" / "upstream.md").read_text("utf-8"), Path(__file__).parent
+    named = set(re.findall(r"`(test_\w+\.py)`", page))
+    assert {name for name in named if not (folder / name).is_file()} == set()
+    functions = set(re.findall(r"`(test_\w+)`", page))
+    held = {one for file in folder.glob("test_*.py") for one in re.findall(r"^def (test_\w+)", file.read_text(), re.M)}
+    assert functions - held == set()

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from support.closed import HINGES, MJCF, RATE, fly_in_mujoco, fly_prescribed, miss, placed
 from support.commands import aerobat
-from support.readers import ROBOTS, URDF, in_mujoco, in_pinocchio
+from support.readers import ROBOTS, in_pinocchio
 
 import aerobat_description as description
 from aerobat_description.bars import bar_bodies, bar_body, linkage_bars
@@ -78,21 +78,6 @@ def test_the_file_is_the_robot(name: str) -> None:
                 assert state.body(link).xmat.reshape(3, 3) == pytest.approx(place.rotation, abs=1e-12)
             at = data.oMf[tree.getFrameId(f"{side}_force_point")].translation
             assert state.site(f"{side}_force_point").xpos == pytest.approx(at, abs=1e-12)
-
-
-@ROBOTS
-def test_nothing_of_the_urdf_touches_in_mujoco(name: str) -> None:
-    """With a free base and with a fixed one, which MuJoCo does not count as the wings' parent; over a turn."""
-    robot = load_aerobat(name)
-    for twin in (in_mujoco(name), mujoco.MjModel.from_xml_path(URDF[name])):
-        data = mujoco.MjData(twin)
-        for crank in np.radians(np.arange(0.0, 360.0, 6.0)):
-            closure = robot.linkage.solve(crank)
-            for side in SIDES:
-                data.joint(f"{side}_shoulder").qpos[0] = closure.theta_s
-                data.joint(f"{side}_elbow").qpos[0] = closure.theta_e
-            mujoco.mj_fwdPosition(twin, data)
-            assert data.ncon == 0
 
 
 def test_light_bars_weigh_a_hundredth_and_the_robot_the_same() -> None:

@@ -32,18 +32,6 @@ SPATIAL = ("aerodynamic", "thrusters", "unknown", "link_wrench")
 GUSTY = 0.07  # [s] in the middle of the gust of the cases
 
 
-@pytest.mark.parametrize("size", [1, 2, 3, 6, 9, 12])
-def test_solve_positive_solves_what_numpy_solves(size: int) -> None:
-    """Cholesky by hand, in place, reading only the lower triangle, against LAPACK."""
-    rng = np.random.default_rng(size)
-    root = rng.standard_normal((size, size))
-    A, b = root @ root.T + size * np.eye(size), rng.standard_normal(size)
-    x, lower = b.copy(), np.tril(A)
-    small_matrices.solve_positive(lower, x)
-    assert_equal(x, np.linalg.solve(A, b))
-    assert_equal(np.tril(lower), np.linalg.cholesky(A))
-
-
 @compiled_only
 def test_what_is_not_positive_definite_gives_nan_and_not_a_plausible_number() -> None:
     """Nothing checks the matrix: its failure has to show in the result, which the callers look at."""
@@ -159,21 +147,6 @@ def test_one_instant_of_the_plant_equals_the_twin_plant(morphology: str, case: s
         powers = {"motor": found["motor"], "air": air_force, "thruster": body, "unknown": found["unknown"]}
         for name, force in powers.items():
             assert_equal(found[f"{name}_power"], force @ v, 1e-11)
-
-
-@pytest.mark.parametrize("case", ["all forces, hold", "all forces, no hold, tail tilted", "quasi-steady, wind"])
-def test_a_few_steps_equal_the_twin(case: str) -> None:
-    """Three steps from a warmed-up start, in a gust; the twin steps the base on SE(3) with the general integrator."""
-    plant = built("aerobat", case)
-    held = np.random.default_rng(11).uniform(-0.2, 0.2, (2, len(plant.forces), 3))
-    found, expected = plant.fly(3, 2e-3, held), twins.fly(plant, 3, 2e-3, held)
-    assert_equal(found.q, expected.q)
-    assert_equal(found.v, expected.v)
-    assert_equal(found.air, expected.air)
-    for row, twin in zip(found.loads.swapaxes(0, 1), expected.loads.swapaxes(0, 1), strict=True):
-        assert_equal(row, twin)
-    for mean, twin in zip(found.forces, expected.forces, strict=True):
-        assert_equal(mean, twin)
 
 
 def test_a_state_outlives_the_plant_that_made_it() -> None:

@@ -60,6 +60,7 @@ SMOOTH = [
     "hold.torque_limit=[10.0, 10.0, 10.0]",
     *(f"unknown_force.{i}.{key}=0.0" for i in range(2) for key in ("noise", "step")),
     "air.warm_up_cycles=0",
+    "air.wave=[{amplitude=[0.5, 0.3, -0.4], frequency=5.0}]",
     "simulation.duration=0.096",
 ]
 

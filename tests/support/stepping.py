@@ -1,23 +1,15 @@
-"""Steps of the package's integrator for equations written as a Python function, and the mean it makes of stages."""
+"""Steps of the package's integrator for equations written as a Python function."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
-from aerobat_pin.numerics import HALF_STEPS, Array, add_stage, lie_step, next_state, next_tangent
+from aerobat_pin.numerics import HALF_STEPS, Array, lie_step, next_state, next_tangent
 from aerobat_pin.numerics.lie_runge_kutta import Retraction
 
 Output = TypeVar("Output")
 Rates = Callable[[float, Array, Array], tuple[Array, Array, Output]]
-
-
-def stage_mean(stages: tuple[Any, ...]) -> np.ndarray:
-    """Return the mean over the step that the method's own weights give."""
-    mean = np.zeros(np.shape(stages[0]))
-    for stage, values in enumerate(stages):
-        add_stage(stage, np.ravel(np.asarray(values, float)), mean.reshape(-1))
-    return mean
 
 
 def step(

@@ -1,18 +1,16 @@
 """Readable numpy twins of the compiled kernels, by Pinocchio's Jacobians, `oMi` and SE(3)'s own retraction."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_description.morphology import Morphology
-from aerobat_pin.aerobat import LINKS, RobotAir, joint_table
-from aerobat_pin.flight import Plant, Trajectory
+from aerobat_pin.aerobat import LINKS, RobotAir
+from aerobat_pin.flight import Plant
 from aerobat_pin.flight.attitude_hold import AttitudeHold
-from aerobat_pin.flight.plant.plant_state import Forces, PointForce
+from aerobat_pin.flight.plant.plant_state import PointForce
 from support.observer_twins import point_jacobian
-from support.stepping import stage_mean, step
 
 LOCAL = pin.ReferenceFrame.LOCAL
 Vector = np.ndarray
@@ -77,40 +75,6 @@ def forces_of(
     unknown = point_jacobian(model, plant.points, q).T @ noisy.ravel()
     named = {"aerodynamic": aerodynamic, "thrusters": thrusters, "unknown": unknown, "link_wrench": wrenches}
     return named | {"force_W": noisy, "force_noise_free_W": clean, "air_rate": air_rate}
-
-
-def fly(plant: Plant, count: int, dt: float, held: Vector) -> Trajectory:
-    """Fly by `stepping.step` and the plant's own `rates`: the base on SE(3), the joints prescribed."""
-    robot, retract = plant.robot, pin.liegroups.SE3().integrate
-    closed = plant.closure(np.arange(2 * count + 1) * 0.5 * dt)
-    motion = joint_table(closed)
-    placement, y = plant.initial.placement, np.concatenate([plant.initial.twist, plant.initial.air])
-    placements, states, means, loads = [placement], [y], [], []
-    for k in range(count):
-
-        def rates(time: float, here: Vector, y: Vector, k: int = k) -> tuple[Vector, Vector, Any]:
-            joints = motion[round(2.0 * time / dt)]
-            q, v = robot.configuration(here, *joints[0]), robot.velocity(y[:6], *joints[1])
-            acceleration, air_rate, forces = plant.rates(q, v, joints, y[6:], held[:, :, k], time)
-            parts = [part[0] for part in forces]
-            return y[:6], np.concatenate([acceleration, air_rate]), (parts, plant.fields.robot.loads.copy())
-
-        placement, y, outputs = step(rates, retract, k * dt, placement, y, dt)
-        placements.append(placement)
-        states.append(y)
-        means.append([stage_mean(parts) for parts in zip(*(forces for forces, _ in outputs), strict=True)])
-        loads.append(outputs[0][1])
-    flown, joints = np.array(states), motion[::2]
-    return Trajectory(
-        crank_angle=closed.crank_angle[::2],
-        crank_rate=closed.crank_velocity[::2],
-        q=robot.configuration(np.array(placements), joints[:, 0, 0], joints[:, 0, 1]),
-        v=robot.velocity(flown[:, :6], joints[:, 1, 0], joints[:, 1, 1]),
-        deflection=np.zeros((len(flown), 4)),
-        air=flown[:, 6:],
-        forces=Forces(*(np.array(part) for part in zip(*means, strict=True))),
-        loads=np.array(loads),
-    )
 
 
 def warmed_up(air: RobotAir, shape: Morphology, twists: Vector, dt: float, state: Vector) -> Vector:
