@@ -18,7 +18,7 @@ from aerobat_pin.observers import OBSERVERS, Observer, Rows, Sampled
 from aerobat_pin.observers.kernels.filters import FIRST_ORDER
 from aerobat_pin.observers.kernels.observer_state import ObserverSizes, ObserverState
 from aerobat_pin.observers.kernels.projection import project
-from aerobat_pin.observers.momentum_equations import Projection
+from aerobat_pin.observers.momentum_equations import Equations, Projection, filter_means
 from aerobat_pin.observers.rows import ROWS, BelievedRows
 
 PACKAGE = Path(aerobat_pin.__file__).parent
@@ -148,21 +148,29 @@ def test_observers_need_pinocchio_numpy_and_numba_alone() -> None:
 @pytest.mark.parametrize(
     ("name", "rows"), [("arm", "all"), ("humanoid", "all"), *(("aerobat, turned frame", rows) for rows in ROWS)]
 )
-def test_observers_equal_twins_in_stream_and_batch(name: str, rows: Rows, kind: type[Observer], gain: str) -> None:
+def test_a_stream_by_kernels_is_the_record_by_equations(name: str, rows: Rows, kind: type[Observer], gain: str) -> None:
     """Random record, uneven stamps, one repeated; one gain for all or each its own; every choice of believed rows."""
     model, frames = MODELS[name]
     frames = frames if rows == "all" else frames[-1:]  # six or seven rows tell no more than one point apart
     size = 3 * len(frames) if kind.project_first else model.nv
     K = 300.0 if gain == "one" else np.random.default_rng(4).uniform(50.0, 2000.0, size)
-    residual, points, _ = twins.observed(kind.name, (model, frames), K, record(model), rows)
-    near = 1e-12 if kind.kind == FIRST_ORDER else 1e-9  # the other twins go by expm and bisection
     observer = kind(model, frames, K, rows)
-    estimate = observer.run(*record(model))
-    assert_equal(estimate.residual, residual, near)
-    assert_equal(estimate.force, points, near)
-    stream = list(streamed(observer, *record(model)))
+    estimate, stream = observer.run(*record(model)), list(streamed(observer, *record(model)))
     assert_equal([sample.residual for sample in stream], estimate.residual)
     assert_equal([sample.force for sample in stream], estimate.force)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
+def test_filters_solve_their_differential_equations(kind: type[Observer]) -> None:
+    """Of means over uneven intervals: by the exponential, that of a matrix, and bisection of implicit Euler's step."""
+    advance = (twins.first_order, twins.second_order, twins.super_twisting)[kind.kind]
+    rng, state = np.random.default_rng(5), np.zeros((3, 2))
+    dt, values, gains = rng.uniform(2e-4, 5e-3, 40), rng.normal(size=(40, 3)), rng.uniform(50.0, 2000.0, 3)
+    rows = BelievedRows(MODELS["arm"][0], "all")
+    filtered = filter_means(Equations(True, kind.kind, gains, np.zeros((0, 0)), 1.0, rows, None), dt, values)
+    for step, row, found in zip(dt, values, filtered, strict=True):
+        state = np.array([advance(*one) for one in zip(gains, [step] * 3, row, state, strict=True)])
+        assert_equal(found, state[:, 0], 1e-12 if kind.kind == FIRST_ORDER else 1e-9)
 
 
 @pytest.mark.parametrize("moving", [True, False])

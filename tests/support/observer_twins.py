@@ -1,7 +1,6 @@
 """Numpy references of the observers' kernels, by other means where there are any: least squares, expm, root finding."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -124,32 +123,3 @@ def super_twisting(gain: float, dt: float, value: float, state: Vector, slope: f
     sign = 1.0 if miss(0.0, 1.0) < 0.0 else -1.0
     e = brentq(miss, 0.0, sign * (abs(state[1]) + dt * abs(value - state[0]) + 1e-9), args=(sign,), xtol=1e-18)
     return np.array([z_after(e, sign), e])
-
-
-def observed(name: str, robot: Any, gain: Any, record: Any, rows: str, expected: Any = None) -> tuple[Any, ...]:
-    """Return residuals (m, nv) and forces (m, n, 3) of an observer that filters one of both, and its posterior."""
-    # phi is the mean external generalised force of an interval. `momentum` filters phi, then projects; others reverse.
-    (model, frames), (time, q, v, tau, known) = robot, record
-    samples = np.array([remembered(model, frames, *one) for one in zip(q, v, strict=True)])
-    gains = np.broadcast_to(gain, (model.nv if name == "momentum" else 3 * len(frames),))
-    advance = {"second_order": second_order, "super_twisting": super_twisting}.get(name, first_order)
-    posterior = None if expected is None else PosteriorTwin(expected, gains[0])
-    state, found = np.zeros((len(gains), 2)), []
-    for k, dt in enumerate(np.diff(time)):
-        if dt == 0.0:
-            found.append(found[-1])
-            continue
-        mean = 0.5 * (samples[k] + samples[k + 1])
-        u = tau[k] + sum(values[k] for values in known.values())
-        phi = (samples[k + 1][0] - samples[k][0]) / dt - mean[1] - u
-        J, W = mean[3:], believed(model, rows, mean[2])
-
-        def components(y: Vector, J: Vector = J, W: Vector = W, v: Vector = mean[2], dt: float = dt) -> Vector:
-            return project(J, W, y) if posterior is None else posterior.estimate(J, W, y, v, dt)
-
-        values = phi if name == "momentum" else components(phi)
-        state = np.array([advance(*one) for one in zip(gains, [dt] * len(gains), values, state, strict=True)])
-        filtered = state[:, 0]
-        found.append((filtered, components(filtered)) if name == "momentum" else (J.T @ filtered, filtered))
-    residual, force = (np.array(each) for each in zip(*found, strict=True))
-    return residual, force.reshape(len(tau), -1, 3), posterior
