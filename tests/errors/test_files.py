@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
 from importlib import import_module
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import support.broken_runs as broken
@@ -80,10 +81,7 @@ def test_a_link_to_a_folder_is_not_followed(target: Path) -> None:
 
 @pytest.mark.parametrize("number", [errno.EINVAL, errno.ENOSYS, errno.EXDEV, errno.EPERM])
 def test_file_systems_that_cannot_exchange_are_told(number: int, target: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:
-        raise OSError(number, os.strerror(number))
-
-    monkeypatch.setattr(folders, "_put", refuse)
+    monkeypatch.setattr(folders, "_put", Mock(side_effect=OSError(number, os.strerror(number))))
     with pytest.warns(OutputWarning, match=r"cannot exchange it as a whole \(.*its files are replaced one by one"):
         write(target)
     assert written(target) == {"a.txt": "new", "mine.txt": "mine"}
@@ -92,11 +90,7 @@ def test_file_systems_that_cannot_exchange_are_told(number: int, target: Path, m
 
 def test_a_disk_that_is_full_at_the_last_moment_costs_nothing(target: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The old result stays, and the message gives the reason."""
-
-    def refuse(*_: object) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(folders, "_put", refuse)
+    monkeypatch.setattr(folders, "_put", Mock(side_effect=OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))))
     with pytest.raises(OutputError, match=f"output folder {target}: cannot be written: No space left on device"):
         write(target)
     assert written(target) == {"a.txt": "old", "b.txt": "old", "mine.txt": "mine"}

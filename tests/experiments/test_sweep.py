@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,10 @@ import xarray as xr
 from support.commands import call
 
 from aerobat_pin.control import loop_margins
-from aerobat_pin.errors import OutputError, WorkersLostError
+from aerobat_pin.errors import OutputError, SweepError, WorkersLostError
 from aerobat_pin.experiments import effects_text, load_sweep, run, run_sweep, shipped_sweeps, sweep_effects
 from aerobat_pin.experiments.experiment import _effort
+from aerobat_pin.experiments.sweep import plan
 from aerobat_pin.experiments.sweep.plan import RESERVED_NAMES, flight_columns, outcome_of
 from aerobat_pin.experiments.sweep.sweep_file import SweepFile
 from aerobat_pin.scenario import load_scenario
@@ -170,6 +172,7 @@ def test_draws_are_the_same_for_every_seed_whatever_other_keys_there_are(drawn: 
 
 ONE, TWICE, AIR = '[ranges]\n"observers.gain" = ', "is varied by two dimensions", '\nof = {"air.density" = 1}'
 DRAWN = '[draws]\ncount = 2\n[draws.values]\n"air.density" = {distribution = '
+NORMAL = '"normal", mean = 1, deviation = 0.1}'
 NOISES, RATE = "unknown_force.*.noise", "crank.frequency"
 GUST = f"'air.gust.start' {TWICE}, of which 'a' sets 'air.gust'"
 
@@ -201,18 +204,48 @@ GUST = f"'air.gust.start' {TWICE}, of which 'a' sets 'air.gust'"
         (DRAWN + '"unifrm"}', "'uniform'"),
         (DRAWN + '"uniform", low = 2, high = 1}', "low < high"),
         ('[ranges]\n"air.density" = {from = 1, to = 2, count = 1000000}', "at most 100000"),
+        (ONE + "{from = 1, to = 2, count = 1_000_000_000}", "at most 100000 runs and 30 days"),
+        (DRAWN.replace("2", "1_000_000_000") + NORMAL, "1000000000 draw x 2 seed are 2000000000 runs"),
+        ('[variants."a/b"]\nc = {}', "dimension 'a/b': a name without / of 1 to 255 bytes"),
+        ('[variants.""]\nc = {}', "dimension '': a name"),
+        ('[variants."."]\nc = {}', "dimension '.': a name"),
+        ('[factors."a\\nb"]\nvalues = [1]' + AIR, r"dimension 'a\nb': a name"),
+        (f'[factors."{300 * "é"}"]\nvalues = [1]' + AIR, "a name without /"),
+        (DRAWN.replace("air.density", "robot.changes.a/b") + NORMAL, "dimension 'robot.changes.a/b'"),
+        ('[ranges]\n"simulation.dt" = [1e-12]', "at simulation.dt = 1e-12, "),
+        ('[ranges]\n"simulation.dt" = [1e-12]', "at most 2 GB and 3600 s"),
     ],
 )
 def test_a_wrong_sweep_costs_one_message_exit_code_2_and_leaves_nothing(
     text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Key, value and rule, before anything flies."""
+    """Key, value and rule, before anything flies; a thousand million runs used to be counted up first."""
+    start = time.process_time()
     path = written(tmp_path, SHORT + text)
     assert call("sweep", str(path), "--out", str(tmp_path / "out")) == 2
     printed = capsys.readouterr()
     assert message in printed.err
     assert "Traceback" not in printed.err
     assert [one.name for one in tmp_path.iterdir()] == ["short.toml"]
+    assert time.process_time() - start < 5.0  # [s] of this process alone; milliseconds are usual
+
+
+def test_many_long_runs_are_refused_though_each_is_allowed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Flights of 25 minutes take 150 s each, so 200 of them take a third of a day, which is all here."""
+    monkeypatch.setattr(plan, "MOST_DAYS", 0.3)
+    text, start = SHORT.replace("0.05", "1500.0"), time.process_time()
+    assert len(load_sweep(written(tmp_path, text.replace("seeds = 2", "seeds = 10"))).scenarios) == 10
+    for seeds, days in ((200, r"0\.3\d*"), (10**9, ".*")):
+        with pytest.raises(SweepError, match=f"{seeds} seed are {seeds} runs, about {days} days on one processor"):
+            load_sweep(written(tmp_path, text.replace("seeds = 2", f"seeds = {seeds}")))
+    assert time.process_time() - start < 5.0
+
+
+def test_labels_that_no_table_can_hold_are_refused_before_the_first_flight(tmp_path: Path) -> None:
+    """NetCDF has no integers above 64 bits."""
+    with pytest.raises(SweepError, match=r"sweep short: labels 1\d+, 1\d+, \.\.\. of seed"):
+        run_sweep(load_sweep(written(tmp_path, SHORT + '"simulation.seed" = 1' + 30 * "0")), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_each_run_of_a_robot_has_the_warnings_of_its_loading(tmp_path: Path) -> None:
@@ -313,14 +346,13 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
 
 def test_a_fault_of_ours_in_one_run_does_not_stop_the_rest(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Whatever is raised is a reason, with its name."""
-    from aerobat_pin.experiments.sweep import plan as worker
 
     def faulty(scenario: Any, **more: Any) -> Any:
         if scenario.simulation.seed == 1:
             raise ZeroDivisionError("ours")
         return run(scenario, **more)
 
-    monkeypatch.setattr(worker, "run", faulty)
+    monkeypatch.setattr(plan, "run", faulty)
     grid = run_sweep(load_sweep(written(tmp_path, SHORT)), tmp_path / "out")
     assert list(grid["failed"].values) == ["ZeroDivisionError: ours", ""]
 

@@ -11,12 +11,12 @@ import pytest
 from support.kernel_cases import instant
 
 from aerobat_pin.aerobat import Aerobat, FlightLog, flown_robot, joint_table, known_inputs, load_aerobat
-from aerobat_pin.errors import AerobatError, CrankError, TrimError
-from aerobat_pin.flight import ConstantRate, CrankDrive, Plant, RateControlledMotor, SpinUp, find_trim, simulate
+from aerobat_pin.errors import AerobatError, CrankError
+from aerobat_pin.flight import ConstantRate, CrankDrive, Plant, RateControlledMotor, SpinUp, simulate
 from aerobat_pin.flight.crank import CrankMotion, checked_motion, crank_drive
 from aerobat_pin.linkage import joint_series, joints_at
 from aerobat_pin.numerics import Array
-from aerobat_pin.scenario import Scenario, load_scenario, scenario_toml
+from aerobat_pin.scenario import Scenario, load_scenario
 
 START, RATE = -0.5 * np.pi, 2.0 * np.pi * 4.75
 TIME = np.linspace(-0.2, 1.0, 2401)
@@ -106,10 +106,13 @@ def swing(time: Array) -> tuple[Array, Array, Array]:
     return -1.5 + 0.8 * np.sin(25.0 * time), 20.0 * np.cos(25.0 * time), -500.0 * np.sin(25.0 * time)
 
 
-def joints(log: FlightLog, robot: Aerobat) -> tuple[Array, Array]:
-    """Return the log's joint angles and rates (n + 1, 4)."""
-    q, v = log.measured["q"].values, log.measured["v"].values
-    return q[:, list(robot.idx_q)], v[:, list(robot.idx_v)]
+def closed_rates(log: FlightLog, robot: Aerobat, *motion: Array) -> Array:
+    """Check that a log's joints are the linkage's in a motion of the crank; return the rates of all four (n + 1, 4)."""
+    closed = robot.linkage.solve(*motion)
+    angles, rates = log.measured["q"].values[:, list(robot.idx_q)], log.measured["v"].values[:, list(robot.idx_v)]
+    np.testing.assert_allclose(angles, np.stack([closed.theta_s, closed.theta_e] * 2, axis=-1), rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(rates, np.stack([closed.theta_s_dot, closed.theta_e_dot] * 2, -1), rtol=0.0, atol=1e-9)
+    return rates
 
 
 @pytest.mark.parametrize("drive", ["constant", "spin_up", "swing"])
@@ -121,10 +124,7 @@ def test_joints_and_log_follow_the_drive(drive: str) -> None:
     log = simulate(chosen, drive=swing if own else None)
     motion = swing(log.time) if own else crank_drive(chosen)(log.time)
     assert log.measured["crank_angle"].values == pytest.approx(motion[0], rel=1e-12)
-    closed = robot.linkage.solve(*motion)
-    angles, rates = joints(log, robot)
-    assert angles == pytest.approx(np.stack([closed.theta_s, closed.theta_e] * 2, axis=-1), abs=1e-12)
-    assert rates == pytest.approx(np.stack([closed.theta_s_dot, closed.theta_e_dot] * 2, axis=-1), abs=1e-9)
+    rates = closed_rates(log, robot, *motion)
     if drive == "spin_up":
         assert np.all(rates[0] == 0.0)
         assert np.max(np.abs(rates[-1])) > 5.0
@@ -161,26 +161,6 @@ def test_a_drive_of_ones_own_that_is_no_motion_is_refused_before_flying() -> Non
         pytest.raises(CrankError, match=r"from t = -0.2105\d* to 0 s; times before t = 0 are needed"),
     ):
         simulate(scenario("constant"), drive=lambda t: (30.0 * np.sqrt(t), 0.0, 0.0))
-
-
-def test_only_a_steady_crank_can_be_trimmed() -> None:
-    """A flap that speeds up does not repeat itself."""
-    with pytest.raises(TrimError, match=r"crank\.drive = 'motor'"):
-        find_trim(load_scenario("paper_open_loop", ["crank.drive=motor"]))
-
-
-@pytest.mark.parametrize("drive", ["constant", "spin_up", "motor"])
-def test_a_drive_survives_writing_and_reading(drive: str, tmp_path: Any) -> None:
-    """The resolved scenario holds the drive's own table with every default, and no other."""
-    chosen = load_scenario("paper", [f"crank.drive={drive}"])
-    text = scenario_toml(chosen)
-    for table in ("spin_up", "motor"):
-        assert (f"[crank.{table}]" in text) == (table == drive)
-    file = tmp_path / "paper.toml"  # a copy takes the name of its file
-    file.write_text(text, encoding="utf-8")
-    assert load_scenario(file) == chosen
-    if drive == "motor":
-        assert "torque_limit = 0.15" in text
 
 
 MOTOR = ["crank.drive=motor", "crank.motor.start_frequency=4.75"]
@@ -272,11 +252,7 @@ def test_the_linkage_stays_closed_and_the_log_tells_the_crank() -> None:
     """Joints are the linkage's at the crank's angle and rate; the torque that passes to the linkage is the joints'."""
     log, robot = flown(), flown_robot(motored())
     angle, truth = log.measured["crank_angle"].values, log.truth
-    closed = robot.linkage.solve(angle, rate(log))
-    q, v = (log.measured[name].values for name in ("q", "v"))
-    angles, rates = q[:, list(robot.idx_q)], v[:, list(robot.idx_v)]
-    np.testing.assert_allclose(angles, np.stack([closed.theta_s, closed.theta_e] * 2, axis=-1), rtol=0.0, atol=1e-12)
-    np.testing.assert_allclose(rates, np.stack([closed.theta_s_dot, closed.theta_e_dot] * 2, -1), rtol=0.0, atol=1e-9)
+    closed_rates(log, robot, angle, rate(log))
     assert angle[0] == np.radians(-90.0)
     assert np.diff(angle) == pytest.approx(0.5e-3 * (rate(log)[1:] + rate(log)[:-1]), abs=1e-5)
     halfway = robot.linkage.solve(0.5 * (angle[1:] + angle[:-1]))
