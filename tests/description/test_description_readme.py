@@ -78,18 +78,14 @@ def test_a_snippet_runs_as_it_stands(title: str, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_every_tool_that_is_promised_has_a_snippet() -> None:
-    """One python block each, except where the tool is no Python."""
+def test_every_tool_that_is_promised_has_a_snippet_and_was_tried() -> None:
+    """One python block each, except where the tool is no Python; `make tools` wrote when, and none of them failed."""
     tools = "Pinocchio RobotWrapper pink Crocoddyl PlaCo MuJoCo MJX yourdfpy robot_descriptions MeshCat Drake PyBullet"
     more = "viser rerun urchin adam-robotics"
     assert set(SNIPPETS) == {*tools.split(), *more.split(), "MuJoCo, closed linkage"}
     assert len(re.findall("```python", PAGE)) == len(SNIPPETS)
     assert "```js" in SECTIONS["three.js"]
     assert "colcon" in SECTIONS["ROS 2 and RViz"]
-
-
-def test_the_table_of_tools_says_when_each_was_tried_and_what_was_found() -> None:
-    """`make tools` wrote it: a date, and a row of every tool, none of which failed."""
     table = PAGE[PAGE.index("<!-- tools") : PAGE.index("<!-- /tools")]
     assert re.search(r"Tried on 20\d\d-\d\d-\d\d, Python 3", table)
     found = {title: (version, result) for title, version, result, _ in rows(table, "tool | version")}
@@ -138,16 +134,12 @@ def test_the_frames_are_those_of_the_urdf() -> None:
         assert {link.get("name") for link in ET.parse(URDF[name]).findall("link")} <= set(seen)
 
 
-def test_the_reference_configurations_are_named() -> None:
-    """Those of the SRDF, of all morphologies, in the page's words."""
+def test_the_reference_configurations_are_named_and_the_picture_of_the_frames_is_small() -> None:
+    """Those of the SRDF, of all morphologies; that the picture names every kind of frame, its script checks."""
     text = PAGE[PAGE.index("The SRDF names") :].split("\n\n")[0]
     for name in description.MORPHOLOGIES:
         states = ET.parse(PACKAGE / "srdf" / f"{name}.srdf").findall("group_state")
         assert quoted(text) == [state.get("name") for state in states]
-
-
-def test_the_picture_of_the_frames_is_there_and_small() -> None:
-    """That it names every kind of frame, its script checks: tests/project/test_docs.py."""
     assert (PACKAGE / "frames.png").stat().st_size < 100_000
     pixels = imread(PACKAGE / "frames.png")
     assert pixels.shape[1] > 1000

@@ -1,9 +1,13 @@
 """One robot everywhere: Pinocchio, yourdfpy and MuJoCo read the committed files alike, and other tools as well."""
 
+import os
 import re
+import shutil
+import subprocess
 
 # Crocoddyl's and PlaCo's wheels want other releases of Pinocchio than this project: `make tools` tries them.
 import sys
+import tomllib
 from functools import cache
 from os.path import join
 from pathlib import Path
@@ -13,13 +17,15 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+import yourdfpy
+from support.commands import aerobat
 from support.readers import PACKAGE, ROBOTS, URDF, in_mujoco, in_pinocchio, in_yourdfpy, plain
 from support.tools import need
 
 import aerobat_description as description
 from aerobat_description.meshes import parts
 from aerobat_description.morphology import Morphology
-from aerobat_pin.aerobat import JOINTS
+from aerobat_pin.aerobat import JOINTS, load_aerobat
 
 STATES = 20
 FRAMES = {"base_link"} | {
@@ -176,7 +182,6 @@ def test_no_description_file_names_a_place_on_a_machine() -> None:
 
 ANGLES = {"left_shoulder": 0.3, "left_elbow": -0.8, "right_shoulder": -0.2, "right_elbow": 0.5}  # [rad]
 MASS = 31.3e-3 + 2.0 * (1.70505e-3 + 3.71107e-3)  # [kg], Flappy_v8.xml: body, proximal and distal wing
-UP = np.array([0.0, 0.0, 0.02])  # [m], where the force point is sent
 VISIBLE_PARTS = Path(description.URDF_PATH).read_text().count("<mesh ")
 
 
@@ -206,27 +211,6 @@ def assert_is_aerobat(model: pin.Model) -> None:
     place = data.oMf[model.getFrameId("left_force_point")]
     np.testing.assert_allclose(place.translation, force_point(0.3, -0.8), atol=1e-15, rtol=0)
     np.testing.assert_allclose(place.rotation, lift(0.3 - 0.8), atol=1e-15, rtol=0)
-
-
-def test_pink_moves_the_force_point_where_it_is_told() -> None:
-    """Inverse kinematics with one frame task, 2 cm up, solved by a quadratic program at each of 30 steps."""
-    need("pink")
-    need("quadprog")
-    import pink
-
-    robot = pin.RobotWrapper.BuildFromURDF(description.URDF_PATH, description.PACKAGE_DIRS, pin.JointModelFreeFlyer())
-    configuration = pink.Configuration(robot.model, robot.data, robot.q0)
-    assert_is_aerobat(configuration.model)
-    target = configuration.get_transform_frame_to_world("left_force_point")
-    np.testing.assert_allclose(target.translation, force_point(), atol=1e-15, rtol=0)
-    target.translation = target.translation + UP
-    task = pink.FrameTask("left_force_point", position_cost=1.0, orientation_cost=0.0)
-    task.set_target(target)
-    for _ in range(30):
-        velocity = pink.solve_ik(configuration, [task], 0.1, solver="quadprog")
-        configuration.integrate_inplace(velocity, 0.1)
-    reached = configuration.get_transform_frame_to_world("left_force_point").translation
-    np.testing.assert_allclose(reached, force_point() + UP, atol=1e-6, rtol=0)
 
 
 class Loader:
@@ -284,7 +268,6 @@ def test_robot_descriptions_loads_it_in_pinocchio(named_for_robot_descriptions: 
 
 def test_robot_descriptions_loads_it_in_yourdfpy(named_for_robot_descriptions: str) -> None:
     """Its loader passes the package's folder as mesh folder; the meshes still arrive."""
-    need("yourdfpy")
     from robot_descriptions.loaders.yourdfpy import load_robot_description
 
     tree = load_robot_description(named_for_robot_descriptions)
@@ -297,9 +280,7 @@ def test_robot_descriptions_loads_it_in_yourdfpy(named_for_robot_descriptions: s
 
 
 def test_robot_descriptions_loads_it_in_mujoco(named_for_robot_descriptions: str) -> None:
-    """Its loader takes `MJCF_PATH`: the closed linkage on a free base, with its motor, and sites for the frames."""
-    need("mujoco")
-    import mujoco
+    """Its loader takes `MJCF_PATH`: the closed linkage with motor and sites; a variant lies in the same folder."""
     from robot_descriptions.loaders.mujoco import load_robot_description
 
     model = load_robot_description(named_for_robot_descriptions)
@@ -312,18 +293,8 @@ def test_robot_descriptions_loads_it_in_mujoco(named_for_robot_descriptions: str
         data.joint(joint).qpos[0] = angle
     mujoco.mj_kinematics(model, data)
     np.testing.assert_allclose(data.site("left_force_point").xpos, force_point(0.3, -0.8), atol=1e-12, rtol=0)
-
-
-def test_robot_descriptions_finds_the_other_morphologies_as_variants(named_for_robot_descriptions: str) -> None:
-    """Its MuJoCo loader replaces the file's name by the variant's, in the same folder."""
-    need("mujoco")
-    from robot_descriptions.loaders.mujoco import load_robot_description
-
-    masses = [
-        load_robot_description(named_for_robot_descriptions, variant=name).body_mass.sum()
-        for name in description.MORPHOLOGIES
-    ]
-    assert masses == pytest.approx([0.0421, 0.0921, 0.020], abs=5e-5)
+    variants = (load_robot_description(named_for_robot_descriptions, variant=one) for one in description.MORPHOLOGIES)
+    assert [one.body_mass.sum() for one in variants] == pytest.approx([0.0421, 0.0921, 0.020], abs=5e-5)
 
 
 def test_it_is_ready_for_robot_descriptions() -> None:
@@ -363,3 +334,142 @@ def test_names_suit_every_tool(name: str) -> None:
     twin = ET.parse(Path(description.PACKAGE_PATH, "mjcf", f"{name}.xml")).getroot()
     files = [mesh.get("file") for mesh in twin.iter("mesh")]
     assert all(Path(description.PACKAGE_PATH, "mjcf", "meshes", file).is_file() for file in files)
+
+
+MINE = 'extends = "aerobat_guard"\nname = "mine"\n[scale]\nspan = 1.1\n[body]\nmass = 0.09\n'
+
+
+@pytest.fixture
+def mine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give a folder with a morphology file of somebody's own, and stand elsewhere."""
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    (folder / "my_robot.toml").write_text(MINE)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    return folder
+
+
+def read_everywhere(file: Path, dirs: list[str]) -> list[tuple[float, int]]:
+    """Return mass [kg] and number of meshes in Pinocchio, MuJoCo and yourdfpy."""
+    model, _, visual = pin.buildModelsFromUrdf(str(file), package_dirs=dirs, root_joint=pin.JointModelFreeFlyer())
+    assert all(item.geometry.num_tris > 0 for item in visual.geometryObjects)
+    twin, tree = mujoco.MjModel.from_xml_path(str(file)), yourdfpy.URDF.load(str(file))
+    in_yourdfpy = sum(link.inertial.mass for link in tree.robot.links), len(tree.scene.geometry)
+    return [(pin.computeTotalMass(model), visual.ngeoms), (twin.body_mass.sum(), twin.nmesh), in_yourdfpy]
+
+
+@pytest.mark.parametrize("meshes", ["package", "relative", "absolute"])
+def test_a_robot_of_ones_own_loads_from_another_folder(meshes: str, mine: Path) -> None:
+    """Same mass and all visible parts in each tool; Pinocchio needs package folders unless paths are absolute."""
+    target = mine / "x.urdf"
+    done = aerobat("urdf", str(mine / "my_robot.toml"), "--meshes", meshes, "-o", str(target), cwd=Path.cwd())
+    assert done.returncode == 0, done.stderr
+    dirs = {"package": [str(mine.parent)], "relative": [str(mine)], "absolute": []}[meshes]
+    robot = load_aerobat(mine / "my_robot.toml")
+    assert read_everywhere(target, dirs) == [(pytest.approx(robot.mass, rel=1e-12), robot.visual_model.ngeoms)] * 3
+    assert os.listdir() == []
+
+
+def test_a_shipped_robot_is_printed_as_it_was_committed(tmp_path: Path) -> None:
+    """`aerobat urdf` is the committed file; with absolute paths it loads from anywhere."""
+    assert aerobat("urdf", cwd=tmp_path).stdout == Path(description.URDF_PATH).read_text()
+    printed = aerobat("urdf", "aerobat_light", "--meshes", "absolute", cwd=tmp_path).stdout
+    (tmp_path / "light.urdf").write_text(printed)
+    light = load_aerobat("aerobat_light")
+    expected = (pytest.approx(0.020, rel=1e-12), light.visual_model.ngeoms)
+    assert read_everywhere(tmp_path / "light.urdf", []) == [expected] * 3
+
+
+def test_poses_and_linkage_lie_beside_the_robot_and_leave_the_morphology_alone(mine: Path) -> None:
+    """A URDF named like the morphology beside it: the linkage goes to a folder, and finds its meshes from there."""
+    own = (mine / "my_robot.toml").read_text()
+    done = aerobat("urdf", str(mine / "my_robot.toml"), "-o", str(mine / "my_robot.urdf"), cwd=mine)
+    assert done.returncode == 0, done.stderr
+    assert (mine / "my_robot.toml").read_text() == own
+    model = pin.buildModelFromUrdf(str(mine / "my_robot.urdf"), pin.JointModelFreeFlyer())
+    pin.loadReferenceConfigurations(model, str(mine / "my_robot.srdf"))
+    poses = load_aerobat(mine / "my_robot.toml").model.referenceConfigurations
+    assert {str(item.key()) for item in model.referenceConfigurations} == {str(item.key()) for item in poses}
+    bars = tomllib.loads((mine / "linkage" / "my_robot.toml").read_text())["bars"]
+    assert [bar["name"] for bar in bars] == [f"L{i}" for i in range(1, 8)]
+    assert all((mine / bar[f"{side}_mesh"]).is_file() for bar in bars for side in ("left", "right"))
+
+
+def test_force_overwrites_and_another_robots_meshes_are_not_overwritten_without_it(mine: Path) -> None:
+    """Every file that would be replaced counts, not the URDF alone."""
+    aerobat("urdf", "aerobat", "-o", str(mine / "a.urdf"), cwd=mine)
+    again = aerobat("urdf", "aerobat", "-o", str(mine / "b.urdf"), cwd=mine)
+    assert again.returncode == 2
+    assert "exists; --force" in again.stderr
+    assert not (mine / "b.urdf").exists()
+    assert aerobat("urdf", "aerobat", "-o", str(mine / "b.urdf"), "--force", cwd=mine).returncode == 0
+
+
+PROJECT = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text())["project"]
+CMAKE = shutil.which("cmake")
+# What ament_package() does, as far as a package of data sees it: install the manifest, leave a mark in the index.
+AMENT = """
+macro(ament_package)
+  install(FILES package.xml DESTINATION share/${PROJECT_NAME})
+  file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/mark "")
+  install(FILES ${CMAKE_CURRENT_BINARY_DIR}/mark
+    DESTINATION share/ament_index/resource_index/packages RENAME ${PROJECT_NAME})
+endmacro()
+"""
+
+
+def visible_parts(urdf: str | Path) -> int:
+    """Count the meshes that Pinocchio finds without being told any folder."""
+    model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
+    return int(pin.buildGeomFromUrdf(model, str(urdf), pin.GeometryType.VISUAL).ngeoms)
+
+
+def test_the_manifest_is_of_format_3_and_agrees_with_the_project() -> None:
+    """REP 149: name, version, description, maintainer with an address and licence; built by ament_cmake."""
+    package = ET.parse(PACKAGE / "package.xml").getroot()
+    assert (package.tag, package.get("format")) == ("package", "3")
+    required = {"name", "version", "description", "maintainer", "license"}
+    assert required <= {element.tag for element in package}
+    assert package.findtext("name") == description.__name__
+    assert package.findtext("version") == PROJECT["version"]
+    assert package.findtext("license") == PROJECT["license"]
+    assert package.find("maintainer").text == PROJECT["authors"][0]["name"]
+    assert re.fullmatch(r"[\w.]+@[\w.]+\.[a-z]{2,}", package.find("maintainer").get("email"))
+    assert package.findtext("buildtool_depend") == package.findtext("export/build_type") == "ament_cmake"
+
+
+def test_whoever_looks_in_ros_package_path_finds_the_meshes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """ROS's variable names the folder that holds the package's folder."""
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", description.REPOSITORY_PATH)
+    assert visible_parts(description.URDF_PATH) == VISIBLE_PARTS
+
+
+@pytest.mark.skipif(CMAKE is None, reason="no CMake on this machine: install it, e.g. `apt-get install cmake`")
+@pytest.mark.parametrize("ament", [True, False], ids=["ament", "plain"])
+def test_cmake_installs_all_data_where_ros_looks(ament: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With ament_cmake (a stand-in of it) and without; then Pinocchio finds the meshes through AMENT_PREFIX_PATH."""
+    build, prefix, stand_in = tmp_path / "build", tmp_path / "prefix", tmp_path / "ament"
+    stand_in.mkdir()
+    if ament:
+        (stand_in / "ament_cmakeConfig.cmake").write_text(AMENT)
+    found = f"-Dament_cmake_DIR={stand_in}" if ament else "-DCMAKE_DISABLE_FIND_PACKAGE_ament_cmake=ON"
+    for command in (
+        [CMAKE, "-S", PACKAGE, "-B", build, f"-DCMAKE_INSTALL_PREFIX={prefix}", found],
+        [CMAKE, "--install", build],
+    ):
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
+        assert done.returncode == 0, done.stderr
+        assert "warning" not in (done.stdout + done.stderr).lower()
+    share = prefix / "share" / "aerobat_description"
+    data = {name: PACKAGE / name for name in ("LICENSE", "package.xml")}
+    for folder in ("linkage", "meshes", "mjcf", "morphologies", "srdf", "urdf"):
+        data |= {str(file.relative_to(PACKAGE)): file for file in (PACKAGE / folder).rglob("*") if file.is_file()}
+    assert {str(file.relative_to(share)) for file in share.rglob("*") if file.is_file()} == set(data)
+    assert all((share / name).read_bytes() == file.read_bytes() for name, file in data.items())
+    assert (prefix / "share/ament_index/resource_index/packages/aerobat_description").exists() == ament
+    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(prefix))
+    assert visible_parts(share / "urdf" / "aerobat.urdf") == VISIBLE_PARTS
