@@ -134,7 +134,7 @@ MUTANTS = (
     Mutant("the share of the air dropped", "forces/learnt_error.py",
            "self.share * condition.doubted_force(known)", "0.0", "tests/estimation/test_changed_robot.py"),
     Mutant("one number for two dimensions", "records/netcdf.py",
-           "next(numbers)", "len(scales)", "tests/flight/test_netcdf_library.py"),
+           "next(numbers)", "len(scales)", "tests/flight/test_flight_log.py"),
     Mutant("steering late instead of ahead", "control/controller.py", "(1.0 - 1j * self._crank_rate * believed.lag)",
            "(1.0 + 1j * self._crank_rate * believed.lag)", "tests/control/test_controller.py"),
     Mutant("swing not in the reference", "control/law.py", "    add_waves(law.swing, crank_angle, reference)\n", "",

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.further import further
-from support.gliding import AIR, BARE, NO_DRAG, SHAPE, WING, evaluate, gliding
+from support.section_law import AIR, BARE, NO_DRAG, SHAPE, WING, evaluate, gliding
 
 from aerobat_pin.aerobat import LINKS, Aerobat, RobotAir, RobotInAir, Wing, flown_robot, load_aerobat
 from aerobat_pin.aerodynamics import AirConstants

@@ -6,10 +6,21 @@ import numpy as np
 import pytest
 from support import high_incidence as high
 from support.further import further
-from support.gliding import BARE, evaluate, gliding, settled
 from support.measurements import plates, plunging
 from support.references import LATTICE_FLAP, Pitch, jones_harmonic, pitch, theodorsen
-from support.section_law import ENDLESS, HALVES, fly_on_links, loads_of, memory_of, plate, plate_drag
+from support.section_law import (
+    BARE,
+    ENDLESS,
+    HALVES,
+    evaluate,
+    fly_on_links,
+    gliding,
+    loads_of,
+    memory_of,
+    plate,
+    plate_drag,
+    settled,
+)
 
 from aerobat_pin.aerobat import LINKS
 from aerobat_pin.aerodynamics import LiftingLine, Stroke, fly

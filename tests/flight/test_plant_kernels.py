@@ -7,7 +7,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from support import twins
-from support.gliding import evaluate
 from support.kernel_cases import (
     CASES,
     MORPHOLOGIES,
@@ -19,6 +18,7 @@ from support.kernel_cases import (
     instant,
     robot_with_a_turned_frame,
 )
+from support.section_law import evaluate
 
 from aerobat_pin.aerobat import RobotAir
 from aerobat_pin.aerobat.air.robot_in_air import warm_up

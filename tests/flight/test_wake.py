@@ -5,9 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pinocchio as pin
 import pytest
-from support.flapping_robot import AIRSPEED, FREQUENCY, STEPS, flap_robot
 from support.further import further
-from support.shed_wake import impulse_lift, rectangle_wake, wake_at
+from support.shed_wake import AIRSPEED, FREQUENCY, STEPS, flap_robot, impulse_lift, rectangle_wake, wake_at
 
 from aerobat_pin.aerobat import FlightLog, flown_robot
 from aerobat_pin.aerodynamics import Stroke

@@ -1,10 +1,12 @@
-"""The section law of the robot's strips without a robot: a lifting line on two links, by the memory kernels read."""
+"""The section law of the robot's strips, on two links without a robot, by the memory kernels read; gliding wings."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from aerobat_pin.aerobat import LINKS, air_loads, air_memory
+from aerobat_description.morphology import Morphology
+from aerobat_pin.aerobat import LINKS, RobotAir, Wing, air_loads, air_memory
 from aerobat_pin.aerodynamics import STRIP_ROWS, AirConstants, LiftingLine, Pieces, StripLoads, Stroke, strips_of
 from aerobat_pin.numerics import Array, fields_of, kernel
 
@@ -109,3 +111,26 @@ def plate_drag(incidence: Array | float) -> Array:
 def air_loads_in(memory: Array, twists: Array, state: Array, wrenches: Array, rates: Array, loads: Array) -> None:
     """Compute what `air_loads` does, reading the aerodynamic constants from `RobotAir.memory`."""
     air_loads(fields_of(memory, AirConstants), twists, state, wrenches, rates, loads)
+
+
+SHAPE = Morphology.load("aerobat")
+WING = Wing(SHAPE)
+AIR = RobotAir(WING)
+NO_DRAG = replace(SHAPE.aerodynamics, profile_drag=0.0, body_drag_area=0.0)
+BARE = RobotAir(Wing(replace(SHAPE, tail=None, aerodynamics=NO_DRAG)), air_density=1.0)
+
+
+def gliding(speed: float, incidence: float) -> np.ndarray:
+    """Return the twists of a spread wing that glides straight at an incidence [rad] of the body."""
+    twist = np.array([speed * np.cos(incidence), 0.0, -speed * np.sin(incidence), 0.0, 0.0, 0.0])
+    return np.tile(twist, (5, 1))
+
+
+def evaluate(air: RobotAir, twists: np.ndarray, state: np.ndarray) -> tuple[np.ndarray, np.ndarray, StripLoads]:
+    """Return wrenches (5, 6) on the links, rates of the state and the strips' loads, without added mass."""
+    return loads_of(air.memory, twists, state)
+
+
+def settled(air: RobotAir, twists: np.ndarray) -> np.ndarray:
+    """Return the aerodynamic state that no longer changes under steady twists."""
+    return settled_state(air.memory, twists, air.state_size)

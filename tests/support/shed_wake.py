@@ -1,10 +1,16 @@
-"""Where a frozen wake is, and the impulse of a shed wake, which is the lift of the wing that sheds it."""
+"""Where a frozen wake is, and the impulse of a shed wake: the lift of the wing, or flapping robot, that sheds it."""
+
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
-from aerobat_pin.aerodynamics import LiftingLine, Stroke, Wind, fly
+from aerobat_pin.aerobat import LINKS, RobotAir, load_aerobat
+from aerobat_pin.aerodynamics import LiftingLine, Stroke, Wind, fly, strips_of
 from aerobat_pin.flight import Wake
 from aerobat_pin.numerics import Array
+from support.section_law import fly_strips
 
 DENSITY = 1.225  # [kg/m3]
 
@@ -34,3 +40,56 @@ def wake_at(wake: Wake, time: float) -> tuple[np.ndarray, np.ndarray]:
     old = int(np.searchsorted(wake.time, time, side="right"))
     moved = wake.wind.drift(np.array([time])) - wake.wind.drift(wake.time[:old])
     return wake.position[:old] + moved[:, None], wake.bound[:old]
+
+
+AIRSPEED, PITCH, FREQUENCY = 4.5, np.radians(8.0), 4.75  # [m/s, rad, Hz]
+STEPS, FLAPS = 8400, 4  # a flap at its finest, which 160 strips need; the fourth no longer changes
+
+
+class Motion(NamedTuple):
+    """One flap of the robot at even instants (n,), the links' twists (n, 5, 6), rotations and places in the world."""
+
+    time: Array
+    twist: Array
+    rotation: Array
+    place: Array
+
+
+@cache
+def prescribed() -> Motion:
+    """Return one flap of the default robot, level at a steady speed and pitch, at the half steps of the finest run."""
+    robot, count = load_aerobat(), 2 * STEPS
+    data, frames = robot.model.createData(), [robot.model.getFrameId(link) for link in LINKS]
+    time, rate = np.arange(count) / count / FREQUENCY, 2.0 * np.pi * FREQUENCY
+    crank = robot.linkage.solve(rate * time, rate)
+    attitude = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, -PITCH, 0.0))
+    speed = attitude.matrix().T @ [AIRSPEED, 0.0, 0.0]
+    found = Motion(time, np.empty((count, 5, 6)), np.empty((count, 5, 3, 3)), np.empty((count, 5, 3)))
+    for k, t in enumerate(time):
+        base = [AIRSPEED * t, 0.0, 0.0, *attitude.coeffs()]
+        q = robot.configuration(base, crank.theta_s[k], crank.theta_e[k])
+        v = robot.velocity([*speed, 0.0, 0.0, 0.0], crank.theta_s_dot[k], crank.theta_e_dot[k])
+        pin.forwardKinematics(robot.model, data, q, v)
+        for i, frame in enumerate(frames):
+            place = pin.updateFramePlacement(robot.model, data, frame)
+            found.rotation[k, i], found.place[k, i] = place.rotation, place.translation
+            found.twist[k, i] = pin.getFrameVelocity(robot.model, data, frame, pin.ReferenceFrame.LOCAL).vector
+    return found
+
+
+def flap_robot(strips: int, steps: int) -> tuple[Array, Wake]:
+    """Fly strips along the prescribed motion: force in world axes (steps, 3) [N], what they shed, over a last flap."""
+    motion, stride = prescribed(), STEPS // steps
+    air, one = RobotAir(load_aerobat().wing, strips=strips), motion.twist[::stride]
+    twists = np.concatenate([np.tile(one, (FLAPS, 1, 1)), one[:1]])
+    found = strips_of(fly_strips(air.memory, twists, 1.0 / FREQUENCY / steps, steps)[0])
+    strip, link, x, y, z, share, _ = air.pieces
+    rotation, place = (each[:: 2 * stride][:, link] for each in (motion.rotation, motion.place))
+    local = np.stack([found.force_x, 0.0 * found.force_x, found.force_z], axis=-1)[:, strip]
+    force = np.einsum("tnij,tnj,n->ti", rotation, local, share)
+    aft = -np.sign(found.lead)[..., None] * air.line.chord[:, None] / 2.0 * [1.0, 0.0, 0.0]
+    edges = place + np.einsum("tnij,tnj->tni", rotation, np.column_stack([x, y, z]) + aft[:, strip])
+    position = np.zeros_like(aft)
+    for piece, i in enumerate(strip):
+        position[:, i] += share[piece] * edges[:, piece]
+    return force, Wake(motion.time[:: 2 * stride], position, found.circulation, Wind())

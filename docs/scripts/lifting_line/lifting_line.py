@@ -8,8 +8,8 @@ from collections.abc import Callable
 import ladder
 import moments
 import numpy as np
-from support.flapping_robot import STEPS, flap_robot
 from support.pages import ROOT, Values, run, save, table
+from support.shed_wake import STEPS, flap_robot
 
 from aerobat_pin import load_aerobat, load_scenario, simulate
 from aerobat_pin.aerodynamics import LiftingLine
