@@ -20,12 +20,6 @@ def plant() -> Plant:
     return plant_of("paper", COLD)
 
 
-def link_energy(plant: Plant, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return the kinetic energy (n,) of the added mass, from the links' twists and the constant matrices G."""
-    seen = plant.in_air.link_twists(q, v)[..., 2:5]
-    return 0.5 * np.einsum("nli,lij,nlj->n", seen, plant.air.added_mass, seen)
-
-
 def test_thin_aerofoil_theory_gives_the_mass_of_the_strips(plant: Plant) -> None:
     """Pi rho b^2 per span, a cylinder of air on each chord: 7.99 g in all, 6.60 g between open tips, 0 by factor 0."""
     line = plant.air.line
@@ -87,7 +81,8 @@ def test_what_the_added_mass_takes_is_its_kinetic_energy() -> None:
     log = simulate(load_scenario("paper", ["simulation.dt=0.0005", "simulation.duration=0.2"]))
     plant = plant_of("paper", COLD)
     q, v = (log.measured[name].values for name in ("q", "v"))
-    energy = link_energy(plant, q, v)
+    seen = plant.in_air.link_twists(q, v)[..., 2:5]
+    energy = 0.5 * np.einsum("nli,lij,nlj->n", seen, plant.air.added_mass, seen)
     force = log.truth["added_mass"].values
     # The force varies little within a step: its mean times the mean velocity is its work to second order.
     work = np.cumsum(np.sum(force * 0.5 * (v[1:] + v[:-1]), axis=1)) * 5e-4

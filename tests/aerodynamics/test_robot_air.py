@@ -31,11 +31,6 @@ def robot() -> Aerobat:
     return load_aerobat("aerobat")
 
 
-def twists_of(robot: Aerobat, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Return every link's twist in its own frame (5, 6)."""
-    return RobotInAir(robot, AIR).link_twists(q[None], v[None])[0]
-
-
 def mirror_state(state: np.ndarray) -> np.ndarray:
     """Swap left and right strips in each of the three kinds of state."""
     return state.reshape(3, -1)[:, ::-1].ravel()
@@ -125,7 +120,8 @@ def test_the_log_holds_what_each_strip_and_link_does() -> None:
     """Incidence, downwash, circulation and forces per strip; wrench per link; power; as the object gives them."""
     scenario = load_scenario("paper", ["simulation.duration=0.01"])
     log, plant = simulate(scenario), Plant(flown_robot(scenario), scenario)
-    twists = twists_of(plant.robot, log.measured["q"].values[7], log.measured["v"].values[7])
+    q, v = (log.measured[name].values[7:8] for name in ("q", "v"))
+    twists = RobotInAir(plant.robot, AIR).link_twists(q, v)[0]
     _, _, strips = evaluate(plant.air, twists, log.truth["air_state"].values[7])
     for name in "airspeed incidence downwash circulation strip_force_x strip_force_z".split():
         found = getattr(strips, name.removeprefix("strip_"))

@@ -98,12 +98,6 @@ def line_about(*axes: float) -> LiftingLine:
     return LiftingLine(ENDLESS, 2.0 * SEMICHORD, strips=len(axes), quarter_chord=places)
 
 
-def stroke_of(k: float) -> tuple[Stroke, int]:
-    """Return a pitching motion and the number of its cycles, after which the start is forgotten."""
-    frequency = k * SPEED / SEMICHORD / (2.0 * np.pi)
-    return Stroke(SPEED, frequency=frequency, pitch=ANGLE), max(4, int(np.ceil(80.0 * k / (2.0 * np.pi))))
-
-
 def assert_section(found: Pitch, k: float, axis: float) -> None:
     """Compare with both C(k): lift and moment relative to their sizes, as complex amplitudes."""
     for lag, lift, moment in ((jones_harmonic(k), 1e-3, 1e-3), (theodorsen(k), 0.0234, 0.0234)):
@@ -117,7 +111,8 @@ def assert_section(found: Pitch, k: float, axis: float) -> None:
 @pytest.mark.parametrize("k", [0.1, 0.39, 1.0, *further(0.05, 2.0)])
 def test_a_pitching_section_is_theodorsens_and_garricks(k: float) -> None:
     """Through `fly`: with Jones's C(k) to 0.1 %, with the exact one to 2.34 %. Two axes in one flight."""
-    (stroke, cycles), axes = stroke_of(k), [AXES[:2], AXES[2:]]
+    stroke = Stroke(SPEED, frequency=k * SPEED / SEMICHORD / (2.0 * np.pi), pitch=ANGLE)
+    cycles, axes = max(4, int(np.ceil(80.0 * k / (2.0 * np.pi)))), [AXES[:2], AXES[2:]]  # the start is forgotten
     phase = np.arange(64) / 64.0
     time = (cycles - 1.0 + phase) / stroke.frequency
     turn = 2.0 * np.exp(-2j * np.pi * phase) / 64.0 * 1j  # of a sine

@@ -12,8 +12,6 @@ from aerobat_pin import flight
 from aerobat_pin.cli import doctor
 from aerobat_pin.cli.doctor import Verified, check_installation, satisfies
 
-FAKE = "__version__ = {version!r}\ndef crba(): ...\n"
-
 
 @pytest.fixture(autouse=True)
 def clean_shell(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -109,7 +107,7 @@ def test_a_second_pinocchio_is_named_with_its_folder(
     if origin == "of conda":
         (tmp_path / "conda-meta").mkdir()
         monkeypatch.setattr(sys, "prefix", str(tmp_path))
-    folder = foreign_pinocchio(tmp_path / place, FAKE.format(version=version))
+    folder = foreign_pinocchio(tmp_path / place, f"__version__ = {version!r}\ndef crba(): ...\n")
     monkeypatch.setenv("PYTHONPATH", str(folder))
     findings = found(doctor._pinocchio, doctor._search_paths)
     assert findings["pinocchio"].ok == (origin == "of conda")

@@ -20,8 +20,6 @@ from aerobat_pin.observers import OBSERVERS, Application, ForceLevelObserver, Ka
 from aerobat_pin.scenario import load_scenario
 from aerobat_pin.visualization.result_pages import report_html
 
-PAPER_R2 = {"Fx": 0.7448, "Fy": 0.9970, "Fz": 0.9991}  # the paper, section IV
-
 
 def scores(experiment: Experiment, key: str = "r2") -> dict[tuple[str, str, str], float]:
     """Return one figure of every observer, wing and axis."""
@@ -37,7 +35,7 @@ def test_every_axis_is_found_better_than_in_the_paper(paper: Experiment) -> None
     """R2 against the noisy truth at K = 2000 1/s: 0.9992 or more everywhere; the paper has 0.7448, 0.9970, 0.9991."""
     for (_, _, axis), r2 in scores(paper).items():
         assert r2 >= 0.9992
-        assert r2 > PAPER_R2[axis]
+        assert r2 > {"Fx": 0.7448, "Fy": 0.9970, "Fz": 0.9991}[axis]  # the paper, section IV
     for (_, _, axis), rmse in scores(paper, "rmse").items():
         assert rmse < {"Fx": 0.3e-3, "Fy": 2.0e-3, "Fz": 2.0e-3}[axis]
 
@@ -191,14 +189,11 @@ def test_objects_show_themselves_in_a_few_lines(paper: Experiment, paper_plant: 
     assert "<td>absolute crank angle t1</td>" in html
 
 
-SHORT = ("simulation.duration=0.9",)
-PD = ("control.feedforward=false", "control.integral=false")
-
-
-def test_a_closed_loop_says_how_far_off_it_was_and_pd_alone() -> None:
+def test_a_closed_loop_says_how_far_off_it_was_and_pd_alone(paper: Experiment) -> None:
     """In metres and degrees, with saturation and margins; PD flies the same blow with the same noise."""
-    made = beside_pd(run(load_scenario("impact_closed_loop", SHORT)))
-    alone = run(load_scenario("impact_closed_loop", [*SHORT, *PD]))
+    short, *pd_alone = "simulation.duration=0.9", "control.feedforward=false", "control.integral=false"
+    made = beside_pd(run(load_scenario("impact_closed_loop", [short])))
+    alone = run(load_scenario("impact_closed_loop", [short, *pd_alone]))
     assert made.metrics["control"]["pd_rms"] == alone.flight.rms
     own, pd, effort = made.scores.notes
     assert own.startswith("off its course by ")
@@ -212,7 +207,4 @@ def test_a_closed_loop_says_how_far_off_it_was_and_pd_alone() -> None:
     assert "no true force to compare with" in repr(made.scores)
     assert "no signal" not in repr(made.scores)
     assert beside_pd(alone).metrics["control"]["pd_rms"] is None
-
-
-def test_a_flight_without_a_controller_is_left_as_it_is(paper: Experiment) -> None:
-    assert beside_pd(paper) is paper
+    assert beside_pd(paper) is paper, "a flight without a controller"

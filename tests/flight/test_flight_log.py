@@ -194,8 +194,6 @@ def test_sizes_are_checked_before_all_is_read(log: FlightLog, tmp_path: Path, mo
         read_log(tmp_path / ("x" * 300 + ".nc"))
 
 
-SEAL_SIZE = 12  # bytes at the end of a file
-
 # In a process of its own, as the library brings another HDF5 than h5py. Prints of each file group -> what it holds.
 READER = """
 import json, sys
@@ -289,7 +287,7 @@ def test_the_seal_notices_damage_before_the_library_reads_and_goes_when_the_libr
     """Any changed byte before the seal is damage; an edit by HDF5 leaves a file without a seal, which is read."""
     path, content = tmp_path / "kinds.nc", netcdf_bytes(*parts())
     rng = np.random.default_rng(0)
-    for place in rng.integers(len(content) - SEAL_SIZE, size=30):
+    for place in rng.integers(len(content) - 12, size=30):  # before the seal
         damaged = bytearray(content)
         damaged[place] ^= int(rng.integers(1, 256))
         path.write_bytes(damaged)

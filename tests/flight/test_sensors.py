@@ -47,12 +47,6 @@ def test_a_random_walk_spreads_with_the_root_of_time_at_any_rate(dt: float, rate
         assert walks[at].std() == pytest.approx(0.3 * np.sqrt(share), rel=5.0 / np.sqrt(4000.0))
 
 
-def test_a_bias_is_added_to_every_sample() -> None:
-    true = np.random.default_rng(1).normal(size=(20, 2))
-    np.testing.assert_allclose(shown(true, bias=0.5), true + 0.5)
-    np.testing.assert_allclose(shown(true, bias=[0.5, -1.0]), true + np.array([0.5, -1.0]))
-
-
 def test_quantisation_rounds_to_whole_steps() -> None:
     """Every value is a multiple, off by half a step at most, and evenly: deviation step / sqrt(12)."""
     true = np.cumsum(np.random.default_rng(1).normal(size=50_000))

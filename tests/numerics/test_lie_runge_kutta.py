@@ -65,10 +65,6 @@ SMOOTH = [
 ]
 
 
-def fly_plant(dt: float) -> FlightLog:
-    return simulate(load_scenario("paper", [*SMOOTH, f"simulation.dt={dt}"]))
-
-
 def end_of(log: FlightLog) -> tuple[np.ndarray, ...]:
     """Return placement, twist, lag states and circulation at the end of a flight."""
     air = log.truth["air_state"].values[-1]
@@ -78,7 +74,9 @@ def end_of(log: FlightLog) -> tuple[np.ndarray, ...]:
 
 def test_order_is_four_on_the_plant_with_its_air() -> None:
     """The whole flight with joints, hold, unknown force and the air's 48 states: at least 3.9 of each part."""
-    reference, *runs = (fly_plant(dt) for dt in (6.25e-5, 2e-3, 1e-3, 5e-4))
+    reference, *runs = (
+        simulate(load_scenario("paper", [*SMOOTH, f"simulation.dt={dt}"])) for dt in (6.25e-5, 2e-3, 1e-3, 5e-4)
+    )
     placement, *others = end_of(reference)
     ends = [end_of(log) for log in runs]
     assert np.all(observed_orders([placement_error(end[0], placement) for end in ends]) >= 3.9)

@@ -32,17 +32,17 @@ def blocks(text: str) -> list[str]:
     return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
 
 
-@pytest.fixture(scope="module")
-def page() -> dict[str, Any]:
-    """Return the names left behind by the page's code blocks, run in turn, but the quadruped's, which needs files."""
+def ran(name: str, *codes: str) -> dict[str, Any]:
+    """Return the names left behind by blocks of code of a page, run in turn."""
     names: dict[str, Any] = {}
-    for block in blocks(PAGE.replace(QUADRUPED, "")):
-        exec(compile(block, "docs/observers.md", "exec"), names)
+    for block in codes:
+        exec(compile(block, f"docs/{name}", "exec"), names)
     return names
 
 
-def test_the_observers_page_finds_the_push_it_makes(page: dict[str, Any]) -> None:
-    """Force and place of the push, its onset and end, full rank, and a bias that is none."""
+def test_the_observers_page_finds_the_push_it_makes_and_leaves_out_a_rail_that_sticks() -> None:
+    """Force, place, onset, end, full rank, no bias; noise as predicted, to 10 %; friction belies the model."""
+    page = ran("observers.md", *blocks(PAGE.replace(QUADRUPED, "")))  # the quadruped's needs files
     np.testing.assert_allclose(page["estimate"].components[6900], page["wrench"], atol=0.2)
     assert page["known"].rank == 6
     assert page["known"].describe() == []
@@ -56,28 +56,18 @@ def test_the_observers_page_finds_the_push_it_makes(page: dict[str, Any]) -> Non
     deviation = np.sqrt(np.diag(page["crossing"].covariance))
     assert np.all(np.abs(page["crossing"].point - [0.05, 0.0, 0.0]) <= 4.0 * deviation + 1e-9)
     assert deviation.max() < 0.05
-
-
-def test_the_observers_page_leaves_out_a_rail_that_sticks(page: dict[str, Any]) -> None:
-    """Friction that nobody measures speaks against the model, unless the row of the rail is left out."""
     assert page["stands"].rows == "all but rail"
     assert page["stands"].redundancy.verdict == "consistent"
     everything = page["ForceLevelObserver"](page["carried"], ["effector_body"], 100.0)
     still, held = page["still"], np.tile(page["held"], (8000, 1))
     assert everything.run(page["time"], *still, held).redundancy.verdict == "inconsistent"
-
-
-def test_the_observers_page_predicts_the_noise_it_shows(page: dict[str, Any]) -> None:
-    """The free run of the page against its own prediction, 10 %."""
     predicted = page["predict"](page["observer"], page["q"], 1e-3, page["noise"]).deviation
     np.testing.assert_allclose(np.std(page["estimate"].components[:5000], axis=0), predicted, rtol=0.1)
 
 
 def test_the_calibrations_page_finds_the_blow_it_flies() -> None:
     """Its code runs: inside the learnt range, and one blow at 0.7 s on the left wing."""
-    names: dict[str, Any] = {}
-    [block] = blocks((DOCS / "calibration.md").read_text())
-    exec(compile(block, "docs/calibration.md", "exec"), names)
+    names = ran("calibration.md", *blocks((DOCS / "calibration.md").read_text()))
     [contact] = names["scores"].events
     assert names["result"].model.verdict == "unchanged"
     assert contact.point == "left"
@@ -86,9 +76,7 @@ def test_the_calibrations_page_finds_the_blow_it_flies() -> None:
 
 def test_the_robots_page_places_the_bars_at_the_crank_angle_it_says() -> None:
     """Its code runs; each bar stands where `bar_placements` puts it at 0.5 rad, not where it was made."""
-    names: dict[str, Any] = {}
-    [block] = re.findall(r"```python\n(.*?)```", (DOCS / "robot.md").read_text(), re.DOTALL)
-    exec(compile(block, "docs/robot.md", "exec"), names)
+    names = ran("robot.md", *blocks((DOCS / "robot.md").read_text()))
     robot, picture = names["robot"], names["picture"]
     placed, made = bar_placements(robot, 0.5), visual_model_with_bars(robot)
     assert len(placed) == 10
@@ -103,9 +91,7 @@ def test_the_quadrupeds_log_gives_the_force_on_every_foot(here: Path) -> None:
     walked = walk(0.5, 1000.0)
     log, truth = np.column_stack([walked.time, walked.q, walked.v, walked.tau]), walked.force
     np.savetxt(here / "stance.csv", log, delimiter=",", header="time, q, v, joint torques")
-    names: dict[str, Any] = {}
-    [block] = blocks(QUADRUPED)
-    exec(compile(block, "docs/observers.md", "exec"), names)
+    names = ran("observers.md", *blocks(QUADRUPED))
     found, load = names["estimate"], truth[-1, :, 2].max()
     assert found.frames == FEET
     assert found.identifiability.rank == 12
@@ -142,7 +128,7 @@ def test_the_page_on_recorded_flights_lists_every_column_with_its_unit() -> None
 @pytest.mark.usefixtures("unrendered")
 def test_the_page_on_recorded_flights_does_what_it_says(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Its Python writes the table, its command estimates from it and finds its own pushes."""
-    exec(compile(blocks(RECORDED)[0], "docs/recorded.md", "exec"), {})
+    ran("recorded.md", blocks(RECORDED)[0])
     command = shlex.split(re.findall(r"```sh\n(.*?)```", RECORDED, re.DOTALL)[0].replace("\\\n", " "))
     code = call(*command[1:])
     printed = capsys.readouterr().out

@@ -58,11 +58,6 @@ def definitions(tree: ast.Module) -> Iterator[str]:
                 yield from (part.id for part in ast.walk(target) if isinstance(part, ast.Name))
 
 
-def is_command(node: ast.stmt) -> bool:
-    """Return whether a statement defines a command of the command line, which has the name that a user types."""
-    return isinstance(node, ast.FunctionDef) and any("command" in ast.unparse(mark) for mark in node.decorator_list)
-
-
 def test_the_top_of_the_package_fits_on_a_screen() -> None:
     assert len([path for path in PIN.iterdir() if path.name != "__pycache__"]) <= 18
 
@@ -84,7 +79,8 @@ def test_a_name_is_one_thing() -> None:
     """No function, class or constant is defined at the top of two modules; commands carry the names that users type."""
     places = defaultdict(list)
     for module, tree in trees().items():
-        kept = ast.Module([node for node in tree.body if not is_command(node)], [])
+        marks = {node: [ast.unparse(one) for one in getattr(node, "decorator_list", [])] for node in tree.body}
+        kept = ast.Module([node for node in tree.body if not any("command" in mark for mark in marks[node])], [])
         for name in set(definitions(kept)) - set(SHARED):
             if not name.startswith("__"):  # Python's own: `__all__`, `__getattr__`
                 places[name].append(module)

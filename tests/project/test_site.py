@@ -74,7 +74,7 @@ def pages(site: Path) -> dict[Path, Page]:
     return {path: Page(path) for path in site.rglob("*.html")}
 
 
-def test_every_link_of_the_site_leads_somewhere(pages: dict[Path, Page]) -> None:
+def test_every_link_of_the_site_leads_somewhere_and_nothing_is_loaded_from_elsewhere(pages: dict[Path, Page]) -> None:
     """To a file, and to a name within it; addresses elsewhere are not followed."""
     broken = []
     for path, page in pages.items():
@@ -86,14 +86,10 @@ def test_every_link_of_the_site_leads_somewhere(pages: dict[Path, Page]) -> None
             known = file.exists() and (not name or file not in pages or unquote(name) in pages[file].names)
             if not known:
                 broken.append(f"{path.name}: {link}")
-    assert broken == []
-
-
-def test_a_page_loads_nothing_from_elsewhere(pages: dict[Path, Page]) -> None:
-    for path, page in pages.items():
         for address in page.loaded:
             assert "//" not in address, f"{path.name} loads {address}"
             assert (path.parent / address.partition("?")[0].partition("#")[0]).exists(), f"{path.name}: {address}"
+    assert broken == []
 
 
 @pytest.mark.parametrize("door", DOORS)
@@ -106,13 +102,10 @@ def test_every_public_name_of_a_room_has_an_entry(door: str, site: Path, pages: 
     assert [name for name in public if f'"{name}"' not in (site / "searchindex.js").read_text("utf-8")] == []
 
 
-def test_the_names_of_the_front_door_are_listed(pages: dict[Path, Page], site: Path) -> None:
+def test_the_reference_has_every_command_scenario_key_and_front_name(pages: dict[Path, Page], site: Path) -> None:
+    """A heading for each command; the keys are those that `aerobat describe scenario` prints."""
     listed = {link.rpartition(".")[2] for link in pages[site / "api" / "names.html"].links}
     assert set(aerobat_pin.__all__) - {"__version__"} - listed == set()
-
-
-def test_the_reference_has_every_command_and_scenario_key(pages: dict[Path, Page], site: Path) -> None:
-    """A heading for each command; the keys are those that `aerobat describe scenario` prints."""
     names = pages[site / "commands.html"].names
     assert [name for name in get_command(app).commands if f"aerobat-{name}" not in names] == []
     shown = unescape((site / "scenario_keys.html").read_text("utf-8"))

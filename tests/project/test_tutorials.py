@@ -71,12 +71,9 @@ def test_the_python_of_the_page_on_studies_reads_a_sweep(here: Path) -> None:
     assert set(eval(last, names).dims) == {"point", "seed"}
 
 
-NOTEBOOK = Path(__file__).resolve().parents[2] / "examples" / "first_flight.ipynb"
-
-
 def test_the_notebook_runs_and_shows_what_it_says(tmp_path: Path) -> None:
     """In a kernel of its own, in an empty folder: fly, estimate, plot, replay."""
-    book = nbformat.read(NOTEBOOK, as_version=4)
+    book = nbformat.read(Path(__file__).resolve().parents[2] / "examples" / "first_flight.ipynb", as_version=4)
     assert [cell for cell in book.cells if cell.get("outputs") or cell.get("execution_count")] == []
     NotebookClient(book, timeout=900, resources={"metadata": {"path": str(tmp_path)}}).execute()
     code = [cell for cell in book.cells if cell.cell_type == "code"]

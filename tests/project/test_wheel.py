@@ -164,21 +164,14 @@ def test_the_replay_carries_the_licences_of_its_viewer() -> None:
     assert len(script) > 500_000
 
 
-def test_every_requirement_has_a_lower_bound_that_is_tried() -> None:
-    """By `make test-lowest`, which installs exactly these."""
+def test_lower_bounds_are_tried_pythons_are_named_and_the_citation_is_of_this_version() -> None:
+    """By `make test-lowest`, which installs exactly these; classifiers have all that `requires-python` allows."""
     bounds = lowest((ROOT / "pyproject.toml").read_text("utf-8"))
     assert [bound for bound in bounds if not re.fullmatch(r"[\w-]+==[\d.]+", bound)] == []
-
-
-def test_the_citation_is_of_this_version_and_names_the_paper() -> None:
     text = (ROOT / "CITATION.cff").read_text("utf-8")
     for part in (f"version: {PROJECT['version']}", "license: BSD-2-Clause", "doi: 10.48550/arXiv.2411.11218"):
         assert part in text
     assert re.findall(r"family-names: (\w+)", text) == ["Gupta", "Sihite", "Ramezani"]
-
-
-def test_the_classifiers_name_the_pythons_that_are_allowed() -> None:
-    """The lowest and the highest of `requires-python`, and all between."""
     low, high = map(int, re.findall(r"3\.(\d+)", PROJECT["requires-python"]))
     named = {int(found) for one in PROJECT["classifiers"] for found in re.findall(r":: 3\.(\d+)$", one)}
     assert named == set(range(low, high))

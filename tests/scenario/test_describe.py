@@ -126,9 +126,6 @@ def test_keys_that_all_signals_share_are_told_once_unless_a_signal_has_its_own()
     assert len(re.findall(r"^  noise +number >= 0 \[N\]", text, re.MULTILINE)) == 2
 
 
-SHORT = ["simulation.duration=0.05", "air.warm_up_cycles=1"]
-
-
 @pytest.mark.parametrize("name", OBSERVERS)
 def test_the_table_of_an_observer_has_its_arguments_and_their_defaults(name: str) -> None:
     """One key per keyword of the constructor but `expected`; an empty table changes nothing. Without any, no table."""
@@ -162,6 +159,7 @@ def test_the_settings_of_a_scenario_reach_the_observer(paper: Experiment) -> Non
 
 def test_a_known_force_that_there_is_not_is_named() -> None:
     """By the observer, which knows what it is fed."""
-    settings = [*SHORT, "observers.names=['kalman']", "observers.kalman.known_error.wings=0.1"]
+    short = ["simulation.duration=0.05", "air.warm_up_cycles=1"]
+    settings = [*short, "observers.names=['kalman']", "observers.kalman.known_error.wings=0.1"]
     with pytest.raises(AerobatError, match="names 'wings': the known forces are aerodynamic, added_mass, thrusters"):
         run(load_scenario("paper", settings))

@@ -5,16 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from aerobat_pin.aerobat import load_aerobat, true_force
+from aerobat_pin.aerobat import true_force
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.experiments import run, write
-from aerobat_pin.flight import Plant, simulate
+from aerobat_pin.flight import simulate
 from aerobat_pin.scenario import Scenario, load_scenario, parse_scenario, scenario_toml
 from aerobat_pin.scenario.unknown_forces import PaperForce, tick_means
 
@@ -202,14 +201,6 @@ def test_the_noise_is_a_hundredth_of_a_newton_and_the_seeds_alone() -> None:
         assert abs(np.corrcoef(one, stranger)[0, 1]) < 5.0 / np.sqrt(len(one))
 
 
-@pytest.mark.parametrize("dt", [1e-4, 2.5e-4, 5e-4, 2e-3, 5e-3])
-def test_the_signal_does_not_depend_on_the_step_of_the_integrator(dt: float) -> None:
-    """Finer intervals see the held value of their tick, coarser ones the mean of theirs; same seed, same force."""
-    fine, held = (SIGNAL.interval_means(clock(2.0, step), np.random.default_rng(3)) for step in (5e-5, dt))
-    for finest, mean in zip(fine, held, strict=True):
-        assert finest.reshape(len(mean), -1).mean(axis=1) == pytest.approx(mean, abs=1e-9)
-
-
 def test_a_signal_that_is_not_sampled_on_its_ticks_still_covers_the_run() -> None:
     """A run that ends between two ticks draws the last tick as well; an interval across an edge mixes both values."""
     signal = PaperForce(frame="left_force_point", noise=1.0, tick=0.1)
@@ -233,26 +224,6 @@ def test_averaging_conserves_the_impulse(intervals: list[float], seed: int) -> N
     assert means @ np.diff(edges) == pytest.approx(integral, abs=1e-12)
     assert values.min() - 1e-9 < means.min()
     assert means.max() < values.max() + 1e-9
-
-
-@pytest.mark.parametrize("axes", ["link", "body", "world"])
-@pytest.mark.parametrize("elbow", [-1.9, 0.5])
-def test_the_force_is_a_fifth_of_a_newton_times_the_elbows_sine_along_its_direction(axes: str, elbow: float) -> None:
-    """Section III-A: f_t = 0.2 sin(q_e) + noise + step, along a direction fixed in the link, the body or the world."""
-    settings = [f"unknown_force.0.axes={axes}", "unknown_force.0.direction=[0.6, 0.0, 0.8]", "air.warm_up_cycles=0"]
-    robot = load_aerobat("aerobat_guard")
-    plant = Plant(robot, load_scenario("paper_left", settings))
-    placement = pin.SE3ToXYZQUAT(pin.SE3(pin.exp3(np.array([0.4, -0.3, 0.9])), np.zeros(3)))
-    q, v = robot.configuration(placement, 0.2, elbow), np.zeros(10)
-    joints = np.array([[0.2, elbow], [0.0, 0.0], [0.0, 0.0]])
-    forces = plant.rates(q, v, joints, np.zeros(plant.air.state_size), np.array([[0.007], [0.15]]))[2]
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    link, body = (data.oMf[robot.model.getFrameId(name)].rotation for name in ("left_distal", "base_link"))
-    direction = {"link": link, "body": body, "world": np.eye(3)}[axes] @ np.array([0.6, 0.0, 0.8])
-    clean = 0.2 * np.sin(elbow) + 0.15
-    np.testing.assert_allclose(forces.force_noise_free_W[0, 0], clean * direction, atol=1e-14)
-    np.testing.assert_allclose(forces.force_W[0, 0], (clean + 0.007) * direction, atol=1e-14)
 
 
 def test_a_later_window_draws_its_own_noise_only() -> None:

@@ -25,8 +25,6 @@ from aerobat_pin.experiments import LiveFlight, LiveRecording, LiveRobot, LiveSo
 from aerobat_pin.visualization import serve_live
 from aerobat_pin.visualization.live_server import live_parts
 
-SETTLED = 0.05  # share of a force by which its estimate may be off
-
 
 def until(page: Any, condition: str) -> None:
     """Wait for a condition in a page that does not let strangers' code in, as `wait_for_function` would."""
@@ -39,7 +37,7 @@ def until(page: Any, condition: str) -> None:
 def agree(page: Any, axis: int, least: float) -> None:
     """Wait until a true force of some size is estimated within 5 %, and stays so for ten messages."""
     true, estimate = f"live.true[{axis}]", f"live.estimate[{axis}]"
-    good = f"Math.abs({true}) > {least} && Math.abs({estimate} / {true} - 1) < {SETTLED}"
+    good = f"Math.abs({true}) > {least} && Math.abs({estimate} / {true} - 1) < 0.05"
     until(page, f"live.true && {good}")
     since = page.evaluate("live.messages")
     until(page, f"live.messages > {since} + 10")

@@ -37,10 +37,6 @@ SHOWN = """(() => {
 })()"""
 
 
-def newtons_per_centimetre(page: Any) -> float:
-    return float(re.findall(r"([0-9.]+) N per cm", page.inner_text("#legend"))[0])
-
-
 @needs_browser
 def test_it_plays_from_disk_as_long_as_the_flight_and_pauses(page: Any) -> None:
     """Offline, without an error; a click on the button stops it, the bar seeks, buttons mark speeds from 1/50 to 1."""
@@ -70,7 +66,7 @@ def test_it_plays_from_disk_as_long_as_the_flight_and_pauses(page: Any) -> None:
 def test_arrows_bars_and_robot_are_where_the_log_says(paper: Experiment, shown: Any) -> None:
     """In world axes: the tip of each arrow is its force away from the force point, to the scale of the legend."""
     data = paper.robot.model.createData()
-    scale = newtons_per_centimetre(shown)
+    scale = float(re.findall(r"([0-9.]+) N per cm", shown.inner_text("#legend"))[0])
     lengths = []
     for k in (100, 225, 575, 1300):  # multiples of 25 ms are keyframes
         at(shown, paper.log.time[k])
@@ -120,29 +116,20 @@ def test_the_robot_fills_the_picture_and_stays_in_it(paper: Experiment, shown: A
 
 
 @needs_browser
-def test_nothing_translucent_hides_what_is_behind_it(shown: Any) -> None:
-    """Membranes, propellers, halos and wake do not write depth: a halo behind a membrane is seen."""
-    each = """(() => { const found = [];
-        const look = (one) => { if (one.isMesh && one.material.transparent) found.push(one.material.depthWrite); };
-        viewer.scene.traverse(look);
-        return found; })()"""
-    translucent = shown.evaluate(each)
-    assert len(translucent) >= 4 + 1 + 1 + 4 + 1  # membranes, tail, propellers, two halos of two parts, wake
-    assert not any(translucent)
-
-
-@needs_browser
-def test_arrows_in_front_of_a_membrane_stay_coloured(shown: Any) -> None:
-    """They are drawn after everything that is translucent, the true one last, so that no membrane tints them."""
+def test_nothing_translucent_hides_or_tints_the_arrows_about_it(shown: Any) -> None:
+    """Membranes, propellers, halos and wake write no depth, so a halo behind is seen; arrows are drawn after all."""
     orders = """(() => {
-        const found = {arrow: [], other: []}, arrows = new Set();
+        const found = {arrow: [], other: [], depth: []}, arrows = new Set();
         viewer.scene_tree.find(["meshcat", "world", "force"]).object.traverse((one) => arrows.add(one));
         viewer.scene.traverse((one) => {
-            const kind = arrows.has(one) ? "arrow" : "other";
-            if (one.isMesh && one.material.transparent) found[kind].push(one.renderOrder);
+            if (!one.isMesh || !one.material.transparent) return;
+            found[arrows.has(one) ? "arrow" : "other"].push(one.renderOrder);
+            found.depth.push(one.material.depthWrite);
         });
         return found; })()"""
     found = shown.evaluate(orders)
+    assert len(found["depth"]) >= 4 + 1 + 1 + 4 + 1  # membranes, tail, propellers, two halos of two parts, wake
+    assert not any(found["depth"])
     assert min(found["arrow"]) > max(found["other"])
     assert set(found["arrow"]) == {2, 3}
 
