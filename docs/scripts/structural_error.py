@@ -5,8 +5,8 @@ Some three minutes.
 
 from collections.abc import Iterator
 
-from error_tables import QUASI_STEADY, SENSORS, contact_table, forces, other_plant, r_squared_cells, walk_table
 from support.calibrated import FREE, SIX_ERRORS, FreeFlight, believed, free_flight, learnt, seen_with, with_six_errors
+from support.error_tables import QUASI_STEADY, SENSORS, contact_table, forces, other_plant, r_squared_cells, walk_table
 from support.mismatch import MISMATCHES, NOISY, Seen, estimated, flown, made_up, scores, seen
 from support.pages import Values, run, table
 
