@@ -28,12 +28,11 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # the hundreds of programs that
 sys.dont_write_bytecode = False
 
 LONGEST = (  # ten seconds and more of a slow machine
-    "site tutorials strange_arm play types sweep_interrupted calibration bad_inputs changed_robot planted_mistakes "
-    "live_page raw_sensors explained_efforts files map_calibration wheel humanoid misread_known flights flying_arm "
-    "replay stream moving_page recordings gains shipped_scenarios simulated_elsewhere docs jit legs "
-    "closed_loop house ros_node tables other_plant flight_log mistakes free_records sensed live pages flapping_wing "
-    "describe estimate_recordings map_joints locate linkage_pages estimate sweep misread_limbs "
-    "cli kalman links recorded_benches logs_as_left contradictions"
+    "site tutorials strange_arm play types sweep_interrupted calibration bad_inputs planted_mistakes live_page "
+    "raw_sensors explained_efforts files map_calibration wheel every_robot misread flights flying_arm replay stream "
+    "moving_page recordings shipped_scenarios simulated_elsewhere docs jit legs closed_loop house "
+    "ros_node aerobat_logs flight_log mistakes sensed live pages flapping_wing describe estimate_recordings maps "
+    "locate linkage_pages sweep cli kalman links logs_as_left"
 ).split()
 
 settings.register_profile("untimed", deadline=None)  # a busy machine is no failure

@@ -1,6 +1,7 @@
 """An arm below a quadrotor: thrusts of rotors at their own places, their order, and a calibration at rest."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,14 +10,18 @@ from scipy.spatial.transform import Rotation
 from support.flying_arm import RATE, THRUST, fly, flying_map, pushed
 from support.further import further
 from support.recorded import edited, recorded
-from support.robot_parts import channels
+from support.robot_parts import by_axis
 
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.forces import Contact, fitted_forces
 from aerobat_pin.forces.contacts import found_contacts, joined_contacts
 
-BELIEVED = {"fit": None, "coefficients": [1.07 * THRUST]}
+
+def believed(thrust: float) -> dict[str, Any]:
+    """Return changes of a map: the thrust [N] at full speed is known of each rotor, and not fitted."""
+    values = {"fit": None, "coefficients": [thrust]}
+    return {f"known.rotor_{k}.{key}": value for k in range(1, 5) for key, value in values.items()}
 
 
 @pytest.mark.parametrize("seed", [21, *further(22)])
@@ -31,10 +36,9 @@ def test_the_thrusts_of_several_rotors_are_fitted_together(seed: int, tmp_path: 
 
 def test_a_thrust_that_the_map_knows_is_taken_off_the_fit_of_the_others(tmp_path: Path) -> None:
     """Three rotors are fitted beside one whose coefficient is known."""
-    fly(21)[0].to_csv(tmp_path / "free.csv", index=False)
     known = {"known.rotor_2.fit": None, "known.rotor_2.coefficients": [1.07 * THRUST]}
     chosen = edited(flying_map(tmp_path, ["tip"]), known)
-    found = fitted_forces(recorded(tmp_path / "free.csv", chosen)).values.coefficients
+    found = fitted_forces(recorded(tmp_path / "free.csv", chosen, table=fly(21)[0])).values.coefficients
     np.testing.assert_allclose([found[f"rotor_{k}"][0] for k in (1, 3, 4)], 1.07 * THRUST, rtol=0.04)
 
 
@@ -72,10 +76,8 @@ def test_a_pose_in_other_axes_is_named_by_thrusts(turn: str, says: str, seed: in
         y, z = table[f"{one}y"].copy(), table[f"{one}z"].copy()
         turned = {"": (y, z), "z down": (-y, -z), "y up": (z, -y)}[turn]
         table[f"{one}y"], table[f"{one}z"] = turned
-    table.to_csv(tmp_path / "log.csv", index=False)
-    thrusts = {f"known.rotor_{k}.{key}": one for k in range(1, 5) for key, one in BELIEVED.items()}
-    chosen = edited(flying_map(tmp_path, ["tip", "base"]), {"check": None, **thrusts})
-    found = estimate(recorded(tmp_path / "log.csv", chosen)).findings
+    chosen = edited(flying_map(tmp_path, ["tip", "base"]), {"check": None, **believed(1.07 * THRUST)})
+    found = estimate(recorded(tmp_path / "log.csv", chosen, table=table)).findings
     told = [each.text for each in found if each.check in {"known forces against motion", "swapped thrusts"}]
     assert len(told) == bool(turn)
     assert all(f"the body and the world turned by {says}" in text for text in told)
@@ -84,9 +86,7 @@ def test_a_pose_in_other_axes_is_named_by_thrusts(turn: str, says: str, seed: in
 def test_thrusts_of_another_unit_are_named_where_the_pose_does_not_show_them(tmp_path: Path) -> None:
     """Coefficients for rad/s of speeds in rpm; what was too large for a point to be shown counted as no force."""
     fly(24, pushed)[0].to_csv(tmp_path / "log.csv", index=False)
-    thrusts = {f"known.rotor_{k}.fit": None for k in range(1, 5)}
-    thrusts |= {f"known.rotor_{k}.coefficients": [THRUST * (30.0 / np.pi) ** 2] for k in range(1, 5)}
-    chosen = edited(flying_map(tmp_path, ["tip"]), {"check": None, **thrusts})
+    chosen = edited(flying_map(tmp_path, ["tip"]), {"check": None, **believed(THRUST * (30.0 / np.pi) ** 2)})
     [told] = [each for each in estimate(recorded(tmp_path / "log.csv", chosen)).findings if each.check == "mean force"]
     assert told.warns
     assert told.value is not None
@@ -96,8 +96,7 @@ def test_thrusts_of_another_unit_are_named_where_the_pose_does_not_show_them(tmp
 def test_a_lighter_robot_and_larger_thrusts_are_the_same_to_a_flight(tmp_path: Path) -> None:
     """Thrusts that are believed 30 % too small were told as a base that weighs less, alone."""
     fly(21)[0].to_csv(tmp_path / "log.csv", index=False)
-    small = {f"known.rotor_{k}.{key}": one for k in range(1, 5) for key, one in BELIEVED.items()}
-    small |= {f"known.rotor_{k}.coefficients": [0.7 * 1.07 * THRUST] for k in range(1, 5)}
+    small = believed(0.7 * 1.07 * THRUST)
     warned = estimate(recorded(tmp_path / "log.csv", edited(flying_map(tmp_path, ["tip"]), small))).warnings
     [told] = [text for text in warned if "believed mass of the base" in text]
     assert "or known forces of another size" in told
@@ -167,15 +166,13 @@ def test_one_axis_of_a_gyro_is_no_reading_of_a_quaternion(tmp_path: Path) -> Non
     table = {"t": time[1:]} | dict(zip("xyzw", turns[1:].as_quat().T, strict=True)) | still
     table |= {f"w{axis}": rate[:, k] + 2e-3 * rng.standard_normal(len(rate)) for k, axis in enumerate("xyz")}
     table["wy"] = -table["wy"]
-    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
     chosen = {
         "robot": {"body": {"mass": 1.0, "inertia": [0.01, 0.01, 0.01]}, "points": ["body"]},
         "log": {"time": {"column": "t"}},
-        "base": channels("xyz", position="p{}", rate="w{}")
-        | channels("xyzw", quaternion="{}")
-        | {"velocity": {"from": "pose", "window": 0.05}},
+        "base": by_axis(position="p{}", rate="w{}", quaternion="{}") | {"velocity": {"from": "pose", "window": 0.05}},
     }
-    told = {one.check for one in estimate(recorded(tmp_path / "log.csv", chosen), trust=True).findings if one.warns}
+    record = recorded(tmp_path / "log.csv", chosen, table=pd.DataFrame(table))
+    told = {one.check for one in estimate(record, trust=True).findings if one.warns}
     assert "gyro against attitude" in told
     assert "quaternion order" not in told
 

@@ -1,19 +1,26 @@
-"""Records as loggers leave them: holes in a column, cut rows, clocks that jump, equal stamps, channels nobody reads."""
+"""Records as loggers leave them: holes, cut rows, clocks that jump, equal stamps, times of their own, great length."""
 
 import re
+import tracemalloc
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import pinocchio as pin
 import pytest
 import tomli_w
 import xarray as xr
 from matplotlib.transforms import Bbox
+from support import six_joints
 from support.foreign_channels import with_foreign_channels
 from support.recorded import edited, recorded
-from support.swinging_arm import JOINTS, arm, arm_map, recording
+from support.robot_parts import by_axis
+from support.six_joints import six_map
+from support.swinging_arm import HEAVIER, JOINTS, ROTOR, arm, arm_map, recording
 from support.walking_log import bag, bag_map, urdf, walk
 
 from aerobat_pin import open_record
@@ -21,13 +28,16 @@ from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, Result, estimate, record_findings
 from aerobat_pin.estimation.checks.samples import sample_findings
 from aerobat_pin.experiments import write
-from aerobat_pin.forces import FittedValues, StoredEstimate
+from aerobat_pin.forces import FittedValues, StoredEstimate, accelerations, fitted_by_map, settled, taken_as_free
+from aerobat_pin.forces.stored_estimate import some_intervals
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import Record, Spool, parse_map, series_of, suggested_map
 from aerobat_pin.records.columns import GrowingTable, in_order
-from aerobat_pin.records.resample import without_turns
+from aerobat_pin.records.resample import neighbour_rates, without_turns
+from aerobat_pin.records.spool import Series, typical_spacing
 from aerobat_pin.visualization import draw_estimation, draw_unexplained
 from aerobat_pin.visualization.figures.record import draw_motion
+from aerobat_pin.visualization.replay.flight_replay import replay_result
 
 ROBOT = {"urdf": "arm.urdf", "root": "fixed", "points": ["tool"]}
 WITHOUT_FRICTION = edited(arm_map(), {"joints.friction": None})
@@ -41,9 +51,14 @@ def swing(tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     return pd.read_csv(folder / "swing.csv")
 
 
+@pytest.fixture(autouse=True)
+def arms_file(tmp_path: Path) -> None:
+    """Write the arm's file into the folder of each test."""
+    (tmp_path / "arm.urdf").write_text(arm())
+
+
 def opened(table: pd.DataFrame | str, folder: Path, **joints: Any) -> Record:
-    """Return the record of a table of the arm, or of its text."""
-    (folder / "arm.urdf").write_text(arm())
+    """Return the record of a table of the arm, whose file lies there, or of its text."""
     text = table if isinstance(table, str) else table.to_csv(index=False)
     (folder / "log.csv").write_text(text)
     changes = {f"joints.{key}": value for key, value in joints.items()}
@@ -177,7 +192,6 @@ def test_a_slow_channel_is_not_split(swing: pd.DataFrame, tmp_path: Path) -> Non
     force = swing[["fx", "fy", "fz"]].copy()
     force[rows % 100 != 0] = np.nan
     check = {"wrench": {"columns": ["fx", "fy", "fz"], "point": "tool"}}
-    (tmp_path / "arm.urdf").write_text(arm())
 
     def read(name: str, table: pd.DataFrame) -> Record:
         return recorded(tmp_path / name, WITHOUT_FRICTION | {"check": check}, table=table)
@@ -214,7 +228,6 @@ def test_lists_in_quotes_can_be_cut_too(tmp_path: Path) -> None:
     rows = [f'{k / 100},"[{k}, 1, 2]","[0, 1, {k}]","[3, {k}, 1]"\n' for k in range(50)]
     parts = (("position", "q"), ("velocity", "v"), ("effort", "i"))
     joints = {part: {"columns": [f"{name}.{k}" for k in range(3)]} for part, name in parts}
-    (tmp_path / "arm.urdf").write_text(arm())
     (tmp_path / "log.csv").write_text("t,q,v,i\n" + "".join(rows)[:-5])
     assert counts(recorded(tmp_path / "log.csv", {"robot": ROBOT, "joints": {"names": JOINTS, **joints}})) == [49]
 
@@ -381,7 +394,6 @@ def test_rows_that_are_lost_under_even_stamps_are_said_to_be(share: float, swing
 )
 def test_a_map_is_suggested_whatever_other_columns_hold(more: Any, swing: pd.DataFrame, tmp_path: Path) -> None:
     """Columns that a map need not read: an estimate survives them, and so does the suggestion."""
-    (tmp_path / "arm.urdf").write_text(arm())
     swing.assign(**more).to_csv(tmp_path / "log.csv", index=False)
     text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
     assert ("turn_q" in text) == ("turn_q" not in more)
@@ -403,7 +415,6 @@ def test_a_suggestion_asks_whether_the_base_moves_with_an_imu(swing: pd.DataFram
     """A walking robot without odometry was suggested to be fixed, without a question."""
     groups = {"quat": "xyzw", "gyro": "xyz", "acc": "xyz"}
     columns = {f"imu_{name}_{axis}": 0.5 for name, axes in groups.items() for axis in axes}
-    (tmp_path / "arm.urdf").write_text(arm())
     swing[:50].assign(**columns).to_csv(tmp_path / "log.csv", index=False)
     text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
     assert '# from = "imu"\n# quaternion = {columns = ["imu_quat_x", ' in text
@@ -433,8 +444,6 @@ def joint_states(path: Path, swing: pd.DataFrame, names: dict[str, str], apart: 
 
 def test_messages_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path) -> None:
     """Two publishers of joint states: arm and gripper, say."""
-    pytest.importorskip("rosbags")
-    (tmp_path / "arm.urdf").write_text(arm())
     joint_states(tmp_path / "apart", swing[:100], {}, apart=True)
     record = recorded(tmp_path / "apart", {"robot": ROBOT, "joints": {"topic": "/joint_states"}})
     assert counts(record) == [100]
@@ -447,8 +456,6 @@ def test_messages_with_one_stamp_are_merged(swing: pd.DataFrame, tmp_path: Path)
 
 def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -> None:
     """Those that differ; without it the error says what was heard, and what is nearest; `--suggest` writes it."""
-    pytest.importorskip("rosbags")
-    (tmp_path / "arm.urdf").write_text(arm())
     joint_states(tmp_path / "bag", swing[:100], {"turn": "Turn 1", "lift": "Lift 2"})
 
     def read(**joints: Any) -> Record:
@@ -488,7 +495,6 @@ def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -
 
 def test_a_stream_waits_for_no_effort_that_is_not_believed(swing: pd.DataFrame, tmp_path: Path) -> None:
     """A topic has none of a joint of `robot.rows.ignore`: it was asked for all the same, and no estimate came."""
-    (tmp_path / "arm.urdf").write_text(arm())
     robot = {**ROBOT, "rows": {"ignore": JOINTS[-1:]}}
     stream = OnlineEstimator(parse_map({"robot": robot, "joints": {"topic": "/arm"}}, "-"), tmp_path)
     parts, heard = {"position": "q", "velocity": "v", "effort": "i"}, 0
@@ -501,7 +507,6 @@ def test_a_stream_waits_for_no_effort_that_is_not_believed(swing: pd.DataFrame, 
 
 def test_channels_that_nobody_reads_are_left_out_by_name(tmp_path: Path) -> None:
     """JSON, protobuf and a channel without a schema beside ROS messages; a map that needs one of them is told."""
-    pytest.importorskip("rosbags")
     (tmp_path / "quadruped.urdf").write_text(urdf())
     bag(walk(0.3, 200.0), tmp_path / "walk")
     with_foreign_channels(tmp_path / "walk" / "walk.mcap", tmp_path / "mixed.mcap")
@@ -527,9 +532,7 @@ def test_a_record_too_short_to_settle_is_estimated(rows: int, swing: pd.DataFram
 
 
 @pytest.mark.parametrize(("begin", "jitter"), [(0.0, 0.0), (0.0, 2e-3), (1.7e9, 0.0)])
-def test_a_record_of_ten_samples_a_second_is_whole(
-    begin: float, jitter: float, swing: pd.DataFrame, tmp_path: Path
-) -> None:
+def test_ten_samples_a_second_are_whole(begin: float, jitter: float, swing: pd.DataFrame, tmp_path: Path) -> None:
     """Its steps are as long as `log.longest_gap` but for rounding: half of them were holes, or all were said to be."""
     slow = swing.iloc[::50].copy()
     slow["t"] = begin + 0.1 * np.arange(len(slow)) + jitter * np.random.default_rng(1).uniform(-1.0, 1.0, len(slow))
@@ -640,7 +643,6 @@ def test_an_angle_that_restarts_goes_on(kind: str, more: dict[str, Any], turning
 
 def test_a_stream_takes_full_turns_out_as_a_record_does(turning: pd.DataFrame, tmp_path: Path) -> None:
     """The efforts and rates come between the angles, so that a jump would be interpolated; the same forces."""
-    (tmp_path / "arm.urdf").write_text(arm())
     angles, found = set(COLUMNS), []
     for wrapped in (False, True):
         stream, estimates = OnlineEstimator(parse_map(WITHOUT_FRICTION, "-"), tmp_path), []
@@ -660,3 +662,273 @@ def test_steps_that_grow_to_a_full_turn_are_no_jump() -> None:
     for values, spread, expected in ((fast, time, 0), (jumps, time, 1), (jumps, time + 9.0 * (time > 2.0), 0)):
         assert without_turns(series_of(spool, spread), series_of(spool, values), 2.0 * np.pi, 0.1)[1] == expected
     assert np.max(np.abs(np.diff(fast))) > 6.3
+
+
+Logged = tuple[Path, pd.DataFrame]  # a folder, and the table in it
+PAUSE = 90.0  # [s] after which the arm goes on
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, pd.DataFrame]:
+    """Return a folder with the arm, and 10 s of it that nothing pushed."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "arm.urdf").write_text(arm())
+    recording(folder, "free", pushed=False, seed=1)
+    return folder, pd.read_csv(folder / "free.csv")
+
+
+def recorded_at(times: str, folder: Path, table: pd.DataFrame, **changes: Any) -> Record:
+    """Return the record of a table at even times or its own."""
+    return recorded(folder / "log.csv", edited(arm_map(), {"log.times": times, **changes}), table=table)
+
+
+def check_fits(record: Record) -> None:
+    """Check that the arm's mass and rotors are found."""
+    values = fitted_by_map(taken_as_free(record), mass=True).values
+    assert values.friction is not None
+    assert values.mass == pytest.approx(HEAVIER, abs=0.002)
+    np.testing.assert_allclose(values.friction.inertia, ROTOR, rtol=0.1)
+
+
+def test_a_pause_is_no_time_of_a_record(table: Logged) -> None:
+    """Its rate, length, parts and fits are those of the samples; the mass was 1.2 times the believed one, not 1.06."""
+    folder, whole = table
+    stopped = whole.assign(t=whole.t + PAUSE * (whole.t >= 5.0))
+    record = recorded_at("own", folder, stopped)
+    assert (record.rate, record.duration) == pytest.approx((500.0, 9.996))
+    assert [record.after_start(k) for k in (2499, 2499.5, 2500)] == pytest.approx([4.998, 49.999, 95.0])
+    assert [record.index_after(time) for time in (4.998, 49.999, 95.0)] == pytest.approx([2499, 2499.5, 2500])
+    assert list(record.spread(10_000, 1.0, 97.0)) == [(500, 2499), (2500, 3500)]
+    risen = settled(record, record.times(0, 4999))
+    np.testing.assert_array_equal(np.flatnonzero(~risen), [*range(25), *range(2500, 2525)])
+    bands = [(band.get_x(), band.get_x() + band.get_width()) for band in draw_motion(record).get_axes()[0].patches]
+    np.testing.assert_allclose(bands, [(0.0, 4.998), (95.0, 99.998)])
+    rubbing = recorded_at("own", folder, stopped, **{"joints.friction": None})
+    assert replay_result(estimate(rubbing, trust=True)).subtitle == "0 to 4.998 s; 9.996 s are used in all"
+    check_fits(record)
+
+
+@pytest.mark.parametrize("piece", [100, 1 << 16])
+def test_steps_as_long_as_usual_end_no_part(table: Logged, piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 10 samples a second, those of over 0.1 s did where pieces of a long recording meet; a real hole does."""
+    monkeypatch.setattr("aerobat_pin.records.file_source.EXTENT", piece)
+    folder, whole = table
+    count = np.arange(450)
+    slow = whole.iloc[10 * count].assign(t=0.1 * count + 0.02 * np.sin(count))
+    record = recorded_at("own", folder, slow.drop(slow.index[230:234]))
+    assert record.parts == ((0, 229), (230, 445))
+
+
+def test_pauses_are_not_looked_for_among_all_others(table: Logged, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a record with 2000 of them it took 20 s to open it."""
+    reads, read, (folder, whole) = list[int](), Spool.read, table
+    monkeypatch.setattr(Spool, "read", lambda spool, place, numbers: (reads.append(place), read(spool, place, numbers)))
+    record = recorded_at("own", folder, whole.assign(t=whole.t + 0.15 * (np.arange(len(whole)) // 20)))
+    assert len(record.parts) == len(whole) // 20
+    assert len(reads) < 50 * len(record.parts)
+
+
+def test_channels_are_seen_between_the_stamps(table: Logged) -> None:
+    """As at even times, and beyond the last one; rows at the next stamps were given, and none beyond."""
+    even, own = (recorded_at(times, *table) for times in ("even", "own"))
+    for shift in (0.0005, 0.05):
+        times = own.times(4000, 4999) + shift
+        np.testing.assert_allclose(own.at("joints.effort", times), even.at("joints.effort", times), atol=1e-9)
+
+
+def test_times_of_a_map_count_from_the_first_common_sample(table: Logged) -> None:
+    """Also where efforts begin later than positions: a stretch without contact was sought before they began."""
+    folder, whole = table
+    late = whole.assign(**{f"{joint}_i": whole[f"{joint}_i"].where(whole.t >= 6.0) for joint in JOINTS})
+    changes = {"joints.friction": None, "use.free": [1.0, 3.0]}
+    results = [estimate(recorded_at(times, folder, late, **changes), trust=True) for times in ("even", "own")]
+    assert [result.start for result in results] == [6.0, 6.0]
+    np.testing.assert_allclose(results[1].parts, results[0].parts, atol=1e-9)
+    errors = [[f.value for f in result.findings if f.check == "stretch without contact"] for result in results]
+    assert errors[0][0] is not None
+    assert errors[0] == pytest.approx(errors[1], rel=0.01)
+
+
+def test_accelerations_are_those_of_uneven_stamps(table: Logged) -> None:
+    """Of an arm that is logged at 100 Hz, then at 500 Hz; the mass was 1.2 times the believed one, without rotors."""
+    folder, whole = table
+    uneven = whole[(whole.index % 5 == 0) | (whole.t >= 5.0)]
+    record = recorded_at("own", folder, uneven)
+    block = record.block(*record.parts[0])
+    true = np.gradient(whole[[f"{joint}_v" for joint in JOINTS]].to_numpy(), whole.t, axis=0)
+    halves = 0.5 * (block.time[1:] + block.time[:-1])
+    expected = np.column_stack([np.interp(halves, whole.t, column) for column in true.T])
+    np.testing.assert_allclose(accelerations(block, record)[5:-5], expected[5:-5], atol=0.01)
+    check_fits(record)
+
+
+def test_samples_with_the_same_time_have_the_velocity_of_their_neighbours() -> None:
+    """One that turns and flies steadily; it stood still for these samples, which looked like forces of 50 N."""
+    model, v = pin.buildSampleModelHumanoidRandom(), np.linspace(-0.3, 0.4, 32)
+    time = np.array([0.0, 0.0, 0.1, 0.3, 0.3, 0.3, 0.4, 0.4])
+    q = np.array([pin.integrate(model, pin.neutral(model), t * v[: model.nv]) for t in time])
+    np.testing.assert_allclose(neighbour_rates(model, time, q), np.tile(v[: model.nv], (8, 1)), atol=1e-12)
+
+
+MASS = 1.5
+BODY = {"mass": MASS, "inertia": [0.01, 0.01, 0.02]}
+MAP = {
+    "robot": {"body": BODY, "points": ["body"], "rows": {"ignore": ["base.Mx", "base.My", "base.Mz"]}},
+    "base": by_axis(position="p{}", velocity="v{}", rate="w{}", quaternion="q{}"),
+    "check": {"wrench": {"columns": ["fx", "fy", "fz"], "filter": 20.0}},
+}
+SHORT, LONG = 2_000, 5_000  # rows
+
+
+@pytest.fixture
+def in_small_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make all pieces small, so that short recordings count as long ones."""
+    come_in, place = "aerobat_pin.records.", "aerobat_pin.estimation."
+    for module in ("spool", "columns", "channels", "file_source"):
+        monkeypatch.setattr(f"{come_in}{module}.EXTENT", 200)
+    monkeypatch.setattr(f"{place}checks.samples.EXTENT", 200)
+    monkeypatch.setattr(f"{come_in}spool.IN_MEMORY", 1)
+    monkeypatch.setattr(f"{come_in}csv_columns.ROWS_AT_ONCE", 200)
+    monkeypatch.setattr(f"{come_in}table_cells.BYTES_AT_ONCE", 20_000)
+    monkeypatch.setattr(f"{place}checks.motion.MOST_SAMPLES", 500)
+    for name in ("MANY", "MOST_SAMPLES"):
+        monkeypatch.setattr(f"{place}checks.result.{name}", 500)
+    observed, stored, beside = (
+        import_module(f"aerobat_pin.forces.{name}")
+        for name in ("run_observers", "stored_estimate", "against_reference")
+    )
+    monkeypatch.setattr(observed, "BLOCK", 500)
+    monkeypatch.setattr(observed, "REMEMBERED", 0.0)  # a block is far longer than its beginning, not a tenth of it
+    for module in (stored, observed):
+        monkeypatch.setattr(module, "ROWS_READ", 500)
+    monkeypatch.setattr(beside, "MOST_LAGGED", 500)
+    monkeypatch.setattr(beside, "EXTENT", 200)
+
+
+def swinging(rows: int, folder: Path) -> Path:
+    """Write a body that swings about a point and is held by a force, at 1 kHz, and return the file."""
+    t = 1e-3 * np.arange(rows)
+    half, zero = 0.1 * np.sin(2.0 * t), np.zeros(rows)
+    columns = {
+        "t": t,
+        **dict(zip(("px", "py", "pz"), (np.sin(t), np.cos(0.7 * t), 1.0 + 0.2 * np.sin(0.3 * t)), strict=True)),
+        **dict(zip(("qx", "qy", "qz", "qw"), (np.sin(half), zero, zero, np.cos(half)), strict=True)),
+        **dict(zip(("vx", "vy", "vz"), (np.cos(t), -0.7 * np.sin(0.7 * t), 0.06 * np.cos(0.3 * t)), strict=True)),
+        **dict(zip(("wx", "wy", "wz"), (0.4 * np.cos(2.0 * t), zero, zero), strict=True)),
+        "fx": -MASS * np.sin(t),
+        "fy": -MASS * 0.49 * np.cos(0.7 * t),
+        "fz": MASS * (9.81 - 0.018 * np.sin(0.3 * t)),
+    }
+    file = folder / f"swing_{rows}.csv"
+    pd.DataFrame(columns).to_csv(file, index=False, float_format="%.9g")
+    return file
+
+
+def estimated(log: Path) -> Result:
+    return estimate(recorded(log, MAP))
+
+
+def peak(log: Path) -> int:
+    """Return the largest memory [bytes] that Python and numpy hold while a log is estimated."""
+    tracemalloc.start()
+    try:
+        estimated(log)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.usefixtures("in_small_pieces")
+def test_memory_does_not_grow_with_the_record(tmp_path: Path) -> None:
+    """A row and its estimate take 340 bytes, of which hardly any stay: tiny pieces, and stamps with their median."""
+    short, long = swinging(SHORT, tmp_path), swinging(LONG, tmp_path)
+    estimated(short)  # what is made once
+    assert (peak(long) - peak(short)) / (LONG - SHORT) < 75.0
+
+
+def test_pieces_give_what_the_whole_gives(tmp_path: Path, request: pytest.FixtureRequest) -> None:
+    """Forces, scores behind the sensor's filter, findings, and every file."""
+    log = swinging(SHORT, tmp_path)
+    whole = estimated(log)
+    request.getfixturevalue("in_small_pieces")
+    pieces = estimated(log)
+    one, other = (found.estimates["force_level"] for found in (whole, pieces))
+    np.testing.assert_array_equal(one.time, other.time)
+    np.testing.assert_allclose(one.components, other.components, atol=1e-5)
+    scores, others = (found.observers["force_level"].points["body"] for found in (whole, pieces))
+    for label, score in scores.items():
+        assert score.rmse < 0.05
+        assert others[label].rmse == pytest.approx(score.rmse, rel=1e-3)
+        assert others[label].offset == pytest.approx(score.offset, abs=1e-5)
+    assert [str(finding) for finding in whole.findings][:6] == [str(finding) for finding in pieces.findings][:6]
+    for name, found in (("whole", whole), ("pieces", pieces)):
+        (tmp_path / name).mkdir()
+        write(found, tmp_path / name)
+    with (
+        xr.open_dataset(tmp_path / "whole" / "estimate.nc") as first,
+        xr.open_dataset(tmp_path / "pieces" / "estimate.nc") as second,
+    ):
+        xr.testing.assert_allclose(first.drop_vars("redundancy"), second.drop_vars("redundancy"), atol=1e-5)
+    tables = [pd.read_csv(tmp_path / name / "estimate.csv") for name in ("whole", "pieces")]
+    pd.testing.assert_frame_equal(*tables, atol=1e-5)
+
+
+def test_errors_that_last_are_remembered_over_a_border(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A push on a link of which nobody asks ends just before it: what is believed afterwards is as in one block."""
+    monkeypatch.setattr(six_joints, "RATE", 500.0)
+    monkeypatch.setattr(six_joints, "SECONDS", 36.0)
+    six_joints.swing(tmp_path / "six.csv", 3)
+    log = pd.read_csv(tmp_path / "six.csv")
+    log.loc[(log.t > 28.0) & (log.t < 29.9), ["pan_i", "elbow_i", "wrist_2_i"]] += [30.0, -40.0, 20.0]
+    record = recorded(tmp_path / "six.csv", edited(six_map(), {"joints.friction": None}), table=log)
+    found = []
+    for block in (15_000, 18_000):
+        monkeypatch.setattr(import_module("aerobat_pin.forces.run_observers"), "BLOCK", block)
+        found.append(estimate(record, ["force_level", "kalman"], trust=True).estimates)
+    for name, whole in found[1].items():
+        off = np.abs(found[0][name].components - whole.components) / whole.standard_deviation
+        assert off.max() < 0.1
+        assert (found[0][name].standard_deviation / whole.standard_deviation).min() > 0.9
+    whole, pieces = found[1]["force_level"], StoredEstimate(Spool())
+    for piece in (slice(0, 14_600), slice(14_600, len(whole.components))):
+        pieces.append(some_intervals(whole, piece))
+    assert pieces.worst_doubt == pytest.approx(StoredEstimate.of(whole).worst_doubt)  # its border is in the push
+
+
+@pytest.mark.usefixtures("in_small_pieces")
+def test_a_series_on_disk_is_read_like_an_array() -> None:
+    """Slices over extents, single rows, and places in increasing numbers."""
+    rng = np.random.default_rng(0)
+    spool = Spool()
+    time, table = np.sort(rng.uniform(0.0, 1.0, 2300)), rng.standard_normal((2300, 3))
+    stamps, rows = series_of(spool, time), Series(spool, 3)
+    for first in range(0, 2300, 700):
+        rows.append(table[first : first + 700])
+    for part in (slice(490, 1710), slice(0, 1), slice(2299, None), slice(5, 5), slice(-4, 9000)):
+        np.testing.assert_array_equal(rows[part], table[part])
+    np.testing.assert_array_equal(rows[-1], table[-1])
+    for side in ("left", "right"):
+        for value in (-1.0, 2.0, time[0], time[500], time[1499], time[-1], 0.37):
+            assert stamps.index(value, side) == np.searchsorted(time, value, side=side)
+    np.testing.assert_array_equal(np.concatenate(stamps.spread(2300)), time)
+    assert sum(map(len, stamps.spread(1600))) == 1600
+
+
+def test_a_series_on_disk_is_read_by_several_threads_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One moved the file's place before another had read: of an estimate in threads or a pool forces were 185 N off."""
+    monkeypatch.setattr("aerobat_pin.records.spool.IN_MEMORY", 1)
+    numbers = np.arange(1_000_000.0)
+    series = series_of(Spool(), numbers)
+
+    def wrong(seed: int) -> int:
+        begins = np.random.default_rng(seed).integers(0, len(numbers), 2000).tolist()
+        return sum(not np.array_equal(series[k : k + 2000], numbers[k : k + 2000]) for k in begins)
+
+    with ThreadPoolExecutor(4) as pool:
+        assert [*pool.map(wrong, range(4))] == [0, 0, 0, 0]
+
+
+def test_unix_stamps_have_the_step_of_their_samples() -> None:
+    """They are rounded to 2.4e-7 s: by the median at 1 kHz, common times drifted by a sample in 8 s."""
+    step = typical_spacing(series_of(Spool(), 1.7e9 + 1e-3 * np.arange(5000)))
+    assert step == pytest.approx(1e-3, rel=1e-6)

@@ -1,4 +1,4 @@
-"""What one recording shows by a map (friction, thrust, the mass) makes the force of another one right."""
+"""What one recording shows by a map (friction, thrust, mass, load) makes another one right; a pushed one is refused."""
 
 import json
 import re
@@ -15,10 +15,14 @@ from scipy.spatial.transform import Rotation
 from support import swinging_arm
 from support.commands import call
 from support.drone import MAP as DRONE
-from support.drone import flight
+from support.drone import MASS, POWERS, flight
+from support.further import further
 from support.recorded import edited, recorded
+from support.six_joints import six_map, swing
+from support.strange_arm import JOINTS, arm_map, nothing, pushed, write_log
 from support.walking_log import table, table_map, urdf, walk
 
+from aerobat_pin import open_record
 from aerobat_pin.errors import AerobatError, CalibrationError, MapError
 from aerobat_pin.estimation import (
     Calibration,
@@ -27,11 +31,15 @@ from aerobat_pin.estimation import (
     calibration_bytes,
     estimate,
     read_calibration,
+    stream_of,
 )
 from aerobat_pin.estimation.calibration.error_bar import bar_words
 from aerobat_pin.experiments import check_record
+from aerobat_pin.forces import FittedValues, taken_as_free, used_by_fits
 from aerobat_pin.observers import SHOWN
 from aerobat_pin.records import Block, Condition, PlainRobot, Record, parse_map, read_netcdf, robot_of_map
+
+Patch, Said = pytest.MonkeyPatch, pytest.CaptureFixture[str]
 
 
 @pytest.fixture(scope="module")
@@ -94,9 +102,7 @@ def test_joints_where_a_calibration_did_not_see_them_are_said(folder: Path, lear
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_a_free_swing_makes_the_force_of_another_recording_right(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_free_swing_makes_another_force_right(folder: Path, monkeypatch: Patch, capsys: Said) -> None:
     """By the two commands: 0.15 N rms where it was up to some newtons; friction, rotors and mass are found."""
     monkeypatch.chdir(folder)
     learn = ["calibrate", "free.csv", "--map", "map.toml", "--identify", "mass", "--out", "arm.nc"]
@@ -218,10 +224,9 @@ def test_the_noise_of_rows_is_that_of_data_that_no_fit_used(folder: Path, learnt
 
 def test_a_thrust_learnt_in_one_flight_is_used_in_another(tmp_path: Path) -> None:
     """The second flight needs no accelerometer, and its force is that of the fit to itself within 1 mN."""
-    flight().to_csv(tmp_path / "first.csv", index=False)
     flight(seed=2, wind=0.03).to_csv(tmp_path / "second.csv", index=False)
     named = DRONE | {"known": {"all/four": DRONE["known"]["thrust"]}}
-    learnt = calibrate([recorded(tmp_path / "first.csv", named)])
+    learnt = calibrate([recorded(tmp_path / "first.csv", named, table=flight())])
     (tmp_path / "drone.nc").write_bytes(calibration_bytes(learnt))
     blind = recorded(tmp_path / "second.csv", edited(named, {"check": None}))
     found = estimate(blind, calibration=read_calibration(tmp_path / "drone.nc"))
@@ -246,9 +251,7 @@ def test_online_estimates_take_the_friction_of_a_calibration(folder: Path, learn
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_a_knock_is_found_by_what_a_free_swing_shows(
-    folder: Path, learnt: Calibration, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_knock_is_found_by_free_swings(folder: Path, learnt: Calibration, monkeypatch: Patch, capsys: Said) -> None:
     """8 N from 1.5 to 1.7 s: found within a sample of 2 ms, with its size; nothing in another free swing."""
     monkeypatch.chdir(folder)
     swinging_arm.recording(folder, "knocked", pushed=False, seed=4, knock=(1.5, 1.7))
@@ -338,9 +341,7 @@ def test_a_joint_that_another_recording_holds_says_nothing_of_its_current(folder
     assert learnt.forces(learnt.applied(record)).values.joints == tuple(swinging_arm.JOINTS)
 
 
-def test_what_cannot_be_learnt_or_used_is_refused(
-    folder: Path, learnt: Calibration, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_used_is_refused(folder: Path, learnt: Calibration, monkeypatch: Patch, capsys: Said) -> None:
     monkeypatch.chdir(folder)
 
     def said(change: dict[str, Any], identify: tuple[str, ...] = (), use: bool = False) -> str:
@@ -369,3 +370,263 @@ def test_what_cannot_be_learnt_or_used_is_refused(
     ):
         assert call(*words) == 2
         assert reason in capsys.readouterr().err
+
+
+FACTORS = np.array([0.85, 1.1, 0.95, 1.15, 0.9, 1.1])
+LIGHT, HEAVY = (2.0, (0.03, 0.16, 0.05)), (3.0, (-0.05, 0.1, 0.02))  # [kg], [m]: what it carries
+WRONG = 0.07  # of masses, and a third of it [m] of centres of the links, where they are wrong
+ROTORS = 0.15  # [kg m2]: inertia of each rotor behind its gear, in no URDF
+SOUGHT = {"frame": "tool"}
+KNOWN = SOUGHT | {"mass": LIGHT[0], "com": list(LIGHT[1])}
+
+
+@pytest.fixture(scope="module")
+def swings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with swings of an arm: alone, with two loads, `unloaded` of one with links unlike its URDF's."""
+    folder = tmp_path_factory.mktemp("six")
+    swing(folder / "alone.csv", 1, FACTORS)
+    swing(folder / "unloaded.csv", 7)
+    swing(folder / "light.csv", 2, FACTORS, LIGHT)
+    swing(folder / "heavy.csv", 3, FACTORS, HEAVY)
+    swing(folder / "light_wrong.csv", 4, FACTORS, LIGHT, WRONG)
+    swing(folder / "heavy_wrong.csv", 5, FACTORS, HEAVY, WRONG)
+    return folder
+
+
+def opened(folder: Path, name: str, scale: bool = True, **tables: Any) -> Record:
+    """Return a swing with the map of the arm and further tables."""
+    values = six_map(**tables)
+    values["joints"]["friction"]["scale"] = scale
+    return recorded(folder / f"{name}.csv", values)
+
+
+def kept(folder: Path, found: Calibration) -> Calibration:
+    """Return a calibration as its file gives it back."""
+    (folder / "kept.nc").write_bytes(calibration_bytes(found))
+    return read_calibration(folder / "kept.nc")
+
+
+def test_factors_of_five_joints_are_told_and_the_sixth_is_not(swings: Path) -> None:
+    """The needed torque on the noisy effort makes factors too small; effort on what is needed gets them within 2 %."""
+    found = calibrate([opened(swings, "alone")])
+    np.testing.assert_allclose(found.fitted.scale[:5] / FACTORS[:5], 1.0, atol=0.02)
+    assert found.fitted.scale[5] == 1.0
+    [reason] = [fit.untold for fit in found.fitted.fits if fit.untold]
+    assert reason.startswith("factor of wrist_3 cannot be told, it stays 1: its deviation would be 0.")
+    assert any(reason in note for note in found.notes)
+    assert any("only their ratio is seen" in note for note in found.notes)
+    again = kept(swings, found)
+    assert [str(fit) for fit in again.fitted.fits] == [str(fit) for fit in found.fitted.fits]
+    result = estimate(opened(swings, "alone"), calibration=again)
+    assert any(reason in str(finding) for finding in result.findings)
+    with pytest.raises(AerobatError, match=r"payload\.fit: from and to \[s\], where nothing else touches"):
+        estimate(opened(swings, "alone", payload=SOUGHT), calibration=again)
+
+
+@pytest.mark.parametrize(("k", "joint", "factor", "told"), [(2, "elbow", 0.5, []), (1, "lift", -1.0, ["effort sign"])])
+def test_a_fitted_factor_is_no_wrong_unit(k: int, joint: str, factor: float, told: list[str], swings: Path) -> None:
+    """Of half an effort another factor than the fitted one was warned of, in each later estimate, too."""
+    factors = FACTORS * np.where(np.arange(6) == k, factor, 1.0)
+    swing(swings / "far.csv", 1, factors)
+    found = calibrate([opened(swings, "far")])
+    assert found.fitted.scale[k] == pytest.approx(factors[k], rel=0.02)
+    assert [text.partition(":")[0] for text in found.warnings if f"effort of {joint}" in text] == told
+
+
+@pytest.mark.parametrize("links", ["_wrong", *further("")])
+def test_a_known_payload_tells_all_factors_and_they_tell_another_payload(swings: Path, links: str) -> None:
+    """Within 2.5 deviations and 3 %, wrong links or not; the centre of the first payload may be sought beside them."""
+    for payload in (KNOWN, SOUGHT | {"mass": LIGHT[0]}):
+        found = kept(swings, calibrate([opened(swings, f"light{links}", payload=payload)]))
+        off = np.abs(found.fitted.scale / FACTORS - 1.0)
+        deviations = [fit.values["deviation of the factor"] for fit in found.fitted.fits[-6:]]
+        assert np.all(off < 2.5 * np.array(deviations))
+    result = estimate(opened(swings, f"heavy{links}", payload=SOUGHT, use={"free": [0, 45]}), calibration=found)
+    values = next(fit.values for fit in result.forces.fits if fit.name == "payload at tool" and not fit.log)
+    assert abs(values["mass"] - HEAVY[0]) < min(2.5 * values["deviation of mass"], 0.03 * HEAVY[0])
+    for axis, true in zip("xyz", HEAVY[1], strict=True):
+        assert abs(values[axis] - true) < 2.5 * values[f"deviation of {axis}"]
+    own = result.forces.record.robot.own_model
+    assert result.mass == pytest.approx(sum(own.inertias[k].mass for k in range(1, 7)) + values["mass"])
+
+
+def test_a_stream_of_a_record_has_its_corrected_links(swings: Path) -> None:
+    values = edited(six_map(payload=KNOWN), {"joints.friction.fit": [0, 30]})
+    record = recorded(swings / "light_wrong.csv", values)
+    whole, stream = estimate(record).estimates["force_level"], stream_of(record)
+    rows = pd.read_csv(swings / "light_wrong.csv", nrows=300).to_dict("records")
+    found = [[*one.components.values()] for row in rows for one in stream.push(row["t"], row)]
+    np.testing.assert_allclose(found, whole.components[: len(found)], rtol=0.0, atol=1e-6)
+
+
+def test_rotors_that_no_law_asks_for_leave_the_factors_right(swings: Path) -> None:
+    """Their inertia moves with gravity's torque as joints swing: left out, it made factors 18 % too small."""
+    swing(swings / "rotors.csv", 7, FACTORS, LIGHT, rotors=ROTORS)
+    found = calibrate([opened(swings, "rotors", payload=KNOWN)])
+    deviations = [fit.values["deviation of the factor"] for fit in found.fitted.fits[-6:]]
+    assert np.all(np.abs(found.fitted.scale / FACTORS - 1.0) < 2.5 * np.array(deviations))
+
+
+def test_a_payload_beside_friction_leaves_the_rest_to_tell_errors(swings: Path) -> None:
+    """It is fitted where friction is; all that is free counted as used, and deviations were 2.3 times as large."""
+    values = edited(six_map(payload=SOUGHT), {"joints.friction.fit": [0, 30], "use.free": [0, 45]})
+    record = recorded(swings / "light.csv", values)
+    used = used_by_fits(record, FittedValues(), record.start + np.array([10.0, 40.0, 50.0]))
+    assert used.tolist() == [True, False, True]
+    values = edited(values, {"joints.friction.scale": False, "payload.fit": [0, 20]})  # which went unheard
+    with pytest.raises(AerobatError, match=r"payload\.fit = \[0\.0, 20\.0\]: the payload is sought with the friction"):
+        estimate(recorded(swings / "light.csv", values))
+    record = recorded(swings / "light.csv", edited(values, {"joints.friction.fit": None}))
+    assert taken_as_free(record).map.joints.friction.fit == (0.0, 20.0)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_known_gains_tell_a_payload_beside_friction(noise: float, swings: Path) -> None:
+    """Within twice its deviation and 3 %, with noise of rates [rad/s], too; what the arm carried is not kept."""
+    swing(swings / "right.csv", 6, payload=HEAVY)
+    table, rng = pd.read_csv(swings / "right.csv"), np.random.default_rng(6)
+    rates = [name for name in table if name.endswith("_v")]
+    table[rates] += noise * rng.standard_normal((len(table), len(rates)))
+    table.to_csv(swings / "right.csv", index=False)
+    found = calibrate([opened(swings, "right", scale=False, payload=SOUGHT)])
+    [values] = [fit.values for fit in found.fitted.fits if fit.name == "payload at tool"]
+    assert abs(values["mass"] - HEAVY[0]) < min(2.0 * values["deviation of mass"], 0.03 * HEAVY[0])
+    for axis, true in zip("xyz", HEAVY[1], strict=True):
+        assert abs(values[axis] - true) < 2.0 * values[f"deviation of {axis}"]
+    if noise > 0.0:
+        return
+    [lift] = [fit for fit in found.fitted.fits if fit.name == "friction of lift"]
+    assert 5.0 < lift.before < 9.0  # what friction explains; 21 N m with what the payload does
+    before, after = found.error_bar["tool.Fz"]
+    assert after < 2.5
+    assert not before < 5.0 * after  # NaN: without friction the rows err by so much that Fz is never seen
+    free = estimate(opened(swings, "unloaded"), calibration=found)
+    assert free.mass == pytest.approx(opened(swings, "unloaded").robot.mass)
+    assert abs(free.estimates["force_level"].force[200:, 0, 2].mean()) < 1.0
+    loaded, seeking = (opened(swings, "light", payload=one).map for one in (KNOWN, SOUGHT))
+    online = OnlineEstimator(loaded, swings, calibration=found)
+    assert online.robot.mass == pytest.approx(opened(swings, "unloaded").robot.mass + LIGHT[0])
+    with pytest.raises(AerobatError, match="fits need a whole record"):
+        OnlineEstimator(seeking, swings, calibration=found)
+
+
+@pytest.mark.parametrize(
+    ("name", "scale", "more", "payload", "said"),
+    [
+        ("light", True, (), SOUGHT, "only their ratio is seen; payload.mass was expected, or factors by --calibration"),
+        ("light", False, ("mass",), SOUGHT, "the mass of all bodies, and a payload .* one of them was expected"),
+        ("unloaded", False, (), SOUGHT, r"the record does not show one at tool: .* kg with a deviation of"),
+        ("light", True, (), {"frame": "hand", "mass": 2.0}, r"payload\.frame = hand: a moving frame of six was"),
+        ("light", True, (), SOUGHT | {"com": [0, 0, 0]}, "com without mass: both were expected"),
+    ],
+)
+def test_what_looks_alike_is_refused(swings: Path, name: str, scale: bool, more: Any, payload: Any, said: str) -> None:
+    """A payload beside factors or masses, where there is none, at no frame of the robot; each with its reason."""
+    with pytest.raises(AerobatError, match=said):
+        calibrate([opened(swings, name, scale, payload=payload)], parameters=more)
+
+
+def test_an_effort_that_shows_nothing_keeps_its_factor(swings: Path) -> None:
+    """Of a joint that stands still, and of one whose effort is zero; the others are told as without them."""
+    table = pd.read_csv(swings / "alone.csv")
+    table[["wrist_3_q", "wrist_3_v", "wrist_2_i"]] = [0.3, 0.0, 0.0]
+    table.to_csv(swings / "poor.csv", index=False)
+    found = calibrate([opened(swings, "poor")], trust=True).fitted
+    np.testing.assert_allclose(found.scale[:4] / FACTORS[:4], 1.0, atol=0.02)
+    assert found.scale[4:].tolist() == [1.0, 1.0]
+    assert [bool(fit.untold) for fit in found.fits] == [False] * 4 + [True] * 2
+
+
+def test_a_drone_shows_what_it_carries_by_its_thrust(tmp_path: Path) -> None:
+    """It has no efforts: 7 g of 27 g within their deviation; a map that knows them makes it as heavy."""
+    changes = {"known.thrust.fit": None, "known.thrust.coefficients": list(POWERS), "robot.body.mass": MASS - 0.007}
+    values = edited(DRONE, {**changes, "payload.frame": "body", "use.free": [0, 15]})
+    sought = estimate(recorded(tmp_path / "drone.csv", values, table=flight(20.0)))
+    told = sought.forces.fits[0].values
+    assert abs(told["mass"] - 0.007) < told["deviation of mass"] < 0.1 * MASS
+    values["payload"] |= {"mass": 0.007, "com": [0, 0, 0]}
+    known = recorded(tmp_path / "drone.csv", values)
+    assert known.robot.mass == pytest.approx(MASS)
+    assert known.robot.fingerprint() == sought.forces.record.robot.fingerprint()
+    assert all(check.ok for check in check_record(known))
+
+
+HOSE = np.array([0.0, 0.0, -20.0])
+PULLED = r"something pushed at tool0.* (19|2[012])(\.\d)? N"
+
+
+def lasting(time: np.ndarray) -> np.ndarray:
+    """Return the pull (n, 3) of a hose [N]."""
+    return np.tile(HOSE, (len(time), 1))
+
+
+def for_a_while(time: np.ndarray) -> np.ndarray:
+    """Return the same pull (n, 3) [N], from 12 to 17 s."""
+    return np.where(((time > 12.0) & (time < 17.0))[:, None], HOSE, 0.0)
+
+
+def test_a_pull_is_not_learnt_as_friction(tmp_path: Path) -> None:
+    """A hose of 20 N at the tool, all the time or for 5 s: offsets of the joints explain it worse; free it is taken."""
+    chosen = arm_map(["tool0"], friction=True)
+    for name, force in (("free", nothing), ("always", lasting), ("hose", for_a_while)):
+        write_log(tmp_path / f"{name}.csv", 211, force, pace=1.6)
+    assert not any("pushed" in line for line in calibrate([recorded(tmp_path / "free.csv", chosen)]).warnings)
+    with pytest.raises(CalibrationError, match=rf"{PULLED} .*--trust"):
+        calibrate([recorded(tmp_path / "always.csv", chosen)])
+    trusted = calibrate([recorded(tmp_path / "hose.csv", chosen)], trust=True)
+    assert any(re.search(PULLED, line) for line in trusted.warnings)
+
+
+def test_a_pull_is_not_normal_where_no_joint_rubs(tmp_path: Path) -> None:
+    """Without friction to learn it was taken for what rows err by: 19 N at a hand for one second in eight."""
+    write_log(tmp_path / "free.csv", 211, nothing, pace=1.6, rubs=0.0)
+    write_log(tmp_path / "hose.csv", 211, for_a_while, pace=1.6, rubs=0.0)
+    chosen = edited(arm_map(["tool0"]), {"check": None})
+    free, hose = (recorded(tmp_path / f"{name}.csv", chosen) for name in ("free", "hose"))
+    assert calibrate([free]).warnings == ()
+    unsought = recorded(tmp_path / "free.csv", edited(chosen, {"robot.points": []}))
+    assert not any("learnt as friction" in line for line in calibrate([unsought]).warnings)
+    with pytest.raises(CalibrationError, match=rf"{PULLED} .*--trust"):
+        calibrate([hose])
+
+
+def test_noise_of_velocities_is_no_push(tmp_path: Path) -> None:
+    """It is in all rows at once, through the inertia, as a force is: of 12 free swings 7 were refused."""
+    write_log(tmp_path / "free.csv", 213, nothing, pace=1.6, rubs=0.2)
+    table, rng = pd.read_csv(tmp_path / "free.csv"), np.random.default_rng(1)
+    table[[f"v{k}" for k in range(6)]] += 0.02 * rng.standard_normal((len(table), 6))
+    table.to_csv(tmp_path / "free.csv", index=False)
+    chosen = edited(arm_map(["tool0"], friction=True), {"observer.gain": 100.0})
+    assert not any("pushed" in line for line in calibrate([recorded(tmp_path / "free.csv", chosen)]).warnings)
+
+
+def test_what_turns_rotors_is_no_push(tmp_path: Path) -> None:
+    """Rotors that no file knows need torques of their own: of an arm that nobody touched they were a push of 36 N."""
+    swing(tmp_path / "free.csv", 1, rotors=0.3)
+    chosen = six_map(log={"time": {"column": "t"}}, observer={"gain": 20.0})
+    free = recorded(tmp_path / "free.csv", edited(chosen, {"joints.friction": None}))
+    assert not any("pushed" in line for line in calibrate([free]).warnings)
+
+
+def test_an_arm_without_a_row_to_spare_says_that_it_cannot_tell(tmp_path: Path) -> None:
+    """Three joints, and a force of three components: friction with offsets explains any pull that lasts."""
+    (tmp_path / "arm.urdf").write_text(swinging_arm.arm())
+    (tmp_path / "map.toml").write_text(tomli_w.dumps(swinging_arm.arm_map()))
+    swinging_arm.recording(tmp_path, "free", pushed=False, seed=1)
+    warnings = calibrate([open_record(tmp_path / "free.csv", tmp_path / "map.toml")]).warnings
+    assert [line for line in warnings if "no row is to spare" in line and "make sure that nothing pushed" in line]
+
+
+def test_friction_that_a_calibration_did_not_see_is_found_as_without_one(tmp_path: Path) -> None:
+    """Only the wrist moved: as zero, friction of the others made Fy of a pushed record 8 N wrong, with +-2 N."""
+    write_log(tmp_path / "wrist.csv", 221, nothing, pace=1.6, still=3)
+    moved = write_log(tmp_path / "push.csv", 222, pushed, pace=1.6)
+    chosen = parse_map(arm_map(["tool0"], friction=True), "of the test")
+    learnt = calibrate([recorded(tmp_path / "wrist.csv", chosen)])
+    assert learnt.fitted.joints == tuple(JOINTS[3:])
+    result = estimate(recorded(tmp_path / "push.csv", chosen), calibration=learnt)
+    found, truth = result.estimates["force_level"], 0.5 * (moved[1:] + moved[:-1])
+    inside = np.abs(found.components - truth) < 2.0 * found.standard_deviation
+    assert inside[found.shown].mean() > 0.95
+    assert result.model.verdict == "unverified"
+    assert any("did not show friction of shoulder_pan_joint" in line for line in result.warnings)

@@ -2,7 +2,7 @@
 
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
@@ -181,13 +181,9 @@ def test_an_attitude_whose_columns_say_their_axes_has_their_order(tmp_path: Path
 @pytest.mark.parametrize("names", [("wrist", "wrist_roll"), ("wrist_roll", "wrist"), ("roll", "wrist_roll")])
 def test_a_column_is_that_of_the_joint_with_the_longest_name_in_it(names: tuple[str, str], tmp_path: Path) -> None:
     """Whatever stands first in the log: wrist_roll's columns were suggested for both joints, without a question."""
-    parts = [link("base"), *(link(f"{name}_link", 1.0, "0 0 0.1", 3 * [0.01]) for name in names)]
-    parts += [joint(names[0], "revolute", "base", f"{names[0]}_link")]
-    parts += [joint(names[1], "revolute", f"{names[0]}_link", f"{names[1]}_link")]
     columns = [column for name in reversed(names) for column in (f"{name}_pos", f"{name}_vel", f"f_{name}")]
     columns = [f"force_{names[0]}", *columns, f"{names[0]}_torque"]
-    swings = {column: np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, column in enumerate(columns)}
-    joints = tomllib.loads(suggestion(tmp_path, {"t": 0.01 * np.arange(50.0), **swings}, *parts))["joints"]
+    joints = tomllib.loads(suggestion(tmp_path, swings(columns), arm_of(names)))["joints"]
     assert joints["names"] == list(names)
     for part, column in (("position", "{}_pos"), ("velocity", "{}_vel")):
         assert joints[part]["columns"] == [column.format(name) for name in names]
@@ -196,12 +192,9 @@ def test_a_column_is_that_of_the_joint_with_the_longest_name_in_it(names: tuple[
 
 def test_words_that_only_humps_part_are_read(tmp_path: Path) -> None:
     """BaseAx to BaseAz, of an accelerometer, were suggested as the base's position, JointPosFR_hip as no joint's."""
-    parts = [link("base"), *(link(f"{side}_leg", 1.0, "0 0 -0.1", 3 * [0.01]) for side in ("FL", "FR"))]
-    parts += [joint(f"{side}_hip_joint", "revolute", "base", f"{side}_leg") for side in ("FL", "FR")]
     names = [f"{part}{side}_hip" for side in ("FR", "FL") for part in ("TargetPos", "JointPos", "JointTorque")]
     names += [f"BaseA{axis}" for axis in "xyz"]
-    swings = {column: np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, column in enumerate(names)}
-    text = suggestion(tmp_path, {"t": 0.01 * np.arange(50.0), **swings}, *parts)
+    text = suggestion(tmp_path, swings(names), arm_of(["FL_hip_joint", "FR_hip_joint"]))
     assert "spring or a gear" not in text, "what was wanted is no other side of a gear"
     found = tomllib.loads(text)
     assert (found["robot"]["root"], found["check"]["specific_force"]["columns"]) == ("fixed", names[-3:])
@@ -245,10 +238,8 @@ def test_names_with_quotes_are_texts_of_a_suggested_map(tmp_path: Path) -> None:
 
 def test_a_column_that_may_be_another_is_asked_for(tmp_path: Path) -> None:
     """Of a spring in the joint the motor's side was taken, with the rate of the link's, without a question."""
-    parts = [link("base"), link("arm", 1.0, "0 0 0.1", 3 * [0.01]), joint("elbow", "revolute", "base", "arm")]
     names = ("motor_pos", "link_pos", "link_vel", "cmd_pos", "motor_torque", "spring_torque")
-    swings = {f"elbow_{name}": np.sin((k + 1) * 0.01 * np.arange(50.0)) for k, name in enumerate(names)}
-    text = suggestion(tmp_path, {"t": 0.01 * np.arange(50.0), **swings}, *parts)
+    text = suggestion(tmp_path, swings(f"elbow_{name}" for name in names), arm_of(["elbow"]))
     assert "# or elbow_link_pos, elbow_spring_torque? Of a spring or a gear" in text
 
 
@@ -366,19 +357,25 @@ def test_units_behind_names_are_those_of_suggestions(name: str, tmp_path: Path) 
     parse_map({**found, "robot": {**found["robot"], "points": ["l1"]}}, "that is suggested")
 
 
-def arm_of(count: int) -> str:
-    """Return an arm of some joints, joint1 and so on."""
-    links = [link(f"l{k}", 1.0, moments=(1.0, 1.0, 1.0)) for k in range(1, count + 1)]
-    joints = [joint(f"joint{k}", "revolute", f"l{k - 1}", f"l{k}") for k in range(1, count + 1)]
-    return f'<robot name="arm">{link("l0")}{"".join(links + joints)}</robot>'
+def arm_of(joints: int | Sequence[str]) -> str:
+    """Return an arm of joints in a row, by their names or so many: joint1 and so on."""
+    names = [f"joint{k + 1}" for k in range(joints)] if isinstance(joints, int) else joints
+    links = [link(f"l{k}", float(k > 0), moments=3 * (1.0,)) for k in range(len(names) + 1)]
+    parts = [joint(name, "revolute", f"l{k}", f"l{k + 1}") for k, name in enumerate(names)]
+    return f'<robot name="arm">{"".join(links + parts)}</robot>'
+
+
+def swings(columns: Iterable[str]) -> dict[str, Array]:
+    """Return a table of half a second, of which each column swings at a pace of its own."""
+    time = 0.01 * np.arange(50.0)
+    return {"t": time} | {column: np.sin((k + 1) * time) for k, column in enumerate(columns)}
 
 
 def test_numbered_columns_of_all_joints_come_before_a_tools_position(tmp_path: Path) -> None:
     """Its three columns, which stand first, were the positions of the first three joints."""
-    table = {"t": 0.01 * np.arange(50.0)} | {f"tcp_pos_{k} [mm]": np.arange(50.0) for k in range(3)}
-    table |= {f"q{k} [rad]": np.sin(np.arange(50.0)) for k in range(1, 7)}
-    found = tomllib.loads(suggestion(tmp_path, table, arm_of(6)))["joints"]["position"]
-    assert found["columns"] == [f"q{k} [rad]" for k in range(1, 7)]
+    names = [f"q{k} [rad]" for k in range(1, 7)]
+    text = suggestion(tmp_path, swings([*(f"tcp_pos_{k} [mm]" for k in range(3)), *names]), arm_of(6))
+    assert tomllib.loads(text)["joints"]["position"]["columns"] == names
 
 
 @pytest.mark.parametrize("joints", [3, 5])  # the log's, or a gripper's beside them
@@ -416,11 +413,9 @@ def test_numbers_and_units_within_names_say_whose_columns_these_are(
 
 def test_numbers_behind_words_leave_the_words_as_they_are(tmp_path: Path) -> None:
     """As `tau_ext1`: what was measured is taken before what was asked for or is said of something else."""
-    (tmp_path / "arm.urdf").write_text(arm_of(3))
     kinds = ["pos_des", "tau_ext", "tau_con", "pos", "pos_meas", "vel_des", "vel_meas", "tau_meas"]
     columns = {f"{kind}{k}": 10.0 * k * np.sin(np.arange(50) / 10.0) for kind in kinds for k in (1, 2, 3)}
-    pd.DataFrame({"t": np.arange(50) / 100.0, **columns}).to_csv(tmp_path / "log.csv", index=False)
-    text = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    text = suggestion(tmp_path, {"t": np.arange(50) / 100.0, **columns}, arm_of(3))
     table = tomllib.loads(text)["joints"]
     for part, stem in (("position", "pos"), ("velocity", "vel"), ("effort", "tau")):
         assert table[part]["columns"] == [f"{stem}_meas{k}" for k in (1, 2, 3)]
@@ -429,11 +424,8 @@ def test_numbers_behind_words_leave_the_words_as_they_are(tmp_path: Path) -> Non
 
 def test_columns_of_a_single_joint_need_no_name(tmp_path: Path) -> None:
     """As of a pendulum's log: t, position, velocity, torque; what is measured comes before what was wanted."""
-    (tmp_path / "arm.urdf").write_text(arm_of(1))
     names = ("position", "velocity", "torque_meas")
-    swing = {name: np.sin(np.arange(50) / 10.0) for name in ("torque_cmd", *names)}
-    pd.DataFrame({"t": np.arange(50) / 100.0, **swing}).to_csv(tmp_path / "log.csv", index=False)
-    table = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf"))["joints"]
+    table = tomllib.loads(suggestion(tmp_path, swings(("torque_cmd", *names)), arm_of(1)))["joints"]
     assert [table[part]["columns"] for part in ("position", "velocity", "effort")] == [[name] for name in names]
 
 

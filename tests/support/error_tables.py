@@ -3,6 +3,9 @@
 from itertools import product
 
 import numpy as np
+
+from aerobat_pin.estimation import Calibration, calibrate
+from aerobat_pin.observers import moving_weight
 from support.calibrated import FreeFlight, free_flight, learnt, seen_with
 from support.detection_bound import detectability, earliest
 from support.elsewhere import FREQUENCY, as_believed, elsewhere, seen_elsewhere
@@ -10,9 +13,6 @@ from support.mismatch import NOISY, estimated, flown, made_up, r_squared, scores
 from support.observer_conditions import Condition
 from support.observer_conditions import estimated as on_the_benchmark
 from support.observer_conditions import flown as benchmark_flight
-
-from aerobat_pin.estimation import Calibration, calibrate
-from aerobat_pin.observers import moving_weight
 
 STEEP = (  # a push of 50 ms that is there at once; those of `PUSHES` are an impulse, a soft push and a step
     'unknown_force=[{frame="left_force_point", axes="world", direction=[0,0,1], signal="step", height=0.2, '

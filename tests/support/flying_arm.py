@@ -10,34 +10,27 @@ import pandas as pd
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from support.robot_parts import by_axis, channels
+from support.robot_parts import by_axis, channels, joint, link
 
 RATE, STEP = 200, 0.001  # [Hz] of the table, [s] of the simulation
 THRUST, LATE = 12.0, 0.03  # [N] of a rotor at full speed, times the square of its command, which it follows so late [s]
 YAWS = 0.016  # [m] moment about its axis over the thrust of a rotor
 ARMS = 0.17 * np.array([[1, -1, 0], [-1, 1, 0], [1, 1, 0], [-1, -1, 0]])
 COULOMB, VISCOUS = 0.02, 0.02  # [N m], [N m s/rad] of each joint
-ROTORS = "".join(
-    f'<link name="rotor_{k + 1}"/><joint name="r{k + 1}" type="fixed"><parent link="base"/>'
-    f'<child link="rotor_{k + 1}"/><origin xyz="{x} {y} {z}"/></joint>'
-    for k, (x, y, z) in enumerate(ARMS.tolist())
-)
-LINK = (
-    '<link name="{0}"><inertial><origin xyz="0 0 -0.09"/><mass value="{1}"/>'
-    '<inertia ixx="0.001" iyy="0.001" izz="0.0001" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-    '<joint name="{2}" type="revolute"><parent link="{3}"/><child link="{0}"/><origin xyz="0 0 {4}"/>'
-    '<axis xyz="0 1 0"/><limit lower="-2.5" upper="2.5" effort="4" velocity="8"/></joint>'
-)
-URDF = (
-    '<robot name="flying_arm"><link name="base"><inertial><origin xyz="0 0 0.01"/><mass value="1.8"/>'
-    '<inertia ixx="0.018" iyy="0.020" izz="0.033" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-    + ROTORS
-    + LINK.format("upper", 0.25, "shoulder", "base", -0.06)
-    + LINK.format("fore", 0.15, "elbow", "upper", -0.2)
-    + '<link name="tip"/><joint name="end" type="fixed"><parent link="fore"/><child link="tip"/>'
-    '<origin xyz="0 0 -0.18"/></joint></robot>'
-)
 Push = Callable[[float], np.ndarray]
+
+
+def urdf() -> str:
+    """Return a quadrotor with frames of its rotors and an arm of two joints below it, at whose end the tip is."""
+    parts = [link("base", 1.8, "0 0 0.01", (0.018, 0.020, 0.033))]
+    for k, place in enumerate(ARMS.tolist(), start=1):
+        at = " ".join(map(str, place))
+        parts += [link(f"rotor_{k}"), joint(f"r{k}", "fixed", "base", f"rotor_{k}", at)]
+    parts += [link("upper", 0.25, "0 0 -0.09", (1e-3, 1e-3, 1e-4)), link("fore", 0.15, "0 0 -0.09", (1e-3, 1e-3, 1e-4))]
+    parts.append(joint("shoulder", "revolute", "base", "upper", "0 0 -0.06", limit=2.5))
+    parts.append(joint("elbow", "revolute", "upper", "fore", "0 0 -0.2", limit=2.5))
+    parts += [link("tip"), joint("end", "fixed", "fore", "tip", "0 0 -0.18")]
+    return f'<robot name="flying_arm">{"".join(parts)}</robot>'
 
 
 def nothing(_: float) -> np.ndarray:
@@ -58,7 +51,7 @@ def fly(
 ) -> tuple[pd.DataFrame, np.ndarray]:
     """Return a table and the true force (n, 3) at its times; rotors differ by 2 % about 1.07 times what is believed."""
     rng = np.random.default_rng(seed)
-    model = pin.buildModelFromXML(URDF, pin.JointModelFreeFlyer())
+    model = pin.buildModelFromXML(urdf(), pin.JointModelFreeFlyer())
     data, tip, phases = model.createData(), model.getFrameId("tip"), rng.uniform(0.0, 6.28, 6)
     thrust_at_full = 1.07 * THRUST * (1.0 + 0.02 * rng.standard_normal(4))
     spins = YAWS * np.array([1.0, 1.0, -1.0, -1.0])
@@ -116,7 +109,7 @@ COLUMNS = [*MOTION, *"shoulder_tau elbow_tau ax ay az m1 m2 m3 m4".split()]
 def flying_map(folder: Path, points: list[str]) -> dict[str, Any]:
     """Return a map of the table, which fits the thrusts; the robot's file is written into the folder."""
     file = folder / "flying_arm.urdf"
-    file.write_text(URDF)
+    file.write_text(urdf())
     rotor = {"law": "polynomial 2", "delay": LATE, "fit": {"to": "check.specific_force"}}
     return {
         "robot": {"root": "free_flyer", "points": points, "rows": {"ignore": ["base.Mz"]}, "urdf": str(file)},

@@ -10,8 +10,8 @@ import pinocchio as pin
 
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import PlainRobot, Record, load_robot
-from support.recorded import recorded
-from support.robot_parts import channels
+from support.recorded import edited, recorded
+from support.robot_parts import free_map, joint_map
 
 RATE, STEPS = 400.0, 2  # samples a second, and steps between two
 DURATION, GAIN = 2.4, 100.0  # [s], [1/s]
@@ -113,20 +113,14 @@ def log_of(robot: PlainRobot, time: Array, states: Array, efforts: Array, rng: n
         i, j = robot.q_index(joint), robot.v_index(joint)
         rate = v[:, j]
         effort = factor * (means[:, j] + FRICTION * rms[j] * np.tanh(rate / 0.02))
-        table[f"q_{joint}"] = q[:, i] + ANGLE_NOISE * rng.standard_normal(len(time))
-        table[f"v_{joint}"] = rate + RATE_NOISE * rng.standard_normal(len(time))
-        table[f"e_{joint}"] = effort + NOISE * rms[j] * rng.standard_normal(len(time))
+        table[f"{joint}_q"] = q[:, i] + ANGLE_NOISE * rng.standard_normal(len(time))
+        table[f"{joint}_v"] = rate + RATE_NOISE * rng.standard_normal(len(time))
+        table[f"{joint}_tau"] = effort + NOISE * rms[j] * rng.standard_normal(len(time))
     return pd.DataFrame(table)
 
 
 def map_of(name: str, robot: PlainRobot, point: str) -> dict[str, Any]:
-    values: dict[str, Any] = {"robot": {"name": name, "points": [point]}, "log": {"time": {"column": "t"}}}
-    values["observer"] = {"gain": GAIN}
-    if robot.joints:
-        columns = channels(robot.joints, position="q_{}", velocity="v_{}", effort="e_{}")
-        values["joints"] = {"names": list(robot.joints), **columns}
-    if robot.free:
-        columns = {"position": "x y z", "quaternion": "qx qy qz qw", "velocity": "vx vy vz", "rate": "wx wy wz"}
-        values["base"] = {key: {"columns": names.split()} for key, names in columns.items()}
-        values["base"]["velocity"]["axes"] = "body"
-    return values
+    values = (free_map if robot.free else joint_map)(name, [point], robot.joints, observer={"gain": GAIN})
+    if not robot.joints:
+        del values["joints"]
+    return edited(values, {"base.velocity.axes": "body"}) if robot.free else values

@@ -1,9 +1,11 @@
 """What robots of tests are made of: links and joints of a URDF, efforts of a motion under a force, columns of a map."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pinocchio as pin
 
 ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -34,6 +36,34 @@ def efforts(model: pin.Model, frame: str, q: np.ndarray, v: np.ndarray, a: np.nd
         J = pin.computeFrameJacobian(model, data, q[k], at, ALIGNED)[: len(push)]
         found[k] = pin.rnea(model, data, q[k], v[k], a[k]) - J.T @ push
     return found
+
+
+def sines(time: np.ndarray, size: Any, pace: Any, phase: Any, middle: Any = 0.0) -> tuple[np.ndarray, ...]:
+    """Return positions, rates and accelerations (m, n) at times (m,): about a middle, sums of k sines (k, n) or one."""
+    size, pace, phase = (np.atleast_2d(one)[:, None] for one in (size, pace, phase))
+    angle = pace * time[:, None] + phase
+    q, a = np.sum(size * np.sin(angle), axis=0), np.sum(-size * pace**2 * np.sin(angle), axis=0)
+    return middle + q, np.sum(size * pace * np.cos(angle), axis=0), a
+
+
+def joint_table(time: np.ndarray, names: Sequence[str], **parts: np.ndarray) -> pd.DataFrame:
+    """Return a table of joints, whose columns are called `{joint}_{part}`: q, v and tau are those of `joint_map`."""
+    columns = {f"{name}_{part}": values[:, k] for part, values in parts.items() for k, name in enumerate(names)}
+    return pd.DataFrame({"t": time, **columns})
+
+
+def joint_map(robot: str | Path, points: list[str], names: Sequence[str], **tables: Any) -> dict[str, Any]:
+    """Return the map of such a table, with further tables: of a robot on the ground by its name, or by its URDF."""
+    joints = {"names": list(names), **channels(names, position="{}_q", velocity="{}_v", effort="{}_tau")}
+    table = {"name" if isinstance(robot, str) else "urdf": str(robot), "root": "fixed", "points": points}
+    return {"robot": table, "log": {"time": {"column": "t"}}, "joints": joints, **tables}
+
+
+def free_map(robot: str | Path, points: list[str], names: Sequence[str], **tables: Any) -> dict[str, Any]:
+    """Return the map of such a table of a robot whose base moves, with further tables: x, qx, vx in the world, wx."""
+    values = joint_map(robot, points, names, **tables)
+    values["robot"]["root"] = "free_flyer"
+    return values | {"base": by_axis(position="{}", quaternion="q{}", velocity="v{}", rate="w{}")}
 
 
 def channels(names: Sequence[Any], **columns: str) -> dict[str, Any]:

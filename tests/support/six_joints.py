@@ -4,10 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pinocchio as pin
 
-from support.robot_parts import channels, joint, link
+from support.robot_parts import channels, joint, joint_table, link, sines
 
 RATE, SECONDS = 100.0, 60.0  # [Hz], [s]
 SIX = ("pan", "lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
@@ -46,16 +45,10 @@ def swing(file: Path, seed: int, factors=(1.0,) * 6, payload=None, wrong=0.0, ro
     data, time = model.createData(), np.arange(round(SECONDS * RATE)) / RATE
     speed, phase = rng.uniform(0.5, 2.5, (3, 6)), rng.uniform(0, 6, (3, 6))
     size = np.array([0.8, 0.5, 0.7, 0.8, 0.9, 0.9]) * rng.uniform(0.4, 0.8, (3, 6))
-    angle = speed[:, None] * time[:, None] + phase[:, None]
-    q = np.sum(size[:, None] * np.sin(angle), axis=0) + np.array([0, 0.6, 0.9, -0.5, 0.4, 0])
-    v = np.sum((size * speed)[:, None] * np.cos(angle), axis=0)
-    a = np.sum(-(size * speed**2)[:, None] * np.sin(angle), axis=0)
+    q, v, a = sines(time, size, speed, phase, [0, 0.6, 0.9, -0.5, 0.4, 0])
     torque = np.stack([pin.rnea(model, data, *one) for one in zip(q, v, a, strict=True)])
     torque += rotors * a + COULOMB * np.tanh(v / 0.02) + VISCOUS * v + NOISE * rng.standard_normal(q.shape)
-    columns = {"t": time}
-    for k, name in enumerate(SIX):
-        columns |= {f"{name}_q": q[:, k], f"{name}_v": v[:, k], f"{name}_i": torque[:, k] / factors[k]}
-    pd.DataFrame(columns).to_csv(file, index=False)
+    joint_table(time, SIX, q=q, v=v, i=torque / factors).to_csv(file, index=False)
 
 
 def six_map(**tables: Any) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """A UR5 that begins and ends at rest, straight up, and moves through singular poses; its friction fits no law."""
 
-import sysconfig
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,11 +8,10 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 
-from support.robot_parts import channels, efforts
+from aerobat_pin.records import load_robot
+from support.robot_parts import channels, efforts, joint_map
 
 RATE, SECONDS = 100.0, 30.0  # [Hz], [s]
-SHARE = Path("cmeel.prefix", "share", "example-robot-data", "robots", "ur_description", "urdf", "ur5_robot.urdf")
-URDF = Path(sysconfig.get_path("purelib")) / SHARE
 JOINTS = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
 COULOMB, VISCOUS = (np.array(v) for v in ([6.0, 7.0, 5.0, 1.2, 1.1, 1.0], [5.0, 6.0, 4.0, 0.8, 0.7, 0.6]))
 UPRIGHT = np.array([0.0, -0.5, 0.0, -0.5, 0.0, 0.0]) * np.pi
@@ -49,7 +47,7 @@ def write_log(
 ) -> np.ndarray:
     """Write a log of the arm; return the force (n, 3) on it [N], at `lever` [m] from its tool; Stribeck's friction."""
     # It swings at a `pace`, carries a `load`; its first `still` joints rest; `rotors` [kg m2]; `late` efforts [s].
-    model = pin.buildModelFromUrdf(str(URDF))
+    model = load_robot("ur5").model.copy()
     if load is not None:
         frame = model.frames[model.getFrameId(load["frame"])]
         body = pin.Inertia(load["mass"], np.array(load["com"]), np.zeros((3, 3)))
@@ -83,11 +81,11 @@ def write_log(
 
 
 def arm_map(points: list[str], *, friction: bool = False) -> dict[str, Any]:
-    joints = {"names": JOINTS, **channels(range(6), position="q{}", velocity="v{}", effort="tau{}")}
+    values = joint_map("ur5", points, JOINTS, observer={"gain": 20.0})
+    joints = values["joints"]
+    joints |= channels(range(6), position="q{}", velocity="v{}", effort="tau{}")
     for part, unit in (("position", "rad"), ("velocity", "rad/s"), ("effort", "N m")):
         joints[part]["unit"] = unit
-    robot = {"urdf": str(URDF), "root": "fixed", "points": points}
-    values = {"robot": robot, "log": {"time": {"column": "t"}}, "joints": joints, "observer": {"gain": 20.0}}
     if friction:
         joints["friction"] = {"law": "coulomb+viscous"}
     elif points:

@@ -4,10 +4,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pinocchio as pin
 
-from support.robot_parts import channels, efforts, joint, link
+from support.robot_parts import channels, efforts, joint, joint_table, link, sines
 
 RATE, CONSTANT, HEAVIER = 500.0, 1.6, 1.06  # [Hz], [N m/A] of every joint, true mass over the believed one
 COULOMB, VISCOUS, OFFSET = (np.array(values) for values in ([0.4, 0.6, 0.3], [0.2, 0.3, 0.1], [0.1, -0.2, 0.05]))
@@ -38,23 +37,18 @@ def recording(
         model.inertias[k] = pin.Inertia(HEAVIER * inertia.mass, inertia.lever, HEAVIER * inertia.inertia)
     time, rng = np.arange(round(seconds * RATE)) / RATE, np.random.default_rng(seed)
     speed, phase = rng.uniform(0.8, 2.6, (2, 3)), rng.uniform(0, 6, (2, 3))
-    size = np.array([[0.6, 0.5, 0.7], [0.2, 0.2, 0.3]])[:, None]
-    angle = speed[:, None] * time[:, None] + phase[:, None]
-    q = np.sum(size * np.sin(angle), axis=0) + np.array([0.0, 0.6, 0.8])
-    v = np.sum(size * speed[:, None] * np.cos(angle), axis=0)
-    a = np.sum(-size * speed[:, None] ** 2 * np.sin(angle), axis=0)
+    size = [[0.6, 0.5, 0.7], [0.2, 0.2, 0.3]]
+    q, v, a = sines(time, size, speed, phase, [0.0, 0.6, 0.8])
     force = np.stack([4 * np.sin(time), 3 * np.cos(1.4 * time), 8 + 5 * np.sin(0.7 * time)], axis=1) * pushed
     force[(time >= knock[0]) & (time < knock[1]), 2] += 8.0
     q[:, 0], v[:, 0] = q[:, 0] + turning * time, v[:, 0] + turning
     tau = efforts(model, "tool", q, v, a, force)
     tau += COULOMB * np.tanh(v / rate) + VISCOUS * v + ROTOR * a + OFFSET
     tau[:, 0] += ripple * (np.cos(q[:, 0] + 0.7) + 0.5 * np.sin(2.0 * q[:, 0]))
-    columns = {"t": time}
-    for k, axis in enumerate(JOINTS):
-        columns |= {f"{axis}_q": q[:, k], f"{axis}_v": v[:, k]}
-        columns[f"{axis}_i"] = tau[:, k] / CONSTANT + 0.01 * rng.standard_normal(len(time))
-    columns |= {f"f{axis}": force[:, k] for k, axis in enumerate("xyz")}
-    pd.DataFrame(columns).to_csv(folder / f"{name}.csv", index=False)
+    current = tau / CONSTANT + 0.01 * rng.standard_normal((3, len(time))).T
+    table = joint_table(time, JOINTS, q=q, v=v, i=current)
+    table[["fx", "fy", "fz"]] = force
+    table.to_csv(folder / f"{name}.csv", index=False)
     return force
 
 

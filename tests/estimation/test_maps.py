@@ -1,4 +1,4 @@
-"""Joints as logs have them: seen by encoders at motors, beyond their limits, without a motor, alone, or by name."""
+"""Maps: values that cannot be, joints as logs have them, and what a robot's file says beyond its model."""
 
 import itertools
 import re
@@ -14,14 +14,16 @@ import pinocchio as pin
 import pytest
 import tomli_w
 from support import swinging_arm
+from support.bad_maps import keys
 from support.commands import call
 from support.further import further
 from support.recorded import edited, recorded
-from support.robot_parts import ALIGNED, channels, joint, link
+from support.robot_parts import ALIGNED, channels, joint, joint_map, joint_table, link, sines
 from support.swinging_arm import CONSTANT, JOINTS, arm, arm_map, recording
+from support.walking_log import bag, table, table_map, urdf, walk
 from support.without_coriolis import LEG
 
-from aerobat_pin import load_robot
+from aerobat_pin import load_robot, open_record
 from aerobat_pin.errors import AerobatError, CalibrationError, LogError, MapError
 from aerobat_pin.estimation import OnlineEstimator, calibrate, estimate, record_findings, stream_of
 from aerobat_pin.estimation.checks.readings import joint_pairs
@@ -33,6 +35,77 @@ from aerobat_pin.records.joint_channels import effort_matrix, encoder_matrix
 from aerobat_pin.records.robot_files import FIXED, FREE, option_of_robot
 from aerobat_pin.records.suggest import _suggest_base
 from aerobat_pin.records.suggest_joints import suggest_joints
+
+SENSOR = {"columns": ["fl_fx", "fl_fy", "fl_fz"], "point": "FL_FOOT"}
+
+
+@pytest.fixture(scope="module")
+def short_walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a robot and the table of its walk, 0.3 s at 200 Hz."""
+    folder = tmp_path_factory.mktemp("walk")
+    (folder / "robot.urdf").write_text(urdf())
+    table(walk(0.3, 200.0)).to_csv(folder / "log.csv", index=False)
+    return folder
+
+
+RIGHT = table_map(Path("robot.urdf"))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("use.free", [0.2, 0.1], r"use\.free = \[0\.2, 0\.1\]: from and to were expected, the smaller one first"),
+        ("check.wrench.tare", [0.2, 0.1], r"check\.wrench\.tare = .*the smaller one first"),
+        ("log.delimiter", "\\s+", r"log\.delimiter = .*at most 1 character"),
+        ("use.when", {"above": 1.0}, r"missing key 'use\.when\.column'"),
+        ("use.when", {"column": "px"}, r"use\.when: above or below was expected"),
+        ("use.when", {"column": "px", "above": 1.0, "below": -1.0}, r"use\.when: above or below was expected"),
+        ("use.when", {"column": "px", "above": 0.0, "trim": [-1.0, 0.0]}, r"use\.when\.trim\.0 = -1\.0"),
+        ("known.t", {"columns": ["px"], "law": "polynomial 1 1"}, 'law = "polynomial 1 1": .*once each'),
+        ("known.t", {"columns": ["px"], "law": "polynomial 1", "fit": {"part": [0.5, 1.5]}}, r"fit\.part\.1 = 1\.5"),
+        ("known.t", {"columns": ["px"], "law": "polynomial 1", "fit": {"part": [0.5, 0.1]}}, r"fit\.part = .*smaller"),
+        ("payload", {"frame": "trunk", "mass": 1.0, "inertia": [-1.0, 0.0, 0.0]}, r"payload\.inertia\.0 = -1\.0"),
+        ("payload", {"frame": "trunk", "mass": 1, "com": [0.1, 0.2]}, r"payload\.com = \[0\.1, 0\.2\]: 3 numbers were"),
+        ("payload", {"frame": "trunk", "mass": 1.0, "com": [0.1, 0.2, 0.3, 0.4]}, r"payload\.com = .*3 numbers were"),
+        ("robot.down", [0.0, 1.0], r"robot\.down"),
+        ("joints.effort.torque_per_unit", {"*": 0.0}, "another number than 0 was expected"),
+        ("joints.effort.torque_per_unit", [6.1, 5.2], r"\[6\.1, 5\.2\]: a table \{joint = 6\.1, \.\.\.\} was expected"),
+        ("joints.friction", "coulomb+viscous", r"joints\.friction = .*: a table of law, fit, to, scale was expected"),
+        ("joints.coupling", {"knee": [1, 2]}, r"joints\.coupling\.knee = \[1, 2\]: a table \{name = 1, \.\.\.\} was"),
+    ],
+)
+def test_a_value_that_cannot_be_is_refused_by_its_key(key: str, value: Any, said: str) -> None:
+    """Before a log is read."""
+    with pytest.raises(MapError, match=said):
+        parse_map(edited(RIGHT, {key: value}), "map.toml")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("use.free", [50.0, 60.0], r"use\.free = \[50\.0, 60\.0\]: a stretch within the record's 0\.3 s"),
+        ("use.free", [-2.0, -1.0], r"use\.free = .*a stretch within the record's 0\.3 s"),
+        ("payload", {"frame": "trunk", "fit": [5.0, 6.0]}, r"payload\.fit = .*within the record's"),
+        ("check.wrench", {**SENSOR, "part": [5.0, 6.0]}, r"check\.wrench\.part = .*within the record's"),
+        ("check.wrench", {**SENSOR, "filter": 1e-300}, r"check\.wrench\.filter = 1e-300 Hz: a period within"),
+        ("check.wrench", {**SENSOR, "filter": 100.0}, r"filter = 100 Hz: .*less than half its rate of 200 Hz"),
+        ("robot.points", [], r"check\.wrench: .*robot\.points = \[\].* leave one of the two out"),
+        ("observer.names", ["momentum", "momentum"], "different ones were expected"),
+    ],
+)
+def test_a_value_outside_the_record_is_refused(key: str, value: Any, said: str, short_walk: Path) -> None:
+    """Its length and rate are known once it is read."""
+    with pytest.raises((MapError, LogError, ValueError), match=said):
+        estimate(recorded(short_walk / "log.csv", edited(RIGHT, {key: value})))
+
+
+def test_the_schema_reaches_every_table() -> None:
+    """From which `make reliability` draws: keys in tables of tables and of names, too."""
+    found = dict(keys())
+    some = {"robot.body.mass", "use.when.trim", "known.thrust.fit.part", "joints.friction.fit", "log.time.unit"}
+    assert some <= set(found)
+    assert len(found) > 100
+
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "recordings.md"
 FACTOR, OFFSET = np.array([-0.02, 0.01, 0.03]), np.array([0.0, 0.3, -1.2])
@@ -177,10 +250,9 @@ def test_a_slide_behind_a_spindle_moves_by_its_encoders_angle(tmp_path: Path) ->
     factor = 5e-3 / (2.0 * np.pi)
     table["q"], table["v"] = (np.degrees(table[name] / factor) for name in "qv")
     table["tau"] *= factor
-    table.to_csv(tmp_path / "log.csv", index=False)
     units = {"joints.position.unit": "deg", "joints.velocity.unit": "deg/s"}
     values = edited(robot_map(), {**units, "joints.factor.slide": factor})
-    found = estimate(recorded(tmp_path / "log.csv", values)).estimates["force_level"].components[200:, 2]
+    found = estimate(recorded(tmp_path / "log.csv", values, table=table)).estimates["force_level"].components[200:, 2]
     np.testing.assert_allclose(found, 3.0, atol=0.05)
 
 
@@ -383,11 +455,8 @@ def limits(folder: Path, urdf: str, change: float = 1.0, shift: float = 0.0, uni
     table["lift_q"] += shift
     table.to_csv(folder / "limits.csv", index=False)
     (folder / "limited.urdf").write_text(urdf)
-    position, velocity = (
-        {"columns": [f"{joint}_{what}" for joint in JOINTS], "unit": own}
-        for what, own in (("q", unit), ("v", f"{unit}/s"))
-    )
-    values = edited(changed(position=position, velocity=velocity), {"robot.urdf": "limited.urdf"})
+    units = {"joints.position.unit": unit, "joints.velocity.unit": f"{unit}/s"}
+    values = edited(changed(), {"robot.urdf": "limited.urdf", **units})
     found = record_findings(recorded(folder / "limits.csv", values))
     return [f"{one.verdict} {one}" for one in found if one.check == "joint limits"]
 
@@ -428,8 +497,8 @@ def test_slight_overshoots_and_joints_without_limits_do_not_alarm(folder: Path) 
         before, here, rest = arm().partition(f'<joint name="{name}"')
         inside = before + here + rest.replace(stated, f'lower="{lowest + 0.1}" upper="2"', 1)
         assert limits(folder, inside) == []
-    for urdf in (arm().replace(stated, ""), arm().replace('type="revolute"', 'type="continuous"')):
-        assert limits(folder, urdf, np.degrees(1.0)) == []
+    for text in (arm().replace(stated, ""), arm().replace('type="revolute"', 'type="continuous"')):
+        assert limits(folder, text, np.degrees(1.0)) == []
 
 
 WHEEL, PLANAR_ARM, HINGE, SLIDE = ("continuous",), ("revolute", "revolute"), ("revolute",), ("prismatic",)
@@ -453,9 +522,7 @@ def robot_table(folder: Path, *kinds: str, motors: int = 1) -> pd.DataFrame:
     (folder / "few.urdf").write_text(robot_urdf(*kinds))
     model = pin.buildModelFromXML(robot_urdf(*[kind.replace("continuous", "revolute") for kind in kinds]))
     data, time, order = model.createData(), np.arange(1000) / 500.0, np.arange(model.nv)
-    pace = 5.0 + 2.0 * order
-    phase = pace * time[:, None] + order
-    q, v, a = 0.4 * np.sin(phase), 0.4 * pace * np.cos(phase), -0.4 * pace**2 * np.sin(phase)
+    q, v, a = sines(time, 0.4, 5.0 + 2.0 * order, order)
     force, tau = np.tile([0.0, 0.0, 3.0], (len(time), 1)), np.empty_like(q)
     for k in range(len(time)):
         J = pin.computeFrameJacobian(model, data, q[k], model.getFrameId("tip"), pin.LOCAL_WORLD_ALIGNED)
@@ -598,3 +665,93 @@ def test_a_planar_joint_in_steps_is_read(tmp_path: Path) -> None:
     (tmp_path / "robot").write_text(f"{CART}{IN_STEPS}</robot>")
     robot = robot_of_map(RobotTable(urdf="robot", root="fixed", points=("cart",)), tmp_path)
     assert robot.joints == ("x", "y", "yaw")
+
+
+LINK = '<inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/></inertial>'
+GRIPPER = f"""<robot name="gripper"><link name="hand"/><link name="left">{LINK}</link><link name="right">{LINK}</link>
+<joint name="one" type="prismatic"><parent link="hand"/><child link="left"/><axis xyz="0 1 0"/>
+<limit lower="0" upper="0.04" effort="20" velocity="1"/></joint>
+<joint name="two" type="prismatic"><parent link="hand"/><child link="right"/><axis xyz="0 -1 0"/>
+<limit lower="0" upper="0.04" effort="20" velocity="1"/><mimic joint="one"/></joint></robot>"""
+SPRINGY_LEG = """<mujoco><option gravity="0 0 -9.8"/><worldbody><body name="shank" gravcomp="1">
+<joint name="knee" axis="0 1 0" stiffness="2"/>
+<geom type="sphere" size="0.1" mass="1" pos="0 0 -0.2"/></body></worldbody></mujoco>"""
+
+
+def opened(folder: Path, robot: dict[str, str], point: str, joint: str, **joints: dict[str, float]):
+    """Return a record of one joint that swings."""
+    time = np.arange(400) * 0.005
+    q, v, _ = sines(time, [0.01], 6.0, 0.0, 0.02)
+    values = joint_map("", [], [joint]) | {"robot": {**robot, "root": "fixed", "points": [point]}}
+    values["joints"] |= joints
+    return recorded(folder / "log.csv", values, table=joint_table(time, [joint], q=q, v=v, tau=0.0 * v))
+
+
+def test_a_joint_that_mimics_a_moving_one_is_not_held(tmp_path: Path) -> None:
+    """A gripper whose one motor drives both fingers: with one of them held the other's force was twice the true one."""
+    (tmp_path / "gripper.urdf").write_text(GRIPPER)
+    with pytest.raises(MapError, match="two mimics one, and moves with it"):
+        opened(tmp_path, {"urdf": "gripper.urdf"}, "left", "one")
+    with pytest.raises(MapError, match=r"two is in held, .* mimics one, which moves"):
+        opened(tmp_path, {"urdf": "gripper.urdf"}, "left", "one", held={"two": 0.02})
+
+
+@pytest.mark.parametrize("names", ["one {}", "two {}"])
+def test_a_suggested_map_gives_a_follower_its_leaders_columns(names: str, tmp_path: Path) -> None:
+    """By the multiplier and offset of the robot's file, its row left out: the map opens and estimates as it is."""
+    urdf = GRIPPER.replace('<mimic joint="one"/>', '<mimic joint="one" multiplier="-0.5" offset="0.01"/>')
+    if names.startswith("two"):  # of two files, in which the follower comes first, and last
+        urdf = urdf.replace('"one"', '"zwei"').replace('"two"', '"one"').replace('"zwei"', '"two"')
+    (tmp_path / "gripper.urdf").write_text(urdf)
+    time = np.arange(400) * 0.005
+    q, v = 0.02 + 0.01 * np.sin(6.0 * time), 0.06 * np.cos(6.0 * time)
+    columns = {"t": time} | {names.format(part): values for part, values in (("q", q), ("qd", v), ("tau", 0.1 * q))}
+    pd.DataFrame(columns).to_csv(tmp_path / "log.csv", index=False)
+    (tmp_path / "map.toml").write_text(suggested_map(tmp_path / "log.csv", tmp_path / "gripper.urdf", ["left"]))
+    record = open_record(tmp_path / "log.csv", tmp_path / "map.toml")
+    block = record.block(0, 100)
+    leader, follower = ("two", "one") if names.startswith("two") else ("one", "two")
+    np.testing.assert_allclose(block.q[:, record.robot.q_index(leader)], q[:101], atol=1e-9)
+    np.testing.assert_allclose(block.q[:, record.robot.q_index(follower)], 0.01 - 0.5 * q[:101], atol=1e-9)
+    np.testing.assert_allclose(block.v[:, record.robot.v_index(follower)], -0.5 * v[:101], atol=1e-9)
+    assert record.map.robot.rows.ignore == (follower,)
+    assert estimate(record).estimates
+
+
+def test_so_does_that_of_a_bag_whose_topic_leaves_it_out(tmp_path: Path) -> None:
+    tail = link("tail", 0.1, "0 0 -0.1", 3 * (1e-4,)) + joint("wag", "revolute", "trunk", "tail", "-0.3 0 0", limit=3)
+    tail = tail.replace("</joint>", '<mimic joint="FL_HAA" multiplier="2"/></joint>')
+    (tmp_path / "robot.urdf").write_text(urdf().replace("</robot>", f"{tail}</robot>"))
+    bag(walk(), tmp_path / "bag")
+    (tmp_path / "map.toml").write_text(suggested_map(tmp_path / "bag", tmp_path / "robot.urdf"))
+    record = open_record(tmp_path / "bag", tmp_path / "map.toml")
+    block = record.block(0, 100)
+    leader, follower = (record.robot.q_index(name) for name in ("FL_HAA", "wag"))
+    np.testing.assert_allclose(block.q[:, follower], 2.0 * block.q[:, leader], atol=1e-9)
+    assert record.map.robot.rows.ignore == ("wag",)
+
+
+def test_what_an_mjcf_file_says_beyond_the_model_is_noted(tmp_path: Path) -> None:
+    """Springs, weight that is taken off and another gravity are ignored; they were without a word."""
+    (tmp_path / "leg.xml").write_text(SPRINGY_LEG)
+    notes = opened(tmp_path, {"mjcf": "leg.xml"}, "shank", "knee").notes
+    assert "not read from the robot's file: body gravcomp, joint stiffness, option gravity" in notes
+    suggested = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "leg.xml"))["robot"]
+    assert suggested == {"mjcf": str(tmp_path / "leg.xml"), "root": "fixed", "points": ["shank"]}
+    trunk = '<worldbody><body name="trunk"><freejoint/><geom type="sphere" size="0.1" mass="5"/>'
+    (tmp_path / "leg.xml").write_text(LEG.replace("<worldbody>", trunk).replace("</body>", "</body></body>"))
+    text = suggested_map(tmp_path / "log.csv", tmp_path / "leg.xml")
+    assert tomllib.loads(text)["robot"]["root"] == "free_flyer"  # "fixed" was suggested, and refused
+    assert "MISSING: [base]" in text
+
+
+@pytest.mark.parametrize(
+    ("moments", "told"), [((1e-4, 1e-4, 2e-4), False), ((1e-4, 1e-4, 3e-4), True), ((0.0,) * 3, True)]
+)
+def test_moments_of_inertia_that_no_body_has_are_noted(moments: tuple[float, ...], told: bool, tmp_path: Path) -> None:
+    """A plate's are at the limit. iCub's file has none for legs of kilograms: nothing was said."""
+    links = link("base", 1.0, "0 0 0", 3 * (1e-2,)) + link("arm", 0.5, "0 0 -0.1", moments)
+    swing = joint("swing", "revolute", "base", "arm", "0 0 0", limit=3)
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{swing}</robot>')
+    noted = opened(tmp_path, {"urdf": "arm.urdf"}, "arm", "swing").notes
+    assert ("no body has the moments of inertia of swing" in noted) == told
