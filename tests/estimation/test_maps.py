@@ -739,7 +739,7 @@ def test_what_an_mjcf_file_says_beyond_the_model_is_noted(tmp_path: Path) -> Non
     suggested = tomllib.loads(suggested_map(tmp_path / "log.csv", tmp_path / "leg.xml"))["robot"]
     assert suggested == {"mjcf": str(tmp_path / "leg.xml"), "root": "fixed", "points": ["shank"]}
     trunk = '<worldbody><body name="trunk"><freejoint/><geom type="sphere" size="0.1" mass="5"/>'
-    (tmp_path / "leg.xml").write_text(LEG.replace("<worldbody>", trunk).replace("</body>", "</body></body>"))
+    (tmp_path / "leg.xml").write_text(SPRINGY_LEG.replace("<worldbody>", trunk).replace("</body>", "</body></body>"))
     text = suggested_map(tmp_path / "log.csv", tmp_path / "leg.xml")
     assert tomllib.loads(text)["robot"]["root"] == "free_flyer"  # "fixed" was suggested, and refused
     assert "MISSING: [base]" in text
