@@ -18,7 +18,7 @@ from typing import NamedTuple
 from aerobat_pin.numerics.jit import sources_stamp
 
 ROOT = Path(__file__).resolve().parents[1]
-COPIED = ("aerobat_description", "aerobat_pin", "tests", "pyproject.toml")
+COPIED = ("aerobat_description", "aerobat_pin", "docs", "examples", "tests", "pyproject.toml")  # all that tests read
 KERNEL_SOURCES = {name for name, _, _ in sources_stamp()}
 LONGEST = 600  # [s] for the tests of one mutant
 
