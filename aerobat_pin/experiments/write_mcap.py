@@ -205,7 +205,7 @@ def write_mcap_stretches(stretches: Iterable[McapStretch], path: Path) -> None:
             topics = _Topics(writer, store)
             for stretch in stretches:
                 if not 0.0 <= stretch.time[0] <= stretch.time[-1] < LATEST:
-                    raise OutputError(f"{path}: time {stretch.time[0]:g} s: MCAP of ROS 2 has 0 to {LATEST:g} s")
+                    raise OutputError(f"{path}: {stretch.time[0]:g} to {stretch.time[-1]:g} s: ROS 2 has 0 to {LATEST:g} s")
                 _write_stretch(topics, stretch)
             writer.finish()
         write_files({path: draft})

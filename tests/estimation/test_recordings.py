@@ -505,8 +505,9 @@ def test_our_own_file_is_whole(tmp_path: Path) -> None:
     time, force = np.linspace(0.0, 1.0, 101), np.tile([1.0, 2.0, 3.0], (100, 1))
     q, v = np.tile(pin.neutral(model), (101, 1)), np.zeros((101, model.nv))
     stretch = McapStretch(model, time, q, v, None, {"/truth/here": ("universe", force)}, 4.0)
-    with pytest.raises(OutputError, match=r"forces\.mcap: time -1 s: MCAP of ROS 2 has 0 to"):
-        write_mcap_stretches([replace(stretch, time=time - 1.0)], path)
+    for off, span in ((-1.0, "-1 to 0"), (2.0**31 - 1.0, r"2\.14748e\+09 to 2\.14748e\+09")):
+        with pytest.raises(OutputError, match=rf"forces\.mcap: {span} s: ROS 2 has 0 to"):
+            write_mcap_stretches([replace(stretch, time=time + off)], path)
     write_mcap_stretches([stretch], path)
     assert mcap_is_sealed(path)
     content = path.read_bytes()
