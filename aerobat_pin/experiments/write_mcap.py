@@ -203,10 +203,10 @@ def write_mcap_stretches(stretches: Iterable[McapStretch], path: Path) -> None:
             writer = Writer(file, compression=CompressionType.NONE, enable_data_crcs=True)
             writer.start("ros2", "aerobat")
             topics = _Topics(writer, store)
-            for stretch in stretches:
-                if not 0.0 <= stretch.time[0] <= stretch.time[-1] < LATEST:
-                    raise OutputError(f"{path}: {stretch.time[0]:g} to {stretch.time[-1]:g} s: ROS 2 has 0 to {LATEST:g} s")
-                _write_stretch(topics, stretch)
+            for part in stretches:
+                if not 0.0 <= part.time[0] <= part.time[-1] < LATEST:
+                    raise OutputError(f"{path}: {part.time[0]:g} to {part.time[-1]:g} s: ROS 2 has 0 to {LATEST:g} s")
+                _write_stretch(topics, part)
             writer.finish()
         write_files({path: draft})
 
