@@ -33,6 +33,7 @@ from aerobat_pin.forces import (
     add_lag_of_filter,
     built_observers,
     change_of_axes,
+    filters_at_start,
     raise_to_noise,
     rows_of,
     tilt_of,
@@ -129,7 +130,7 @@ class OnlineEstimator:
         put(self._memory, 0, np.nan, self._readers[0][2])  # these four compile
         build_interval(self._memory, self._leading)
         raise_to_noise(np.zeros(0), np.zeros((RECENT, 0)), np.zeros(0))
-        add_lag_of_filter(np.zeros(0), 0.0, np.zeros((LAGS, 0)), np.zeros(0))
+        add_lag_of_filter(np.zeros(0), 0.0, np.zeros((LAGS + 1, 0)), np.zeros(0))
         self.reset()
         self._rings.tally[:] = 0
 
@@ -273,8 +274,7 @@ class OnlineEstimator:
             if code == ring_kernels.STREAM_START:
                 self._starts += 1
                 self._together.start(self._rings.q, self._rings.v)
-                sizes = (observer.applications.table.shape[0] for observer in self._observers)
-                self._behind = [(np.zeros((LAGS, c)), np.zeros((RECENT, c))) for c in sizes]
+                self._behind = [filters_at_start(observer) for observer in self._observers]
             else:
                 estimates += self._estimates_of_interval(rezeroed=code == ring_kernels.REZEROED)
         return estimates

@@ -32,6 +32,7 @@ from .deviations import InnovationScore as InnovationScore
 from .deviations import add_lag_of_filter as add_lag_of_filter
 from .deviations import belief_words as belief_words
 from .deviations import burst_noise as burst_noise
+from .deviations import filters_at_start as filters_at_start
 from .deviations import raise_to_noise as raise_to_noise
 from .deviations import tilt_of as tilt_of
 from .deviations import with_tilt as with_tilt

@@ -9,7 +9,7 @@ A force that changes is ahead of its filter r, by r'/K. With x what another filt
 input, that is (x + x^2 + x^3 + ...) r. The size of the first term, and by how much the next ones exceed the errors of
 rows, say how much it may be: K t e^-Kt of a step, all of a ramp, and a push that swings twice as fast as K. It hides
 when something pushed, not that it did (`without_lag`). `kalman` and `smoother` are faster, but errors of rows are known
-behind the same low-pass: faster ones may be in them.
+behind the same low-pass: faster ones may be in them. At its start, where it is zero, a filter lacks r / (e^Kt - 1).
 
 A constant tilt cancels in the equations of motion: an accelerometer that is turned with gravity shows the same world,
 turned. So the forces are right in body axes, and in world axes horizontal ones get a share of the vertical one.
@@ -30,6 +30,7 @@ from aerobat_pin.observers import (
     Estimate,
     Expected,
     Identifiability,
+    KalmanObserver,
     MomentumObserver,
     Observer,
     low_passed,
@@ -219,7 +220,11 @@ def with_expected(estimate: Estimate, observer: Observer, expected: Expected) ->
         return estimate
     whole = replace(estimate, expected_force=expected.force, seen=expected.seen(deviation))
     deviation = np.maximum(deviation, recent_noise(estimate.components))
-    lag = lag_of_filter(estimate.components, np.diff(estimate.time), float(np.min(observer.gain)), deviation)
+    gain = float(np.min(observer.gain))
+    lag = lag_of_filter(estimate.components, np.diff(estimate.time), gain, deviation)
+    if not isinstance(observer, KalmanObserver):
+        risen = np.maximum(-np.expm1(-gain * (estimate.time[1:] - estimate.time[0])), np.finfo(float).tiny)
+        lag = np.maximum(lag, np.abs(estimate.components) * (1.0 - risen[:, None]) / risen[:, None])
     return replace(whole, standard_deviation=np.sqrt(deviation**2 + lag**2 + np.square(expected.shared)))
 
 
@@ -268,6 +273,13 @@ def lag_of_filter(components: Array, dt: Array, gain: float, deviation: Array) -
     return ahead
 
 
+def filters_at_start(observer: Observer) -> tuple[Array, Array]:
+    """Return what a stream keeps of an observer that starts: `behind` of `add_lag_of_filter`, `recent` of the noise."""
+    behind = np.zeros((LAGS + 1, len(observer.applications.components)))
+    behind[LAGS] = isinstance(observer, KalmanObserver)
+    return behind, np.zeros((RECENT, behind.shape[1]))
+
+
 def without_lag(estimate: Estimate, deviation: Array) -> Array:
     """Return deviations (m, c) of an estimate with what they contain of its filter's lag taken out."""
     if estimate.seen is None or estimate.expected_force is None:
@@ -281,13 +293,18 @@ def without_lag(estimate: Estimate, deviation: Array) -> Array:
 
 @kernel
 def add_lag_of_filter(components: Array, kept: float, behind: Array, deviation: Array) -> None:
-    """Do the same in a stream: move filters `behind` (LAGS, c), which keep e^-K dt, and enlarge deviations (c,)."""
+    """Do the same in a stream: move filters `behind` (LAGS + 1, c), which keep e^-K dt, and enlarge deviations (c,).
+
+    The last one is behind a constant of one: how far an observer has risen; a Kalman filter has so from the start.
+    """
     for j in range(components.shape[0]):
         ahead, lagging = 0.0, components[j]
         for i in range(LAGS):
             behind[i, j] = lagging + kept * (behind[i, j] - lagging)
             lagging -= behind[i, j]
             ahead += max(abs(lagging) - (deviation[j] if i > 0 else 0.0), 0.0)
+        behind[LAGS, j] = 1.0 + kept * (behind[LAGS, j] - 1.0)
+        ahead = max(ahead, abs(components[j]) * (1.0 / behind[LAGS, j] - 1.0))
         deviation[j] = np.hypot(deviation[j], ahead)
 
 

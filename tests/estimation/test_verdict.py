@@ -32,7 +32,7 @@ from aerobat_pin.forces import (
 )
 from aerobat_pin.forces.observer_scores import MEDIAN_DEVIATION, score_table
 from aerobat_pin.forces.scores import lag, r_squared
-from aerobat_pin.observers import OBSERVERS, Estimate, force_size
+from aerobat_pin.observers import OBSERVERS, Estimate, Expected, force_size
 from aerobat_pin.observers.frames import euler_angles, world_velocity
 from aerobat_pin.records import TrueEvent, load_robot, series_of
 from aerobat_pin.scenario import load_scenario, parse_scenario
@@ -334,8 +334,9 @@ def test_deviations_contain_what_a_filter_lags_behind() -> None:
     noise = np.full(found.shape, 0.01)
     lag, behind = (
         deviations.lag_of_filter(found, np.full(len(t), dt), gain, noise),
-        np.zeros((deviations.LAGS, force.shape[1])),
+        np.zeros((deviations.LAGS + 1, force.shape[1])),
     )
+    behind[-1] = 1.0  # it has risen
     within = np.abs(found - force)[100:] <= 2.0 * np.hypot(lag, noise)[100:]
     assert np.all(within.mean(axis=0) > 0.95)
     assert np.all(lag[100:].mean(axis=0) < 2.0 * np.abs(found - force)[100:].mean(axis=0))
@@ -343,6 +344,30 @@ def test_deviations_contain_what_a_filter_lags_behind() -> None:
         deviation = noise[0].copy()
         deviations.add_lag_of_filter(components, kept, behind, deviation)
         np.testing.assert_allclose(deviation, np.hypot(noise[0], sure), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["momentum", "force_level", "kalman"])
+def test_deviations_say_what_a_filter_lacks_at_its_start(name: str) -> None:
+    """A force of 50 N from the first sample on; 45 N were missing, with a deviation of 11 N; a stream says the same."""
+    model, force, dt = load_robot("ur5").model, np.array([30.0, -20.0, 50.0]), 0.002
+    q, data = np.array([0.0, -1.2, 1.4, -0.8, 0.9, 0.4]), model.createData()
+    J = pin.computeFrameJacobian(model, data, q, model.getFrameId("tool0"), pin.LOCAL_WORLD_ALIGNED)[:3]
+    tau = pin.computeGeneralizedGravity(model, data, q) - J.T @ force
+    expected = Expected(np.full(3, 60.0), np.full(6, 0.3), np.zeros(6), np.ones(6))
+    observer = OBSERVERS[name](model, ("tool0",), 50.0, "all", expected=expected)
+    time = dt * np.arange(400)
+    at_rest = np.tile(q, (400, 1)), np.zeros((400, 6))
+    found = observer.run(time, *at_rest, np.tile(tau, (399, 1)), {})
+    whole = deviations.with_expected(found, observer, expected)
+    error = np.abs(whole.components - force)
+    assert np.all(error < 2.0 * whole.standard_deviation)
+    assert np.all(whole.standard_deviation[-1] < 1.5 * found.standard_deviation[-1])
+    behind, recent = deviations.filters_at_start(observer)
+    for row, sure, stated in zip(found.components, found.standard_deviation, whole.standard_deviation, strict=True):
+        deviation = sure.copy()
+        deviations.raise_to_noise(row, recent, deviation)
+        deviations.add_lag_of_filter(row, np.exp(-50.0 * dt), behind, deviation)
+        np.testing.assert_allclose(deviation, stated, rtol=1e-9)
 
 
 def test_noise_of_late_is_that_of_the_samples_and_of_no_step() -> None:
