@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from aerobat_pin.records.spool import Series, spread_stretches
 
 BLOCK_MARGIN = 0.5  # [s] around a block, half of the longest window that differentiates
 ZEROED = 0.4999  # [s] after which a velocity that an IMU gives begins at zero again
+FAR = 1e4  # [m]: of places on a grid of the Earth Coriolis forces, with the square of these, lose their digits
 ROUNDED = 1e-3  # of a step, by which a sample is beside a common time at most where they coincide
 
 
@@ -235,6 +237,12 @@ class Record:
         in_world = has_world_axes(self.map, key, self.channels[key].names)
         return np.asarray(np.einsum("nji,nj->ni", R, values)) if in_world else values
 
+    @cached_property
+    def _origin(self) -> Array:
+        """Where the base's place counts from (3,) [m]: zero, or where the record begins, if that is `FAR` away."""
+        place = self._in_axes("base.position", self.times(self.parts[0][0], self.parts[0][0]))[0]
+        return np.asarray(place if np.linalg.norm(place) > FAR else np.zeros(3))
+
     def _base(self, first: int, last: int) -> tuple[Array, Array]:
         """Return placement (m, 7) and twist in body axes (m, 6) of the base."""
         base = self.map.base
@@ -244,7 +252,7 @@ class Record:
         place: Array = np.zeros((len(time), 3))
         linear = angular = place
         if "base.position" in self.channels:
-            place = self._in_axes("base.position", time)
+            place = self._in_axes("base.position", time) - self._origin
         if "base.velocity" in self.channels:
             linear = self._in_body("base.velocity", time, R)
         elif self.knots is None and base.from_ == "measured":

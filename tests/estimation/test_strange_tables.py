@@ -222,6 +222,18 @@ def test_a_robot_without_joints_moves_as_a_whole(tmp_path: Path) -> None:
     assert "[joints]" not in text
 
 
+def test_places_may_be_northings(tmp_path: Path) -> None:
+    """A position of 5812 km on a grid of the Earth was refused; of 500 km, it was "interpolated", being so large."""
+    (tmp_path / "robot.urdf").write_text(urdf())
+    walked, chosen = table(walk()), table_map(tmp_path / "robot.urdf")
+    near = estimate(recorded(tmp_path / "log.csv", chosen, table=walked))
+    walked[["px", "py", "pz"]] += [500_123.0, 5_812_345.0, 2500.0]
+    far = estimate(recorded(tmp_path / "log.csv", chosen, table=walked))
+    assert [each.check for each in far.findings] == [each.check for each in near.findings]
+    (forces,), (expected,) = (each.estimates.values() for each in (far, near))
+    np.testing.assert_allclose(forces.components, expected.components, rtol=0.0, atol=1e-4)
+
+
 def test_names_with_quotes_are_texts_of_a_suggested_map(tmp_path: Path) -> None:
     """The map was no TOML: the reader said so of a file that this program had written."""
     names = ['my "t"', 'joint1 "abs" pos', "joint2\\pos", "joint1_torque", 'joint2 "motor" torque', 'in "K"']

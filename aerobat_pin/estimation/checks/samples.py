@@ -25,7 +25,7 @@ MOVED_ON, STEPS_AFTER = 10.0, 10  # times the largest of so many steps afterward
 CUT_OFF, OFTEN_CUT_OFF = 10.0, 0.01  # times as many samples as at the next value, and of all: more than a coarse peak
 FEWEST_LEVELS, MOVES_IN = 50, 10  # values of an effort that varies; samples within which an angle changes in motion
 STRAIGHT = 0.5  # share of triples of neighbours on a straight line, from which a channel is interpolated
-STRAIGHT_ERROR = 1e-7  # of the channel's size: how straight
+STRAIGHT_ERROR = 1e-7  # of the channel's range: how straight
 FEWEST_STRAIGHT = 20  # samples that can be told to be interpolated
 MOST_OFF = 0.5  # share of samples whose stamps do not fit, beyond which the others are no record
 MOST_LOST = 0.6  # share of samples that another one with their stamp replaces, beyond which forces may be missed
@@ -305,9 +305,9 @@ def _straight(channel: Channel) -> float:
     step = np.diff(time)
     share = (step[1:] / (step[1:] + step[:-1]))[:, None]
     bend = np.abs(values[1:-1] - (values[:-2] * share + values[2:] * (1.0 - share)))
-    size = np.maximum(np.max(np.abs(values), axis=0), 1e-12)
+    rounding = 4.0 * np.finfo(float).eps * np.max(np.abs(values), axis=0) + 1e-19
     moving = np.any(values[2:] != values[:-2], axis=1)
-    return float(np.mean(np.all(bend < STRAIGHT_ERROR * size, axis=1) & moving))
+    return float(np.mean(np.all(bend < STRAIGHT_ERROR * np.ptp(values, axis=0) + rounding, axis=1) & moving))
 
 
 def _unsealed(path: Path) -> Iterator[Finding]:
