@@ -18,7 +18,7 @@ from support.robot_parts import joint, link
 from support.walking_log import table, table_map, urdf, walk
 
 from aerobat_pin.errors import LogError
-from aerobat_pin.estimation import estimate
+from aerobat_pin.estimation import OnlineEstimator, estimate
 from aerobat_pin.estimation.checks.samples import channel_findings
 from aerobat_pin.numerics import Array
 from aerobat_pin.records import Channel, Columns, LogTable, Spool, parse_map, read_columns, series_of, suggested_map
@@ -232,6 +232,9 @@ def test_places_may_be_northings(tmp_path: Path) -> None:
     assert [each.check for each in far.findings] == [each.check for each in near.findings]
     (forces,), (expected,) = (each.estimates.values() for each in (far, near))
     np.testing.assert_allclose(forces.components, expected.components, rtol=0.0, atol=1e-4)
+    stream = OnlineEstimator(parse_map(edited(chosen, {"check": None}), "of the test"), tmp_path)
+    every = [one for row in walked[:400].to_dict("records") for one in stream.push(row.pop("t"), row)]
+    np.testing.assert_allclose([*every[-1].components.values()], expected.components[len(every) - 1], atol=0.05)
 
 
 def test_names_with_quotes_are_texts_of_a_suggested_map(tmp_path: Path) -> None:
