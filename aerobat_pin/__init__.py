@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from aerobat_pin.estimation import estimate as estimate
     from aerobat_pin.experiments import run as run
     from aerobat_pin.flight import simulate as simulate
+    from aerobat_pin.observers import OBSERVERS as OBSERVERS
     from aerobat_pin.records import load_robot as load_robot
     from aerobat_pin.scenario import Scenario as Scenario
     from aerobat_pin.scenario import load_scenario as load_scenario
@@ -31,6 +32,7 @@ _ROOMS = {
     "estimation": ["calibrate", "estimate"],
     "records": ["load_robot"],
     "flight": ["simulate"],
+    "observers": ["OBSERVERS"],
     "scenario": ["Scenario", "load_scenario"],
 }
 __all__ = ["__version__", *(name for names in _ROOMS.values() for name in names)]

@@ -42,7 +42,7 @@ from aerobat_pin.estimation.stream_rings import (
     stamp_at,
 )
 from aerobat_pin.numerics import Array, fields_of, inlined, inner, kernel
-from aerobat_pin.records import FAR, ZEROED
+from aerobat_pin.records import FAR_AWAY, ZEROED
 
 
 @inner
@@ -164,7 +164,7 @@ def write_state(rings: Rings, t: float) -> None:
                 out[rings.places[row, j]] = rings.sample[j]
     if slot[PLACE_RING] >= 0:
         interpolate(rings, slot[PLACE_RING], t, q[:3])
-        q[:3] = np.fmod(q[:3], FAR)  # no force depends on it
+        q[:3] = np.fmod(q[:3], FAR_AWAY)  # no force depends on it
     if slot[TURN_RING] >= 0:
         interpolate(rings, slot[TURN_RING], t, q[3:7])
         write_twist(rings, t, v)

@@ -45,7 +45,7 @@ from .netcdf import read_netcdf as read_netcdf
 from .read import BAGS as BAGS
 from .read import NETCDF as NETCDF
 from .read import read_columns as read_columns
-from .record import FAR as FAR
+from .record import FAR_AWAY as FAR_AWAY
 from .record import ZEROED as ZEROED
 from .record import Record as Record
 from .reference import LARGEST_DELAY as LARGEST_DELAY

@@ -24,7 +24,7 @@ from aerobat_pin.records.spool import Series, spread_stretches
 
 BLOCK_MARGIN = 0.5  # [s] around a block, half of the longest window that differentiates
 ZEROED = 0.4999  # [s] after which a velocity that an IMU gives begins at zero again
-FAR = 1e4  # [m]: of places on a grid of the Earth Coriolis forces, with the square of these, lose their digits
+FAR_AWAY = 1e4  # [m]: of places beyond, as on a grid of the Earth, Coriolis forces and pages lose the digits
 ROUNDED = 1e-3  # of a step, by which a sample is beside a common time at most where they coincide
 
 
@@ -239,9 +239,9 @@ class Record:
 
     @cached_property
     def _origin(self) -> Array:
-        """Where the base's place counts from (3,) [m]: zero, or where the record begins, if that is `FAR` away."""
+        """Where the base's place counts from (3,) [m]: zero, or where the record begins, if that is `FAR_AWAY` away."""
         place = self._in_axes("base.position", self.times(self.parts[0][0], self.parts[0][0]))[0]
-        return np.asarray(place if np.linalg.norm(place) > FAR else np.zeros(3))
+        return np.asarray(place if np.linalg.norm(place) > FAR_AWAY else np.zeros(3))
 
     def _base(self, first: int, last: int) -> tuple[Array, Array]:
         """Return placement (m, 7) and twist in body axes (m, 6) of the base."""

@@ -19,6 +19,7 @@ from scipy.signal import savgol_filter
 
 from aerobat_pin.errors import ShapeError
 from aerobat_pin.numerics import Array, frame_id, shaped
+from aerobat_pin.records import FAR_AWAY
 from aerobat_pin.visualization import style
 from aerobat_pin.visualization.replay.scene import (
     HALO_OPACITY,
@@ -35,7 +36,6 @@ from aerobat_pin.visualization.template import base64_text, fill_template
 
 KEYFRAMES_PER_SECOND = 120.0  # per second of recorded time: 25 per flap at 4.75 Hz
 MOST_KEYFRAMES = 7201  # one minute, a page of 34 MB; a lower rate would distort the motion
-FAR_AWAY = 1e4  # [m]: a motion that begins farther away is shown from there, as a page holds single precision
 CAMERA_SMOOTHING = 0.5  # [s]: the camera follows the path of a free base, smoothed over this time
 CAMERA = (0.7, -1.1, 0.55)  # position of the camera relative to the point it looks at, in sizes of the robot
 
