@@ -69,7 +69,7 @@ from .instants import LOOKED_AT as LOOKED_AT
 from .instants import WEIGHED as WEIGHED
 from .instants import Instants as Instants
 from .instants import column_rms as column_rms
-from .instants import looked_at as looked_at
+from .instants import instants_of as instants_of
 from .instants import seen_wrench as seen_wrench
 from .instants import settled_instants as settled_instants
 from .instants import settling_intervals as settling_intervals

@@ -37,7 +37,7 @@ from aerobat_pin.forces.expected_of_record import (
     stands,
 )
 from aerobat_pin.forces.explanations import FEWEST_INDEPENDENT, coefficient_covariance, independent, row_variance
-from aerobat_pin.forces.instants import Instants, column_rms, looked_at
+from aerobat_pin.forces.instants import Instants, column_rms, instants_of
 from aerobat_pin.forces.known_forces import BESIDE, FRICTION_SHOWN, Fit, FittedValues, KnownForces, share_left
 from aerobat_pin.forces.row_errors import shared_error, spare_share
 from aerobat_pin.forces.run_observers import ignored_rows, inputs_between, points_of
@@ -75,7 +75,7 @@ def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None
     record, values = forces.record, forces.values
     measured = bool(points_of(record.map)) and "joints.effort" in record.channels
     sought = measured and not knows_friction(forces)
-    instants = looked_at(record, inputs_between(record, forces), values, closely=sought)
+    instants = instants_of(record, inputs_between(record, forces), values, closely=sought)
     if instants is None:
         return forces, None, None
     expected = expected_of(record, instants, values)

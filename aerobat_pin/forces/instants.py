@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -65,7 +66,7 @@ class Instants:
         return replace(self, rows=rows)
 
 
-def looked_at(
+def instants_of(
     record: Record,
     inputs: Callable[[int, int], KnownInputs],
     values: FittedValues,
@@ -79,68 +80,79 @@ def looked_at(
     known by the values are not among `joints`. `closely` looks at as many intervals as friction needs, `between` at
     times after the start [s].
     """
-    most, weighed = (LOOKED_AT, WEIGHED) if not closely else (CLOSELY * LOOKED_AT, CLOSELY * WEIGHED)
-    stretches = [inputs(*ends) for ends in record.spread(most, *(between or ()), least=settling_intervals(record))]
+    times = CLOSELY if closely else 1
+    spread = record.spread(times * LOOKED_AT, *(between or ()), least=settling_intervals(record))
+    stretches = [inputs(*ends) for ends in spread]
     if not stretches:
         return None
-    known, law, stiction_rate = values.joints, values.friction, values.stiction(record.robot)[1]
-    robot, gain, rows = record.robot, float(record.map.observer.gain), stretches[0].rows
-    model = robot.model
+    robot, model, rows = record.robot, record.robot.model, stretches[0].rows
+    observer = MomentumObserver(model, points_of(record.map), float(record.map.observer.gain), rows)
+    every = max(sum(len(stretch.tau) for stretch in stretches) // (times * WEIGHED), 1)
+    pieces = [_series_of(record, stretch, observer, values, every) for stretch in stretches]
+    series = {name: np.concatenate([piece[name] for piece in pieces], axis=-2) for name in pieces[0]}
     kept = rows.kept(model) if isinstance(rows, AllBut) else list(range(model.nv))
     driven = [joint for joint in record.driven if robot.v_index(joint) in kept]
-    joints = [joint for joint in driven if law is None or joint not in known]
-    every = max(sum(len(stretch.tau) for stretch in stretches) // weighed, 1)
-    observer, parts = MomentumObserver(model, points_of(record.map), gain, rows), []
-    moments, needed, aside, noise = list[tuple[Array, ...]](), list[Array](), list[Array](), list[Array]()
-    known_forces: dict[str, list[Array]] = {name: [] for name in record.map.known}
-    for stretch in stretches:
-        (v, a), step = mean_motion(record, stretch.time, stretch.v), typical_step(stretch.time)
-        share = -np.expm1(-gain * step)
-        y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
-        noise.append(noise_of_rows(y, record))
-        sliding, coulomb = np.tanh(v / stiction_rate), np.tanh(v / (stiction_rate if law is None else law.rate))
-        chosen = settled_instants(stretch.time, gain)[::every]
-        table = np.stack([y, sliding, *(low_passed(values, share) for values in (-coulomb, -v, -a, stretch.tau))])
-        parts.append(table[:, chosen])
-        reach = max(round(0.5 / share), CLEAR_OF)  # intervals before and after, at most to the first and the last
-        ends = np.maximum(chosen - reach, 0), np.minimum(chosen + reach, len(y) - 1)
-        earlier, later = (np.stack([table[-1, at], table[0, at] + table[-1, at], table[-2, at]]) for at in ends)
-        apart = step * np.maximum(ends[1] - ends[0], 1)[:, None]
-        aside.append(np.stack([(later[0] - earlier[0]) / apart, *0.5 * (later[1:] + earlier[1:])]))
-        now, then = chosen + 1, chosen + 1 - round(1.0 / (gain * step))
-        moments.append((stretch.time[chosen], *(each[at] for at in (now, then) for each in (stretch.q, stretch.v))))
-        for name, felt in known_forces.items():
-            felt.append(low_passed(stretch.known[name], share)[chosen])
-        block = Block(stretch.time, stretch.q, stretch.v, stretch.tau)
-        needed.append(required_torque(record, block, accelerations(block, record), slice(None, None, every)))
-    (y, sliding, *columns) = np.concatenate(parts, axis=1)
-    time, q, v, *before = (np.concatenate(part) for part in zip(*moments, strict=True))
-    jacobians = observer.applications.jacobian(q)
-    slides = [robot.v_index(joint) for joint in driven]
-    sliding[:, [row for row in range(model.nv) if row not in slides]] = 1.0
-    at = [kept.index(robot.v_index(joint)) for joint in joints]
-    effort, need = (column_rms(np.concatenate(part)) for part in ([each.tau for each in stretches], needed))
-    x, (rates, *around) = np.stack(columns)[:, :, kept], np.concatenate(aside, axis=1)[:, :, kept]
+    joints = [joint for joint in driven if values.friction is None or joint not in values.joints]
+    sliding = series["sliding"]
+    sliding[:, np.setdiff1d(range(model.nv), [robot.v_index(joint) for joint in driven])] = 1.0
     return Instants(
-        time=time,
-        q=q,
-        v=v,
-        rows=y,
-        jacobians=jacobians,
+        time=series["time"][:, 0],
+        q=series["q"],
+        v=series["v"],
+        rows=series["rows"],
+        jacobians=observer.applications.jacobian(series["q"]),
         kept=kept,
         joints=joints,
-        at=at,
+        at=[kept.index(robot.v_index(joint)) for joint in joints],
         sliding=sliding[:, kept],
-        columns=x,
-        rates=rates,
-        around=np.stack(around),
-        past=(before[0], before[1]),
-        known={name: np.concatenate(felt) for name, felt in known_forces.items()},
+        columns=series["columns"][..., kept],
+        rates=series["rates"][:, kept],
+        around=series["around"][..., kept],
+        past=(series["past q"], series["past v"]),
+        known={name: series[f"known {name}"] for name in record.map.known},
         every=every,
-        effort=effort,
-        needed=need,
-        noise=column_rms(np.array(noise)),
+        effort=column_rms(series["effort"]),
+        needed=column_rms(series["needed"]),
+        noise=column_rms(series["noise"]),
     )
+
+
+def _series_of(
+    record: Record, stretch: KnownInputs, observer: MomentumObserver, values: FittedValues, every: int
+) -> dict[str, Array]:
+    """Return the series (..., instants, n) of a stretch at one of `every` intervals that have settled.
+
+    As in `Instants`, but for all rows; efforts of all intervals, what one of so many needs, and the noise (1, n).
+    """
+    gain, stiction_rate = float(record.map.observer.gain), values.stiction(record.robot)[1]
+    (v, a), step = mean_motion(record, stretch.time, stretch.v), typical_step(stretch.time)
+    behind = partial(low_passed, share=-np.expm1(-gain * step))
+    y = observer.run(stretch.time, stretch.q, stretch.v, stretch.tau, stretch.known).residual
+    coulomb = np.tanh(v / (stiction_rate if values.friction is None else values.friction.rate))
+    columns = np.stack([behind(column) for column in (-coulomb, -v, -a, stretch.tau)])
+    _, _, rotor, effort = columns
+    chosen = settled_instants(stretch.time, gain)[::every]
+    reach = max(round(0.5 / -np.expm1(-gain * step)), CLEAR_OF)  # intervals, at most to the first and the last
+    before, after = np.maximum(chosen - reach, 0), np.minimum(chosen + reach, len(y) - 1)
+    apart = step * np.maximum(after - before, 1)[:, None]
+    now, past = chosen + 1, chosen + 1 - round(1.0 / (gain * step))
+    block = Block(stretch.time, stretch.q, stretch.v, stretch.tau)
+    return {
+        "time": stretch.time[chosen, None],
+        "q": stretch.q[now],
+        "v": stretch.v[now],
+        "past q": stretch.q[past],
+        "past v": stretch.v[past],
+        "rows": y[chosen],
+        "sliding": np.tanh(v / stiction_rate)[chosen],
+        "columns": columns[:, chosen],
+        "rates": (effort[after] - effort[before]) / apart,
+        "around": np.stack([0.5 * (series[after] + series[before]) for series in (y + effort, rotor)]),
+        "effort": stretch.tau,
+        "needed": required_torque(record, block, accelerations(block, record), slice(None, None, every)),
+        "noise": noise_of_rows(y, record)[None],
+        **{f"known {name}": behind(stretch.known[name])[chosen] for name in record.map.known},
+    }
 
 
 def slopes_of_need(model: pin.Model, instants: Instants) -> Array:

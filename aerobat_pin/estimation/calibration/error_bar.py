@@ -16,7 +16,7 @@ from aerobat_pin.forces import (
     fits_to_sensor,
     held_out_stretch,
     inputs_between,
-    looked_at,
+    instants_of,
     observers_of,
     rms_in,
     run_observers,
@@ -95,7 +95,7 @@ def _sizes_where_free(known: KnownForces | None) -> dict[str, float]:
         return {}
     record = known.record
     inputs = inputs_between(record, known)
-    instants = looked_at(record, inputs, known.values) if record.robot.limits_forces else None
+    instants = instants_of(record, inputs, known.values) if record.robot.limits_forces else None
     expected = None if instants is None else expected_of(record, instants, known.values)
     named = observers_of(record, (), expected)[0]
     # force_level is right for any choice of rows

@@ -23,7 +23,7 @@ from aerobat_pin.forces import (
     expected_of,
     inputs_between,
     inputs_of,
-    looked_at,
+    instants_of,
     most_likely,
     point_label,
     points_of,
@@ -194,7 +194,7 @@ def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
         return [], []
     plain = replace(forces, values=replace(forces.values, friction=None, row_noise={}), series=None)
     inputs, points = inputs_between(record, plain), points_of(record.map)
-    instants = looked_at(record, inputs, plain.values, closely=True)
+    instants = instants_of(record, inputs, plain.values, closely=True)
     if instants is None or len(instants.rows) < FEWEST_INSTANTS or not instants.joints:
         return [], []
     expected = expected_of(record, instants, plain.values)

@@ -35,7 +35,7 @@ from aerobat_pin.forces import (
     effort_rows,
     expected_of,
     inputs_between,
-    looked_at,
+    instants_of,
     most_likely_with,
     motion_of,
     points_of,
@@ -82,7 +82,7 @@ def effort_findings(
     free, chosen = record.map.use.free, record.map.robot
     rows = None
     if free is not None or chosen.points or chosen.wrenches:  # else a force that is not sought may be in every row
-        instants = looked_at(record, inputs, FittedValues(), between=free) if free or instants is None else instants
+        instants = instants_of(record, inputs, FittedValues(), between=free) if free or instants is None else instants
         if instants is not None and len(instants.rows):
             expected = expected_of(record, instants, FittedValues()) if expected is None else expected
             rows, _ = _effort_rows(record, instants, expected)
@@ -138,7 +138,7 @@ def _explained(
 
     def formed(inputs: InputsBetween) -> tuple[EffortRows, Instants]:
         """Return the rows of other inputs."""
-        seen = looked_at(record, inputs, FittedValues(), between=free)
+        seen = instants_of(record, inputs, FittedValues(), between=free)
         assert seen is not None  # as the record was
         return _effort_rows(record, seen, expected, rotors, instants.kept)
 
