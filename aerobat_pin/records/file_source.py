@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -68,20 +69,19 @@ def open_by_map(
     _check_complete(chosen, robot, channels)
     if (fault := robot.fault(channels)) is not None:
         raise LogError(f"log {path}: {fault}")
-    start, rate, end, knots = _common_times(path, chosen, channels, columns)
-    _check_stretches(chosen, end - start)
-    parts, dropped = _parts(chosen, columns, channels, start, rate, end, knots)
-    if knots is not None and robot.smooths(channels):
-        start, parts, dropped = float(knots[0]), ((0, len(knots) - 1),), ()
+    times = _common_times(path, chosen, channels, columns)
+    _check_stretches(chosen, times.end - times.start)
+    start, (parts, dropped) = times.start, _parts(chosen, columns, channels, times)
+    if times.knots is not None and robot.smooths(channels):
+        start, parts, dropped = times[0], ((0, len(times) - 1),), ()
     if not parts:
         raise LogError(f"log {path}: no part is left to use: {'; '.join(dropped) or 'it is too short'}")
-    driven = next(
-        (request.joints for request in asked if request.key == "joints.effort" and request.key in channels), ()
-    )
+    joints_of = {request.key: request.joints for request in asked if request.key in channels}
+    driven = joints_of.get("joints.effort", ())
     turned = (item for channel in channels.values() for item in channel.turns.items())
     taken = [f"{joint}: {count} jumps by a full turn are taken out" for joint, count in turned]
     log, notes = replace(columns, values={}), (*columns.notes, *notes, *unsensed, *taken, *dropped)
-    return Record(chosen, robot, channels, joints, driven, start, rate, parts, notes, knots, log, folder)
+    return Record(chosen, robot, channels, joints, driven, start, times.rate, parts, notes, times.knots, log, folder)
 
 
 @guarded()
@@ -159,31 +159,32 @@ def _check_complete(chosen: Map, robot: PlainRobot, channels: dict[str, Channel]
     source = chosen.base.from_
     if not robot.free and source != "measured":
         raise MapError(f'map: base.from = "{source}", but the base is fixed: robot.root = "free_flyer" was expected')
-    if robot.free and not chosen.base.held and source != "measured":
-        if robot.knows_forces:
+    if not robot.free or chosen.base.held:
+        return
+    if source == "measured":
+        if missing := [part for part in ("position", "quaternion") if f"base.{part}" not in channels]:
             raise MapError(
-                f'map: base.from = "{source}" tells the base\'s velocity but for a constant, and not its place; the '
-                f"forces that {robot.title} knows itself, such as its air, depend on them: base.position and "
-                "base.velocity must be measured"
+                f"map: the robot's base is free, but base.{missing[0]} has no columns and no topic; a base that stands "
+                'still is base.held = true, and one that is screwed down robot.root = "fixed"'
             )
-        if source == "joints" and not robot.joints:
-            raise MapError(
-                'map: base.from = "joints" believes the rows of joints alone, and the robot has none: "imu" or '
-                '"measured" was expected'
-            )
-        for part in ("quaternion", "acceleration") if source == "imu" else ("quaternion",):
-            if f"base.{part}" not in channels:
-                why = "gravity is known in its axes alone" if part == "quaternion" else "it gives the velocity"
-                raise MapError(f'map: base.from = "{source}", but base.{part} has no columns and no topic: {why}')
-        if source == "imu" and chosen.log.times == "own":
-            raise MapError('map: base.from = "imu" needs even times: log.times = "even" was expected')
-    elif robot.free and not chosen.base.held:
-        for part in ("position", "quaternion"):
-            if f"base.{part}" not in channels:
-                raise MapError(
-                    f"map: the robot's base is free, but base.{part} has no columns and no topic; a base that stands "
-                    'still is base.held = true, and one that is screwed down robot.root = "fixed"'
-                )
+        return
+    if robot.knows_forces:
+        raise MapError(
+            f'map: base.from = "{source}" tells the base\'s velocity but for a constant, and not its place; the '
+            f"forces that {robot.title} knows itself, such as its air, depend on them: base.position and "
+            "base.velocity must be measured"
+        )
+    if source == "joints" and not robot.joints:
+        raise MapError(
+            'map: base.from = "joints" believes the rows of joints alone, and the robot has none: "imu" or '
+            '"measured" was expected'
+        )
+    for part in ("quaternion", "acceleration") if source == "imu" else ("quaternion",):
+        if f"base.{part}" not in channels:
+            why = "gravity is known in its axes alone" if part == "quaternion" else "it gives the velocity"
+            raise MapError(f'map: base.from = "{source}", but base.{part} has no columns and no topic: {why}')
+    if source == "imu" and chosen.log.times == "own":
+        raise MapError('map: base.from = "imu" needs even times: log.times = "even" was expected')
 
 
 def _check_stretches(chosen: Map, length: float) -> None:
@@ -202,10 +203,27 @@ def _check_stretches(chosen: Map, length: float) -> None:
             raise MapError(f"map: {key} = {list(stretch)}: a stretch within the record's {length:.3g} s was expected")
 
 
-def _common_times(
-    path: Path, chosen: Map, channels: dict[str, Channel], columns: Columns
-) -> tuple[float, float, float, Series | None]:
-    """Return first time [s], rate [Hz] and last time [s] of what all channels share, and times of the record's own."""
+@dataclass(frozen=True)
+class _CommonTimes(Sequence[float]):
+    """The times [s] that all channels share: evenly spaced, or a record's own, of which some before and behind."""
+
+    start: float  # the first one [s]
+    rate: float  # [Hz]
+    end: float  # the last one, at most [s]
+    knots: Series | None  # a record's own
+
+    def __len__(self) -> int:
+        return int(np.floor((self.end - self.start) * self.rate + 1e-6)) + 1 if self.knots is None else len(self.knots)
+
+    def __getitem__(self, index: Any) -> Any:
+        if self.knots is not None:
+            return self.knots[index] if isinstance(index, slice) else float(self.knots[index])
+        at = np.arange(index.start, index.stop) if isinstance(index, slice) else index
+        return self.start + at / self.rate
+
+
+def _common_times(path: Path, chosen: Map, channels: dict[str, Channel], columns: Columns) -> _CommonTimes:
+    """Return the times that all channels share. Raises MapError without channels, LogError for rates and spans."""
     if not channels:
         raise MapError(
             "map: no channel is named: base.held = true and no joints and no known force leave nothing to see"
@@ -233,9 +251,8 @@ def _common_times(
         raise LogError(f"log {path}: {leading.key} has {rate:.3g} samples a second{unit}: at most {most}")
     start = max(channel.time[0] for channel in channels.values())
     end = min(channel.time[-1] for channel in channels.values())
-    if chosen.use.part is not None:
-        origin = start
-        start, end = max(start, origin + chosen.use.part[0]), min(end, origin + chosen.use.part[1])
+    low, high = chosen.use.part or (0.0, np.inf)
+    start, end = max(start, start + low), min(end, start + high)
     if (end - start) * rate < least:
         spans = ", ".join(
             f"{key} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for key, channel in channels.items()
@@ -247,84 +264,67 @@ def _common_times(
             f"log {path}: its stamps go from {start:.6g} to {end:.6g} s at {rate:.4g} samples a second: at most "
             f"{MOST_TIMES / rate:.3g} s were expected; is one of them wrong?"
         )
-    return float(start), float(rate), float(end), knots
+    return _CommonTimes(float(start), float(rate), float(end), knots)
 
 
 def _parts(
-    chosen: Map,
-    columns: Columns,
-    channels: dict[str, Channel],
-    start: float,
-    rate: float,
-    end: float,
-    knots: Series | None,
+    chosen: Map, columns: Columns, channels: dict[str, Channel], times: _CommonTimes
 ) -> tuple[tuple[tuple[int, int], ...], tuple[str, ...]]:
     """Return the parts of the common times that are used, and what was dropped and why."""
-
-    def time_of(index: int) -> float:
-        return start + index / rate if knots is None else float(knots[index])
-
-    count = int(np.floor((end - start) * rate + 1e-6)) + 1 if knots is None else len(knots)
-    least = LEAST_SAMPLES if knots is None else LEAST_OWN
-    outside = set() if knots is None else {(-np.inf, start), (end, np.inf)}
-    notes, missing = list[str](), list[tuple[float, float]]()
+    start, end, own, longest_gap = times.start, times.end, times.knots is not None, chosen.log.longest_gap
+    notes, missing = list[str](), {(-np.inf, start), (end, np.inf)} if own else set[tuple[float, float]]()
     for where, side, row in (("first", 1.0, 0), ("last", -1.0, -1)):
         edges = [(side * float(channel.time[row]), key) for key, channel in channels.items()]
-        if (cut := max(edges)[0] - min(edges)[0]) > chosen.log.longest_gap:
+        if (cut := max(edges)[0] - min(edges)[0]) > longest_gap:
             notes.append(f"the {where} {cut:.3g} s are left out: not all columns of {max(edges)[1]} have samples there")
     for key, channel in channels.items():
-        if (usual := typical_spacing(channel.time)) > chosen.log.longest_gap * (1.0 + STEP_ERROR):
+        if (usual := typical_spacing(channel.time)) > longest_gap * (1.0 + STEP_ERROR):
             notes.append(f"{key}: a sample every {usual:.3g} s, beyond log.longest_gap: interpolated all the same")
         for begin, finish, whose in channel.holes:
             if finish > start and begin < end:
-                missing.append((begin, finish))
+                missing.add((begin, finish))
                 notes.append(
                     f"{whose}: no sample from {begin - start:.3f} to {finish - start:.3f} s ({finish - begin:.2f} s)"
                 )
-    when, level = chosen.use.when, None
-    if when is not None:
-        level = Channel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
     runs, covered, used, begins = list[tuple[int, int]](), 0, 0, sorted(begin for begin, _ in missing)
-    for low, high in _outside(outside | set(missing), time_of, count):
-        time = start + np.arange(low, high) / rate if knots is None else knots[low:high]
+    if (when := chosen.use.when) is not None:
+        level = Channel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
+        least, most = (-np.inf if when.above is None else when.above), (np.inf if when.below is None else when.below)
+    for low, high in _outside(missing, times):
+        time = times[low:high]
         good = np.ones(len(time), bool)
-        if level is not None and when is not None:
-            stamps, values = level.between(time[0], time[-1], extra=2)
-            height = np.interp(time, stamps, values)
-            good = height >= (-np.inf if when.above is None else when.above)
-            good &= height <= (np.inf if when.below is None else when.below)
+        if when is not None:
+            height = np.interp(time, *level.between(time[0], time[-1], extra=2))
+            good = (height >= least) & (height <= most)
         covered, used = covered + len(good), used + int(np.sum(good))
         for first, last in runs_of_true(good):
             follows = runs and runs[-1][1] == low + first - 1
-            if follows and (knots is None or bisect_left(begins, time[0]) == bisect_left(begins, time_of(low - 1))):
+            if follows and (not own or bisect_left(begins, time[0]) == bisect_left(begins, times[low - 1])):
                 runs[-1] = (runs[-1][0], low + last - 1)
             else:
                 runs.append((low + first, low + last - 1))
     trim = (0, 0)
     if when is not None:
-        trim = round(when.trim[0] * rate), round(when.trim[1] * rate)
+        trim = round(when.trim[0] * times.rate), round(when.trim[1] * times.rate)
         share = 1.0 - used / max(covered, 1)
         notes.append(f"use.when {when.column}: {100.0 * share:.0f} % of the record is left out")
     parts = []
-    for first, last in runs:
-        first, last = first + trim[0], last - trim[1]
-        if last - first + 1 >= least:
+    for first, last in ((first + trim[0], last - trim[1]) for first, last in runs):
+        if last - first + 1 >= (LEAST_OWN if own else LEAST_SAMPLES):
             parts.append((first, last))
         elif last > first:
             notes.append(f"a part of {last - first + 1} samples is left out")
     return tuple(parts), tuple(notes)
 
 
-def _outside(
-    missing: Iterable[tuple[float, float]], time_of: Callable[[int], float], count: int
-) -> Iterator[tuple[int, int]]:
+def _outside(missing: Iterable[tuple[float, float]], times: _CommonTimes) -> Iterator[tuple[int, int]]:
     """Yield (first, last), exclusive, of the common times that are in no hole, in pieces of at most `EXTENT`.
 
     A hole costs the same however long it is: one wrong stamp can make it a year.
     """
-    first, times = 0, range(count)
+    first = 0
     for begin, finish in (*sorted(missing), (np.inf, np.inf)):
-        last = bisect_right(times, begin, key=time_of)
+        last = bisect_right(times, begin)
         for low in range(first, last, EXTENT):
             yield low, min(low + EXTENT, last)
-        first = max(first, bisect_left(times, finish, key=time_of))
+        first = max(first, bisect_left(times, finish))
