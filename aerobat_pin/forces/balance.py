@@ -91,6 +91,10 @@ class Balance:
         """Return (n, p) what generalised forces (instants, nv, p) give."""
         return np.asarray(np.einsum("nv,nvp->np", self.project, forces[self.at]))
 
+    def share_of(self, residual: Array) -> float:
+        """Return the sum of squares of a residual (n,), over the needed one."""
+        return float(residual @ residual) / self.size
+
     def beside_friction(self, residual: Array) -> float:
         """Return the sum of squares of a residual (n,) that friction of the joints leaves, over the needed one.
 
@@ -121,7 +125,7 @@ class Balance:
         for j, k in zip(*pair, strict=True):
             change = (self.effort[:, k] - self.effort[:, j])[self.at]
             residual = residual - (self.reach[:, j] - self.reach[:, k]) * change
-        return float(residual @ residual) / self.size
+        return self.share_of(residual)
 
     def of_joints(self, equations: Array) -> tuple[Array, Array]:
         """Return what equations (n,) say about each effort [N m, N], and its weight, (instants, joints) both."""

@@ -67,42 +67,42 @@ def of_free(record: Record, motion: FreeMotion | None, *, beyond: bool, readings
         free = "" if record.map.use.free else "; use.free names a stretch without contact"
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{free}")
         return
-    share, (factors, least) = balance.imbalance(), _least_squares(balance)
-    unfit = float(least @ least) > UNFIT * balance.size
-    idle = UNFIT * share > 1.0 and unfit
+    # Shares of what is needed, in squares, that efforts leave: as mapped, and if something of them is read otherwise.
+    mapped, (factors, remainder) = balance.imbalance(), _least_squares(balance)
+    by_factors = balance.share_of(remainder)
+    idle = UNFIT * mapped > 1.0 and by_factors > UNFIT
     text = (
-        f"weight and motion leave {100.0 * np.sqrt(share):.1f} % of what they need unexplained by "
+        f"weight and motion leave {100.0 * np.sqrt(mapped):.1f} % of what they need unexplained by "
         "efforts and known forces"
     )
     if idle:
         text = "in the rows that unknown forces leave, weight and motion need next to nothing beside what efforts give"
-    if beyond and share < GOOD:
+    if beyond and mapped < GOOD:
         text += ": they fit the angles as they are, also those of joints beyond their limits"
-    yield Finding("effort against motion", "good" if share < GOOD else "note", text, float(np.sqrt(share)), "1")
+    yield Finding("effort against motion", "good" if mapped < GOOD else "note", text, float(np.sqrt(mapped)), "1")
     if beyond:
         yield from _read_otherwise(record, motion, balance, np.ones(len(record.driven)))
         return
-    limbs, signs = limb_pairs(record), _best_signs(balance)
-    joints = joint_pairs(record.robot, record.driven)
-    least_share, pair = min(((balance.imbalance(pair), pair) for pair in [*joints, *limbs]), default=(np.inf, ((), ())))
-    turned = balance.imbalance(signs=signs)
-    zeros, without_zeros = zeros_of_free(record, motion, balance, _left_by_one_number)
-    finding = late_efforts(record, balance, min(turned, float(least @ least) / balance.size, without_zeros))
-    if finding is None and not idle and share > WORTH and not record.map.base.held:
-        finding = turned_base(record, motion, share, min(SWAP * min(turned, without_zeros, least_share), RIGHT_PLACES))
+    signs, pairs = _best_signs(balance), [*joint_pairs(record.robot, record.driven), *limb_pairs(record)]
+    by_signs = balance.imbalance(signs=signs)
+    by_exchange, pair = min(((balance.imbalance(pair), pair) for pair in pairs), default=(np.inf, ((), ())))
+    zeros, by_zeros = zeros_of_free(record, motion, balance, _left_by_one_number)
+    finding = late_efforts(record, balance, min(by_signs, by_factors, by_zeros))
+    if finding is None and not idle and mapped > WORTH and not record.map.base.held:
+        finding = turned_base(record, motion, mapped, min(SWAP * min(by_signs, by_zeros, by_exchange), RIGHT_PLACES))
     if finding is not None:
         yield finding
     if finding is not None or idle:
         return
-    by_factors = float(least @ least) / (SWAP * balance.size)
-    exchanged = share > WORTH and least_share < min(SWAP * share, RIGHT_PLACES, turned, by_factors, without_zeros)
-    most = min(SWAP * least_share if exchanged else np.inf, without_zeros)
+    others = RIGHT_PLACES, by_signs, by_factors / SWAP, by_zeros
+    exchanged = mapped > WORTH and by_exchange < min(SWAP * mapped, *others)
+    most = min(SWAP * by_exchange if exchanged else np.inf, by_zeros)
     findings = list(_read_otherwise(record, motion, balance, signs, most)) if readings else []
     if exchanged and not findings:
-        findings = [swapped(record.driven, "efforts", pair, _share_words(least_share, share))]
-    findings = findings or zeros or list(_factors(record, balance, signs, factors, least))
-    if not findings and unfit and share > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
-        findings = [left_unexplained("no factors, places or zeros", 100.0 * float(np.sqrt(share)))]
+        findings = [swapped(record.driven, "efforts", pair, _share_words(by_exchange, mapped))]
+    findings = findings or zeros or list(_factors(record, balance, signs, factors, remainder))
+    if not findings and by_factors > UNFIT and mapped > max(UNEXPLAINED, ABOVE_NOISE * _white_share(balance)):
+        findings = [left_unexplained("no factors, places or zeros", 100.0 * float(np.sqrt(mapped)))]
     yield from findings
 
 
@@ -115,31 +115,30 @@ def _read_otherwise(
     """
     scaled_efforts = balance.common_factor * balance.given.sum(axis=1)
     residuals = balance.residual, balance.needed - balance.given @ signs, balance.needed - scaled_efforts
-    share, turned, scaled = map(balance.beside_friction, residuals)
-    _, least = _least_squares(balance, balance.rubbing)
-    if min(share, scaled) > max(WELL, ABOVE_NOISE * _white_share(balance)):
-        mapped, needed = JointReading.as_mapped(record), balance.size / len(motion.q)
-        readings = [mapped.otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)]  # as efforts are reversed
-        if turned > WELL or np.all(signs > 0.0):
-            readings.append(reading_of(record, motion, needed))
-        shares = left_by_readings(record, motion, readings, needed)
-        after, reading = min(zip(shares, readings, strict=True), key=lambda each: each[0])
-        factors = float(least @ least) / balance.size  # what they leave, with a number for each joint and friction
-        k, enough = int(np.argmax(np.abs(reading.turn))), LEFT_BY_JOINTS * share
-        if not record.robot.knows_forces:  # else these may be wrong, and are those of the joints as mapped
-            sole = reading == mapped.otherwise([k], reading.turn[k])  # number, which must explain it better than others
-            enough = max(enough, min(EXPLAINED * share, max(factors, _left_by_one_number(balance) if sole else 0.0)))
-        if after < min(enough, RIGHT_PLACES, turned, NO_NUMBERS * factors, most):
-            unsure = " (so much that it may be other joints, or a push)" if after > GOOD else ""
-            yield from reading.told(record, _share_words(after, share) + unsure)
+    mapped, by_signs, by_one_factor = map(balance.beside_friction, residuals)
+    if min(mapped, by_one_factor) <= max(WELL, ABOVE_NOISE * _white_share(balance)):
+        return
+    by_factors = balance.share_of(_least_squares(balance, balance.rubbing)[1])  # a number for each joint and friction
+    as_mapped, needed = JointReading.as_mapped(record), balance.size / len(motion.q)
+    readings = [as_mapped.otherwise(np.flatnonzero(signs < 0.0), sense=-1.0, effort=-1.0)]  # as efforts are reversed
+    if by_signs > WELL or np.all(signs > 0.0):
+        readings.append(reading_of(record, motion, needed))
+    shares = left_by_readings(record, motion, readings, needed)
+    by_reading, reading = min(zip(shares, readings, strict=True), key=lambda each: each[0])
+    k, enough = int(np.argmax(np.abs(reading.turn))), LEFT_BY_JOINTS * mapped
+    if not record.robot.knows_forces:  # else these may be wrong, and are those of the joints as mapped
+        sole = reading == as_mapped.otherwise([k], reading.turn[k])  # number, which must explain it better than others
+        enough = max(enough, min(EXPLAINED * mapped, max(by_factors, _left_by_one_number(balance) if sole else 0.0)))
+    if by_reading < min(enough, RIGHT_PLACES, by_signs, NO_NUMBERS * by_factors, most):
+        unsure = " (so much that it may be other joints, or a push)" if by_reading > GOOD else ""
+        yield from reading.told(record, _share_words(by_reading, mapped) + unsure)
 
 
 def _left_by_one_number(balance: Balance) -> float:
     """Return what the best of one effort's factor, one of all, and the base's mass leaves beside friction."""
     columns = np.column_stack([balance.given, balance.given.sum(axis=1), balance.base])
     tables = [np.column_stack([balance.rubbing, column]) for column in columns.T]
-    residuals = [balance.residual + table @ balance.explained_by(table) for table in tables]
-    return min(float(each @ each) for each in residuals) / balance.size
+    return min(balance.share_of(balance.residual + table @ balance.explained_by(table)) for table in tables)
 
 
 def _share_words(after: float, before: float) -> str:
@@ -185,33 +184,30 @@ def _least_squares(balance: Balance, *more: Array) -> tuple[Array, Array]:
 
 def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, residual: Array) -> Iterator[Finding]:
     """Yield efforts that are reversed, and factors of efforts and of the base's mass that the map does not say."""
-    n = len(record.driven)
+    n, mapped, by_factors = len(record.driven), balance.imbalance(), balance.share_of(residual)
     gain, unsure = _measured_per_needed(balance, signs, balance.needed - balance.given @ signs)
     if np.any(turned := gain + SURE * unsure < 0.0):
         after = balance.beside_friction(balance.needed - balance.given @ np.where(turned, -1.0, 1.0))
         before = balance.beside_friction(balance.residual)
         if after < RIGHT_PLACES * before:
             yield from _reversed(record, gain, np.flatnonzero(turned | np.all(signs < 0.0)))
-        elif balance.imbalance() > 1.0:  # more is left than is needed
-            yield left_unexplained("no signs", 100.0 * float(np.sqrt(balance.imbalance())))
+        elif mapped > 1.0:  # more is left than is needed
+            yield left_unexplained("no signs", 100.0 * float(np.sqrt(mapped)))
         return
-    explained = 1.0 - float(residual @ residual) / max(balance.imbalance() * balance.size, 1e-300)
-    fit = float(residual @ residual) < UNFIT * balance.size  # of white efforts, unlike fast ones, factors leave more
-    if explained < EXPLAINED or (not fit and balance.imbalance() < ABOVE_NOISE * _white_share(balance)):
+    explained = 1.0 - by_factors / max(mapped, 1e-300)
+    fit = by_factors < UNFIT  # of white efforts, unlike fast ones, factors leave more
+    if explained < EXPLAINED or (not fit and mapped < ABOVE_NOISE * _white_share(balance)):
         return
     if not fit and explained < CLEAR:
-        if balance.imbalance() * balance.size < UNFIT * float(np.sum(balance.given**2)):
-            return  # what is needed is small beside efforts that hold each other
-        yield left_unexplained("no factors", 100.0 * float(np.sqrt(residual @ residual / balance.size)))
+        if mapped * balance.size >= UNFIT * float(np.sum(balance.given**2)):  # else efforts hold each other
+            yield left_unexplained("no factors", 100.0 * float(np.sqrt(by_factors)))
         return
-    alone = -float(balance.base @ balance.residual)
-    alone /= max(float(balance.base @ balance.base), 1e-300)
-    heavier, common = balance.residual + balance.base * alone, balance.common_factor
-    stronger, by_mass = balance.needed - common * balance.given.sum(axis=1), float(heavier @ heavier)
-    share = by_mass / max(float(stronger @ stronger), 1e-300)  # left by one mass, over what one factor leaves
-    explains = by_mass < EXPLAINED * float(balance.residual @ balance.residual)
-    agree = fitted[n] * alone > 0.0 and share < EXPLAINED
-    if explains and agree and min(abs(fitted[n]), abs(alone)) > NAMED_MASS:
+    common, mass = balance.common_factor, -float(balance.base @ balance.residual)  # change of the base's, alone
+    mass /= max(float(balance.base @ balance.base), 1e-300)
+    by_mass = balance.share_of(balance.residual + balance.base * mass)
+    by_common = max(balance.share_of(balance.needed - common * balance.given.sum(axis=1)), 1e-300)
+    explains = by_mass < EXPLAINED * min(mapped, by_common) and fitted[n] * mass > 0.0
+    if explains and min(abs(fitted[n]), abs(mass)) > NAMED_MASS:
         what = f"the record wants {1.0 + fitted[n]:.2f} times the believed mass of the base link, or a force on it"
         what += ", or known forces of another size" * bool(record.map.known)  # which carry it in proportion
         yield Finding("mass", "warning", what, 1.0 + float(fitted[n]), "1")
@@ -219,17 +215,16 @@ def _factors(record: Record, balance: Balance, signs: Array, fitted: Array, resi
     factors = 1.0 / np.where(shown == 0.0, np.inf, shown)
     sure = deviation * SURE < np.abs(shown) * np.minimum(1.0, np.maximum(np.abs(1.0 - shown), NAMED))
     off = np.flatnonzero(sure & (np.abs(factors - 1.0) > NAMED))
-    c = float(np.mean(factors[off])) if len(off) else 1.0
-    alike = float(residual @ residual) > EXPLAINED * float(stronger @ stronger)  # no other factors explain far more
-    if len(off) and alike and c * common > 0.0 and abs(common - 1.0) > NAMED:
-        if c < 0.0:
+    mean = float(np.mean(factors[off])) if len(off) else 1.0
+    alike = by_factors > EXPLAINED * by_common  # no other factors explain far more
+    if len(off) and alike and mean * common > 0.0 and abs(common - 1.0) > NAMED:
+        if mean < 0.0:
             yield from _reversed(record, shown, off)
             return
         finding = of_all(record, record.driven, common)
-        if finding.verdict == "warning" and abs(alone) > NAMED_MASS and share * EXPLAINED < 1.0:
-            finding = replace(
-                finding, text=f"{finding.text}; or a force or a load on the base link: the record does not tell which"
-            )
+        if finding.verdict == "warning" and abs(mass) > NAMED_MASS and by_mass * EXPLAINED < by_common:
+            text = f"{finding.text}; or a force or a load on the base link: the record does not tell which"
+            finding = replace(finding, text=text)
         yield finding
         return
     gain, unsure = _measured_per_needed(balance, np.ones(n), balance.residual)

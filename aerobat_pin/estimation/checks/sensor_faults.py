@@ -72,7 +72,7 @@ def _share_and_step(record: Record, balance: Balance, by: float) -> tuple[float,
     others = np.column_stack([balance.rubbing, balance.reach * balance.a[balance.at]])
     both = np.column_stack([others, -np.sum(balance.reach * slope, axis=1)])
     residual = shifted.residual + others @ shifted.explained_by(others)
-    return float(residual @ residual) / balance.size, float(shifted.explained_by(both)[-1])
+    return balance.share_of(residual), float(shifted.explained_by(both)[-1])
 
 
 def felt_of_constant(record: Record, section: KnownSection, q: Array) -> Array | None:
@@ -126,8 +126,7 @@ def zeros_of_free(
     for names in [*([name] for name in columns), *([list(columns)] if len(columns) > 1 else [])]:
         table = np.column_stack([balance.rubbing, *(columns[name] for name in names)])
         fitted = balance.explained_by(table)
-        remainder = balance.residual + table @ fitted
-        share = float(remainder @ remainder) / balance.size
+        share = balance.share_of(balance.residual + table @ fitted)
         if share < (most if len(names) == 1 else LEFT_BY_ZEROS * most):
             ends = np.cumsum([balance.rubbing.shape[1], *(columns[name].shape[1] for name in names)])[:-1]
             most, best = share, dict(zip(names, np.split(fitted, ends)[1:], strict=True))
