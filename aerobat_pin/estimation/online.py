@@ -238,7 +238,7 @@ class OnlineEstimator:
         if not (self._map.robot.points or self._map.robot.wrenches):
             raise MapError("online: robot.points = []: a point at which a force is sought was expected")
         joints, base = self._map.joints, self._map.base
-        sought = self._map.payload is not None and self.robot.payload is None
+        sought = self._map.sought_payload is not None
         if self._map.known or sought or (joints.friction is not None and self._values.friction is None):
             raise MapError(
                 "online: known forces and fits need a whole record; leave them out of the map; friction can come "

@@ -65,16 +65,17 @@ def fit_gains(
         MapError: the record does not show the payload.
     """
     record, robot, values = forces.record, forces.record.robot, forces.values
-    section, payload, ignored = record.map.joints.friction, record.map.payload, ignored_rows(record)
+    section, sought, ignored = record.map.joints.friction, record.map.sought_payload, ignored_rows(record)
     joints = tuple(joint for joint in record.driven if joint not in ignored)
     rows, n = [robot.v_index(joint) for joint in joints], len(joints)
-    sought = payload if payload is not None and payload.com is None else None
+    frame = mass = None
     if sought is not None:
+        frame, mass = sought.frame, sought.mass
         rows += [row for row in AllBut(*ignored).kept(robot.model) if row not in rows]
-    inside, outside = regression(forces, rows, fit, rate, None if sought is None else sought.frame)
+    inside, outside = regression(forces, rows, fit, rate, frame)
     if not inside.samples:
         raise MapError(f"map: fit = {list(fit)}: no used part of the record is there in which a low-pass settles")
-    precision, mass = _precision(values, joints, len(rows), inside.errors), None if sought is None else sought.mass
+    precision = _precision(values, joints, len(rows), inside.errors)
     identified, deviations, untold = np.ones(n, bool), dict[str, float](), dict[str, str]()
     scaled = section is not None and section.scale
     if scaled:
@@ -166,7 +167,7 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
         MapError: efforts or the stretch of the fit are missing, or too short.
     """
     record = forces.record
-    section, payload = record.map.joints.friction, record.map.payload
+    section = record.map.joints.friction
     assert section is not None
     if "joints.effort" not in record.channels:
         raise MapError("map: joints.friction needs joints.effort")
@@ -182,7 +183,7 @@ def fit_joint_friction(forces: KnownForces) -> KnownForces:
     rate, plain = _coulomb_rate(section, inside, _share_taken(record)), outside
     forces = replace(forces, values=replace(forces.values, joints=joints, scale=np.ones(len(joints))))
     deviations, untold = dict[str, float](), dict[str, str]()
-    if section.scale or (payload is not None and payload.com is None):
+    if section.scale or record.map.sought_payload is not None:
         forces, deviations, untold = fit_gains(forces, section.fit, rate)
         inside, outside = _fitted_samples(forces.record, forces, rows, section.fit)
         plain = plain if section.scale else outside  # what a payload explains is no friction

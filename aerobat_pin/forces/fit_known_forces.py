@@ -47,12 +47,12 @@ def fitted_forces(record: Record, learnt: FittedValues | None = None) -> KnownFo
     forces = given_forces(record)
     coefficients, fits = _fit_thrusts(forces)
     values = replace(learnt or FittedValues(), coefficients=forces.values.coefficients | coefficients, fits=fits)
-    forces, payload = replace(forces, values=values), record.map.payload
-    if payload is not None and payload.com is None:
+    forces, payload = replace(forces, values=values), record.map.sought_payload
+    if payload is not None:
         _refuse_the_untellable(record, payload)
     if record.map.joints.friction is not None:
         return fit_joint_friction(forces)
-    if payload is None or payload.com is not None:
+    if payload is None:
         return forces
     stretch = payload.fit or record.map.use.free
     if stretch is None:

@@ -30,8 +30,7 @@ FITTED_SHARE = 0.75  # of the recording, if the map does not say where to fit; t
 
 def fits_anything(chosen: Map) -> bool:
     """Return whether a map asks for a fit."""
-    sought = chosen.payload is not None and chosen.payload.com is None
-    return sought or chosen.joints.friction is not None or fits_thrust(chosen)
+    return chosen.sought_payload is not None or chosen.joints.friction is not None or fits_thrust(chosen)
 
 
 def fits_thrust(chosen: Map) -> bool:
@@ -91,10 +90,9 @@ def _with_law(record: Record, law: str, *, mass: bool) -> tuple[Record, list[Fit
 
 def fitted_stretch(record: Record) -> tuple[float, float]:
     """Return from where to where a record is fitted [s]: what the map says, or the first three quarters."""
-    friction, payload = record.map.joints.friction, record.map.payload
-    stated = [None if friction is None else friction.fit]
-    stated += [None if payload is None or payload.com is not None else payload.fit]
-    return next(filter(None, stated), (0.0, _time_after(record, FITTED_SHARE)))
+    sections = record.map.joints.friction, record.map.sought_payload
+    stated = (section.fit for section in sections if section is not None and section.fit is not None)
+    return next(stated, (0.0, _time_after(record, FITTED_SHARE)))
 
 
 def held_out_stretch(record: Record) -> tuple[float, float]:
@@ -108,8 +106,8 @@ def used_by_fits(record: Record, values: FittedValues, time: Array) -> NDArray[n
     friction, when = record.map.joints.friction, time - record.start
     stretches = [] if friction is None or friction.fit is None else [friction.fit]
     stretches += [fitted_stretch(record)] if values.mass != 1.0 else []
-    payload, free = record.map.payload, record.map.use.free
-    if payload is not None and payload.com is None and friction is None:  # beside friction it is fitted with that
+    payload, free = record.map.sought_payload, record.map.use.free
+    if payload is not None and friction is None:  # beside friction it is fitted with that
         stretches.append(payload.fit or free or (0.0, np.inf))
     shares = [known.fit.part for known in record.map.known.values() if known.fit is not None]
     stretches += [(_time_after(record, low), _time_after(record, high)) for low, high in shares]

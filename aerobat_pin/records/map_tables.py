@@ -247,14 +247,9 @@ class KnownSection(ChannelSection):
 
     @model_validator(mode="after")
     def _law_is_one(self) -> KnownSection:
-        words = self.law.split()
-        good = words == ["wrench"] or (
-            len(words) > 1
-            and words[0] == "polynomial"
-            and {*words[1:]} <= {"1", "2", "3"}
-            and len({*words}) == len(words)
-        )
-        if not good:
+        kind, *powers = self.law.split() or [""]
+        once_each = sorted({*powers} & {"1", "2", "3"}) == sorted(powers)
+        if not (kind == "polynomial" and powers and once_each) and (kind, powers) != ("wrench", []):
             raise ValueError(
                 f'law = "{self.law}": "wrench", or "polynomial" and some of the powers 1, 2 and 3, once each, such as '
                 '"polynomial 1 2"'
@@ -327,3 +322,8 @@ class Map(Section):
     )
     use: UseTable = UseTable()
     observer: ObserverTable = ObserverTable()
+
+    @property
+    def sought_payload(self) -> PayloadSection | None:
+        """The payload, if its centre of mass, and perhaps its mass, are left to a fit."""
+        return None if self.payload is None or self.payload.com is not None else self.payload
