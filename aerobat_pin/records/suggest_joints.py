@@ -28,44 +28,50 @@ LARGEST_RADIANS = 7.0  # of an angle that has an end; beyond, degrees are sugges
 ENDLESS = 100.0  # [rad]: a joint that goes so far turns on
 
 
-def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | None = None) -> Iterator[str]:
-    """Yield the lines of the table `joints`; `step` is the time between samples [s], if it is known."""
+def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | None = None) -> list[str]:
+    """Return the lines of the table `joints`; `step` is the time between samples [s], if it is known."""
     if robot is not None and not robot.joints:
-        return
-    topic = joint_topic(columns)
-    following = {} if robot is None else followers(columns, robot)
+        return []
+    topic, following = joint_topic(columns), {} if robot is None else followers(columns, robot)
     if topic and not following:
-        yield "[joints]"
-        yield (
-            f'topic = "{topic}"  # is its effort a torque in N m? Else effort = '
-            f'{{unit = "A", torque_per_unit = {{...}}}}'
-        )
-        if more := joint_topics(columns)[1:]:
-            yield f"# or {', '.join(more)}? One is read: it has most of the positions and efforts"
-        start = f"{topic}.position."
-        heard = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
-        if heard and not any(name.startswith(f"{topic}.effort.") for name in columns.names):
-            yield "# MISSING: what drives the joints? Without efforts in the topic no row of a joint is believed"
-        joints = () if robot is None else robot.joints
-        alike = nearest_joints((name for name in heard if name not in joints), (j for j in joints if j not in heard))
-        if alike:
-            yield f"{as_names(alike)}  # the robot calls them otherwise: are these the same?"
-        sensed = {*heard, *alike.values()}
-        silent = [joint for joint in joints if joint not in sensed]
-        if 0 < len(silent) < len(joints):
-            places = ", ".join(f"{toml_key(joint)} = 0.0" for joint in silent)
-            yield f"held = {{{places}}}  # do they stand still? The topic says nothing of them"
-        yield ""
-        return
-    if columns.kinds and not topic:
-        if robot is not None:
-            yield "# MISSING: [joints]. No topic is a sensor_msgs/JointState with positions: their columns, or held"
-            yield ""
-        return
-    if robot is None:
-        yield from _without_robot(columns)
-        return
+        lines = [*_joints_of_topic(columns, robot, topic)]
+    elif robot is not None and (topic or not columns.kinds):
+        lines = [*_joints_of_columns(columns, robot, following, step)]
+    elif robot is not None:
+        lines = ["# MISSING: [joints]. No topic is a sensor_msgs/JointState with positions: their columns, or held"]
+    else:
+        lines = [] if columns.kinds else [*_without_robot(columns)]
+    return [*lines, ""] if lines else []
+
+
+def _joints_of_topic(columns: Columns, robot: PlainRobot | None, topic: str) -> Iterator[str]:
+    """Yield the lines about joints whose names, positions and efforts a topic tells."""
+    yield "[joints]"
+    yield (
+        f'topic = "{topic}"  # is its effort a torque in N m? Else effort = {{unit = "A", torque_per_unit = {{...}}}}'
+    )
+    if more := joint_topics(columns)[1:]:
+        yield f"# or {', '.join(more)}? One is read: it has most of the positions and efforts"
+    start = f"{topic}.position."
+    heard = [name.removeprefix(start) for name in columns.names if name.startswith(start)]
+    if heard and not any(name.startswith(f"{topic}.effort.") for name in columns.names):
+        yield "# MISSING: what drives the joints? Without efforts in the topic no row of a joint is believed"
+    joints = () if robot is None else robot.joints
+    alike = nearest_joints((name for name in heard if name not in joints), (j for j in joints if j not in heard))
+    if alike:
+        yield f"{as_names(alike)}  # the robot calls them otherwise: are these the same?"
+    silent = [joint for joint in joints if joint not in {*heard, *alike.values()}]
+    if 0 < len(silent) < len(joints):
+        places = ", ".join(f"{toml_key(joint)} = 0.0" for joint in silent)
+        yield f"held = {{{places}}}  # do they stand still? The topic says nothing of them"
+
+
+def _joints_of_columns(
+    columns: Columns, robot: PlainRobot, following: dict[str, Mimic], step: float | None
+) -> Iterator[str]:
+    """Yield the lines about joints each of which has columns, or follows another one that has."""
     names, parts_of = list(robot.joints), _columns_of(columns, robot)
+    topic = joint_topic(columns)
     as_named = topic is not None or parts_of == columns_by_name(columns, names)
     for name, mimic in following.items():
         parts_of[name] = {part: column for part, column in parts_of[mimic.leader].items() if part != "effort"}
@@ -76,44 +82,28 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         yield '# position = {columns = [...], unit = "rad"}  # which columns are the angles of these joints?'
         yield '# effort = {columns = [...], unit = "N m"}  # and which their torques?'
         yield "# held = {joint = 0.0}  # which stand still?"
-        yield ""
         return
-    whole = {part: [parts_of[name][part] for name in placed if part in parts_of[name]] for part in PART_WORDS}
-    slides = [name for name in placed if robot.slides(name)]
+    columns_of = {part: [parts_of[name][part] for name in placed if part in parts_of[name]] for part in PART_WORDS}
     if not topic and (beside := rivals(columns, parts_of)):
         yield f"# or {', '.join(beside)}? Of a spring or a gear take all columns on the side of the link"
     if not as_named:
         yield "# the columns are not called like the joints: are they in this order?"
     yield f"names = {listed(placed)}"
-    turning, limit = [name for name in placed if name not in slides], robot.model.upperPositionLimit
+    slides, limit = [name for name in placed if robot.slides(name)], robot.model.upperPositionLimit
+    turning = [name for name in placed if name not in slides]
     endless = [name for name in turning if not limit[robot.q_index(name)] < ENDLESS]
     units = dict(_units(columns, parts_of, turning, slides, endless, step))
-    size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in whole["position"])
-    unsure = endless or (turning if size < ENDLESS and not said_unit("position", whole["position"]) else [])
-    asked = f"; {', '.join(unsure)}: radians, or degrees?" if unsure and size > LARGEST_RADIANS else ""
-    yield f"position = {{columns = {listed(whole['position'])}{units['position']}  # the largest is {size:.3g}{asked}"
-    if len(whole["velocity"]) == len(placed):
-        yield f"velocity = {{columns = {listed(whole['velocity'])}{units['velocity']}"
+    places = columns_of["position"]
+    size = max(float(np.nanmax(np.abs(columns.sample(name)))) for name in places)
+    unsure = endless or (turning if size < ENDLESS and not said_unit("position", places) else [])
+    question = f"; {', '.join(unsure)}: radians, or degrees?" if unsure and size > LARGEST_RADIANS else ""
+    yield f"position = {{columns = {listed(places)}{units['position']}  # the largest is {size:.3g}{question}"
+    if len(columns_of["velocity"]) == len(placed):
+        yield f"velocity = {{columns = {listed(columns_of['velocity'])}{units['velocity']}"
     else:
         yield 'velocity = {from = "position", window = 0.02}'
-    driven = [name for name in placed if name not in following]
-    if len(whole["effort"]) == len(driven):
-        unit = said_unit("effort", whole["effort"])
-        if unit in ("A", "mA"):
-            yield f"effort.columns = {listed(whole['effort'])}"
-            yield f'effort.unit = "{unit}"'
-            yield f"# How many N m at the joint for each {unit} (torque constant times gear, with its sign)? Fill in:"
-            yield f"# effort.torque_per_unit = {{{', '.join(f'{toml_key(name)} = ...' for name in driven)}}}"
-        else:
-            yield f'effort = {{columns = {listed(whole["effort"])}{units["effort"]}  # or a current, "A"?'
-    else:
-        lacking = ", ".join(name for name in driven if "effort" not in parts_of[name])
-        efforts = ", ".join(toml_text(parts_of[name].get("effort")) for name in driven)
-        yield f"# MISSING: what drives {lacking}? No column with numbers is called so; without, no row is believed:"
-        unknown = listed(name for name in driven if "effort" not in parts_of[name])
-        yield f"# passive = {unknown}  # or nothing at all?"
-        yield f"# effort = {{columns = [{efforts}]{units['effort']}"
-        yield f"# Or nobody measures it: robot.rows = {{ignore = {unknown}}}, and the columns of the others"
+    driven = {name: parts_of[name].get("effort") for name in placed if name not in following}
+    yield from _effort_lines(driven, columns_of["effort"], units["effort"])
     for key, plain in (("factor", 1.0), ("offset", 0.0)):
         others = {name: value for name, mimic in following.items() if (value := getattr(mimic, key)) != plain}
         if others:
@@ -121,7 +111,7 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
     if len(placed) < len(names):
         unplaced = ", ".join(name for name in names if name not in placed)
         yield f'held = {{"*" = 0.0}}  # do they stand still? {unplaced}'
-    if len(whole["effort"]) == len(driven):
+    if len(columns_of["effort"]) == len(driven):
         yield ""
         yield "# When does nothing touch the robot [s]? There friction can be fitted, and the error bar is seen; or,"
         yield "# without fit, by `aerobat calibrate` of a recording that nobody touched, as all of it:"
@@ -129,7 +119,26 @@ def suggest_joints(columns: Columns, robot: PlainRobot | None, step: float | Non
         yield ""
         yield "[use]"
         yield "# free = [0, 3]"
-    yield ""
+
+
+def _effort_lines(driven: dict[str, str | None], efforts: list[str], unit: str) -> Iterator[str]:
+    """Yield what drives joints: their columns of efforts, as far as there are some, which end with a `unit`."""
+    if len(efforts) == len(driven):
+        current = said_unit("effort", efforts)
+        if current not in ("A", "mA"):
+            yield f'effort = {{columns = {listed(efforts)}{unit}  # or a current, "A"?'
+            return
+        yield f"effort.columns = {listed(efforts)}"
+        yield f'effort.unit = "{current}"'
+        yield f"# How many N m at the joint for each {current} (torque constant times gear, with its sign)? Fill in:"
+        yield f"# effort.torque_per_unit = {{{', '.join(f'{toml_key(name)} = ...' for name in driven)}}}"
+        return
+    lacking = [name for name, column in driven.items() if column is None]
+    joints = ", ".join(lacking)
+    yield f"# MISSING: what drives {joints}? No column with numbers is called so; without, no row is believed:"
+    yield f"# passive = {listed(lacking)}  # or nothing at all?"
+    yield f"# effort = {{columns = [{', '.join(map(toml_text, driven.values()))}]{unit}"
+    yield f"# Or nobody measures it: robot.rows = {{ignore = {listed(lacking)}}}, and the columns of the others"
 
 
 def followers(columns: Columns, robot: PlainRobot) -> dict[str, Mimic]:
@@ -159,7 +168,6 @@ def _without_robot(columns: Columns) -> Iterator[str]:
         whole = {part: [parts[part] for parts in parts_of.values() if part in parts] for part in PART_WORDS}
         some = "; ".join(f"{part} {', '.join(names)}" for part, names in whole.items() if names)
         yield f"# {len(parts_of)} joints? They need a robot, --urdf FILE: {some}"
-        yield ""
 
 
 def _units(
