@@ -124,6 +124,11 @@ def test_a_bag_by_its_headers_and_by_its_recorder(bagged: Path, monkeypatch: pyt
     assert np.max(foot_errors(late, 1.7e9)) > 0.3
     assert any(re.search(r"recorder clock: /joint_states: .* 3\.0 ms late", text) for text in late.warnings)
     assert not any("another clock" in text for text in late.warnings)
+    monkeypatch.setattr(
+        "aerobat_pin.estimation.checks.samples.CLOCK_DELAY", 1.0
+    )  # as of a recorder that is hardly late
+    punctual = record_findings(recorded(one_file, bag_map(bagged / "quadruped.urdf", "recorder")))
+    assert {each.text[-14:] for each in punctual if each.check == "recorder clock"} == {"these are used"}
     missing = bag_map(bagged / "quadruped.urdf") | {"joints": {"topic": "/joint_stats"}}
     with pytest.raises(LogError, match=r"no topic '/joint_stats', which joints\.topic .*did you mean '/joint_states'"):
         recorded(bagged / "walk", missing)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from aerobat_pin.estimation.findings import LOST_SAMPLES, Finding
+from aerobat_pin.estimation.findings import LOST_SAMPLES, Finding, FindingVerdict
 from aerobat_pin.numerics import LATEST_SHIFT, Array
 from aerobat_pin.records import EXTENT, Channel, Clock, Columns, Record, typical_spacing
 
@@ -74,11 +74,7 @@ def sample_findings(record: Record) -> Iterator[Finding]:
 
 def _clocks(columns: Columns) -> Iterator[Finding]:
     """Yield what was dropped because of its stamp, and how the clocks of a bag differ."""
-    delays = {
-        name: np.concatenate(clock.late.spread())
-        for name, clock in columns.clocks.items()
-        if clock.late is not None and len(clock.late)
-    }
+    delays = {name: np.concatenate(clock.late.spread()) for name, clock in columns.clocks.items() if clock.late}
     usual = min((float(np.median(late)) for late in delays.values()), key=abs, default=0.0)
     drifts = {name: _drift(late) for name, late in delays.items()}
     steady = min(drifts.values(), key=abs, default=0.0)
@@ -86,42 +82,45 @@ def _clocks(columns: Columns) -> Iterator[Finding]:
         count = len(clock.time) + clock.repeated + clock.off + clock.backward
         if clock.repeated:
             yield _repeated(name, clock, count)
-        for number, most, words in (
-            (clock.off, MOST_OFF, "have no stamp, or one that does not fit between its neighbours': left out"),
-            (clock.backward, 1.0, "go back in time (a file appended to itself?): dropped"),
-        ):
-            if number:
-                what = f"{name}: {number} of {count} samples {words}"
-                yield Finding(
-                    "time goes back", "refused" if number > most * count else "warning", what, number / count, "1"
-                )
+        if clock.off:
+            what = f"{name}: {clock.off} of {count} samples have no stamp, or one that does not fit between its"
+            verdict: FindingVerdict = "refused" if clock.off > MOST_OFF * count else "warning"
+            yield Finding("time goes back", verdict, f"{what} neighbours': left out", clock.off / count, "1")
+        if clock.backward:
+            what = f"{name}: {clock.backward} of {count} samples go back in time (a file appended to itself?): dropped"
+            yield Finding("time goes back", "warning", what, clock.backward / count, "1")
         if clock.set_back:
             what = f"{name}: the clock was set back {clock.set_back} x; samples stand where their stamps say"
             yield Finding("time goes back", "warning", what, clock.set_back, "1")
         if clock.reordered:
             what = f"{name}: {clock.reordered} of {count} rows stood behind later ones, and were sorted"
             yield Finding("order of rows", "note", what, clock.reordered / count, "1")
-        if name not in delays:
-            continue
-        late = delays[name]
-        middle, scatter = float(np.median(late)), float(np.std(late))
-        text = f"{name}: the recorder's stamps are {1e3 * middle:.1f} ms late and scatter by {1e3 * scatter:.1f} ms"
-        if columns.stamps == "recorder" and max(abs(middle), scatter) > CLOCK_DELAY:
-            yield Finding("recorder clock", "warning", f'{text}; log.clock = "header" avoids it', middle, "s")
-        elif columns.stamps != "recorder" and drifts[name] and abs(drift := drifts[name] - steady) > DRIFT:
-            what = (
-                f"{text}; from the first tenth to the last they drift by {1e3 * drift:.0f} ms against those of other "
-                'topics: its headers seem to have a clock of another rate (in a map: log.clock = "recorder")'
-            )
-            yield Finding("recorder clock", "warning", what, drift, "s")
-        elif columns.stamps != "recorder" and abs(middle - usual) > LATEST_SHIFT:
-            what = (
-                f"{text}, those of other topics {1e3 * usual:.1f} ms: its headers seem to have another clock "
-                f'(in a map: log.clock = "recorder", or delay = {usual - middle:.3f} of what is read from it)'
-            )
-            yield Finding("recorder clock", "warning", what, middle, "s")
-        else:
-            yield Finding("recorder clock", "note", f"{text}; the headers' are used", middle, "s")
+        if name in delays:
+            drift = drifts[name] - steady if drifts[name] else 0.0
+            yield _delay_finding(name, delays[name], usual, drift, recorder_used=columns.stamps == "recorder")
+
+
+def _delay_finding(name: str, late: Array, usual_delay: float, drift: float, *, recorder_used: bool) -> Finding:
+    """Return by how much (n,) [s] the recorder's stamps are later than the headers', and whether that is doubtful."""
+    middle, scatter = float(np.median(late)), float(np.std(late))
+    drifts = not recorder_used and abs(drift) > DRIFT
+    text = f"{name}: the recorder's stamps are {1e3 * middle:.1f} ms late and scatter by {1e3 * scatter:.1f} ms"
+    if recorder_used and max(abs(middle), scatter) > CLOCK_DELAY:
+        text += '; log.clock = "header" avoids it'
+    elif drifts:
+        text += (
+            f"; from the first tenth to the last they drift by {1e3 * drift:.0f} ms against those of other topics: its "
+            'headers seem to have a clock of another rate (in a map: log.clock = "recorder")'
+        )
+    elif not recorder_used and abs(middle - usual_delay) > LATEST_SHIFT:
+        text += (
+            f", those of other topics {1e3 * usual_delay:.1f} ms: its headers seem to have another clock (in a map: "
+            f'log.clock = "recorder", or delay = {usual_delay - middle:.3f} of what is read from it)'
+        )
+    else:
+        text += "; these are used" if recorder_used else "; the headers' are used"
+        return Finding("recorder clock", "note", text, middle, "s")
+    return Finding("recorder clock", "warning", text, drift if drifts else middle, "s")
 
 
 def _drift(late: Array) -> float:
@@ -315,8 +314,7 @@ def _unsealed(path: Path) -> Iterator[Finding]:
     from aerobat_pin.records import mcap_is_sealed  # its module reads bags, and a flight needs none
 
     files = sorted(path.glob("*.mcap")) if os.path.isdir(path) else [path] if path.suffix.lower() == ".mcap" else []
-    bare = [file.name for file in files if not mcap_is_sealed(file)]
-    if bare:
+    if bare := [file.name for file in files if not mcap_is_sealed(file)]:
         yield Finding("checksums", "note", f"{', '.join(bare)} has none: damaged numbers would not be noticed")
 
 
