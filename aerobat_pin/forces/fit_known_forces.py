@@ -126,12 +126,9 @@ def _fit_thrusts(given: KnownForces) -> tuple[dict[str, Array], tuple[Fit, ...]]
         raise MapError(f"map: {names}: fit.part = {list(part)}: {inside.sum()} samples are too few")
     table = np.stack(columns, axis=2)
     solution = np.linalg.lstsq(table[inside].reshape(-1, len(columns)), target[inside].ravel(), rcond=None)[0]
-    residual, coefficients, done = target - table @ solution, dict[str, Array](), 0
-    for kind in kinds:
-        count = len(thrusts[kind[0]].powers)
-        coefficients |= dict.fromkeys(kind, solution[done : done + count])
-        done += count
-    fits = []
+    residual, counts = target - table @ solution, [len(thrusts[kind[0]].powers) for kind in kinds]
+    shared = zip(kinds, np.split(solution, np.cumsum(counts)[:-1]), strict=True)
+    coefficients, fits = {name: values for kind, values in shared for name in kind}, []
     for name, section in thrusts.items():
         shown, remainder = (np.sum(along[name] * force, axis=1) for force in (target, residual))
         spread = shown if inside.all() else shown[~inside]

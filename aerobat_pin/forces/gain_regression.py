@@ -7,6 +7,7 @@ each row counts the less. A joint at rest counts little, as friction there is an
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -248,15 +249,14 @@ def regression(
         known = {record.robot.v_index(joint): size for joint, size in zip(forces.values.joints, sizes, strict=True)}
     friction = 3 * bool(known) if section is None else 4  # rotors have inertia, whether or not the law has
     p, at = errors.shape[1], errors.shape[1] + carrier.stop - carrier.start
-    gain = regression_gain(record)
+    width, gain = at + friction + 2, regression_gain(record)
     settling = round(BOTH_SETTLE * TIME_CONSTANTS_TO_SETTLE / gain * record.rate)
     begin = fit[0] + settling * record.dt
     length = min(LASTS, max((fit[1] - begin) / FEWEST_BLOCKS, record.dt))
-    sums: list[dict[int, Array]] = [{}, {}]
-    counts = [0, 0]
+    sums, counts = [defaultdict[int, Array | float](float) for _ in range(2)], [0, 0]
     for block, *chosen in fitted_blocks(record, fit, MOST_REGRESSED, 2 * settling):
         q, a, v = halfway(record, block), accelerations(block, record), 0.5 * (block.v[1:] + block.v[:-1])
-        table = np.zeros((len(rows), len(a), at + friction + 2))
+        table = np.zeros((len(rows), len(a), width))
         for k in np.flatnonzero(chosen[0] | chosen[1]).tolist():
             Y = pin.computeJointTorqueRegressor(model, data, q[k], v[k], a[k]).reshape(model.nv, -1)[rows]
             table[:, k, :p], table[:, k, p:at] = Y @ errors, Y[:, carrier]
@@ -277,12 +277,12 @@ def regression(
             counts[which] += int(kept.sum())
             for index in np.unique(number[kept]).tolist():
                 part = table[:, kept & (number == index)]
-                summed[index] = summed.get(index, 0.0) + part.transpose(0, 2, 1) @ part
-    shape = (0, len(rows), table.shape[2], table.shape[2])
-    inside, outside = (np.stack(list(summed.values())) if summed else np.zeros(shape) for summed in sums)
+                summed[index] += part.transpose(0, 2, 1) @ part
+    none = np.zeros((0, len(rows), width, width))
+    products = [np.array([*summed.values()]) if summed else none for summed in sums]
     placement = None if body is None else body.placement
     tail = (p, friction, bool(known), placement)
-    return Regression(inside, counts[0], *tail), Regression(outside, counts[1], *tail)
+    return Regression(products[0], counts[0], *tail), Regression(products[1], counts[1], *tail)
 
 
 def _settled(chosen: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:

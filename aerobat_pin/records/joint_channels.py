@@ -94,21 +94,21 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
             continue
         unit, delay = (None, 0.0) if section is None else (section.unit, section.delay)
         whose = whose if len(names) == len(whose) else driven
-        factor = np.full(len(names), factor_of(key, unit, kind))
+        factor_of(key, unit, kind)  # refuses a unit, whether or not a joint has it
         given = {*coupled, *(table.effort.torque_per_unit if table.effort and part == "effort" else ())}
         slide_unit, slides = getattr(section, "slide_unit", None), [robot.slides(joint) for joint in whose]
         others = [False for _ in whose] if slide_unit else _of_other_kind(part, unit, robot, whose, given)
+        stated = [None if other else (slid and slide_unit) or unit for slid, other in zip(slides, others, strict=True)]
         if part == "effort":
             if table.effort is not None:
                 _check_torques(table.effort, whose, sensed)
-            factor[:] = [torque_per_unit(table.effort, joint) for joint in whose]
-        elif slide_unit:
-            factor[slides] = factor_of(key, slide_unit, kind)
-        factor[others] = 1.0
-        units = []
-        for joint, slid, other in zip(whose, slides, others, strict=True):
-            joint_unit = (slide_unit if slid else unit) if slide_unit else None if other else unit
-            units.append(joint_unit or ("" if slid and {joint, "*"} & given else SI_UNITS[part][slid]))
+            factor = np.where(others, 1.0, [torque_per_unit(table.effort, joint) for joint in whose])
+        else:
+            factor = np.array([factor_of(key, joint_unit, kind) for joint_unit in stated])
+        units = [
+            joint_unit or ("" if slid and {joint, "*"} & given else SI_UNITS[part][slid])
+            for joint, slid, joint_unit in zip(whose, slides, stated, strict=True)
+        ]
         mix, turns = None, list[float]()
         shift: float | Array = 0.0
         if geared:

@@ -89,8 +89,7 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     if check := list(_suggest_check(columns, groups)):
         lines += ["[check]", *check, ""]
     if free and not columns.kinds:
-        model = None if built is None else built.model
-        lines += suggest_rotors(columns, model, groups.get("rotors", ()), "\n".join(lines))
+        lines += suggest_rotors(columns, built and built.model, groups.get("rotors", ()), "\n".join(lines))
     gain = min(GAIN, SHARE_OF_RATE / spacing) if spacing else GAIN
     lines += [
         "[observer]",
@@ -126,31 +125,25 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
         for match in filter(None, (stem.match(humps_apart(UNIT_BEHIND.sub("", name))) for stem in STEMS)):
             key = match["stem"].lower(), match["tail"].lower()
             axes_of.setdefault(key, {})[match["axis"].lower()] = name
-    taken, turns = set[str](), ""
-    further = itertools.count(2)  # numbers of force sensors
-    for (stem, tail), axes in sorted(
-        axes_of.items(), key=lambda item: not any(word in item[0][0] for word in ("imu", "gyro"))
-    ):
+    taken, turns, numbers = set[str](), "", itertools.count(2)  # of force sensors
+    for (stem, tail), axes in sorted(axes_of.items(), key=lambda item: not re.search("imu|gyro", item[0][0])):
         of_tool = TOOL_WORDS & {*re.split(r"[ _.]", stem + tail)}
-        for kind, words in GROUP_WORDS.items():
-            if of_tool and kind != "force":
-                continue
+        for kind in GROUP_WORDS:
             needed = "xyzw" if kind == "quaternion" else "xyz"
-            said = re.split(r"[ _.]", stem.rstrip("_ ."))
-            last = said[-2] if said[-1] == "w" and {*said[-2:-1]} & WORLD_BEHIND else said[-1]
-            first = re.split(r"[ _.]", stem)[0] if kind == "force" else last  # as in F_ext_x
-            exact = {first, last} & set(words) or (
-                len(last) > 2 and any(len(word) > 2 and word in stem for word in words)
-            )
-            first_of_kind = kind not in taken and (kind == "quaternion" or "w" not in axes or tail)
-            if kind == "force" and exact and set(re.split(r"[_ .]", stem)) & ROTOR_WORDS and set(needed) <= set(axes):
-                yield "rotors", tuple(axes[axis] for axis in needed)
-                break
-            if set(needed) <= set(axes) and exact and (first_of_kind or kind == "force"):
-                taken |= {kind} if first_of_kind else set()
+            if (of_tool and kind != "force") or not {*needed} <= {*axes} or not _is_called(stem, kind):
+                continue
+            names = tuple(axes[axis] for axis in needed)
+            if kind == "force" and {*re.split(r"[ _.]", stem)} & ROTOR_WORDS:
+                yield "rotors", names
+            elif kind not in taken and (kind == "quaternion" or "w" not in axes or tail):
+                taken.add(kind)
                 turns = stem if kind == "quaternion" else turns
-                yield kind if first_of_kind else f"force {next(further)}", tuple(axes[axis] for axis in needed)
-                break
+                yield kind, names
+            elif kind == "force":
+                yield f"force {next(numbers)}", names
+            else:
+                continue
+            break
     if "position" not in taken:  # odom_x beside odom_qx, unless it is a tool's
         for (stem, _), axes in axes_of.items():
             beside = stem and turns.startswith(stem) and not TOOL_WORDS & set(re.split(r"[_ .]", stem))
@@ -159,6 +152,14 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
                 break
     if "quaternion" not in taken:
         yield from (("quaternion", names) for names in _numbered_by_four(columns) if _is_attitude(columns, names))
+
+
+def _is_called(stem: str, kind: str) -> bool:
+    """Return whether a group's name says what it is, by its last word, or a longer one in it; a force by its first."""
+    words, parts = GROUP_WORDS[kind], re.split(r"[ _.]", stem.rstrip("_ ."))
+    last = parts[-2] if parts[-1] == "w" and {*parts[-2:-1]} & WORLD_BEHIND else parts[-1]
+    first = re.split(r"[ _.]", stem)[0] if kind == "force" else last  # as in F_ext_x
+    return bool({first, last} & {*words}) or (len(last) > 2 and any(len(word) > 2 and word in stem for word in words))
 
 
 def _numbered_by_four(columns: Columns) -> Iterator[tuple[str, ...]]:
