@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -89,32 +90,18 @@ def instants_of(
     observer = MomentumObserver(model, points_of(record.map), float(record.map.observer.gain), rows)
     every = max(sum(len(stretch.tau) for stretch in stretches) // (times * WEIGHED), 1)
     pieces = [_series_of(record, stretch, observer, values, every) for stretch in stretches]
-    series = {name: np.concatenate([piece[name] for piece in pieces], axis=-2) for name in pieces[0]}
+    series: dict[str, Any] = {name: np.concatenate([piece[name] for piece in pieces], axis=-2) for name in pieces[0]}
     kept = rows.kept(model) if isinstance(rows, AllBut) else list(range(model.nv))
     driven = [joint for joint in record.driven if robot.v_index(joint) in kept]
     joints = [joint for joint in driven if values.friction is None or joint not in values.joints]
-    sliding = series["sliding"]
-    sliding[:, np.setdiff1d(range(model.nv), [robot.v_index(joint) for joint in driven])] = 1.0
-    return Instants(
-        time=series["time"][:, 0],
-        q=series["q"],
-        v=series["v"],
-        rows=series["rows"],
-        jacobians=observer.applications.jacobian(series["q"]),
-        kept=kept,
-        joints=joints,
-        at=[kept.index(robot.v_index(joint)) for joint in joints],
-        sliding=sliding[:, kept],
-        columns=series["columns"][..., kept],
-        rates=series["rates"][:, kept],
-        around=series["around"][..., kept],
-        past=(series["past q"], series["past v"]),
-        known={name: series[f"known {name}"] for name in record.map.known},
-        every=every,
-        effort=column_rms(series["effort"]),
-        needed=column_rms(series["needed"]),
-        noise=column_rms(series["noise"]),
-    )
+    series["sliding"][:, np.setdiff1d(range(model.nv), [robot.v_index(joint) for joint in driven])] = 1.0
+    past = tuple(series.pop(f"past {name}") for name in "qv")
+    known = {name: series.pop(f"known {name}") for name in record.map.known}
+    series |= {name: series[name][..., kept] for name in ("sliding", "columns", "rates", "around")}
+    series |= {name: column_rms(series[name]) for name in ("effort", "needed", "noise")}
+    series |= {"time": series["time"][:, 0], "jacobians": observer.applications.jacobian(series["q"])}
+    at = [kept.index(robot.v_index(joint)) for joint in joints]
+    return Instants(**series, past=past, known=known, kept=kept, joints=joints, at=at, every=every)
 
 
 def _series_of(

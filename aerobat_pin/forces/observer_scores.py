@@ -193,8 +193,8 @@ def score_table(observers: Mapping[str, ObserverScores]) -> ScoreTable:
                 rows.append({**cells, MEDIAN_DEVIATION: component.certainty(say)})
     always = all(row.get("rms where seen") == row["error rms"] for row in rows)
     hidden = {"R2 where seen", "rms where seen"} if always else set()
-    header = tuple(dict.fromkeys(key for row in rows for key, cell in row.items() if cell != "-" and key not in hidden))
-    header = (*(key for key in header if key != MEDIAN_DEVIATION), *(key for key in header if key == MEDIAN_DEVIATION))
+    keys = dict.fromkeys(key for row in rows for key, cell in row.items() if cell != "-" and key not in hidden)
+    header = tuple(sorted(keys, key=MEDIAN_DEVIATION.__eq__))  # the median comes last
     return header, [tuple(row.get(key, "-") for key in header) for row in rows]
 
 

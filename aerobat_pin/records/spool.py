@@ -109,10 +109,10 @@ class Series:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
         return np.asarray(self[:], dtype)
 
-    def pieces(self) -> Iterator[Array]:
-        """Yield all rows, at most `EXTENT` at once."""
+    def pieces(self, beyond: int = 0) -> Iterator[Array]:
+        """Yield all rows, at most `EXTENT` at once, and with each so many beyond them, which come again."""
         for first in range(0, len(self), EXTENT):
-            yield self[first : first + EXTENT]
+            yield self[first : first + EXTENT + beyond]
 
     def index(self, value: float, side: str = "left") -> int:
         """Return where a value belongs in an increasing series (n,), as `numpy.searchsorted` does."""

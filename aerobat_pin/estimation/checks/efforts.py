@@ -79,24 +79,12 @@ def effort_findings(
     if record.robot.free:
         yield from of_free(record, motion(inputs) if motion else motion_of(record, inputs), beyond=beyond)
         return
-    free, chosen = record.map.use.free, record.map.robot
-    rows = None
-    if free is not None or chosen.points or chosen.wrenches:  # else a force that is not sought may be in every row
-        instants = instants_of(record, inputs, FittedValues(), between=free) if free or instants is None else instants
-        if instants is not None and len(instants.rows):
-            expected = expected_of(record, instants, FittedValues()) if expected is None else expected
-            rows, _ = _effort_rows(record, instants, expected)
-    if (
-        instants is None
-        or rows is None
-        or expected is None
-        or not rows.driven
-        or rows.forces.shape[1] >= rows.y.shape[1]
-    ):
-        how = "" if free else "; use.free names a stretch without contact"
+    testing = _testing_instants(record, inputs, instants, expected)
+    if testing is None:
+        how = "" if record.map.use.free else "; use.free names a stretch without contact"
         yield Finding("effort against motion", "note", f"unknown forces leave no row to check efforts by{how}")
         return
-    explained = partial(_explained, record, inputs, instants, expected, beyond)
+    explained = partial(_explained, record, inputs, *testing, beyond)
     share, independent, causes, hidden = explained()
     text = f"forces and friction leave {100.0 * np.sqrt(share):.1f} % of what weight and motion need"
     if beyond and share < GOOD:
@@ -114,6 +102,22 @@ def effort_findings(
     if beyond or share < UNEXPLAINED or independent > WHITE:
         return
     yield left_unexplained("no factors, delay or places", 100.0 * share**0.5)
+
+
+def _testing_instants(
+    record: Record, inputs: InputsBetween, instants: Instants | None, expected: Expected | None
+) -> tuple[Instants, Expected] | None:
+    """Return instants by which efforts are checked, and what is expected of them; None if forces leave no row."""
+    free = record.map.use.free
+    if free is None and not points_of(record.map):
+        return None  # a force that is not sought may be in every row
+    if free or instants is None:
+        instants = instants_of(record, inputs, FittedValues(), between=free)
+    if instants is None or not len(instants.rows):
+        return None
+    expected = expected or expected_of(record, instants, FittedValues())
+    rows, _ = _effort_rows(record, instants, expected)
+    return (instants, expected) if rows.driven and rows.forces.shape[1] < rows.y.shape[1] else None
 
 
 def _explained(

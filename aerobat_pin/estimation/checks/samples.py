@@ -178,8 +178,7 @@ def channel_findings(
 def _changes(channel: Channel) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return whether samples (n - 1,) differ from the one before, and whether they are zero where this may last."""
     may_rest, differs, rests = rests_at_zero(channel.key), [np.zeros(0, bool)], [np.zeros(0, bool)]
-    for begin in range(0, len(channel.values) - 1, EXTENT):
-        values = channel.values[begin : begin + EXTENT + 1]
+    for values in channel.values.pieces(beyond=1):
         differs.append(np.any(np.diff(values, axis=0) != 0.0, axis=1))
         rests.append(np.all(values[1:] == 0.0, axis=1) & may_rest)
     return np.concatenate(differs), np.concatenate(rests)
@@ -205,12 +204,11 @@ def _dead_efforts(record: Record, efforts: Channel, positions: Channel) -> Itera
 def _stuck_efforts(record: Record, efforts: Channel, positions: Channel) -> Iterator[Finding]:
     """Yield efforts that do not change for long in a used part while their joints move, and other efforts change."""
     ranges = np.ptp(np.concatenate(positions.values.spread()), axis=0)
-    firsts = range(0, max(len(efforts.values) - 1, 1), EXTENT)
-    whole = np.concatenate([np.diff(efforts.values[at : at + EXTENT + 1], axis=0) != 0.0 for at in firsts])
+    differs = np.concatenate([np.diff(values, axis=0) != 0.0 for values in efforts.values.pieces(beyond=1)])
     for part in record.parts:
         low, high = (record.times(edge, edge)[0] for edge in part)
         begin, stop = efforts.time.index(low), efforts.time.index(high, "right")
-        time, changed = efforts.time[begin:stop], whole[begin : stop - 1]
+        time, changed = efforts.time[begin:stop], differs[begin : stop - 1]
         for joint, changes in zip(record.driven, changed.T, strict=True):
             edges = np.concatenate([[0], np.flatnonzero(changes) + 1, [len(changes)]])
             at = int(np.argmax(np.diff(edges)))
@@ -250,9 +248,8 @@ def _cut_off_efforts(record: Record, efforts: Channel, positions: Channel) -> It
 
 def _constant(channel: Channel) -> NDArray[np.bool_]:
     """Return whether each column never changes."""
-    values = channel.values
-    parts = [values[begin : begin + EXTENT] for begin in range(0, len(values), EXTENT)]
-    return np.asarray(np.all([np.all(part == values[0], axis=0) for part in parts], axis=0))
+    first = channel.values[0]
+    return np.asarray(np.all([np.all(values == first, axis=0) for values in channel.values.pieces()], axis=0))
 
 
 def _held(changed: NDArray[np.bool_]) -> bool:
