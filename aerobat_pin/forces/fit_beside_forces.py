@@ -177,26 +177,26 @@ def _fitted(
     """
     record, robot, kept, at, n = forces.record, forces.record.robot, instants.kept, instants.at, len(instants.at)
     y, J, error = instants.rows[:, kept], instants.jacobians[:, :, kept], expected.row_error[kept]
-    sought = wide is not None and kept[0] == 0  # factors, by rows of the base
+    offset = float(np.linalg.norm(robot.model.gravity.linear)) * tilt_of(record.map)  # [m/s2] of an accelerometer
+    by_base = wide is not None and kept[0] == 0  # rows of the base are believed, and tell factors
+    limits, kinds = effort_limits(robot.model, [kept[k] for k in at]), [0, 1, 2] if rotors else [0, 1]
+    expected_of_kind = np.array([np.inf, np.inf, np.inf, EFFORT_ERROR])
+
+    def likely(rows: Array, size: Array, kinds: list[int]) -> tuple[Array, Array, Array, Array]:
+        x, known = instants.columns[kinds][:, :, at], expected_of_kind[kinds]
+        series = rows[:, kept], x, known, J, at, instants.sliding
+        return most_likely(*series, size, error, offset=robot.mass * offset * by_base, limits=limits)
+
     factors: Array = np.zeros(n)
     unsure: Array = np.zeros(len(kept))
-    offset = float(np.linalg.norm(robot.model.gravity.linear)) * tilt_of(record.map)  # [m/s2] of an accelerometer
-    limits = effort_limits(robot.model, [kept[k] for k in at])
-
-    def likely(rows: Array, size: Array, *more: int) -> tuple[Array, Array, Array, Array]:
-        kinds = [0, 1, *([2] if rotors else []), *more]
-        x, known = instants.columns[kinds][:, :, at], np.array([np.inf, np.inf, np.inf, EFFORT_ERROR])[kinds]
-        series = rows[:, kept], x, known, J, at, instants.sliding
-        return most_likely(*series, size, error, offset=robot.mass * offset * sought, limits=limits)
-
     rows = instants.rows
-    if wide is not None and sought:
-        (*_, factors), _, unsure, _ = likely(rows, wide, 3)
+    if wide is not None and by_base:
+        (*_, factors), _, unsure, _ = likely(rows, wide, [*kinds, 3])
         rows = instants.without(np.stack([*np.zeros((3, n)), factors])).rows
-    b, size, alone, error_rms = likely(rows, force)
-    unsure = np.maximum(unsure, alone)
-    coulomb, viscous, inertia = b[0], b[1], b[2] if rotors else np.zeros(n)
-    if wide is not None and not sought:
+    b, size, unsure_of_friction, error_rms = likely(rows, force, kinds)
+    unsure = np.maximum(unsure, unsure_of_friction)
+    coulomb, viscous, inertia = b if rotors else (*b, np.zeros(n))
+    if wide is not None and not by_base:
         rows = instants.without(np.stack([coulomb, viscous, inertia, factors])).rows
         acceleration = UNKNOWN_SPEED / (len(y) * instants.every * record.dt) + offset
         least = robot.mass * row_scale(robot.model)[:6] * acceleration
@@ -204,11 +204,10 @@ def _fitted(
         G = SJ @ np.linalg.inv(np.swapaxes(J, 1, 2) @ SJ + np.diag(size * error**2))
         efforts, attitude = instants.columns[3], rotation_matrices(instants.q[:, 3:7])
         d, sigma = factors_by_balance(rows, instants.jacobians, G, kept, efforts, attitude, least, EFFORT_ERROR)
-        unsure += np.mean((efforts * sigma) ** 2, axis=0)
-        factors = d[at]
+        unsure, factors = unsure + np.mean((efforts * sigma) ** 2, axis=0), d[at]
     level = 1.0 if wide is not None else max(1.0, float(np.mean(size)))
     noise = np.sqrt((size * error**2 + unsure) / level)
-    before, zero, slid = column_rms(y), np.zeros(n), np.abs(instants.sliding[:, at]).max(axis=0)
+    before, slid = column_rms(y), np.abs(instants.sliding[:, at]).max(axis=0)
     fits = [
         Fit(
             f"friction of {joint}{BESIDE}",
@@ -226,7 +225,7 @@ def _fitted(
     return replace(
         forces.values,
         joints=tuple(instants.joints),
-        friction=JointFriction(coulomb, viscous, inertia, zero, float(expected.stiction_rate.max())),
+        friction=JointFriction(coulomb, viscous, inertia, np.zeros(n), float(expected.stiction_rate.max())),
         scale=1.0 + factors,
         row_noise=dict(zip([names[row] for row in kept], noise.tolist(), strict=True)),
         doubt=level,

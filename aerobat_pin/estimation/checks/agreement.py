@@ -184,17 +184,18 @@ def reading_findings(
     low, gain = (UPWARD, UPWARD) if specific_force is not None else (-UPWARD, 2.0 * UPWARD)
     low = -np.inf if weightless else low
     shares, misfit, upward = dict[Reading, Array](), dict[Reading, float](), dict[Reading, float]()
-    for reading, turns in attitudes.items():
-        agreements = pairs(turns)
+
+    def judge(reading: Reading, agreements: list[Agreement]) -> None:
         shares[reading] = share = _shares(agreements)
         misfit[reading] = float(np.linalg.norm(share)) / max(len(share), 1) ** 0.5
-        upward[reading] = _upward(turns, specific_force)
-        fits = len(share) > 0 and misfit[mapped] < CERTAINLY_FITS and upward[mapped] > low
-        if reading == mapped:
-            seem = [_other_way(pair) for pair in agreements]
-            if fits or any(alone for _, alone in seem):
-                others = []
-                break
+        upward[reading] = _upward(attitudes[reading], specific_force)
+
+    judge(mapped, agreements := pairs(attitudes[mapped]))
+    seem = [_other_way(pair) for pair in agreements]
+    fits = len(shares[mapped]) > 0 and misfit[mapped] < CERTAINLY_FITS and upward[mapped] > low
+    others = [] if fits or any(alone for _, alone in seem) else others
+    for reading in others:
+        judge(reading, pairs(attitudes[reading]))
     moving, worst = len(shares[mapped]) > 0, np.maximum(WORSE * shares[mapped], WORSE_FROM)
     text = (
         f"read as {_words(mapped)}, it leaves {misfit[mapped]:.2g} of the motion and points up by {upward[mapped]:.2f}"

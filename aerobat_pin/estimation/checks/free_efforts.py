@@ -131,7 +131,7 @@ def _read_otherwise(
         enough = max(enough, min(EXPLAINED * mapped, max(by_factors, _left_by_one_number(balance) if sole else 0.0)))
     if by_reading < min(enough, RIGHT_PLACES, by_signs, NO_NUMBERS * by_factors, most):
         unsure = " (so much that it may be other joints, or a push)" if by_reading > GOOD else ""
-        yield from reading.told(record, _share_words(by_reading, mapped) + unsure)
+        yield from reading.findings(record, _share_words(by_reading, mapped) + unsure)
 
 
 def _left_by_one_number(balance: Balance) -> float:

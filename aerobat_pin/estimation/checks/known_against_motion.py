@@ -241,7 +241,7 @@ def thrust_order_findings(record: Record, forces: KnownForces) -> Iterator[Findi
     if not record.robot.free or len(names) < 2:
         return
     ends = record.spread(LOOKED_AT, least=settling_intervals(record))
-    stretches = [_stretch(record, forces, names, *each) for each in ends]
+    stretches = [_rows_and_thrusts(record, forces, names, *each) for each in ends]
     if not stretches:
         return
     y, q, needed, thrusts = (np.concatenate(each, axis=-2) for each in zip(*stretches, strict=True))
@@ -294,7 +294,7 @@ def _likeliest(unlikely: Callable[[Sequence[int]], float], count: int) -> list[i
         order, least = other, best
 
 
-def _stretch(
+def _rows_and_thrusts(
     record: Record, forces: KnownForces, names: Sequence[str], first: int, last: int
 ) -> tuple[Array, Array, Array, Array]:
     """Return y (m, nv), q (m, nq), what the motion needs (m, nv), and thrusts (n, n, m, nv) by others' commands.

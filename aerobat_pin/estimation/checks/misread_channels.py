@@ -207,7 +207,7 @@ def _joint_findings(
     """Return what is found, None if the rest of the turn is too far."""
     changed = _joint_changed(read)
     if changed is None:
-        return read.told(record, leaves)
+        return read.findings(record, leaves)
     k, turn, sense, effort = changed
     hidden = record.robot.slides(record.driven[k]) or explanation.deviation[0] > REST_AT_MOST
     rest = 0.0 if hidden else -float(explanation.size[0])
@@ -215,7 +215,9 @@ def _joint_findings(
         return None
     if effort != sense:
         return [reversed_effort(record.driven[k], -1.0)]
-    return read.otherwise([k], rest).told(record, leaves) if sense < 0.0 or abs(turn + rest) >= SMALLEST_TURN else None
+    return (
+        read.otherwise([k], rest).findings(record, leaves) if sense < 0.0 or abs(turn + rest) >= SMALLEST_TURN else None
+    )
 
 
 def _anew(

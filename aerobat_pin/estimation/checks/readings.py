@@ -76,7 +76,7 @@ class JointReading:
         as_read[-1][:, at_v] = self.effort * effort[:, at_v[order]]
         return as_read
 
-    def told(self, record: Record, leaves: str) -> list[Finding]:
+    def findings(self, record: Record, leaves: str) -> list[Finding]:
         """Return what that says of the map, and what it leaves."""
         names, table = record.driven, record.map.joints
         findings, alike = list[Finding](), dict[tuple[float, float], list[str]]()
