@@ -47,7 +47,7 @@ class Stance:
     sure: float
 
     def numbers(self) -> dict[str, object]:
-        """Return it as `metrics.json` holds it."""
+        """Return the contacts as `metrics.json` holds them."""
         last = [None if np.isnan(end) else float(end) for end in self.end]
         return {
             "contacts": [list(pair) for pair in zip(self.onset.tolist(), last, strict=True)],
@@ -71,7 +71,7 @@ def contact_probability(force: Array, deviation: Array, weight: float) -> Array:
 
 
 class ContactWatch:
-    """The same, while forces arrive: which of some points are in contact.
+    """Which of some points are in contact, as `touching` says it of a record, decided while forces arrive.
 
     Args:
         weight: of the robot [N].

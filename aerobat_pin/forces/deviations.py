@@ -250,7 +250,7 @@ def recent_noise(components: Array) -> Array:
 
 @kernel
 def raise_to_noise(components: Array, recent: Array, deviation: Array) -> None:
-    """Do the same in a stream: move `recent` (RECENT, c) and raise deviations (c,) to the noise."""
+    """Do in a stream what `recent_noise` does: move `recent` (RECENT, c), and raise deviations (c,) to the noise."""
     for j in range(components.shape[0]):
         change = components[j]
         for i in range(DIFFERENCE):
@@ -293,7 +293,7 @@ def without_lag(estimate: Estimate, deviation: Array) -> Array:
 
 @kernel
 def add_lag_of_filter(components: Array, kept: float, behind: Array, deviation: Array) -> None:
-    """Do the same in a stream: move filters `behind` (LAGS + 1, c), which keep e^-K dt, and enlarge deviations (c,).
+    """Do in a stream what `lag_of_filter` does: move filters `behind` (LAGS + 1, c), which keep e^-K dt.
 
     The last one is behind a constant of one: how far an observer has risen; a Kalman filter has so from the start.
     """

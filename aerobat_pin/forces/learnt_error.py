@@ -247,6 +247,7 @@ def _flight_terms(
     centre: Array,
     scale: Array,
 ) -> _Flight:
+    """Return a flight's error and what may explain it, by discrete sine transform, below the highest harmonic."""
     from scipy.fft import dst
 
     count = len(target)

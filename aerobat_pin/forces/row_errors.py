@@ -144,7 +144,7 @@ class SharedError:
 
     @property
     def by_weight(self) -> Array:
-        """The same (k,) where weight that is wrong by a tenth of a link's at most told the factors of efforts."""
+        """As `deviation` (k,), where weight, wrong by a tenth of a link's at most, told the factors of efforts."""
         share = min(self.size, ERROR_OF_MASS) * np.linalg.norm(self.masses) / np.sum(self.masses)
         return np.hypot(self.deviation, share * self.carried)
 

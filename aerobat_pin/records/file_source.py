@@ -205,7 +205,7 @@ def _check_stretches(chosen: Map, length: float) -> None:
 
 @dataclass(frozen=True)
 class _CommonTimes(Sequence[float]):
-    """The times [s] that all channels share: evenly spaced, or a record's own, of which some before and behind."""
+    """The times [s] that all channels share: evenly spaced, or a record's own, some of which may lie outside."""
 
     start: float  # the first one [s]
     rate: float  # [Hz]

@@ -227,6 +227,7 @@ def _effort_rows(
     rotors: bool = False,
     compared: Sequence[int] | None = None,
 ) -> tuple[EffortRows, Instants]:
+    """Return the rows of joints that slide, or of those compared, beside the forces sought; and instants of these."""
     instants = _in_motion(instants, compared)
     driven = [place for _, place in driven_rows(record, instants)]
     J = Applications(record.robot.model, points_of(record.map)).jacobian(instants.past[0][instants.weighed])

@@ -151,9 +151,7 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
         felt = felt @ (body @ _sensor_turn(record, "check.specific_force")).T
     attitudes = _attitudes(record, time, measured)
     weightless = record.robot.weightless
-    misread = list(
-        reading_findings(attitudes, lambda attitude: [pair(attitude) for pair in evidence], felt, weightless)
-    )
+    misread = [*reading_findings(attitudes, lambda attitude: [pair(attitude) for pair in evidence], felt, weightless)]
     yield from misread
     if any(finding.warns for finding in misread):
         return
@@ -224,6 +222,7 @@ def _sensor_turn(record: Record, key: str) -> Array:
 
 
 def _turns(time: Array, gyro: Array, in_world: bool, latest: float, attitude: Array) -> Agreement:
+    """Return that the turns of an attitude (m, 4) must agree with the rates (m, 3) of a gyro in body or world axes."""
     return Agreement(
         "gyro against attitude",
         ("attitude", "gyro"),
@@ -240,6 +239,7 @@ def _turns(time: Array, gyro: Array, in_world: bool, latest: float, attitude: Ar
 
 
 def _steps(time: Array, position: Array, velocity: Array, in_world: bool, latest: float, attitude: Array) -> Agreement:
+    """Return that a position (m, 3) must agree with a velocity (m, 3) in world axes, or in those of an attitude."""
     return Agreement(
         "position against velocity",
         ("position", "velocity"),

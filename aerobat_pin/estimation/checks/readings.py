@@ -46,7 +46,7 @@ class JointReading:
     def otherwise(
         self, joints: Iterable[int], turn: float = 0.0, sense: float = 1.0, effort: float = 1.0
     ) -> JointReading:
-        """Return the same, some joints turned by an angle [rad], the other way round, or their efforts."""
+        """Return this reading with some joints turned by an angle [rad], the other way round, or their efforts."""
         turns, senses, efforts = list(self.turn), list(self.sense), list(self.effort)
         for k in joints:
             turns[k] = _within_a_turn(turn + sense * turns[k])
@@ -55,11 +55,11 @@ class JointReading:
         return replace(self, turn=tuple(turns), sense=tuple(senses), effort=tuple(efforts))
 
     def exchanged(self, pair: Exchange) -> JointReading:
-        """Return the same, with the columns of two joints, or limbs, in each other's place."""
+        """Return this reading with the columns of two joints, or limbs, in each other's place."""
         return self.moved([*pair[0], *pair[1]], [*pair[1], *pair[0]])
 
     def moved(self, joints: Iterable[int], others: Iterable[int]) -> JointReading:
-        """Return the same, some joints having the columns that others have."""
+        """Return this reading with some joints having the columns that others have."""
         order = list(self.order)
         for k, other in zip(joints, others, strict=True):
             order[k] = self.order[other]
@@ -77,7 +77,7 @@ class JointReading:
         return as_read
 
     def findings(self, record: Record, leaves: str) -> list[Finding]:
-        """Return what that says of the map, and what it leaves."""
+        """Return what the map would have to say to be read so, in findings that tell what it `leaves`."""
         names, table = record.driven, record.map.joints
         findings, alike = list[Finding](), dict[tuple[float, float], list[str]]()
         moved = [k for k, other in enumerate(self.order) if k != other]
