@@ -117,6 +117,7 @@ from .row_errors import checked_share as checked_share
 from .row_errors import shared_error as shared_error
 from .row_errors import spare_share as spare_share
 from .run_observers import LEAST_EXPECTED as LEAST_EXPECTED
+from .run_observers import believed_rows as believed_rows
 from .run_observers import blocks_of as blocks_of
 from .run_observers import built_observers as built_observers
 from .run_observers import ignored_rows as ignored_rows

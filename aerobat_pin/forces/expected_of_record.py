@@ -11,7 +11,7 @@ import pinocchio as pin
 from aerobat_pin.forces.contacts import END_SHARE, walks_on
 from aerobat_pin.forces.instants import Instants, column_rms
 from aerobat_pin.forces.known_forces import FittedValues
-from aerobat_pin.forces.run_observers import points_of, rows_of
+from aerobat_pin.forces.run_observers import believed_rows, points_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import (
     SHARE_OF_WEIGHT,
@@ -48,8 +48,7 @@ def expected_of(record: Record, instants: Instants, values: FittedValues) -> Exp
     A force is expected to be a third of the weight, or larger if that makes the record more likely. Where no row is to
     spare, nothing tells friction that nobody knows from a force: what it can explain of a row counts among its errors.
     """
-    robot, points = record.robot, points_of(record.map)
-    rows, _ = rows_of(record.map, robot, record.joints, record.channels)
+    robot, points, rows = record.robot, points_of(record.map), believed_rows(record)
     expected = expected_from(robot, rows, values, points, instants.effort, instants.needed)
     if not points or not len(instants.rows):
         return expected
@@ -201,6 +200,6 @@ def carried_by_rows(model: pin.Model) -> Array:
 
 def no_less(record: Record, errors: Mapping[str, float]) -> dict[str, float]:
     """Return errors of rows [N or N m], found while unknown forces pushed, none of them less than `least_row_error`."""
-    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
-    least = zip(row_names(record.robot.model), least_row_error(record.robot.model, rows).tolist(), strict=True)
+    model = record.robot.model
+    least = zip(row_names(model), least_row_error(model, believed_rows(record)).tolist(), strict=True)
     return {row: max(errors[row], size) for row, size in least if row in errors}

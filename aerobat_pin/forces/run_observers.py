@@ -94,20 +94,22 @@ def built_observers(
     names = (tuple(names) or chosen.observer.names) if points else ("momentum",)  # all others need a point
     if wrong := [name for name in names if name not in OBSERVERS] or [""] * (not names):
         raise MapError(f"map: observer.names = {list(names)}: {did_you_mean(wrong[0], OBSERVERS, 'choose from')}")
-    section, observers = chosen.observer, []
+    section, observers, sizes = chosen.observer, [], {} if expected is None else {"expected": expected}
     for name in names:
-        settings = section.settings(name)
-        if expected is not None:
-            settings = {**settings, "expected": expected}
-        observers.append(OBSERVERS[name](robot.model, points, section.gain, rows, **settings))
+        observers.append(OBSERVERS[name](robot.model, points, section.gain, rows, **section.settings(name), **sizes))
         if errors_known and isinstance(observers[-1], KalmanObserver):
             observers[-1].trust_model(ADDED_MISFIT * scale_of_forces(robot.model))
     return observers
 
 
+def believed_rows(record: Record) -> Rows:
+    """Return the rows of a record's robot that are believed."""
+    return rows_of(record.map, record.robot, record.joints, record.channels)[0]
+
+
 def ignored_rows(record: Record) -> tuple[str, ...]:
     """Return the joints, and parts of the base, whose rows are not believed."""
-    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    rows = believed_rows(record)
     return rows.names if isinstance(rows, AllBut) else () if rows == "all" else record.robot.joints
 
 
@@ -133,8 +135,7 @@ def rows_of(
         notes.append("the base's motion is not measured, its velocity counts as 0: its six rows are not believed")
     if robot.free and chosen.base.held and not any(f"{row}.".startswith("base.") for row in ignored):
         plate = any(not known.powers for known in chosen.known.values())
-        frames = (*chosen.robot.points, *chosen.robot.wrenches)
-        model = robot.model
+        model, frames = robot.model, (*chosen.robot.points, *chosen.robot.wrenches)
         if not plate and not any(model.frames[frame_id(model, frame)].parentJoint == 1 for frame in frames):
             ignored.append("base")
             notes.append("what holds the base is not measured: its six rows are not believed")
@@ -210,7 +211,7 @@ def _estimate_of(
 
 def inputs_between(record: Record, forces: KnownForces) -> Callable[[int, int], KnownInputs]:
     """Return the function of first and last index, in one part of a record, that gives an observer's inputs there."""
-    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    rows = believed_rows(record)
     if not record.robot.remembers:
         return lambda first, last: inputs_of(record, first, last, forces, rows)
 

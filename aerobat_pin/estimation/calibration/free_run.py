@@ -18,6 +18,7 @@ from aerobat_pin.forces import (
     TINY,
     KnownForces,
     KnownInputs,
+    believed_rows,
     burst_noise,
     column_rms,
     expected_of,
@@ -28,7 +29,6 @@ from aerobat_pin.forces import (
     point_label,
     points_of,
     quantity,
-    rows_of,
     spare_share,
 )
 from aerobat_pin.numerics import Array
@@ -79,11 +79,6 @@ class FreeRun:
         return cls(record, forces, stretch, inputs, residual_at_once(model, inputs), condition, moving_weight(model))
 
     @property
-    def name(self) -> str:
-        """Name of the record."""
-        return self.record.title
-
-    @property
     def frames(self) -> tuple[str, ...]:
         """Points at which contacts would be sought."""
         return (*self.record.map.robot.points, *self.record.map.robot.wrenches)
@@ -128,7 +123,7 @@ def free_runs(record: Record, forces: KnownForces, within: tuple[float, float] =
 
 
 def _inputs(record: Record, forces: KnownForces, stretch: tuple[int, int]) -> KnownInputs:
-    return inputs_of(record, *stretch, forces, rows_of(record.map, record.robot, record.joints, record.channels)[0])
+    return inputs_of(record, *stretch, forces, believed_rows(record))
 
 
 def residual_at_once(model: pin.Model, inputs: KnownInputs) -> Array:
@@ -142,8 +137,8 @@ def unexpected(run: FreeRun) -> Iterator[str]:
     redundancy = run.judged()
     if redundancy.verdict == "inconsistent":
         yield (
-            f"{run.name}: {force_size(redundancy.belief)} a row are left unexplained: did the motion change, or are "
-            "the torques so noisy? A free run was expected"
+            f"{run.record.title}: {force_size(redundancy.belief)} a row are left unexplained: did the motion change, "
+            "or are the torques so noisy? A free run was expected"
         )
 
 
@@ -165,7 +160,8 @@ def pushes(run: FreeRun) -> Iterator[str]:
             f"{time[a]:.2f} to {time[b + 1]:.2f} s" for a, b in zip(firsts[:MOST_TOLD], lasts, strict=False)
         )
         more = f" and {len(firsts) - MOST_TOLD} more times" if len(firsts) > MOST_TOLD else ""
-        yield f"{run.name}: something pushed, most from {times}{more}, with up to {force_size(float(size.max()))} a row"
+        largest = force_size(float(size.max()))
+        yield f"{run.record.title}: something pushed, most from {times}{more}, with up to {largest} a row"
 
 
 def _lasts(run: FreeRun) -> bool:

@@ -111,7 +111,7 @@ def calibrate(
     runs = [] if to_sensor else _runs_of(forces)
     for run in runs:
         if run.condition is not None and run.condition.turns < FEWEST_TURNS:
-            turned = f"{run.name}: {run.condition.turns:.1f} turns of {run.condition.cycle}"
+            turned = f"{run.record.title}: {run.condition.turns:.1f} turns of {run.condition.cycle}"
             raise CalibrationError(f"{turned}: {FEWEST_TURNS:g} or more were expected")
     if runs:
         notes.append(f"as {'fitted' if fitted else 'believed'}: {_sizes(runs)} unexplained")

@@ -32,6 +32,7 @@ from aerobat_pin.forces import (
     KnownInputs,
     accelerations,
     balance_of,
+    believed_rows,
     column_rms,
     command_sum,
     expected_from,
@@ -40,7 +41,6 @@ from aerobat_pin.forces import (
     motion_of,
     points_of,
     required_torque,
-    rows_of,
     settled_instants,
     settling_intervals,
     unit_direction,
@@ -245,8 +245,7 @@ def thrust_order_findings(record: Record, forces: KnownForces) -> Iterator[Findi
     if not stretches:
         return
     y, q, needed, thrusts = (np.concatenate(each, axis=-2) for each in zip(*stretches, strict=True))
-    weigh, robot = slice(None, None, max(len(y) // WEIGHED, 1)), record.robot
-    rows, _ = rows_of(record.map, robot, record.joints, record.channels)
+    weigh, robot, rows = slice(None, None, max(len(y) // WEIGHED, 1)), record.robot, believed_rows(record)
     kept = rows.kept(robot.model) if isinstance(rows, AllBut) else list(range(robot.model.nv))
     size = column_rms(needed)
     expected = expected_from(robot, rows, FittedValues(), points_of(record.map), 0.0 * size, size)

@@ -19,10 +19,10 @@ from aerobat_pin.forces import (
     KnownForces,
     PairedEstimate,
     StoredEstimate,
+    believed_rows,
     column_rms,
     command_sum,
     rms_in,
-    rows_of,
     settled,
     unit_direction,
 )
@@ -293,7 +293,7 @@ def _reason(record: Record, estimate: StoredEstimate, at: int, component: int) -
         return "no row shows it"
     index = int(np.clip(round(record.index_after(time - record.start)), 0, record.parts[-1][1] - 1))
     q = record.block(index, index + 1).q[0]
-    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
+    rows = believed_rows(record)
     kept = rows.kept(record.robot.model) if isinstance(rows, AllBut) else slice(None)
     J = Applications(record.robot.model, head.frames).jacobian(q)[:, kept]
     _, levers, directions = np.linalg.svd(J.T, full_matrices=True)

@@ -30,9 +30,9 @@ from aerobat_pin.forces import (
     Instants,
     KnownForces,
     StoredEstimate,
+    believed_rows,
     checked_share,
     points_of,
-    rows_of,
     settled,
     shared_error,
     short_label,
@@ -84,8 +84,7 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
 def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tuple[Array, Array, Array]:
     """Return starts (n,) [s] of means of rows over their errors, these means and squares of speeds (n, k)."""
     model, piece, done = record.robot.model, max(1, round(LEANS_FOR * record.rate / PIECES)), 0
-    rows, _ = rows_of(record.map, record.robot, record.joints, record.channels)
-    observer = MomentumObserver(model, points_of(record.map), float(record.map.observer.gain), rows)
+    observer = MomentumObserver(model, points_of(record.map), float(record.map.observer.gain), believed_rows(record))
     by_load = 0.0 if record.robot.free else EFFORT_ERROR
     believed, applications, stretches = observer.believed, observer.applications, list[tuple[Array, Array, Array]]()
     for first, last in record.parts:
