@@ -749,6 +749,14 @@ def test_times_of_a_map_count_from_the_first_common_sample(table: Logged) -> Non
     assert errors[0] == pytest.approx(errors[1], rel=0.01)
 
 
+def test_an_error_bar_of_moments_has_their_unit(table: Logged) -> None:
+    """Of an arm without points, whose rows are in N m: the largest was said in N."""
+    folder, whole = table
+    changes = {"joints.friction": None, "use.free": [1.0, 3.0], "robot.points": []}
+    result = estimate(recorded_at("even", folder, whole[whole.t < 4.0], **changes), trust=True)
+    assert [each.unit for each in result.findings if each.check == "stretch without contact"] == ["N m"]
+
+
 def test_accelerations_are_those_of_uneven_stamps(table: Logged) -> None:
     """Of an arm that is logged at 100 Hz, then at 500 Hz; the mass was 1.2 times the believed one, without rotors."""
     folder, whole = table

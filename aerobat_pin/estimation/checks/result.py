@@ -249,8 +249,8 @@ def _free_stretch(record: Record, estimates: Mapping[str, StoredEstimate]) -> It
             for label, size, unit in zip(labels, sizes, units, strict=True)
             if np.isfinite(size)
         )
-        text = f"{name} finds {words} rms where nothing touches the robot: its error bar"
-        yield Finding("stretch without contact", "note", text, float(np.nanmax(sizes)), "N")
+        text, largest = f"{name} finds {words} rms where nothing touches the robot: its error bar", np.nanargmax(sizes)
+        yield Finding("stretch without contact", "note", text, float(sizes[largest]), units[largest])
 
 
 def seen_findings(record: Record, forces: KnownForces, estimates: Mapping[str, StoredEstimate]) -> Iterator[Finding]:
