@@ -38,11 +38,13 @@ def renamed_joints(names: tuple[str, ...] | dict[str, str]) -> dict[str, str]:
 
 def nearest_joints(heard: Iterable[str], joints: Iterable[str]) -> dict[str, str]:
     """Return name in the topic -> the joint with the most similar name, each once, as far as names are alike."""
-    plain_names = {re.sub("[^a-z0-9]", "", name.lower()): name for name in heard}
-    nearest = {}
+
+    def plain(name: str) -> str:
+        return re.sub("[^a-z0-9]", "", name.lower().removesuffix("_joint"))
+
+    plain_names, nearest = {plain(name): name for name in heard}, {}
     for joint in joints:
-        plain = re.sub("[^a-z0-9]", "", joint.lower().removesuffix("_joint"))
-        for close in difflib.get_close_matches(plain, plain_names, n=1, cutoff=LIKENESS):
+        for close in difflib.get_close_matches(plain(joint), plain_names, n=1, cutoff=LIKENESS):
             nearest[plain_names.pop(close)] = joint
     return nearest
 

@@ -33,6 +33,7 @@ from aerobat_pin.forces.stored_estimate import some_intervals
 from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import Record, Spool, parse_map, series_of, suggested_map
 from aerobat_pin.records.columns import GrowingTable, in_order
+from aerobat_pin.records.joint_names import nearest_joints
 from aerobat_pin.records.resample import neighbour_rates, without_turns
 from aerobat_pin.records.spool import Series, typical_spacing
 from aerobat_pin.visualization import draw_estimation, draw_unexplained
@@ -488,6 +489,8 @@ def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -
     text = suggested_map(tmp_path / "bag", tmp_path / "arm.urdf")
     assert 'names = {"Turn 1" = "turn", "Lift 2" = "lift"}' in text
     assert "# topic /broken is sensor_msgs/msg/Imu: left out" in text  # one message of it is damaged
+    both = [[f"{start}_{k}_joint" for k in range(7)] for start in ("lwr_arm", "lwr")]  # of what all end in nothing counts
+    assert nearest_joints(*both) == dict(zip(*both, strict=True))
     chosen = parse_map({**arm_map(), "joints": {"names": {"Turn 1": "turn"}, "position": {"columns": ["q"]}}}, "-")
     with pytest.raises(MapError, match=r"joints\.names is a table, which renames joints of joints\.topic"):
         recorded(tmp_path / "bag", chosen)
