@@ -15,7 +15,7 @@ from aerobat_pin.numerics import guarded, runs_of_true
 from aerobat_pin.records.block import Channel
 from aerobat_pin.records.channels import base_requests, channel_of, check_same_rows, further_requests, named_columns
 from aerobat_pin.records.columns import Columns
-from aerobat_pin.records.joint_channels import requests_of, with_efforts_there
+from aerobat_pin.records.joint_channels import requests_of, with_efforts_there, without_failed_readings
 from aerobat_pin.records.joint_names import as_names, listed_joints, nearest_joints, renamed_joints
 from aerobat_pin.records.map_file import load_map, without_absent
 from aerobat_pin.records.map_tables import Map
@@ -61,6 +61,7 @@ def open_by_map(
     chosen = without_absent(chosen, columns)
     joints, notes = _sensed_joints(chosen, robot, columns)
     chosen, asked, unsensed = with_efforts_there(chosen, requests_of(chosen, robot, joints), columns.values)
+    columns = without_failed_readings(asked, columns)
     if chosen.log.times == "own":
         for request in asked:
             check_same_rows(request, columns)

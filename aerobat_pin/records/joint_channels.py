@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.numerics import Array
@@ -17,9 +18,12 @@ from aerobat_pin.records.channels import (
     factor_of,
     further_requests,
 )
+from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.joint_names import listed_joints, renamed_joints
 from aerobat_pin.records.map_tables import EffortSection, JointsTable, Map
+from aerobat_pin.records.resample import failed_readings
 from aerobat_pin.records.robots import PlainRobot
+from aerobat_pin.records.spool import series_of
 
 JOINT_KINDS = {"position": "angle", "velocity": "rate", "effort": "torque"}
 CURRENTS = ("A", "mA", "1")  # units that are no torque
@@ -59,6 +63,25 @@ def with_efforts_there(
         if without:
             notes.append(f"no effort of {', '.join(without)} is recorded: no such row is believed")
     return chosen, requests, notes
+
+
+def without_failed_readings(asked: Sequence[Request], columns: Columns) -> Columns:
+    """Return the columns of a log without the rows of joints where the reading of one's position failed, and a note."""
+    failed, said = dict[str, NDArray[np.intp]](), ""
+    for request in (each for each in asked if each.key == "joints.position"):
+        for name, joint, turn in zip(request.names, request.joints, request.turns, strict=True):
+            clock, values = columns.clock_of.get(name, ""), np.asarray(columns.values.get(name, ()))
+            if len(rows := failed_readings(values, turn)):
+                said = said or f"at {columns.clocks[clock].time[rows[0]]:.10g} s {joint} shows {values[rows[0]]:g}"
+                failed[clock] = np.union1d(failed.get(clock, rows), rows)
+    series = dict(columns.values)
+    for name in {name for each in asked if each.key.startswith("joints.") for name in each.names} & {*series}:
+        if columns.clock_of[name] in failed:
+            values = series[name][:]
+            values[failed[columns.clock_of[name]]] = np.nan
+            series[name] = series_of(series[name].spool, values)
+    text = f"{sum(map(len, failed.values()))} readings of joints jump away and back, as where one failed: left out"
+    return replace(columns, values=series, notes=(*columns.notes, *[f"{text} ({said})"] * bool(failed)))
 
 
 def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> Iterator[Request]:

@@ -14,6 +14,7 @@ import itertools
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from aerobat_pin.numerics import Array, runs_of_true
 from aerobat_pin.records.spool import EXTENT, Series, typical_spacing
@@ -21,6 +22,8 @@ from aerobat_pin.records.spool import EXTENT, Series, typical_spacing
 FINEST = 8  # even times for each uneven one, at most
 HOLE = 2.5  # usual steps of a channel, which a hole is longer than
 CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])  # times a unit quaternion x, y, z, w: the inverse turn
+FAILED_AWAY, FAILED_STEPS = 0.25, 20.0  # of a joint's range, usual steps: from which a jump away and back is no motion
+FAILED_AT_ONCE, MOST_FAILED = 3, 0.1  # equal samples of such a reading, and share of all, at most
 NEAR_TURN = 0.25  # of a turn: a joint turns less from sample to sample, and a jump by a full turn is as near to one
 
 
@@ -138,6 +141,26 @@ def without_turns(time: Series, values: Series, turn: float, longest: float) -> 
         piece = values[first : first + EXTENT]
         whole.append(piece + shifts[np.searchsorted(at, np.arange(first, first + len(piece)), side="right")])
     return whole, len(at)
+
+
+def failed_readings(values: Array, turn: float) -> NDArray[np.intp]:
+    """Return the rows of positions (n,) at which a joint jumps away and at once back: a reading that failed.
+
+    Jumps by a full turn, `turn` in the unit of the positions or 0, are none. Equal neighbours count as one sample.
+    """
+    filled = np.flatnonzero(np.isfinite(values))
+    runs = np.flatnonzero(np.diff(values[filled], prepend=np.nan) != 0.0)
+    places, last = values[filled][runs], np.append(runs[1:], len(filled))
+    if len(places) < 4:
+        return runs[:0]
+    steps = np.diff(places)
+    steps -= turn * np.round(steps / turn) if turn else 0.0
+    least = max(FAILED_AWAY * float(np.ptp(places)), FAILED_STEPS * float(np.median(np.abs(steps))))
+    away = np.minimum(np.abs(steps[:-1]), np.abs(steps[1:])) > least
+    away &= np.abs(steps[:-1] + steps[1:]) < FAILED_AWAY * np.abs(steps[:-1])
+    away &= (last - runs)[1:-1] <= FAILED_AT_ONCE
+    rows = [filled[runs[k] : last[k]] for k in (1 + np.flatnonzero(away)).tolist()]
+    return np.concatenate(rows) if 0 < sum(map(len, rows)) <= MOST_FAILED * len(filled) else runs[:0]
 
 
 def holes(time: Series, longest: float) -> list[tuple[float, float]]:

@@ -34,7 +34,7 @@ from aerobat_pin.observers import JointFriction
 from aerobat_pin.records import Record, Spool, parse_map, series_of, suggested_map
 from aerobat_pin.records.columns import GrowingTable, in_order
 from aerobat_pin.records.joint_names import nearest_joints
-from aerobat_pin.records.resample import neighbour_rates, without_turns
+from aerobat_pin.records.resample import failed_readings, neighbour_rates, without_turns
 from aerobat_pin.records.spool import Series, typical_spacing
 from aerobat_pin.visualization import draw_estimation, draw_unexplained
 from aerobat_pin.visualization.figures.record import draw_motion
@@ -489,7 +489,7 @@ def test_joints_of_a_topic_can_be_renamed(swing: pd.DataFrame, tmp_path: Path) -
     text = suggested_map(tmp_path / "bag", tmp_path / "arm.urdf")
     assert 'names = {"Turn 1" = "turn", "Lift 2" = "lift"}' in text
     assert "# topic /broken is sensor_msgs/msg/Imu: left out" in text  # one message of it is damaged
-    both = [[f"{start}_{k}_joint" for k in range(7)] for start in ("lwr_arm", "lwr")]  # of what all end in nothing counts
+    both = [[f"{start}_{k}_joint" for k in range(7)] for start in ("lwr_arm", "lwr")]  # what all end in does not count
     assert nearest_joints(*both) == dict(zip(*both, strict=True))
     chosen = parse_map({**arm_map(), "joints": {"names": {"Turn 1": "turn"}, "position": {"columns": ["q"]}}}, "-")
     with pytest.raises(MapError, match=r"joints\.names is a table, which renames joints of joints\.topic"):
@@ -655,6 +655,23 @@ def test_a_stream_takes_full_turns_out_as_a_record_does(turning: pd.DataFrame, t
                 estimates += stream.push(time, {name: row[name] for name in chosen})
         found.append(np.array([list(one.components.values()) for one in estimates]))
     np.testing.assert_allclose(found[1], found[0], atol=1e-6)
+
+
+def test_readings_that_failed_are_left_out(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """As a bus leaves them: -pi and zeros in a row or three. Checks saw slow rates, and forces were up to 68 N off."""
+    table, failed = swing.copy(), [100, 400, 401, 402, 700]
+    table.loc[failed, COLUMNS] = -np.pi
+    table.loc[failed, [name for name in table if name.endswith(("_v", "_i"))]] = 0.0
+    record, whole = opened(table, tmp_path), opened(swing, tmp_path)
+    text = f"5 readings of joints jump away and back, as where one failed: left out (at {swing.t[100]:.10g} s turn"
+    assert any(note.startswith(text) for note in record.notes)
+    np.testing.assert_allclose(record.block(0, 999).q, whole.block(0, 999).q, atol=2e-3)
+    found, true = (estimate(each, trust=True).estimates["force_level"].components for each in (record, whole))
+    np.testing.assert_allclose(found, true, atol=0.2)
+    gripper, noise = np.repeat([0.0, 1.0, 0.0, 1.0, 0.0], 200), np.random.default_rng(1).normal(size=1000)
+    turned = swing.turn_q.to_numpy() + 2.0 * np.pi * np.isin(np.arange(1000), failed)
+    for values in (gripper, noise, np.sign(noise), turned):
+        assert not len(failed_readings(values, 2.0 * np.pi))
 
 
 def test_steps_that_grow_to_a_full_turn_are_no_jump() -> None:
