@@ -33,6 +33,7 @@ TIME = re.compile(
     r"[(\[]?(s|sec|ms|us|ns)?[)\]]?$",
     re.IGNORECASE,
 )
+MOMENTS = ("base.Mx", "base.My", "base.Mz")
 UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
 GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
 STEMS = [  # as in vel_x_world, and velocity_x: what is read of a name counts where all its axes are there
@@ -79,6 +80,8 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     lines += _robot(columns, known, free)
     if built is not None and (following := followers(columns, built)):
         lines.append(f"rows = {{ignore = {listed(following)}}}  # they follow other joints, whose motors move them")
+    elif built is None or not built.joints:
+        lines.append(f"rows = {{ignore = {listed(MOMENTS)}}}  # are all moments on the body known? Then leave this out")
     lines += ["", "[log]"]
     spacing = _spacing_of_lead(columns)
     if not columns.kinds and not str(log).lower().endswith(NETCDF):
@@ -178,7 +181,6 @@ def _is_attitude(columns: Columns, names: tuple[str, ...]) -> bool:
 
 def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
     if known is None:
-        rows = 'rows = {ignore = ["base.Mx", "base.My", "base.Mz"]}'
         return [
             "[robot]",
             "# MISSING: which robot? A file, or a name (--urdf FILE, or NAME, with --suggest):",
@@ -186,7 +188,6 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
             "# or one rigid body by its numbers, kg and kg m2:",
             "#   body = {mass = ..., inertia = [..., ..., ...]}",
             'points = ["body"]  # where may something push?',
-            f"{rows}  # are all moments on the body known? Then leave this out",
         ]
     path = urdf_of(known, Path()) or Path(known.mjcf or "")
     model = model_of_file(path, mjcf=known.mjcf is not None, free=free)
