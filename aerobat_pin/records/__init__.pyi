@@ -54,6 +54,7 @@ from .reference import Reference as Reference
 from .reference import TrueEvent as TrueEvent
 from .resample import HOLE as HOLE
 from .resample import NEAR_TURN as NEAR_TURN
+from .resample import longest_holes as longest_holes
 from .resample import sampled as sampled
 from .resample import sampled_turns as sampled_turns
 from .resample import slopes as slopes

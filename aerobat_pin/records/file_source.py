@@ -21,7 +21,7 @@ from aerobat_pin.records.map_file import load_map, without_absent
 from aerobat_pin.records.map_tables import Map
 from aerobat_pin.records.read import read_columns
 from aerobat_pin.records.record import Record
-from aerobat_pin.records.resample import rate_beside_holes
+from aerobat_pin.records.resample import longest_holes, rate_beside_holes
 from aerobat_pin.records.robot_files import robot_of_map
 from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import EXTENT, Series, typical_spacing
@@ -255,9 +255,7 @@ def _common_times(path: Path, chosen: Map, channels: dict[str, Channel], columns
     low, high = chosen.use.part or (0.0, np.inf)
     start, end = max(start, start + low), min(end, start + high)
     if (end - start) * rate < least:
-        spans = ", ".join(
-            f"{key} {channel.time[0]:.3f} to {channel.time[-1]:.3f} s" for key, channel in channels.items()
-        )
+        spans = ", ".join(f"{key} {each.time[0]:.3f} to {each.time[-1]:.3f} s" for key, each in channels.items())
         count = LEAST_SAMPLES if knots is None else LEAST_OWN
         raise LogError(f"log {path}: its channels have less than {count} samples in common: {spans}")
     if (end - start) * rate > MOST_TIMES:
@@ -281,12 +279,13 @@ def _parts(
     for key, channel in channels.items():
         if (usual := typical_spacing(channel.time)) > longest_gap * (1.0 + STEP_ERROR):
             notes.append(f"{key}: a sample every {usual:.3g} s, beyond log.longest_gap: interpolated all the same")
-        for begin, finish, whose in channel.holes:
-            if finish > start and begin < end:
-                missing.add((begin, finish))
-                notes.append(
-                    f"{whose}: no sample from {begin - start:.3f} to {finish - start:.3f} s ({finish - begin:.2f} s)"
-                )
+        gaps = [hole for hole in channel.holes if hole[1] > start and hole[0] < end]
+        missing |= {hole[:2] for hole in gaps}
+        told, more = longest_holes(gaps)
+        for begin, finish, whose in told:
+            lasts = finish - begin
+            notes.append(f"{whose}: no sample from {begin - start:.3f} to {finish - start:.3f} s ({lasts:.2f} s)")
+        notes += [f"{key}: no sample in {more} shorter holes"] * bool(more)
     runs, covered, used, begins = list[tuple[int, int]](), 0, 0, sorted(begin for begin, _ in missing)
     if (when := chosen.use.when) is not None:
         level = Channel("use.when", (when.column,), *columns.series(when.column, "use.when.column"))
@@ -304,17 +303,17 @@ def _parts(
                 runs[-1] = (runs[-1][0], low + last - 1)
             else:
                 runs.append((low + first, low + last - 1))
-    trim = (0, 0)
+    trim, parts, short = (0, 0), list[tuple[int, int]](), list[int]()
     if when is not None:
         trim = round(when.trim[0] * times.rate), round(when.trim[1] * times.rate)
         share = 1.0 - used / max(covered, 1)
         notes.append(f"use.when {when.column}: {100.0 * share:.0f} % of the record is left out")
-    parts = []
     for first, last in ((first + trim[0], last - trim[1]) for first, last in runs):
         if last - first + 1 >= (LEAST_OWN if own else LEAST_SAMPLES):
             parts.append((first, last))
         elif last > first:
-            notes.append(f"a part of {last - first + 1} samples is left out")
+            short.append(last - first + 1)
+    notes += [f"parts of {', '.join(map(str, sorted({*short})))} samples are left out"] * bool(short)
     return tuple(parts), tuple(notes)
 
 

@@ -94,6 +94,21 @@ def test_a_hole_in_a_joints_column_splits_there(column: str, empty: str, swing: 
             np.testing.assert_allclose(one, other)
 
 
+def test_of_many_holes_the_longest_are_told(swing: pd.DataFrame, tmp_path: Path) -> None:
+    """Each had a note for each channel and a warning, which buried what the checks found."""
+    kept = np.ones(len(swing), bool)
+    for k in range(9):
+        kept[100 * k + 50 : 100 * k + 114 + 4 * k] = False
+    record = opened(swing[kept], tmp_path)
+    notes, gaps = record.notes, [text for text in said(record) if text.startswith("gap: ")]
+    assert (len(record.parts), notes[-1]) == (9, "parts of 7 samples are left out")
+    assert [text.partition(",")[0][-6:] for text in gaps[:-1]] == ["0.18 s", "0.19 s", "0.19 s"]
+    assert gaps[-1] == "gap: 6 shorter holes are left out, too"
+    assert [note for note in notes if note.startswith("joints.effort")][-1] == (
+        "joints.effort: no sample in 6 shorter holes"
+    )
+
+
 def test_a_hole_at_an_end_of_a_column_shortens_the_record(swing: pd.DataFrame, tmp_path: Path) -> None:
     """Before its first sample and after its last one nothing is known."""
     table = swing.copy()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from aerobat_pin.estimation.findings import LOST_SAMPLES, Finding, FindingVerdict
 from aerobat_pin.numerics import LATEST_SHIFT, Array
-from aerobat_pin.records import EXTENT, Channel, Clock, Columns, Record, typical_spacing
+from aerobat_pin.records import EXTENT, Channel, Clock, Columns, Record, longest_holes, typical_spacing
 
 FEWEST_CHANGES = 4  # of a channel that can be told to be held
 FREQUENT = 0.75  # share of samples that change in a channel that is not held
@@ -63,10 +63,14 @@ def sample_findings(record: Record) -> Iterator[Finding]:
     if efforts is not None and positions is not None:
         for finds in (_dead_efforts, _stuck_efforts, _cut_off_efforts):
             yield from finds(record, efforts, positions)
-    for (begin, end), keys in gaps.items():
-        whose = keys[0] if len(keys) == 1 else f"{keys[0]} and {len(keys) - 1} other channels"
+    told, more = longest_holes(gaps)
+    for begin, end in told:
+        whose, *others = gaps[begin, end]
+        whose += f" and {len(others)} other channels" * bool(others)
         what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
         yield Finding("gap", "warning", what, end - begin, "s")
+    if more:
+        yield Finding("gap", "warning", f"{more} shorter holes are left out, too", more, "1")
     if record.log is not None:
         yield from _duplicates(record.log.path)
         yield from _unsealed(record.log.path)
@@ -228,10 +232,9 @@ def _stuck_efforts(record: Record, efforts: Channel, positions: Channel) -> Iter
 def _cut_off_efforts(record: Record, efforts: Channel, positions: Channel) -> Iterator[Finding]:
     """Yield efforts that stay at exactly their largest or least value while their joint moves, and else vary."""
     values, cut = efforts.values[:EXTENT], dict[str, float]()
-    time = efforts.time[: len(values)]
     angles = dict(zip(record.joints, positions.values[:EXTENT].T, strict=True))
     for joint, effort in zip(record.driven, values.T, strict=True):
-        angle = np.interp(time, positions.time[: len(angles[joint])], angles[joint])
+        angle = np.interp(efforts.time[: len(values)], positions.time[: len(angles[joint])], angles[joint])
         moves = np.abs(angle[MOVES_IN:] - angle[:-MOVES_IN]) > 0.0
         levels, counts = np.unique(effort[:-MOVES_IN][moves], return_counts=True)
         if len(levels) < FEWEST_LEVELS:
@@ -288,17 +291,15 @@ def _moved(angles: Channel, begin: float, end: float) -> bool:
     seen, after = angles.values[first:last], np.abs(np.diff(angles.values[last - 1 : last + STEPS_AFTER], axis=0))
     steps = np.abs(np.diff(angles.values[:EXTENT], axis=0))
     least = np.maximum(np.min(steps, axis=0, initial=np.inf, where=steps > 0.0), after[1:].max(axis=0, initial=0.0))
-    jumps = len(after) > 1 and bool(np.any(after[0] > MOVED_ON * least))
-    return jumps or bool(np.any(seen != seen[:1]))
+    return bool(np.any(seen != seen[:1]) or (len(after) > 1 and np.any(after[0] > MOVED_ON * least)))
 
 
 def _straight(channel: Channel) -> float:
     """Return the share of neighbours on straight lines; of joints and cranks none, which are driven steadily."""
     values = channel.values[:EXTENT]
-    time = channel.time[: len(values)]
-    if channel.key.startswith(("joints.position", "extra.")) or len(time) < FEWEST_STRAIGHT:
+    if channel.key.startswith(("joints.position", "extra.")) or len(values) < FEWEST_STRAIGHT:
         return 0.0
-    step = np.diff(time)
+    step = np.diff(channel.time[: len(values)])
     share = (step[1:] / (step[1:] + step[:-1]))[:, None]
     bend = np.abs(values[1:-1] - (values[:-2] * share + values[2:] * (1.0 - share)))
     rounding = 4.0 * np.finfo(float).eps * np.max(np.abs(values), axis=0) + 1e-19
