@@ -306,16 +306,18 @@ def test_rest_hides_no_change_of_robots(seed: int, change: Any, told: str, learn
 
 @pytest.mark.parametrize("wrong", ["rates", *further("held")])
 def test_a_free_recording_that_seems_pushed_is_refused_with_findings(wrong: str, folder: Path, tmp_path: Path) -> None:
-    """Rates of another unit and a logger that hung look like pushes; only these were named."""
-    table = pd.read_csv(folder / "free.csv")
+    """Rates of another unit and a logger that hung look like pushes; only these were named. A hole does not."""
+    table = pd.read_csv(folder / "free.csv").drop(range(400, 500))
     if wrong == "rates":
         table[[f"v{k}" for k in range(6)]] *= 1.5
     else:
         table.iloc[1500:1800, 1:] = table.iloc[1500, 1:].to_numpy()
     table.to_csv(tmp_path / "free.csv", index=False)
     said = {"rates": "joint velocities are 1.5 times", "held": "joints.effort does not change for 3.00 s"}[wrong]
-    with pytest.raises(CalibrationError, match=rf"something pushed at tool0.* because of what checks find: .*{said}"):
+    with pytest.raises(CalibrationError, match=r"something pushed at tool0.* because of what checks find") as refusal:
         calibrate([opened(tmp_path / "free.csv", ["tool0"])])
+    assert said in str(refusal.value)
+    assert "gap" not in str(refusal.value)
 
 
 def test_times_count_from_the_first_common_time(folder: Path, tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from aerobat_pin.estimation.calibration.identify import Identified, identify
 from aerobat_pin.estimation.checks.efforts import efforts_and_friction
 from aerobat_pin.estimation.checks.motion import record_findings
 from aerobat_pin.estimation.checks.result import fit_findings
-from aerobat_pin.estimation.findings import Finding, refuse_if_certain
+from aerobat_pin.estimation.findings import HARMLESS_CHECKS, Finding, refuse_if_certain
 from aerobat_pin.forces import (
     CALIBRATION,
     FRICTION,
@@ -303,7 +303,7 @@ def _without(runs: Sequence[FreeRun], series: LearntError) -> list[FreeRun]:
 def _unless_pushed(pushed: list[str], findings: Sequence[Finding], *, trust: bool) -> list[str]:
     """Return what pushed, as warnings. Raises CalibrationError where something did, or may seem to, without `trust`."""
     if pushed and not trust:
-        doubts = "; ".join(str(finding) for finding in findings if finding.warns)
+        doubts = "; ".join(str(each) for each in findings if each.warns and each.check not in HARMLESS_CHECKS)
         why = [f"or it seems so because of what checks find: {doubts}"] if doubts else []
         raise CalibrationError("; ".join([*pushed, *why, "--trust calibrates nevertheless"]))
     return pushed
