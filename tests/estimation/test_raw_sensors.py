@@ -369,6 +369,27 @@ def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:
         stream.update(0.3, {})
 
 
+def test_what_a_caller_does_after_an_update_does_not_move_the_causal_filter() -> None:
+    """He writes into the arrays that he gave; what is no number is refused, and nothing of it is taken."""
+
+    class Reused(JointFilter):
+        def update(self, time: float, samples: Any, known: Any = None) -> Any:
+            given = {name: (stamp, values.copy()) for name, (stamp, values) in samples.items()}
+            lost = np.full_like(known, np.nan)
+            with pytest.raises(ObserverError, match="known: 10 finite numbers"):
+                super().update(time, given, lost)
+            lost[:] = known
+            found = super().update(time, given, lost)
+            for array in (lost, *(values for _, values in given.values())):
+                array[:] = 1.0
+            return found
+
+    (smoother, record, found), (_, samples) = smoothed("measured"), followed()
+    stream = Reused(smoother, found.tuning, record.channels, "measured")
+    last = stream.run(RawRecord(record.time[:101], record.channels, record.known[:100], "measured"))[-1]
+    np.testing.assert_array_equal(last.force, samples[100].force)
+
+
 @pytest.mark.parametrize(("sensor", "missed"), [("crank", (0.0, 0.1)), ("orientation", (0.015, 0.045))])
 def test_the_causal_filter_waits_for_what_begins_late_or_is_lost(sensor: str, missed: tuple[float, float]) -> None:
     """For an encoder; for attitudes of a marker whose position was seen all the time."""

@@ -109,14 +109,17 @@ class JointFilter:
             The estimate, or None until the filter has started.
 
         Raises:
-            ObserverError: an unknown sensor, a sample of the wrong size, or one stamped outside the time since the last
-                update, or not after the sensor's sample before; nothing of that update is taken.
+            ObserverError: an unknown sensor, a sample or known forces of the wrong size, or not finite, one stamped
+                outside the time since the last update, or not after the sensor's sample before; nothing of that update
+                is taken.
         """
         last = self._nominal.time[0] if self._nominal is not None else self._waiting[-1][0] if self._waiting else None
         if last is not None and not time > last:
             raise ObserverError(f"joint filter: time = {time:g} s after {last:g} s: a later one was expected")
         taken = {name: self._checked(name, sample, time, last) for name, sample in samples.items()}
-        force = np.zeros(self._nv) if known is None else np.asarray(known, float)
+        force = np.zeros(self._nv) if known is None else np.array(known, float)
+        if force.shape != (self._nv,) or not np.all(np.isfinite(force)):
+            raise ObserverError(f"joint filter: known: {self._nv} finite numbers were expected")
         self._latest |= {name: stamp for name, (stamp, _) in taken.items()}
         begin = (self._waiting[0][0] if self._waiting else time) - 1e-9
         taken = {name: self._carried(name, *sample, last) for name, sample in taken.items() if sample[0] > begin}
@@ -150,7 +153,7 @@ class JointFilter:
             raise ObserverError(f"joint filter: no sensor '{name}': {', '.join(self.sensors)} were expected")
         now = time if name not in OVER_INTERVAL or last is None else 0.5 * (time + last)
         stamp, values = sample if isinstance(sample, tuple) and len(sample) == 2 else (now, sample)
-        array, size = np.atleast_1d(np.asarray(values, float)), self.sensors[name].values.shape[1]
+        array, size = np.array(values, float, ndmin=1), self.sensors[name].values.shape[1]
         if array.shape != (size,) or not all(map(math.isfinite, array.tolist())):
             raise ObserverError(f"joint filter: sample of {name}: {size} finite numbers were expected")
         earliest = last if last is not None else -math.inf
