@@ -370,7 +370,7 @@ def test_the_causal_filter_takes_one_set_of_samples_after_the_other() -> None:
 
 
 def test_what_a_caller_does_after_an_update_does_not_move_the_causal_filter() -> None:
-    """He writes into the arrays that he gave; what is no number is refused, and nothing of it is taken."""
+    """He writes into the arrays that he gave, and smooths; what is no number is refused, and nothing of it is taken."""
 
     class Reused(JointFilter):
         def update(self, time: float, samples: Any, known: Any = None) -> Any:
@@ -382,9 +382,12 @@ def test_what_a_caller_does_after_an_update_does_not_move_the_causal_filter() ->
             found = super().update(time, given, lost)
             for array in (lost, *(values for _, values in given.values())):
                 array[:] = 1.0
+            if self.started and time > 0.0895:
+                self.smoother.air.fly(motion)
             return found
 
     (smoother, record, found), (_, samples) = smoothed("measured"), followed()
+    motion = found.nominal.part(300, 310)
     stream = Reused(smoother, found.tuning, record.channels, "measured")
     last = stream.run(RawRecord(record.time[:101], record.channels, record.known[:100], "measured"))[-1]
     np.testing.assert_array_equal(last.force, samples[100].force)

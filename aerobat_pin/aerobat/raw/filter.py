@@ -19,6 +19,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from aerobat_pin.aerobat.motion import Torque
+from aerobat_pin.aerobat.raw.air import AirAboutNominal
 from aerobat_pin.aerobat.raw.channels import RawRecord, SensorSamples
 from aerobat_pin.aerobat.raw.dynamics import LinearDynamics
 from aerobat_pin.aerobat.raw.layout import MOTION, first_prior
@@ -78,6 +79,7 @@ class JointFilter:
     ) -> None:
         self.smoother, self.tuning, self.sensors, self.torque = smoother, tuning, dict(sensors), torque
         self.layout, self._nv = smoother.layout, smoother.robot.model.nv
+        self._air = AirAboutNominal(smoother.robot, smoother.air.along.section)
         self._waiting: list[tuple[float, dict[str, tuple[float, Array]], Array]] = []
         self._nominal: NominalMotion | None = None
         self._way: deque[tuple[float, float, pin.SE3]] = deque()  # start, end [s], motion of each latest interval
@@ -207,7 +209,7 @@ class JointFilter:
         smoother = self.smoother
         prior = first_prior(self.layout, guess, smoother.weight, smoother.settings)
         solved = smoother.solve(record, guess, prior, self.tuning, {})
-        smoother.air.begin(solved.motion)
+        self._air.begin(solved.motion)
         count = len(times) - 1
         for k in range(count):
             self._remember(solved.motion.part(k, k), solved.motion.part(k + 1, k + 1))
@@ -223,7 +225,7 @@ class JointFilter:
         dt = time - float(nominal.time[0])
         x, layout, smoother = self._x, self.layout, self.smoother
         motion = nominal.extended(dt, self._rate)
-        air, force = smoother.air.go_on(motion), layout.forces(x[None])
+        air, force = self._air.go_on(motion), layout.forces(x[None])
         d = smoother.dynamics(motion, air, known[None], force)
         if dt != self._noise_of:
             self._noise_of, self._noise = dt, added_variances(layout, self.tuning, np.array([dt]))[0]
