@@ -177,7 +177,7 @@ def own_model_rows() -> Iterator[list[str]]:
         smoother = JointSmoother(robot, scenario.believed_air, FORCE_POINTS, settings)
         guess = first_guess(record)
         prior = first_prior(smoother.layout, guess, smoother.weight, settings)
-        solved = smoother.solve(record, guess, prior, None, {})
+        solved = smoother.solve(record, guess, prior, None)
         rngs = map(np.random.default_rng, range(DRAWS))
         drawn = [own_model_errors(solved.linear, prior, solved.tuning, rng) for rng in rngs]
         for kind in ("smoother", "filter"):

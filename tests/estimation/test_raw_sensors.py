@@ -32,7 +32,7 @@ from aerobat_pin.experiments import write_flight_mcap
 from aerobat_pin.flight import simulate
 from aerobat_pin.forces import r_squared
 from aerobat_pin.linkage import joint_series
-from aerobat_pin.scenario import ObserverSection, RawSection, load_scenario
+from aerobat_pin.scenario import ObserverSection, RawSection, Scenario, load_scenario
 
 MOVING = 15
 STATES = MOVING + 5
@@ -292,7 +292,7 @@ def linearised() -> tuple[LinearRecord, Prior, Tuning]:
     motion = found.nominal
     prior = first_prior(smoother.layout, first_guess(record), smoother.weight, GIVEN)
     air, no_jumps = smoother.air.fly(motion), np.zeros(len(found.force))
-    linear = smoother.linear(record, motion, air, found.force, {}, smoother.layout, no_jumps)
+    linear = smoother.linear(record, motion, air, found.force, smoother.layout, no_jumps)
     return linear, prior, found.tuning
 
 
@@ -327,22 +327,29 @@ def test_dynamics_are_the_derivative_of_what_they_linearise() -> None:
     np.testing.assert_allclose(there - here, change, atol=0.02 * np.abs(change).max())
 
 
+def with_raw(section: RawSection, *settings: str) -> Scenario:
+    """Return the scenario `raw_sensors` with settings of raw samples."""
+    scenario = load_scenario("raw_sensors", [*settings, *SHORT])
+    return scenario.model_copy(update={"observers": scenario.observers.model_copy(update={"raw": section})})
+
+
 def test_a_late_gyro_is_named_and_not_corrected_in_silence() -> None:
-    """One millisecond: found within 0.4 ms; applied on request only."""
+    """One millisecond: found within 0.4 ms; applied on request only, then for the causal filter, too."""
     _, _, found = smoothed("measured", "sensors.gyro.delay=0.001")
     [late] = [one for one in found.offsets if one.sure]
     assert late.sensor == "gyro"
     assert late.seconds == pytest.approx(1e-3, abs=4e-4)
     log, robot = flight("sensors.gyro.delay=0.001")
-    asked = GIVEN.model_copy(update={"apply_offsets": True})
-    mended = smoother_of(robot, asked).run(raw(log, robot, asked))
-    before, after = (worst_r2(one.force, truth(log)) for one in (found, mended))
-    assert before[0] < 0.9 < after[0]
-    for one, told in (
-        (found, "; not applied: observers.raw.apply_offsets"),
-        (mended, "; applied: observers.raw.apply_offsets"),
+    asked = with_raw(GIVEN.model_copy(update={"apply_offsets": True}), 'observers.names=["smoother", "kalman"]')
+    mended = aerobat.estimate_flight(log, robot, asked).estimates
+    forces = (found.force, mended["smoother"].force, mended["kalman"].force[100:])
+    before, after, filtered = (worst_r2(force, truth(log)[-len(force) :])[0] for force in forces)
+    assert before < 0.9 < min(after, filtered)
+    for lines, told in (
+        (warnings_of(found), "; not applied: observers.raw.apply_offsets"),
+        (mended["smoother"].warnings, "; applied: observers.raw.apply_offsets"),
     ):
-        [line] = [line for line in warnings_of(one) if line.startswith("late channel: gyro is ")]
+        [line] = [line for line in lines if line.startswith("late channel: gyro is ")]
         assert line.endswith(told)
 
 
@@ -462,7 +469,7 @@ def test_a_window_keeps_nothing_of_its_covariances() -> None:
     smoother, record, found = smoothed("measured")
     part = part_of(record, 0, 200)
     prior = first_prior(smoother.layout, found.nominal, smoother.weight, GIVEN)
-    solved = smoother.solve(part, found.nominal.part(0, 200), prior, found.tuning, {})
+    solved = smoother.solve(part, found.nominal.part(0, 200), prior, found.tuning)
     kept = solved.kept(next(stretches(part.time)))
     for values in (kept.force, kept.force_covariance, kept.innovation):
         whole = values if values.base is None else values.base
@@ -504,9 +511,7 @@ def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight()
 
 
 def test_without_torque_the_split_between_the_wings_is_refused() -> None:
-    scenario = load_scenario("raw_sensors", ["observers.torque=none", 'observers.names=["smoother"]', *SHORT])
-    observers = scenario.observers.model_copy(update={"raw": GIVEN})
-    scenario = scenario.model_copy(update={"observers": observers})
+    scenario = with_raw(GIVEN, "observers.torque=none", 'observers.names=["smoother"]')
     log, robot = flight()
     result = aerobat.estimate_flight(log, robot, scenario)
     estimate = result.estimates["smoother"]

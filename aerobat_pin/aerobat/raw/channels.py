@@ -70,6 +70,11 @@ class RawRecord:
     known: Array
     torque: Torque
 
+    def shifted(self, offsets: Mapping[str, float]) -> RawRecord:
+        """Return the record with clock offsets [s] of some sensors taken off."""
+        late = {name: replace(each, time=each.time - offsets.get(name, 0.0)) for name, each in self.channels.items()}
+        return replace(self, channels=late)
+
 
 def raw_record(
     time: Array, measured: Mapping[str, Channel], robot: Aerobat, torque: Torque, settings: RawSection

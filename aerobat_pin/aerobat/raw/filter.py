@@ -208,7 +208,7 @@ class JointFilter:
         guess = first_guess(record)
         smoother = self.smoother
         prior = first_prior(self.layout, guess, smoother.weight, smoother.settings)
-        solved = smoother.solve(record, guess, prior, self.tuning, {})
+        solved = smoother.solve(record, guess, prior, self.tuning)
         self._air.begin(solved.motion)
         count = len(times) - 1
         for k in range(count):

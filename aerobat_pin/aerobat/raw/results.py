@@ -69,6 +69,7 @@ def smoothed_raw(
         record = mounted(record, mount)
     smoother = JointSmoother(robot, air, frames, settings)
     smoothed = smoother.run(record, progress)
+    record = record.shifted(smoothed.applied)
     inputs = smoothed_inputs(record, robot, smoother, smoothed)
     checked = OBSERVERS["force_level"](robot.model, frames, gain, ROWS_OF_TORQUE[torque]).run(
         inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known

@@ -74,14 +74,11 @@ class Sensed(NamedTuple):
         return values, _rate_of(time, series, self.at) if wanted else np.zeros_like(values)
 
 
-def sample_rows(
-    record: RawRecord, layout: Layout, nominal: NominalMotion, dynamics: LinearDynamics, shifts: dict[str, float]
-) -> SampleRows:
-    """Return all samples of a record as rows; `shifts`: sensor -> clock offset [s] that is applied."""
+def sample_rows(record: RawRecord, layout: Layout, nominal: NominalMotion, dynamics: LinearDynamics) -> SampleRows:
+    """Return all samples of a record as rows."""
     blocks = []
     for index, (name, channel) in enumerate(record.channels.items()):
-        at = channel.time - shifts.get(name, 0.0)
-        last = nominal.time[-1] + LATE * (nominal.time[-1] - nominal.time[-2])
+        at, last = channel.time, nominal.time[-1] + LATE * (nominal.time[-1] - nominal.time[-2])
         use = (at > nominal.time[0] - 1e-9) & (at < last)
         at, values = at[use], channel.values[use]
         k = np.clip(np.searchsorted(nominal.time, at + 1e-9, side="right") - 1, 0, len(nominal.time) - 1)

@@ -6,8 +6,8 @@ filter knew before the overlap, and each window gives up its end, where later sa
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -55,7 +55,8 @@ class JointEstimate:
         mount: (6,) error of the accelerometer's place [m] and turn [rad], and their covariance; None if not sought.
         factors: name (`mass`, `air`) -> factor and its standard deviation.
         tuning: the walk in use; `chosen` says whether it was chosen by likelihood.
-        offsets: clock offsets that the samples ask for; `applied` says whether they were taken off.
+        offsets: clock offsets that the samples ask for.
+        applied: sensor -> clock offset [s] that was taken off.
         nis: sensor -> mean of innovation squared over its variance, in the first window.
         innovation: (m, 2) sum over each interval of innovations squared over their variance, and their number.
         iterations: linearisations of the first window; `settled` says whether the last one changed nothing.
@@ -75,7 +76,7 @@ class JointEstimate:
     settled: bool
     chosen: bool = False
     offsets: tuple[ClockOffset, ...] = ()
-    applied: bool = False
+    applied: Mapping[str, float] = field(default_factory=dict)
 
 
 class JointSmoother:
@@ -108,13 +109,14 @@ class JointSmoother:
         parts = list[JointEstimate]()
         for window in stretches(record.time):
             stretch, motion = part_of(record, window.start, window.stop), guess.part(window.start, window.stop)
-            solved = self.solve(stretch, motion, prior, tuning, shifts)
+            solved = self.solve(stretch, motion, prior, tuning)
             if tuning is None and self.settings.offset_error > 0.0:
                 offsets = self._offsets(stretch, solved)
                 if self.settings.apply_offsets and (
                     shifts := {offset.sensor: offset.seconds for offset in offsets if offset.sure}
                 ):
-                    solved = self.solve(stretch, solved.motion, prior, None, shifts)
+                    record = record.shifted(shifts)
+                    solved = self.solve(part_of(record, window.start, window.stop), solved.motion, prior, None)
             tuning = solved.tuning
             parts.append(solved.kept(window))
             if window.next is not None:
@@ -132,7 +134,7 @@ class JointSmoother:
             jumps=tuple(time for part in parts for time in part.jumps),
             chosen=chosen,
             offsets=offsets,
-            applied=bool(shifts),
+            applied=shifts,
             nis=first.nis,
             innovation=np.concatenate([part.innovation for part in parts]),
             iterations=first.iterations,
@@ -152,18 +154,15 @@ class JointSmoother:
         motion: NominalMotion,
         air: AirForces,
         force: Array,
-        shifts: dict[str, float],
         layout: Layout,
         jumps: Array,
     ) -> LinearRecord:
         """Linearise a record about a motion."""
         dynamics = self.dynamics(motion, air, record.known, force, layout)
-        rows = sample_rows(record, layout, motion, dynamics, shifts)
+        rows = sample_rows(record, layout, motion, dynamics)
         return LinearRecord(layout, motion, dynamics, tuple(record.channels), rows, jumps)
 
-    def solve(
-        self, record: RawRecord, motion: NominalMotion, prior: Prior, tuning: Tuning | None, shifts: dict[str, float]
-    ) -> Solved:
+    def solve(self, record: RawRecord, motion: NominalMotion, prior: Prior, tuning: Tuning | None) -> Solved:
         """Iterate to the smoothed motion of one window; a tuning that is None is chosen on the way."""
         use = first_tuning(self.settings, self.weight) if tuning is None else tuning
         free = free_logs(self.settings)
@@ -181,7 +180,7 @@ class JointSmoother:
                 flown_at = motion
             air = self.air.fly(motion, by_twist)
             by_twist = air.by_twist
-            linear = self.linear(record, motion, air, force, shifts, self.layout, jumps)
+            linear = self.linear(record, motion, air, force, self.layout, jumps)
             if rounds and (iteration == last or (iteration > 0 and size < NEARLY * SETTLED)):
                 use, linear = self._likelier(replace(linear, jumps=np.zeros(len(force))), prior, use, free, rounds[0])
                 if rounds.pop(0) == FIRST_ROUNDS:
@@ -221,17 +220,17 @@ class JointSmoother:
         layout = replace(self.layout, offsets=tuple(name for name in TIMED if name in record.channels))
         error = self.settings.offset_error
 
-        def linear(solved: Solved, shifts: dict[str, float]) -> LinearRecord:
+        def linear(solved: Solved, record: RawRecord) -> LinearRecord:
             force = self.layout.forces(solved.smoothed.states[:-1])
-            return self.linear(record, solved.motion, solved.air, force, shifts, layout, solved.linear.jumps)
+            return self.linear(record, solved.motion, solved.air, force, layout, solved.linear.jumps)
 
-        offsets = clock_offsets(linear(solved, {}), solved.prior, solved.tuning, error)
+        offsets = clock_offsets(linear(solved, record), solved.prior, solved.tuning, error)
         if not offsets:
             return offsets
         for _ in range(CORRECTIONS):
-            shifts = {offset.sensor: offset.seconds for offset in offsets}
-            solved = self.solve(record, solved.motion, solved.prior, solved.tuning, shifts)
-            offsets = corrected(offsets, linear(solved, shifts), solved.prior, solved.tuning, error)
+            shifted = record.shifted({offset.sensor: offset.seconds for offset in offsets})
+            solved = self.solve(shifted, solved.motion, solved.prior, solved.tuning)
+            offsets = corrected(offsets, linear(solved, shifted), solved.prior, solved.tuning, error)
         return offsets
 
 
