@@ -144,7 +144,7 @@ def _position(sensed: Sensed) -> tuple[Array, Array, Array]:
 def _orientation(sensed: Sensed) -> tuple[Array, Array, Array]:
     (rotation, _, ad), turn = _poses_at(sensed), sensed.sensor.turn
     seen = [pin.Quaternion(q / np.linalg.norm(q)).matrix() for q in sensed.values]
-    e = np.array([pin.log3((R @ turn).T @ S) for R, S in zip(rotation, seen, strict=True)])
+    e = np.reshape([pin.log3((R @ turn).T @ S) for R, S in zip(rotation, seen, strict=True)], (-1, 3))
     h = np.zeros((*e.shape, sensed.layout.size))
     h[:, :, POSE_ERROR] = turn.T @ ad[:, 3:]
     h[:, :, TURNING] = sensed.late[:, :, None] * turn.T

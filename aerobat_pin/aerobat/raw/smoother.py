@@ -57,7 +57,7 @@ class JointEstimate:
         tuning: the walk in use; `chosen` says whether it was chosen by likelihood.
         offsets: clock offsets that the samples ask for.
         applied: sensor -> clock offset [s] that was taken off.
-        nis: sensor -> mean of innovation squared over its variance, in the first window.
+        nis: sensor -> mean of innovation squared over its variance, in the first window that has its samples.
         innovation: (m, 2) sum over each interval of innovations squared over their variance, and their number.
         iterations: linearisations of the first window; `settled` says whether the last one changed nothing.
     """
@@ -135,7 +135,7 @@ class JointSmoother:
             chosen=chosen,
             offsets=offsets,
             applied=shifts,
-            nis=first.nis,
+            nis={name: ratio for part in reversed(parts) for name, ratio in part.nis.items()},
             innovation=np.concatenate([part.innovation for part in parts]),
             iterations=first.iterations,
             settled=all(part.settled for part in parts),
@@ -268,7 +268,7 @@ class Solved:
                 if sought
             },
             tuning=self.tuning,
-            nis={name: float(np.mean(ratio[rows.sensor == i])) for i, name in enumerate(self.linear.sensors)},
+            nis={self.linear.sensors[i]: float(np.mean(ratio[rows.sensor == i])) for i in np.unique(rows.sensor)},
             innovation=np.stack([np.diff(total)[:-1], np.diff(rows.start)[:-1]], axis=1)[a:b].copy(),
             iterations=self.iterations,
             settled=self.settled,
