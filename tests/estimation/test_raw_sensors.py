@@ -1,5 +1,6 @@
 """From raw samples to forces: the joint smoother, its recursions, the causal filter, clocks, and what is refused."""
 
+import importlib
 import itertools
 from dataclasses import replace
 from functools import cache
@@ -15,11 +16,19 @@ from support.own_model import own_model_errors
 
 from aerobat_pin import aerobat
 from aerobat_pin.aerobat import load_aerobat
-from aerobat_pin.aerobat.raw import JointEstimate, JointFilter, JointSmoother, RawRecord, mounted, raw_record
+from aerobat_pin.aerobat.raw import (
+    JointEstimate,
+    JointFilter,
+    JointSmoother,
+    RawRecord,
+    find_mount,
+    mounted,
+    raw_record,
+)
 from aerobat_pin.aerobat.raw.air import AirForces
 from aerobat_pin.aerobat.raw.channels import SensorSamples, part_of, stretches
 from aerobat_pin.aerobat.raw.dynamics import LinearDynamics, wings_by_crank
-from aerobat_pin.aerobat.raw.layout import POSE_ERROR, TWIST_ERROR, Layout, Prior, first_prior
+from aerobat_pin.aerobat.raw.layout import MOUNT_PRIOR, POSE_ERROR, TWIST_ERROR, Layout, Prior, first_prior
 from aerobat_pin.aerobat.raw.linear import LinearRecord
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess, wing_angles, wing_motion
 from aerobat_pin.aerobat.raw.recursion import Filtered, SampleRows, Smoothed, filter_record, smooth_record
@@ -522,6 +531,17 @@ def test_the_place_and_turn_of_the_accelerometer_are_learnt_from_a_free_flight()
     bent = replace(again, extras={**again.extras, "accelerometer_turn": 2.0 * mount.turn})
     with pytest.raises(CalibrationError, match="a rotation matrix was expected"):
         bent.applied(free)
+
+
+def test_flights_that_do_not_show_a_place_do_not_show_it_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is expected beforehand, which the estimate of each has, counts once."""
+    monkeypatch.setattr(importlib.import_module("aerobat_pin.aerobat.raw.find_mount"), "ROUNDS", 1)
+    (log, robot), air = flight(), load_scenario("raw_sensors").believed_air
+    record = part_of(raw(log, robot, FREE), 0, 120)
+    one, three = (find_mount([record] * n, robot, air, FRAMES, FREE).covariance for n in (1, 3))
+    before = np.diag(np.square(MOUNT_PRIOR) ** -1.0)
+    wanted = np.linalg.inv(before + 3.0 * (np.linalg.inv(one) - before))
+    np.testing.assert_allclose(np.sqrt(np.diag(three)), np.sqrt(np.diag(wanted)), rtol=0.02)
 
 
 def test_without_torque_the_split_between_the_wings_is_refused() -> None:

@@ -58,7 +58,7 @@ def find_mount(
             raise CalibrationError("raw samples: no accelerometer, whose place and turn are what is learnt from them")
     stated = records[0].channels["accelerometer"]
     mount = Mount(stated.place, stated.turn, np.zeros((6, 6)))
-    settings = settings.model_copy(update={"offset_error": 0.0})
+    known, settings = np.diag(np.square(MOUNT_PRIOR) ** -1.0), settings.model_copy(update={"offset_error": 0.0})
     for _ in range(ROUNDS):
         smoother = JointSmoother(robot, air, frames, settings, mount=True)
         estimates = [smoother.run(mounted(record, mount)) for record in records]
@@ -68,8 +68,8 @@ def find_mount(
             error, covariance = estimate.mount
             weight = np.linalg.inv(covariance)
             information, pull = information + weight, pull + weight @ error
-        covariance = np.linalg.inv(information)
-        step = covariance @ pull
+        step = np.linalg.solve(information, pull)
+        covariance = np.linalg.inv(information - (len(records) - 1.0) * known)  # that every flight's estimate has
         mount = Mount(mount.place + step[:3], mount.turn @ pin.exp3(step[3:]), covariance)
         if np.all(np.abs(step[:3]) < SETTLED_PLACE) and np.all(np.abs(step[3:]) < SETTLED_TURN):
             break
