@@ -471,6 +471,12 @@ def test_long_records_are_smoothed_in_parts_that_overlap_and_leave_no_gap() -> N
             assert one.last == other.first
             assert one.next == other.start < other.first
         assert (len(parts) > 1) == (seconds > 5.6)
+        at, sensor = 0.5 * (time[1:] + time[:-1]), SensorSamples("gyro", time, time, 1.0, np.zeros(3), np.eye(3))
+        channels = {"gyro": sensor, "torque": replace(sensor, time=at, values=at)}
+        record = RawRecord(time, channels, np.zeros((len(at), 10)), "measured")
+        for part in parts[1:]:  # the prior of the first knot has seen what follows it up to the next
+            used = part_of(record, part.start, part.stop).channels
+            assert [used[name].time[0] for name in used] == [time[part.start + 1], at[part.start + 1]]
 
 
 @pytest.mark.parametrize("sensor", ["orientation", "accelerometer"])

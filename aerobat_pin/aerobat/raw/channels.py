@@ -170,13 +170,13 @@ def stretches(time: Array) -> Iterator[RecordPart]:
 
 
 def part_of(record: RawRecord, start: int, stop: int) -> RawRecord:
-    """Return the knots `start` to `stop` of a record; samples at the first knot stay out if it is not the record's."""
+    """Return the knots `start` to `stop` of a record; samples up to the second stay out if that is not the record's."""
     if start == 0 and stop == len(record.time) - 1:
         return record
-    low = -np.inf if start == 0 else record.time[start] + 1e-9
+    low = -np.inf if start == 0 else record.time[start + 1] - 1e-9  # those before are in the prior of the first knot
     high = np.inf if stop == len(record.time) - 1 else record.time[stop] + 1e-9
     channels = {}
     for name, channel in record.channels.items():
-        use = (channel.time > low) & (channel.time <= high)
+        use = (channel.time >= low) & (channel.time <= high)
         channels[name] = replace(channel, time=channel.time[use], values=channel.values[use])
     return replace(record, time=record.time[start : stop + 1], channels=channels, known=record.known[start:stop])
