@@ -90,6 +90,18 @@ def test_an_error_bar_says_what_was_not_seen() -> None:
     assert bar_words(bar).endswith("nothing was fitted: tip.Fx 0.1 N (without 0.2), tip.Fy not seen")
 
 
+def test_a_recording_too_short_for_an_error_bar_does_not_hide_that_of_another(folder: Path) -> None:
+    """In either order: 20 ms had said "not seen", or "too short for one"."""
+    free, plain = pd.read_csv(folder / "free.csv"), edited(swinging_arm.arm_map(), {"joints.friction": None})
+    for name, rows in (("long", free[:600]), ("short", free[1000:1020])):
+        rows.to_csv(folder / f"{name}.csv", index=False)
+    long, short = (recorded(folder / f"{name}.csv", plain) for name in ("long", "short"))
+    both = [long, short], [short, long]
+    alone, *others = (bar_words(calibrate(each, parameters=(), trust=True).error_bar) for each in ([long], *both))
+    assert "tool.Fx 2.9" in alone
+    assert others == [alone, alone]
+
+
 def test_joints_where_a_calibration_did_not_see_them_are_said(folder: Path, learnt: Calibration) -> None:
     """Of a belief that is wrong, it knows what is wrong where it was learnt; the same swing causes no word."""
     record = recorded(folder / "pushed.csv", swinging_arm.arm_map())

@@ -77,15 +77,16 @@ def noise_where_known(forces: KnownForces) -> dict[str, float]:
 
 
 def error_bar(pairs: Sequence[tuple[KnownForces | None, KnownForces]]) -> dict[str, tuple[float, float]]:
-    """Return component -> rms error without and with what was learnt, over some records; empty where none is settled.
+    """Return component -> rms error without and with what was learnt; empty where no record is settled.
 
-    `pairs` are the known forces of each record without it, None if there is no estimate then, and with it.
+    It is that over the records that show it. `pairs` are the known forces of each record without it, None if there is
+    no estimate then, and with it.
     """
     squares: list[dict[str, float]] = []
     for k in (0, 1):
-        sizes = [_sizes_where_free(pair[k]) for pair in pairs]
-        labels = sizes[0].keys()
-        squares.append({label: float(np.mean([rms.get(label, np.nan) ** 2 for rms in sizes])) for label in labels})
+        sizes = [entry for pair in pairs for entry in _sizes_where_free(pair[k]).items()]
+        seen = {label: [rms**2 for name, rms in sizes if name == label and np.isfinite(rms)] for label, _ in sizes}
+        squares.append({label: float(np.mean(each)) if each else np.nan for label, each in seen.items()})
     return {label: (squares[0].get(label, np.nan) ** 0.5, size**0.5) for label, size in squares[1].items()}
 
 
