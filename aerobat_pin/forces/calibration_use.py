@@ -101,7 +101,7 @@ class ModelCheck:
         size: what no force explains, per redundant row [N]; by blocks, `ratio` times what was expected.
         expected: root mean square that the calibration predicted for it [N].
         peak: the largest ratio over a tenth of a second; 0 where that was not asked.
-        peak_time: when that was [s].
+        peak_time: when that was, after the start of the record [s].
         cause: what changed; None if nothing that has a name explains it.
         corrected: whether the cause was corrected, and ratio and size are those of what is left.
         why: nothing can tell where `ratio` is None; else empty.

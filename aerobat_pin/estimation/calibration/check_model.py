@@ -71,6 +71,7 @@ class CheckedPart:
     estimate: Estimate  # the forces at once, without a filter, and what they do not explain
     geometry: RowGeometry  # of rows and forces
     factors: Array  # (m, nv, r) of what the calibration leaves
+    start: float  # of the record [s]
 
     @cached_property
     def near(self) -> Array:
@@ -103,7 +104,7 @@ class CheckedPart:
         expected = float(np.sqrt(np.mean(self._predicted) / redundancy.redundant))
         expected = max(expected, LEAST_EXPECTED * self.estimate.weight)
         most = int(np.argmax(self.near))
-        peak, when = float(self.near[most]), float(self.inputs.time[most])
+        peak, when = float(self.near[most]), float(self.inputs.time[most]) - self.start
         return ModelCheck(redundancy.belief / expected, redundancy.belief, expected, peak, when)
 
     @cached_property
@@ -121,7 +122,7 @@ def slice_of_part(record: Record, inputs: KnownInputs, factors: Array) -> Checke
     """Return a stretch of whose rows something with these factors (m, nv, r) is left."""
     observer = ForceLevelObserver(record.robot.model, points_of(record.map), AT_ONCE, inputs.rows)
     estimate = observer.run(inputs.time, inputs.q, inputs.v, inputs.tau, inputs.known)
-    return CheckedPart(inputs, estimate, RowGeometry.of(observer, inputs), factors)
+    return CheckedPart(inputs, estimate, RowGeometry.of(observer, inputs), factors, record.start)
 
 
 @dataclass(frozen=True)

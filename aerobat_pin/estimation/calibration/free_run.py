@@ -156,9 +156,8 @@ def pushes(run: FreeRun) -> Iterator[str]:
         above = np.flatnonzero(size > 0.5 * size.max())
         apart = np.flatnonzero(np.diff(time[above]) > PAUSE)
         firsts, lasts = above[[0, *(apart + 1)]], above[[*apart, len(above) - 1]]
-        times = ", ".join(
-            f"{time[a]:.2f} to {time[b + 1]:.2f} s" for a, b in zip(firsts[:MOST_TOLD], lasts, strict=False)
-        )
+        ends = zip(time[firsts[:MOST_TOLD]] - run.record.start, time[lasts + 1] - run.record.start, strict=False)
+        times = ", ".join(f"{begin:.2f} to {end:.2f} s" for begin, end in ends)
         more = f" and {len(firsts) - MOST_TOLD} more times" if len(firsts) > MOST_TOLD else ""
         largest = force_size(float(size.max()))
         yield f"{run.record.title}: something pushed, most from {times}{more}, with up to {largest} a row"
