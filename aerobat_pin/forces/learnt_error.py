@@ -35,6 +35,7 @@ NEARLY_KNOWN = 0.035  # of the error's size: up to this deviation thresholds sta
 LEAST_SERIES_NOISE = 0.08  # of the error's size: least rms of what a series leaves, for its weights
 HIGHEST = 0.5  # cycles above the highest harmonic, up to which the flights are fitted
 NOISE_ABOVE = 150.0  # [Hz]: where nothing but noise of the sensors is left; of slow records the upper half
+NOISE_REACHES = 2.0  # times what it makes in the mean of all harmonics
 MEDIAN_OF_SQUARE = 0.455  # of a normal variable of deviation 1
 STEPS = 3  # of expectation and maximisation
 
@@ -176,10 +177,10 @@ def fit_learnt_error(
     centre, scale = np.mean(values, axis=0), np.mean([condition.scale for condition in conditions], axis=0)
     scale = np.where(scale > 0.0, scale, 1.0)
     targets = [condition.reduced(residual) for condition, residual in zip(conditions, residuals, strict=True)]
-    size = _error_sizes(conditions, targets, order)
     flights = [
         _flight_terms(*each, order, centre, scale) for each in zip(conditions, targets, known, steps, strict=True)
     ]
+    size = _error_sizes(conditions, targets, flights, order)
     count, width = weight_count(order, len(centre)), 2 * order + 1
     prior = np.concatenate([_prior(order, len(centre)), np.tile(DAILY**2 * shares(order), len(flights))])
     terms = np.zeros((sum(len(flight.slope) for flight in flights), count + width * len(flights)))
@@ -281,14 +282,22 @@ def _up_to(values: Array, highest: int) -> Array:
     return values[[*range(highest + 1), *range(order + 1, order + 1 + highest)]]
 
 
-def _error_sizes(conditions: Sequence[Condition], targets: Sequence[Array], order: int) -> Array:
+def _error_sizes(
+    conditions: Sequence[Condition], targets: Sequence[Array], flights: Sequence[_Flight], order: int
+) -> Array:
     """Return the rms size (nv,) of what repeats itself with the phase, in rows like each.
 
-    Half of the harmonics have nearly all of it, and the least of the sensors' noise.
+    Half of the harmonics mostly have nearly all of it, and the least of the sensors' noise. What all have counts as far
+    as it is beyond `NOISE_REACHES` times what noise makes of it: a gear's teeth are in the upper half.
     """
     terms = np.concatenate([series(condition.phase, order // 2) for condition in conditions])
     target = np.concatenate(targets)
-    size = np.sqrt(np.mean((terms @ np.linalg.lstsq(terms, target, rcond=None)[0]) ** 2, axis=0))
+    square = np.mean((terms @ np.linalg.lstsq(terms, target, rcond=None)[0]) ** 2, axis=0)
+    along = np.linalg.qr(np.concatenate([flight.terms[:, : 2 * order + 1] for flight in flights])).Q
+    noise = np.concatenate([flight.noise * flight.slope[:, None] for flight in flights])
+    beyond = np.sum((along.T @ np.concatenate([flight.target for flight in flights])) ** 2, axis=0)
+    beyond -= NOISE_REACHES * np.sum(along**2, axis=1) @ noise
+    size = np.sqrt(np.maximum(square, beyond / len(target)))
     for rows in conditions[0].alike:
         size[list(rows)] = np.sqrt(np.mean(size[list(rows)] ** 2))
     return np.asarray(size)
