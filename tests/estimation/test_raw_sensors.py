@@ -564,7 +564,7 @@ def test_without_torque_the_split_between_the_wings_is_refused() -> None:
 
 
 def test_what_raw_samples_do_not_allow_is_refused_in_a_line() -> None:
-    """Observers that need q and v, an encoder that is missing, a torque that is not there, a time that comes twice."""
+    """Observers that need q and v, no frame, a missing encoder, a torque that is not there, a time that comes twice."""
     log, robot = flight()
     twice = log.time.copy()
     twice[300] = twice[299]
@@ -572,6 +572,9 @@ def test_what_raw_samples_do_not_allow_is_refused_in_a_line() -> None:
         aerobat.FlightLog(log.measured.drop_dims("interval").assign_coords(time=twice))
     with pytest.raises(ScenarioError, match="momentum needs q and v, and the log has raw samples"):
         aerobat.estimate_flight(log, robot, load_scenario("raw_sensors", ['observers.names=["momentum"]']))
+    pointless = with_raw(GIVEN, "observers.frames=[]", 'observers.names=["smoother"]')
+    with pytest.raises(ScenarioError, match=r"observers\.frames = \[\]: raw samples show forces at frames"):
+        aerobat.estimate_flight(log, robot, pointless)
     blind = aerobat.FlightLog(log.measured.drop_vars(["encoder", "encoder_time"]), log.truth)
     with pytest.raises(LogError, match="no channel named encoder"):
         raw(blind, robot)

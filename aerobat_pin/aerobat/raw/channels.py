@@ -84,7 +84,7 @@ def raw_record(
     The time (m + 1,) is that of the knots [s]; the settings are the table `observers.raw`.
 
     Raises:
-        LogError: the record has no encoder, no gyro and accelerometer, or not the torque that is asked for.
+        LogError: the record has no encoder, or not the torque that is asked for.
     """
     stated = settings.noise.model_dump()
     channels = {

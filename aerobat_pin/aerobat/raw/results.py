@@ -54,16 +54,17 @@ def smoothed_raw(
         mount: place and turn of the accelerometer as found by a calibration; as stated when None.
 
     Raises:
-        ScenarioError: an observer cannot use raw samples.
+        ScenarioError: an observer cannot use raw samples, or there is no frame.
         LogError: a channel is missing.
     """
-    names = tuple(observer.name for observer in observers)
+    names, frames, gain = [each.name for each in observers], observers[0].applications.frames, observers[0].gain
+    if not frames:  # then `observers` is none of those that were asked for
+        raise ScenarioError("observers.frames = []: raw samples show forces at frames, one or more were expected")
     if wrong := [name for name in names if name not in RAW_OBSERVERS]:
         raise ScenarioError(
             f"observers.names: {wrong[0]} needs q and v, and the log has raw samples: {' and '.join(RAW_OBSERVERS)} "
             "find both"
         )
-    frames, gain = observers[0].applications.frames, observers[0].gain
     record = raw_record(time, channels, robot, torque, settings)
     if mount is not None:
         record = mounted(record, mount)
