@@ -147,11 +147,11 @@ def found_contacts(estimate: StoredEstimate, use: CalibrationUse | None) -> list
     head = estimate.head
     if use is None or not head.frames:
         return None if use is None else row_contacts(estimate)
-    if use.contacts is None:
+    if use.contacts is None or not head.are_world_forces:  # a moment that is sought has no contact
         return None
     contacts = []
     for contact in _lasting(estimate, use.contacts):
-        if contact.point in head.frames and head.are_world_forces:
+        if contact.point in head.frames:
             during = during_contact(estimate, contact)
             rows, at = during.time[1:] > contact.onset, head.frames.index(contact.point)
             shown = during.shown.reshape(len(rows), -1, 3)[rows, at]

@@ -620,6 +620,17 @@ def test_what_turns_rotors_is_no_push(tmp_path: Path) -> None:
     assert not any("pushed" in line for line in calibrate([free]).warnings)
 
 
+def test_contacts_are_not_told_where_a_moment_is_sought_beside_a_point(tmp_path: Path) -> None:
+    """A calibration's contacts are those of points alone: its first estimate of such a map ended in a traceback."""
+    chosen = edited(arm_map(["forearm_link"]), {"check": None, "robot.wrenches": ["tool0"]})
+    for name, force in (("free", nothing), ("push", pushed)):
+        write_log(tmp_path / f"{name}.csv", 211, force, pace=1.6, rubs=0.0)
+    learnt = calibrate([recorded(tmp_path / "free.csv", chosen)])
+    result = estimate(recorded(tmp_path / "push.csv", chosen), calibration=learnt)
+    assert result.observers["force_level"].events is None
+    assert "at tool0" in result.verdict
+
+
 def test_an_arm_without_a_row_to_spare_says_that_it_cannot_tell(tmp_path: Path) -> None:
     """Three joints, and a force of three components: friction with offsets explains any pull that lasts."""
     (tmp_path / "arm.urdf").write_text(swinging_arm.arm())
