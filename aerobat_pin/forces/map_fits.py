@@ -63,14 +63,14 @@ def with_friction(records: Sequence[Record], *, mass: bool) -> tuple[list[Record
         return [*records], [], []
     if len(records) > 1:
         return [*records], [], [NOT_FITTED]
-    plain = _with_law(first, WITHOUT_ROTORS, mass=mass)
-    if plain is None or not share_left((fit.outside, fit.before) for fit in plain[1]) < FRICTION_SHOWN:
-        return [first], [], []
-    turning = _with_law(first, WITH_ROTORS, mass=mass)
-    if turning is not None:
-        pairs = zip(turning[1], plain[1], strict=True)
-        plain = turning if share_left((fit.outside, less.outside) for fit, less in pairs) < FRICTION_SHOWN else plain
-    return [plain[0]], [FITTED], []
+    kept: tuple[Record, list[Fit]] | None = None
+    for law in (WITHOUT_ROTORS, WITH_ROTORS):  # rotors may show without friction
+        asking = _with_law(first, law, mass=mass)
+        if asking is not None:
+            less = [fit.before for fit in asking[1]] if kept is None else [fit.outside for fit in kept[1]]
+            pairs = zip((fit.outside for fit in asking[1]), less, strict=True)
+            kept = asking if share_left(pairs) < FRICTION_SHOWN else kept
+    return ([first], [], []) if kept is None else ([kept[0]], [FITTED], [])
 
 
 def _with_law(record: Record, law: str, *, mass: bool) -> tuple[Record, list[Fit]] | None:
