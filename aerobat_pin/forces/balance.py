@@ -23,7 +23,7 @@ from aerobat_pin.forces.inverse_dynamics import accelerations, halfway, slope_no
 from aerobat_pin.forces.run_observers import ignored_rows, points_of
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MOMENT_ARM, SMOOTH_RATE, AllBut, Applications
-from aerobat_pin.records import Block, Record
+from aerobat_pin.records import Block, Record, torques_per_unit
 
 INSTANTS = 400  # of the record that are looked at
 COMPARED_FOR = 3.0  # [s] of the record, in stretches
@@ -52,6 +52,7 @@ class Balance:
     span: float  # time that the instants cover [s]
     later: Callable[[float], Array]  # time [s] -> (instants, joints) what the efforts are so much later [N m, N]
     shaken: Callable[[], float]  # () -> sum of squares of what noise of the motion makes of what is needed
+    unit: Array  # (joints,) what their efforts are for each unit of their columns [N m, N]
 
     def between(self, first: int, last: int) -> Balance:
         """Return the equations of the instants from one to before another."""
@@ -122,9 +123,9 @@ class Balance:
     def imbalance(self, pair: Exchange = ((), ()), signs: Array | None = None) -> float:
         """Return the sum of squares that the efforts leave, those of a pair exchanged, over the needed one."""
         residual = self.residual if signs is None else self.needed - self.given @ signs
-        for j, k in zip(*pair, strict=True):
-            change = (self.effort[:, k] - self.effort[:, j])[self.at]
-            residual = residual - (self.reach[:, j] - self.reach[:, k]) * change
+        for j, k in [*zip(*pair, strict=True), *zip(*pair[::-1], strict=True)]:
+            change = self.unit[j] / self.unit[k] * self.effort[:, k] - self.effort[:, j]
+            residual = residual - self.reach[:, j] * change[self.at]
         return self.share_of(residual)
 
     def of_joints(self, equations: Array) -> tuple[Array, Array]:
@@ -224,9 +225,8 @@ def balance_of(record: Record, motion: FreeMotion) -> Balance | None:
         each = zip(parts, motion.halfway, strict=True)
         return float(sum(np.sum((part @ pin.crba(model, data, q) * motion.noise) ** 2) for part, q in each))
 
-    return Balance(
-        b, project[:, at], heavier, project, instant, effort, rates, bends, motion.span, motion.later, shaken
-    )
+    unit, series = torques_per_unit(record.map.joints.effort, record.driven), (effort, rates, bends)
+    return Balance(b, project[:, at], heavier, project, instant, *series, motion.span, motion.later, shaken, unit)
 
 
 def _weight_and_motion(model: pin.Model, q: Array, motion: FreeMotion) -> Array:

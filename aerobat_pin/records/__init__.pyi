@@ -23,6 +23,7 @@ from .joint_channels import encoder_words as encoder_words
 from .joint_channels import joint_requests as joint_requests
 from .joint_channels import requests_of as requests_of
 from .joint_channels import torque_per_unit as torque_per_unit
+from .joint_channels import torques_per_unit as torques_per_unit
 from .joint_columns import said_unit as said_unit
 from .joint_names import listed_joints as listed_joints
 from .learnable import Condition as Condition

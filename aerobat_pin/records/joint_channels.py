@@ -125,7 +125,7 @@ def joint_requests(chosen: Map, robot: PlainRobot, joints: tuple[str, ...]) -> I
         if part == "effort":
             if table.effort is not None:
                 _check_torques(table.effort, whose, sensed)
-            factor = np.where(others, 1.0, [torque_per_unit(table.effort, joint) for joint in whose])
+            factor = np.where(others, 1.0, torques_per_unit(table.effort, whose))
         else:
             factor = np.array([factor_of(key, joint_unit, kind) for joint_unit in stated])
         units = [
@@ -194,6 +194,11 @@ def torque_per_unit(section: EffortSection | None, joint: str) -> float:
         return 1.0
     given = section.torque_per_unit
     return float(given.get(joint, given.get("*", factor_of("joints.effort", section.unit, "torque"))))
+
+
+def torques_per_unit(section: EffortSection | None, joints: Sequence[str]) -> Array:
+    """Return the torques (n,) of several joints; columns that change places keep their numbers."""
+    return np.array([torque_per_unit(section, joint) for joint in joints])
 
 
 def encoder_matrix(table: JointsTable, joints: Sequence[str]) -> Array:

@@ -81,10 +81,12 @@ def told(
     late: int = 0,
     rotors: float = 0.0,
     aside: Sequence[float] = (),
+    unit: float = 1.0,
 ) -> list[Finding]:
     """Return what is said of an arm's efforts, times factors; it is pushed at a lever [m] from its hand from 4 s."""
     # A joint's zero [rad] or base off, the other way or swapped; noise of rates [rad/s], late by samples of 5 ms; rotor
-    # [kg m2], a centre of mass aside [m]; joints that stand still are held by half of their friction at most.
+    # [kg m2], a centre of mass aside [m]; joints that stand still are held by half of their friction at most. `unit` is
+    # the torque constant [N m/A] of the last that is exchanged.
     model, rng, n = load_robot(arm.name).model.copy(), np.random.default_rng(seed), len(arm.joints)
     if aside:
         model.inertias[len(arm.joints) - 1].lever += np.array(aside)
@@ -118,10 +120,13 @@ def told(
     if other_way is not None:
         for values in (q, v, tau):
             values[:, other_way] *= -1.0
+    units = np.where(np.isin(np.arange(n), exchanged[-1:]), unit, 1.0)
+    tau = tau / units
     for values in (q, v, tau):
         values[:, exchanged] = values[:, exchanged[::-1]]
     table = joint_table(time, arm.joints, q=q, v=v, tau=tau * np.broadcast_to(factors, n))
-    chosen = edited(joint_map(arm.name, [arm.tip], arm.joints), {"joints.held": {"*": 0.0}})
+    constants = {"joints.effort.torque_per_unit": dict(zip(arm.joints, units.tolist(), strict=True))}
+    chosen = edited(joint_map(arm.name, [arm.tip], arm.joints), {"joints.held": {"*": 0.0}, **constants})
     findings = estimate(recorded(folder / "log.csv", chosen, table=table), ["force_level"]).findings
     return [one for one in findings if one.check in NAMED]
 
@@ -259,10 +264,10 @@ def test_a_joint_that_seems_to_slide_at_some_instants_is_compared_at_all(tmp_pat
     assert one.check in READINGS
 
 
-@pytest.mark.parametrize(("pair", "arm"), [((2, 3), PANDA), ((0, 2), KINOVA)])
-def test_joints_in_another_order_are_told(pair: tuple[int, int], arm: Arm, tmp_path: Path) -> None:
-    """As where a log sorts them by their names: nothing was said, or a wrong unit."""
-    [one] = told(tmp_path, 40 + pair[1], 0.3, exchanged=pair, arm=arm)
+@pytest.mark.parametrize(("pair", "arm", "unit"), [((2, 3), PANDA, 1.0), ((0, 2), KINOVA, 1.0), ((1, 2), PANDA, -0.2)])
+def test_joints_in_another_order_are_told(pair: tuple[int, int], arm: Arm, unit: float, tmp_path: Path) -> None:
+    """As where a log sorts them by their names: nothing was said, or a wrong unit; of currents, by their constants."""
+    [one] = told(tmp_path, 40 + pair[1], 0.3, exchanged=pair, arm=arm, unit=unit)
     first, second = (arm.joints[k] for k in pair)
     assert one.text.startswith(f"all columns of {first} and {second} in exchanged places leave ")
 

@@ -207,7 +207,8 @@ def test_noise_of_a_flapping_robot_is_no_joint_of_another_zero(seed: int, tmp_pa
 def test_a_reading_by_which_a_joint_would_be_beyond_its_limits_is_none() -> None:
     """A waist that turns by 1 rad was told to stand 62 deg farther, where a knee beside it did by 17."""
     robot = load_robot("panda")
-    record = cast(Record, SimpleNamespace(robot=robot, driven=robot.joints))
+    table = SimpleNamespace(joints=SimpleNamespace(effort=None))
+    record = cast(Record, SimpleNamespace(robot=robot, driven=robot.joints, map=table))
     mapped, q = JointReading.as_mapped(record), np.array([[0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0, 0.02, 0.02]])
     elbow = robot.joints.index("panda_joint4")  # from -3.07 to -0.07 rad
     turned = [mapped.otherwise([elbow], turn) for turn in (1.4, 1.45, 1.6, -1.6, 4.0)]

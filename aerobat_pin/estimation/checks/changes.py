@@ -31,7 +31,7 @@ from aerobat_pin.forces import (
 )
 from aerobat_pin.numerics import Array, frame_id
 from aerobat_pin.observers import robot_length
-from aerobat_pin.records import PlainRobot, Record
+from aerobat_pin.records import PlainRobot, Record, torques_per_unit
 
 PRICE = 2.0  # in the logarithm of the likelihood: what each number of a change costs
 FACTOR = 4.0  # what factors of efforts cost more, as rows of joints that hardly carry anything look like some
@@ -114,6 +114,7 @@ def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, wit
     """Yield factors of efforts, and exchanged ones."""
     driven = driven_rows(record, instants)
     names, at = [joint for joint, _ in driven], [place for _, place in driven]
+    unit = torques_per_unit(record.map.joints.effort, names)
     identity, moving = np.eye(len(instants.kept))[:, at], bool(sliding_rows(instants).any())
     all_alike, each_own = partial(_common, record, names, moving), partial(_own_factors, names, moving)
     one_own = [partial(_own_factors, [name], moving) for name in names]
@@ -126,9 +127,8 @@ def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, wit
         yield from single
     for pair in [*joint_pairs(record.robot, names), *(limb_pairs(record) if len(names) == len(record.driven) else [])]:
         shift = np.zeros_like(rows.y)
-        for j, k in zip(*pair, strict=True):
-            apart = rows.effort[:, at[k]] - rows.effort[:, at[j]]
-            shift[:, at[j]], shift[:, at[k]] = apart, -apart
+        for j, k in [*zip(*pair, strict=True), *zip(*pair[::-1], strict=True)]:
+            shift[:, at[j]] = unit[j] / unit[k] * rows.effort[:, at[k]] - rows.effort[:, at[j]]
         yield Change(partial(_exchanged, names, pair), shift=shift, leaves=LEFT_BY_CHANGE)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.forces import Exchange, FreeMotion, balance_of
 from aerobat_pin.numerics import Array
-from aerobat_pin.records import PlainRobot, Record
+from aerobat_pin.records import PlainRobot, Record, torques_per_unit
 
 QUARTER = 0.5 * np.pi
 LEFT_BY_JOINTS = 0.1  # of what is left, in squares, that a right reading leaves at most: it makes the rows exact
@@ -73,7 +73,8 @@ class JointReading:
         as_read[0][:, at_q] = np.array(self.turn) + self.sense * q[:, at_q[order]]
         for ours, values in zip(as_read[1:-1], rates, strict=True):
             ours[:, at_v] = self.sense * values[:, at_v[order]]
-        as_read[-1][:, at_v] = self.effort * effort[:, at_v[order]]
+        unit = torques_per_unit(record.map.joints.effort, record.driven)
+        as_read[-1][:, at_v] = self.effort * unit / unit[order] * effort[:, at_v[order]]
         return as_read
 
     def findings(self, record: Record, leaves: str) -> list[Finding]:
