@@ -94,12 +94,8 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     if free and not columns.kinds:
         lines += suggest_rotors(columns, built and built.model, groups.get("rotors", ()), "\n".join(lines))
     gain = min(GAIN, SHARE_OF_RATE / spacing) if spacing else GAIN
-    lines += [
-        "[observer]",
-        'names = ["force_level"]',
-        f"gain = {float(f'{gain:.2g}'):g}  # K [1/s]: 1/K is the lag; smaller is smoother",
-        "",
-    ]
+    gain_line = f"gain = {float(f'{gain:.2g}'):g}  # K [1/s]: 1/K is the lag; smaller is smoother"
+    lines += ["[observer]", 'names = ["force_level"]', gain_line, ""]
     text = "\n".join(lines)
     unused = [name for name in columns.names if not columns.kinds and toml_text(name) not in text]
     return text + (f"# Columns that are not used here: {', '.join(unused)}\n" if unused else "")
