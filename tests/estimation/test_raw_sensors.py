@@ -34,7 +34,7 @@ from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess, w
 from aerobat_pin.aerobat.raw.recursion import Filtered, SampleRows, Smoothed, filter_record, smooth_record
 from aerobat_pin.aerobat.raw.results import notes_of, warnings_of
 from aerobat_pin.aerobat.raw.rows import ROWS_BY_SENSOR, Sensed
-from aerobat_pin.aerobat.raw.tuning import Tuning
+from aerobat_pin.aerobat.raw.tuning import Tuning, free_logs
 from aerobat_pin.errors import CalibrationError, LogError, ObserverError, ScenarioError
 from aerobat_pin.estimation import calibrate, calibration_bytes, read_calibration, record_findings
 from aerobat_pin.experiments import write_flight_mcap
@@ -286,6 +286,7 @@ def test_the_likelihood_finds_the_noise_the_step_and_what_the_wings_have_in_comm
     assert found.tuning.alike[1] < 0.4
     assert found.tuning.alike[2] > 2.5
     assert any("jump at 0.601 s" in note for note in notes_of(found))
+    assert not np.any(free_logs(settings, points=1)[9:12])  # one force has nothing in common with others
 
 
 def test_without_an_accelerometer_and_with_the_motor_alone() -> None:

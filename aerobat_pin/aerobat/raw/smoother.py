@@ -125,7 +125,7 @@ class JointSmoother:
                 prior = prior_at(solved.linear.nominal, k, filtered.states[k], filtered.covariances[k])
             if progress is not None:
                 progress(window.stop / (len(record.time) - 1))
-        first, chosen = parts[0], bool(np.any(free_logs(self.settings)))
+        first, chosen = parts[0], bool(np.any(free_logs(self.settings, len(self.frames))))
         return replace(
             parts[-1],
             nominal=NominalMotion.joined([part.nominal for part in parts]),
@@ -165,7 +165,7 @@ class JointSmoother:
     def solve(self, record: RawRecord, motion: NominalMotion, prior: Prior, tuning: Tuning | None) -> Solved:
         """Iterate to the smoothed motion of one window; a tuning that is None is chosen on the way."""
         use = first_tuning(self.settings, self.weight) if tuning is None else tuning
-        free = free_logs(self.settings)
+        free = free_logs(self.settings, len(self.frames))
         if tuning is not None:
             free[:] = False
         rounds = [FIRST_ROUNDS, MORE_ROUNDS] if np.any(free) else [MORE_ROUNDS]

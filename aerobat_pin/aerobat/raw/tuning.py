@@ -94,9 +94,12 @@ def first_tuning(settings: RawSection, weight: float) -> Tuning:
     return Tuning(walk, bend, white, alike, FIRST_JERK if settings.crank_jerk is None else settings.crank_jerk)
 
 
-def free_logs(settings: RawSection) -> Flags:
-    """Return which of the logarithms (13,) are left out of the settings, to be chosen by likelihood."""
-    each = (settings.walk, settings.bend, settings.white, settings.alike)
+def free_logs(settings: RawSection, points: int) -> Flags:
+    """Return which of the logarithms (13,) are left out of the settings, to be chosen by likelihood.
+
+    A force at one point alone has nothing in common with others: its `alike` does nothing.
+    """
+    each = (settings.walk, settings.bend, settings.white, settings.alike if points > 1 else ())
     return np.array([value is None for value in each for _ in range(3)] + [settings.crank_jerk is None])
 
 
