@@ -422,6 +422,18 @@ def test_the_causal_filter_waits_for_what_begins_late_or_is_lost(sensor: str, mi
     assert next(k for k, sample in enumerate(samples) if sample is not None) == (110 if sensor == "crank" else 100)
 
 
+def test_samples_of_the_first_instant_count_in_unix_time() -> None:
+    """Its doubles are 2.4e-7 s apart: the causal filter started with the ninth pose."""
+    smoother, record, found = smoothed("measured")
+    late = record.shifted(dict.fromkeys(record.channels, -1.7e9))
+    late = replace(late, time=record.time[:81] + 1.7e9, known=record.known[:80])
+    samples = JointFilter(smoother, found.tuning, late.channels, "measured").run(late)
+    assert next(k for k, sample in enumerate(samples) if sample is not None) == 70
+    motion, still = first_guess(late), np.zeros((80, 2, 3))
+    linear = smoother.linear(late, motion, smoother.air.fly(motion), still, smoother.layout, np.zeros(80))
+    assert linear.rows.start[1] == 17  # pose, inertial unit, encoder and torques
+
+
 def test_the_causal_filter_lets_a_force_jump() -> None:
     """The step of 0.15 N at 0.6 s is there after 3 ms, within 20 mN."""
     (log, _), (_, record, _), (_, samples) = flight(), smoothed("measured"), followed()

@@ -124,7 +124,7 @@ class JointFilter:
             raise ObserverError(f"joint filter: known: {self._nv} finite numbers were expected")
         self._latest |= {name: stamp for name, (stamp, _) in taken.items()}
         begin = (self._waiting[0][0] if self._waiting else time) - 1e-9
-        taken = {name: self._carried(name, *sample, last) for name, sample in taken.items() if sample[0] > begin}
+        taken = {name: self._carried(name, *sample, last) for name, sample in taken.items() if sample[0] >= begin}
         if self._nominal is not None:
             return self._step(self._nominal, time, taken, force)
         self._waiting.append((time, taken, force))

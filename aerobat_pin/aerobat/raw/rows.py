@@ -79,7 +79,7 @@ def sample_rows(record: RawRecord, layout: Layout, nominal: NominalMotion, dynam
     blocks = []
     for index, (name, channel) in enumerate(record.channels.items()):
         at, last = channel.time, nominal.time[-1] + LATE * (nominal.time[-1] - nominal.time[-2])
-        use = (at > nominal.time[0] - 1e-9) & (at < last)
+        use = (at >= nominal.time[0] - 1e-9) & (at < last)
         at, values = at[use], channel.values[use]
         k = np.clip(np.searchsorted(nominal.time, at + 1e-9, side="right") - 1, 0, len(nominal.time) - 1)
         sensed = Sensed(channel, layout, nominal, dynamics, record.torque, k, at, values)
