@@ -132,7 +132,7 @@ def _series_of(
         "past v": stretch.v[past],
         "rows": y[chosen],
         "sliding": np.tanh(v / stiction_rate)[chosen],
-        "columns": columns[:, chosen],
+        "columns": columns.take(chosen, axis=1),
         "rates": (effort[after] - effort[before]) / apart,
         "around": np.stack([0.5 * (series[after] + series[before]) for series in (y + effort, rotor)]),
         "effort": stretch.tau,
