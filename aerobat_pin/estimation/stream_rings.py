@@ -95,6 +95,8 @@ def new_rings(
     """
     if not 0.0 <= wait < CLOCK_JUMP:
         raise MapError(f"online: wait = {wait}: at least 0 s and less than {CLOCK_JUMP:g} s was expected")
+    if any(request.of_angles for request in requests):
+        raise MapError("online: base.quaternion: four columns were expected; roll, pitch and yaw need a whole record")
     rubbing = values.joints if values.friction is not None or len(values.scale) else ()
     width = max(4, *(len(request.names) for request in requests))
     model = robot.model

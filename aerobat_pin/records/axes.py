@@ -69,7 +69,7 @@ def axes_of(chosen: Map, key: str, names: Sequence[str]) -> Array | None:
 def as_attitude(chosen: Map, turns: Array) -> Array:
     """Return unit quaternions (n, 4), in order, sense and axes of the log, as body to world with z up, x, y, z, w."""
     section = chosen.base.quaternion
-    if section is not None and section.order == "wxyz":
+    if section is not None and section.order == "wxyz" and len(section.columns) != 3:
         turns = np.roll(turns, -1, axis=1)
     if section is not None and section.sense == "world_to_body":
         turns = turns * CONJUGATE

@@ -13,7 +13,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records.block import Channel
 from aerobat_pin.records.columns import Columns, in_step, same_unit
 from aerobat_pin.records.map_tables import ChannelSection, KnownSection, Map
-from aerobat_pin.records.resample import holes, without_turns
+from aerobat_pin.records.resample import holes, turns_of_angles, without_turns
 from aerobat_pin.records.spool import EXTENT, Series
 from aerobat_pin.records.table_cells import line_of
 
@@ -36,7 +36,7 @@ IN_ONE_ARRAY = {  # kinds of its unit and of some columns: a pose's quaternion, 
 }
 ASKED = {  # key -> kind of quantity, numbers of columns, and part of a message with its axes
     "base.position": ("length", (3,), "position", "xyz"),
-    "base.quaternion": ("none", (4,), "orientation", "xyzw"),
+    "base.quaternion": ("none", (4, 3), "orientation", "xyzw"),
     "base.velocity": ("speed", (3,), "linear", "xyz"),
     "base.rate": ("rate", (3,), "angular_velocity", "xyz"),
     "base.acceleration": ("acceleration", (3,), "linear_acceleration", "xyz"),
@@ -81,9 +81,16 @@ class Request:
     shift: float | Array = 0.0
     turns: tuple[float, ...] = ()
 
+    @property
+    def of_angles(self) -> bool:
+        """Whether the columns are roll, pitch and yaw."""
+        return self.key == "base.quaternion" and len(self.names) == 3
+
     def converted(self, values: Array) -> Array:
         """Return the channel (..., k) in SI units of what the columns hold."""
         values = self.factor * values
+        if self.of_angles:
+            return turns_of_angles(values)
         return values if self.mix is None else values @ self.mix.T + self.shift
 
 
@@ -147,7 +154,7 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
     if high - low < 2:
         raise LogError(f"log {columns.path}: {', '.join(request.names)} ({request.key}) share less than two samples")
     whole = request.delay == 0.0 and high - low == len(clock)
-    time, values = clock if whole else Series(clock.spool), Series(clock.spool, len(parts))
+    time, values = clock if whole else Series(clock.spool), Series(clock.spool, len(parts) + request.of_angles)
     for rows in (slice(first, min(first + EXTENT, high)) for first in range(low, high, EXTENT)):
         stamps = clock[rows]
         table = np.stack([_column_at(stamps, rows, clock, *part) for part in parts], axis=1)
@@ -268,6 +275,7 @@ def _asked(
     names = section.columns or tuple(f"{topic}.{part}.{axis}" for axis in axes if topic)
     if names:
         check_count(key, names, counts)
+        kind = "angle" if key == "base.quaternion" and len(names) == 3 else kind
         units, factor = units_of(section.unit, kind, len(names)), factor_of(key, section.unit, kind)
         yield Request(key, names, factor, section.delay, optional, units=units)
 

@@ -57,7 +57,7 @@ class PositionSection(ChannelSection):
 
 
 class QuaternionSection(ChannelSection):
-    """Attitude of the base."""
+    """Attitude of the base: four columns of a quaternion, or roll, pitch and yaw, about x, then y, then z."""
 
     order: Literal["xyzw", "wxyz"] = Field("xyzw", description="of the columns")
     sense: Literal["body_to_world", "world_to_body"] = Field("body_to_world", description="what the quaternion turns")

@@ -25,6 +25,7 @@ from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.spool import typical_spacing
+from aerobat_pin.records.suggest_attitude import attitudes, line_of_attitude
 from aerobat_pin.records.suggest_joints import followers, joint_topic, listed, suggest_joints, toml_text, topic_of
 from aerobat_pin.records.suggest_rotors import ROTOR_WORDS, suggest_rotors
 
@@ -34,7 +35,6 @@ TIME = re.compile(
     re.IGNORECASE,
 )
 MOMENTS = ("base.Mx", "base.My", "base.Mz")
-UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
 GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
 STEMS = [  # as in vel_x_world, and velocity_x: what is read of a name counts where all its axes are there
     re.compile(rf"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>{tail})$", re.IGNORECASE) for tail in ("_[a-z0-9]*", "")
@@ -150,7 +150,7 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
                 yield "position", tuple(axes[axis] for axis in "xyz")
                 break
     if "quaternion" not in taken:
-        yield from (("quaternion", names) for names in _numbered_by_four(columns) if _is_attitude(columns, names))
+        yield from (("quaternion", names) for names in attitudes(columns))
 
 
 def _is_called(stem: str, kind: str) -> bool:
@@ -159,20 +159,6 @@ def _is_called(stem: str, kind: str) -> bool:
     last = parts[-2] if parts[-1] == "w" and {*parts[-2:-1]} & WORLD_BEHIND else parts[-1]
     first = re.split(r"[ _.]", stem)[0] if kind == "force" else last  # as in F_ext_x
     return bool({first, last} & {*words}) or (len(last) > 2 and any(len(word) > 2 and word in stem for word in words))
-
-
-def _numbered_by_four(columns: Columns) -> Iterator[tuple[str, ...]]:
-    """Yield four columns each that are numbered, as q[0] to q[3]."""
-    groups: dict[str, list[str]] = {}
-    for name in columns.names:
-        groups.setdefault(re.sub(r"[\[_ .]?\d\]?$", "", name), []).append(name)
-    yield from (tuple(names) for names in groups.values() if len(names) == 4)
-
-
-def _is_attitude(columns: Columns, names: tuple[str, ...]) -> bool:
-    """Return whether four columns are unit quaternions that turn."""
-    values = np.column_stack([columns.sample(name) for name in names])
-    return bool(np.allclose(np.linalg.norm(values, axis=1), 1.0, atol=UNIT_ERROR) and np.ptp(values, axis=0).any())
 
 
 def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
@@ -258,7 +244,7 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         unit = named_unit("length", groups["position"]) or "m"
         yield f'position = {{columns = {listed(groups["position"])}, unit = "{unit}"}}'
         if "quaternion" in groups:
-            yield _line_of_attitude(columns, groups["quaternion"])
+            yield line_of_attitude(columns, groups["quaternion"])
         else:
             yield "# quaternion = {columns = [...]}  # which columns are the attitude?"
         if "velocity" in groups:
@@ -281,19 +267,11 @@ def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Itera
         if imu:
             yield f'# topic = "{imu}"'
         else:
-            yield f"# {_line_of_attitude(columns, groups['quaternion'])}"
+            yield f"# {line_of_attitude(columns, groups['quaternion'])}"
             yield f"# {_rate(columns, groups['rate'])}"
         if felt:
             yield f"# acceleration = {_felt(columns, felt)}"
         yield ""
-
-
-def _line_of_attitude(columns: Columns, names: tuple[str, ...]) -> str:
-    means = [float(np.abs(columns.sample(name)).mean()) for name in names]
-    numbered = names in [*_numbered_by_four(columns)]
-    order = "wxyz" if numbered and means[0] > means[3] else "xyzw"
-    asked = f"  # or {'xyzw' if order == 'wxyz' else 'wxyz'}?" if numbered else ""
-    return f'quaternion = {{columns = {listed(names)}, order = "{order}", sense = "body_to_world"}}{asked}'
 
 
 def _rate(columns: Columns, names: tuple[str, ...]) -> str:

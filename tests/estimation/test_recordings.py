@@ -28,7 +28,7 @@ from support.walking_log import bag, bag_map, table, table_map, urdf, walk
 from aerobat_pin import open_record
 from aerobat_pin.aerobat import needs_map
 from aerobat_pin.errors import AerobatError, LogError, MapError, OutputError
-from aerobat_pin.estimation import Result, calibrate, estimate, record_findings
+from aerobat_pin.estimation import OnlineEstimator, Result, calibrate, estimate, record_findings
 from aerobat_pin.estimation.checks.agreement import accelerometer_findings, agreement_findings
 from aerobat_pin.estimation.checks.result import fit_findings
 from aerobat_pin.experiments.write_mcap import McapStretch, write_mcap_stretches
@@ -573,6 +573,27 @@ def test_a_misread_attitude_makes_two_weights_of_force(tmp_path: Path) -> None:
     misread = edited(values, {"base.quaternion.columns": ["qw", "qx", "qy", "qz"]})
     with pytest.raises(LogError, match=r"mean force over weight is .*, 2\.0\d+ .*about 2 if the attitude is misread"):
         estimate(recorded(tmp_path / "flight.csv", misread))
+
+
+def test_roll_pitch_and_yaw_are_an_attitude(tmp_path: Path) -> None:
+    """As autopilots log them, in deg and past 180; four columns were expected, and `--suggest` did not know them."""
+    one = flight(seconds=3.0)
+    yaw = 10.0 * np.arange(len(one))[:, None]
+    turned = Rotation.from_euler("z", yaw, degrees=True) * Rotation.from_quat(one[["qx", "qy", "qz", "qw"]])
+    one[["qx", "qy", "qz", "qw"]] = turned.as_quat()
+    names = [f"att_{axis}_deg" for axis in ("roll", "pitch", "yaw")]
+    other = one.drop(columns=["qx", "qy", "qz", "qw"])
+    other[names] = turned.as_euler("ZYX", degrees=True)[:, ::-1]
+    angles = edited(MAP, {"base.quaternion": {"columns": names, "unit": "deg"}})
+    records = recorded(tmp_path / "one.csv", MAP, table=one), recorded(tmp_path / "other.csv", angles, table=other)
+    q, expected = (record.block(*record.parts[0]).q[:, 3:] for record in (records[1], records[0]))
+    np.testing.assert_allclose(np.abs(np.sum(q * expected, axis=1)), 1.0, atol=1e-9)
+    assert f'quaternion = {{columns = {names}, unit = "deg"}}'.replace("'", '"') in suggested_map(
+        tmp_path / "other.csv", None
+    )
+    measured = edited(angles, {"known": None, "check": None})
+    with pytest.raises(MapError, match=r"online: base\.quaternion: four columns were expected; roll, pitch and yaw"):
+        OnlineEstimator(parse_map(measured, "-"), tmp_path)
 
 
 def leg(rail: str) -> str:

@@ -205,7 +205,8 @@ def _attitudes(record: Record, time: Array, measured: Measured) -> dict[Reading,
         raw = sampled_turns(*record.cut("base.quaternion", time), time)
     assert raw is not None
     mapped = record.map.base.quaternion or QuaternionSection()
-    others = itertools.product(("xyzw", "wxyz"), ("body_to_world", "world_to_body"))
+    orders = ("xyzw", "wxyz") if len(mapped.columns) != 3 else ("xyzw",)  # roll, pitch and yaw have one
+    others = itertools.product(orders, ("body_to_world", "world_to_body"))
     readings = dict.fromkeys([(mapped.order, mapped.sense), *others])
     return {reading: as_attitude(_read_as(record.map, mapped, reading), raw) for reading in readings}
 
