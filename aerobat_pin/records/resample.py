@@ -25,7 +25,7 @@ Hole = TypeVar("Hole", bound=tuple[Any, ...])
 FINEST = 8  # even times for each uneven one, at most
 HOLE = 2.5  # usual steps of a channel, which a hole is longer than
 CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])  # times a unit quaternion x, y, z, w: the inverse turn
-MOST_TOLD = 3  # holes that are told one by one
+HOLES_TOLD = 3  # holes that are told one by one
 FAILED_AWAY, FAILED_STEPS = 0.25, 20.0  # of a joint's range, usual steps: from which a jump away and back is no motion
 FAILED_AT_ONCE, MOST_FAILED = 3, 0.1  # equal samples of such a reading, and share of all, at most
 NEAR_TURN = 0.25  # of a turn: a joint turns less from sample to sample, and a jump by a full turn is as near to one
@@ -189,9 +189,9 @@ def holes(time: Series, longest: float) -> list[tuple[float, float]]:
 
 
 def longest_holes(gaps: Iterable[Hole]) -> tuple[list[Hole], int]:
-    """Return the `MOST_TOLD` longest of holes (start, end [s], ...) in their order, and how many others there are."""
+    """Return the `HOLES_TOLD` longest of holes (start, end [s], ...) in their order, and how many others there are."""
     told = sorted(gaps, key=lambda gap: gap[0] - gap[1])
-    return sorted(told[:MOST_TOLD]), len(told[MOST_TOLD:])
+    return sorted(told[:HOLES_TOLD]), len(told[HOLES_TOLD:])
 
 
 def rate_beside_holes(time: Series, longest: float) -> float:

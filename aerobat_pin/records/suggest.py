@@ -34,7 +34,7 @@ TIME = re.compile(
     r"[(\[]?(s|sec|ms|us|ns)?[)\]]?$",
     re.IGNORECASE,
 )
-MOMENTS = ("base.Mx", "base.My", "base.Mz")
+M_ROWS = ("base.Mx", "base.My", "base.Mz")
 GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
 STEMS = [  # as in vel_x_world, and velocity_x: what is read of a name counts where all its axes are there
     re.compile(rf"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>{tail})$", re.IGNORECASE) for tail in ("_[a-z0-9]*", "")
@@ -81,7 +81,7 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     if built is not None and (following := followers(columns, built)):
         lines.append(f"rows = {{ignore = {listed(following)}}}  # they follow other joints, whose motors move them")
     elif built is None or not built.joints:
-        lines.append(f"rows = {{ignore = {listed(MOMENTS)}}}  # are all moments on the body known? Then leave this out")
+        lines.append(f"rows = {{ignore = {listed(M_ROWS)}}}  # are all moments on the body known? Then leave this out")
     lines += ["", "[log]"]
     spacing = _spacing_of_lead(columns)
     if not columns.kinds and not str(log).lower().endswith(NETCDF):

@@ -13,7 +13,7 @@ from aerobat_pin.records.suggest_joints import listed
 
 UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
 FULL_TURN = 7.0  # beyond any angle of an attitude in rad
-ANGLES = ("roll", "pitch", "yaw")
+RPY = ("roll", "pitch", "yaw")
 OF_BASE = {"attitude", "att", "orientation", "euler", "rpy", "angle", "angles", "base", "body", "pose", "imu", "odom"}
 OF_BASE |= {"mocap", "vicon", "vision", "optitrack", *MEASURED_WORDS}  # else a joint of that name, or its command
 
@@ -23,9 +23,9 @@ def attitudes(columns: Columns) -> Iterator[tuple[str, ...]]:
     found: dict[tuple[str, ...], dict[str, str]] = {}
     for name in columns.names:
         words = [word for word in words_of_name(name) if word not in {"deg", "rad"}]
-        if words and words[-1] in ANGLES and {*words[:-1]} <= OF_BASE:
+        if words and words[-1] in RPY and {*words[:-1]} <= OF_BASE:
             found.setdefault(tuple(words[:-1]), {})[words[-1]] = name
-    yield from (tuple(axes[axis] for axis in ANGLES) for axes in found.values() if len(axes) == len(ANGLES))
+    yield from (tuple(axes[axis] for axis in RPY) for axes in found.values() if len(axes) == len(RPY))
     yield from (names for names in _numbered_by_four(columns) if _is_attitude(columns, names))
 
 
