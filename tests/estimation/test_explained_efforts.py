@@ -260,8 +260,9 @@ def test_a_joint_that_counts_the_other_way_is_told(joint: int, arm: Arm, tmp_pat
 
 def test_a_joint_that_seems_to_slide_at_some_instants_is_compared_at_all(tmp_path: Path) -> None:
     """Noise moved a joint that rests, at one of the instants that were looked at first: rows of another number."""
-    [one] = told(tmp_path, 40, 0.3, other_way=0, still=(6,), noise=0.015)
-    assert one.check in READINGS
+    # What is right leaves too much to be named beside this noise, but less than a zero of another joint, which was.
+    for one in told(tmp_path, 40, 0.3, other_way=0, still=(6,), noise=0.015):
+        assert (one.check, one.text.split()[0]) == ("joint sense", PANDA.joints[0])
 
 
 @pytest.mark.parametrize(("pair", "arm", "unit"), [((2, 3), PANDA, 1.0), ((0, 2), KINOVA, 1.0), ((1, 2), PANDA, -0.2)])

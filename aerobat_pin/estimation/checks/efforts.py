@@ -161,7 +161,7 @@ def _explained(
         changes.append(change_of_time(record, inputs, rows, without, as_mapped, formed))
     if share > MISPLACED and sliding_rows(instants).any():  # one pose fits many
         changes += changes_of_reading(record, inputs, instants, rows, without, as_mapped, formed)
-    explaining = []
+    explaining, too_much = list[tuple[float, Sequence[Finding], Change, float]](), list[tuple[float, float]]()
     for gain, explanation, change, lasts in _likely(rows, without, changes):
         after, mapped = share_of(explanation), min(share, before or share)
         leaves = f"{100.0 * after**0.5:.3g} % of what is needed, as mapped {100.0 * (before or share) ** 0.5:.3g} %"
@@ -169,12 +169,18 @@ def _explained(
         if findings and after >= mapped:
             findings = []  # it only makes constants smaller
         if findings is not None and after < change.enough(explanation) * mapped:
-            explaining.append((gain, findings, change))
-    by_name = {change: gain for gain, findings, change in explaining if findings}
+            explaining.append((gain, findings, change, after))
+        elif findings:
+            too_much.append((gain, after))
+    tried = [  # what is likelier and leaves less, if too much to be named, is not passed over for what is worse
+        (gain, [] if any(gain < likelier and left < after for likelier, left in too_much) else findings, change)
+        for gain, findings, change, after in explaining
+    ]
+    by_name = {change: gain for gain, findings, change in tried if findings}
     said = {change.findings_of for change in by_name}  # the same change of what is needed with and without the forces
     causes = [  # too many factors to name are one of all, where that explains most of what they do
         (gain, findings)
-        for gain, findings, change in explaining
+        for gain, findings, change in tried
         if findings
         or (
             change.findings_of not in said
@@ -182,7 +188,7 @@ def _explained(
         )
     ]
     most = max((gain for gain, _ in causes), default=0.0)
-    rotating = any(change.findings_of is no_names and gain > most - AS_LIKELY for gain, _, change in explaining)
+    rotating = any(change.findings_of is no_names and gain > most - AS_LIKELY for gain, _, change in tried)
     hidden = rotating and not any(findings for gain, findings in causes if gain > most - AS_LIKELY)
     return share, without.independent, causes, hidden
 
