@@ -495,9 +495,9 @@ def test_long_records_are_smoothed_in_parts_that_overlap_and_leave_no_gap() -> N
 @pytest.mark.parametrize("sensor", ["orientation", "accelerometer"])
 def test_a_part_of_a_long_record_may_lack_all_samples_of_a_sensor(sensor: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Attitudes were a traceback, and samples that are not there "nan times as far from their prediction"."""
+    (log, robot), (_, record, _) = flight(), smoothed("measured")  # whole: others use it, too
     for name, seconds in (("LONGEST_STRETCH", 0.4), ("LATE_PART", 0.06), ("EARLY_PART", 0.03)):
         monkeypatch.setattr(f"aerobat_pin.aerobat.raw.channels.{name}", seconds)
-    (log, robot), (_, record, _) = flight(), smoothed("measured")
     one = record.channels[sensor]
     late = replace(one, time=one.time[one.time > 0.45], values=one.values[one.time > 0.45])
     smoother = smoother_of(robot, GIVEN.model_copy(update={"offset_error": 0.0}))
