@@ -25,9 +25,8 @@ from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.spool import typical_spacing
-from aerobat_pin.records.suggest_attitude import attitudes, line_of_attitude
+from aerobat_pin.records.suggest_base import ROTOR_WORDS, attitudes, line_of_attitude, suggest_rotors
 from aerobat_pin.records.suggest_joints import followers, joint_topic, listed, suggest_joints, toml_text, topic_of
-from aerobat_pin.records.suggest_rotors import ROTOR_WORDS, suggest_rotors
 
 TIME = re.compile(
     r"^_*(((t|time|stamp|epoch|unix|elapsed|duration|seconds)[ _]*)+|(?=[mun]s$))"
