@@ -9,7 +9,7 @@ A force that changes is ahead of its filter r, by r'/K. With x what another filt
 input, that is (x + x^2 + x^3 + ...) r. The size of the first term, and by how much the next ones exceed the errors of
 rows, say how much it may be: K t e^-Kt of a step, all of a ramp, and a push that swings twice as fast as K. It hides
 when something pushed, not that it did (`without_lag`). `kalman` and `smoother` are faster, but errors of rows are known
-behind the same low-pass: faster ones may be in them. At its start, where it is zero, a filter lacks r / (e^Kt - 1).
+behind the same low-pass: faster ones may be in them. At its start a filter of first order lacks r / (e^Kt - 1).
 
 A constant tilt cancels in the equations of motion: an accelerometer that is turned with gravity shows the same world,
 turned. So the forces are right in body axes, and in world axes horizontal ones get a share of the vertical one.

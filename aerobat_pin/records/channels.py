@@ -147,7 +147,9 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
     for k, turn in enumerate(request.turns):
         if turn:
             angles, count = without_turns(*parts[k], turn, longest_gap)
-            parts[k], turned = (parts[k][0], angles), turned | ({request.joints[k]: count} if count else {})
+            parts[k] = parts[k][0], angles
+            if count and request.joints:
+                turned[request.joints[k]] = count
     clock = max((stamps for stamps, _ in parts), key=len)
     low = clock.index(max(float(stamps[0]) for stamps, _ in parts))
     high = clock.index(min(float(stamps[-1]) for stamps, _ in parts), "right")
@@ -275,9 +277,11 @@ def _asked(
     names = section.columns or tuple(f"{topic}.{part}.{axis}" for axis in axes if topic)
     if names:
         check_count(key, names, counts)
-        kind = "angle" if key == "base.quaternion" and len(names) == 3 else kind
+        of_angles = key == "base.quaternion" and len(names) == 3
+        kind = "angle" if of_angles else kind
         units, factor = units_of(section.unit, kind, len(names)), factor_of(key, section.unit, kind)
-        yield Request(key, names, factor, section.delay, optional, units=units)
+        turns = (2.0 * np.pi / factor,) * (3 * of_angles)
+        yield Request(key, names, factor, section.delay, optional, units=units, turns=turns)
 
 
 def check_count(key: str, names: tuple[str, ...], allowed: tuple[int, ...]) -> None:

@@ -23,7 +23,7 @@ from aerobat_pin.records.joint_names import listed_joints, renamed_joints
 from aerobat_pin.records.map_tables import EffortSection, JointsTable, Map
 from aerobat_pin.records.resample import failed_readings
 from aerobat_pin.records.robots import PlainRobot
-from aerobat_pin.records.spool import series_of
+from aerobat_pin.records.spool import series_of, typical_spacing
 
 JOINT_KINDS = {"position": "angle", "velocity": "rate", "effort": "torque"}
 CURRENTS = ("A", "mA", "1")  # units that are no torque
@@ -71,7 +71,8 @@ def without_failed_readings(asked: Sequence[Request], columns: Columns) -> Colum
     for request in (each for each in asked if each.key == "joints.position"):
         for name, joint, turn in zip(request.names, request.joints, request.turns, strict=True):
             clock, values = columns.clock_of.get(name, ""), np.asarray(columns.values.get(name, ()))
-            if len(rows := failed_readings(values, turn)):
+            spacing = typical_spacing(columns.clocks[clock].time) if len(values) else 0.0
+            if len(rows := failed_readings(values, turn, spacing)):
                 said = said or f"at {columns.clocks[clock].time[rows[0]]:.10g} s {joint} shows {values[rows[0]]:g}"
                 failed[clock] = np.union1d(failed.get(clock, rows), rows)
     series = dict(columns.values)

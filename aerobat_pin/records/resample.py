@@ -27,6 +27,7 @@ HOLE = 2.5  # usual steps of a channel, which a hole is longer than
 CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])  # times a unit quaternion x, y, z, w: the inverse turn
 HOLES_TOLD = 3  # holes that are told one by one
 FAILED_AWAY, FAILED_STEPS = 0.25, 20.0  # of a joint's range, usual steps: from which a jump away and back is no motion
+FASTEST_TURNS = 5.0  # a second, faster than which no joint turns away and back
 FAILED_AT_ONCE, MOST_FAILED = 3, 0.1  # equal samples of such a reading, and share of all, at most
 NEAR_TURN = 0.25  # of a turn: a joint turns less from sample to sample, and a jump by a full turn is as near to one
 
@@ -154,19 +155,21 @@ def without_turns(time: Series, values: Series, turn: float, longest: float) -> 
     return whole, len(at)
 
 
-def failed_readings(values: Array, turn: float) -> NDArray[np.intp]:
-    """Return the rows of positions (n,) at which a joint jumps away and at once back: a reading that failed.
+def failed_readings(values: Array, turn: float, spacing: float) -> NDArray[np.intp]:
+    """Return the rows of angles (n,) at which a joint jumps away and at once back: a reading that failed.
 
-    Jumps by a full turn, `turn` in the unit of the positions or 0, are none. Equal neighbours count as one sample.
+    It jumps faster than joints turn, between samples of a spacing [s]. Jumps by a full turn, `turn` in the unit of the
+    angles, are none; a joint that slides has 0, and no such rows. Equal neighbours count as one sample.
     """
     filled = np.flatnonzero(np.isfinite(values))
     runs = np.flatnonzero(np.diff(values[filled], prepend=np.nan) != 0.0)
     places, last = values[filled][runs], np.append(runs[1:], len(filled))
-    if len(places) < 4:
+    if len(places) < 4 or not turn:
         return runs[:0]
     steps = np.diff(places)
-    steps -= turn * np.round(steps / turn) if turn else 0.0
+    steps -= turn * np.round(steps / turn)
     least = max(FAILED_AWAY * float(np.ptp(places)), FAILED_STEPS * float(np.median(np.abs(steps))))
+    least = max(least, FASTEST_TURNS * spacing * turn)
     away = np.minimum(np.abs(steps[:-1]), np.abs(steps[1:])) > least
     away &= np.abs(steps[:-1] + steps[1:]) < FAILED_AWAY * np.abs(steps[:-1])
     away &= (last - runs)[1:-1] <= FAILED_AT_ONCE

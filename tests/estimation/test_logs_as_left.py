@@ -686,7 +686,9 @@ def test_readings_that_failed_are_left_out(swing: pd.DataFrame, tmp_path: Path) 
     gripper, noise = np.repeat([0.0, 1.0, 0.0, 1.0, 0.0], 200), np.random.default_rng(1).normal(size=1000)
     turned = swing.turn_q.to_numpy() + 2.0 * np.pi * np.isin(np.arange(1000), failed)
     for values in (gripper, noise, np.sign(noise), turned):
-        assert not len(failed_readings(values, 2.0 * np.pi))
+        assert not len(failed_readings(values, 2.0 * np.pi, 0.01))
+    tapped = 1e-4 * noise + 0.8 * (np.arange(1000) % 20 == 7)  # as a finger that taps, ten samples a second
+    assert (len(failed_readings(tapped, 2.0 * np.pi, 0.1)), len(failed_readings(tapped, 2.0 * np.pi, 0.01))) == (0, 50)
 
 
 def test_steps_that_grow_to_a_full_turn_are_no_jump() -> None:
