@@ -13,7 +13,7 @@ from aerobat_pin.numerics import Array
 from aerobat_pin.records.block import Channel
 from aerobat_pin.records.columns import Columns, in_step, same_unit
 from aerobat_pin.records.map_tables import ChannelSection, KnownSection, Map
-from aerobat_pin.records.resample import holes, turns_of_angles, without_turns
+from aerobat_pin.records.resample import holes, without_turns
 from aerobat_pin.records.spool import EXTENT, Series
 from aerobat_pin.records.table_cells import line_of
 
@@ -83,14 +83,16 @@ class Request:
 
     @property
     def of_angles(self) -> bool:
-        """Whether the columns are roll, pitch and yaw."""
+        """Whether the columns are roll, pitch and yaw: turns about x, then y, then z, of which quaternions are made."""
         return self.key == "base.quaternion" and len(self.names) == 3
 
     def converted(self, values: Array) -> Array:
         """Return the channel (..., k) in SI units of what the columns hold."""
         values = self.factor * values
         if self.of_angles:
-            return turns_of_angles(values)
+            from scipy.spatial.transform import Rotation  # slow to import
+
+            return np.asarray(Rotation.from_euler("xyz", values).as_quat())
         return values if self.mix is None else values @ self.mix.T + self.shift
 
 
@@ -277,10 +279,9 @@ def _asked(
     names = section.columns or tuple(f"{topic}.{part}.{axis}" for axis in axes if topic)
     if names:
         check_count(key, names, counts)
-        of_angles = key == "base.quaternion" and len(names) == 3
-        kind = "angle" if of_angles else kind
+        kind = "angle" if key == "base.quaternion" and len(names) == 3 else kind
         units, factor = units_of(section.unit, kind, len(names)), factor_of(key, section.unit, kind)
-        turns = (2.0 * np.pi / factor,) * (3 * of_angles)
+        turns = 3 * (2.0 * np.pi / factor,) if kind == "angle" else ()
         yield Request(key, names, factor, section.delay, optional, units=units, turns=turns)
 
 

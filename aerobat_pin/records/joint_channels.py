@@ -70,10 +70,12 @@ def without_failed_readings(asked: Sequence[Request], columns: Columns) -> Colum
     failed, said = dict[str, NDArray[np.intp]](), ""
     for request in (each for each in asked if each.key == "joints.position"):
         for name, joint, turn in zip(request.names, request.joints, request.turns, strict=True):
-            clock, values = columns.clock_of.get(name, ""), np.asarray(columns.values.get(name, ()))
-            spacing = typical_spacing(columns.clocks[clock].time) if len(values) else 0.0
-            if len(rows := failed_readings(values, turn, spacing)):
-                said = said or f"at {columns.clocks[clock].time[rows[0]]:.10g} s {joint} shows {values[rows[0]]:g}"
+            if name not in columns.values or len(columns.values[name]) < 2:
+                continue
+            clock, values = columns.clock_of[name], columns.values[name][:]
+            time = columns.clocks[clock].time
+            if len(rows := failed_readings(values, turn, typical_spacing(time))):
+                said = said or f"at {time[rows[0]]:.10g} s {joint} shows {values[rows[0]]:g}"
                 failed[clock] = np.union1d(failed.get(clock, rows), rows)
     series = dict(columns.values)
     for name in {name for each in asked if each.key.startswith("joints.") for name in each.names} & {*series}:

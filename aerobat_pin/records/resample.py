@@ -58,13 +58,6 @@ def quaternion_product(first: Array, second: Array) -> Array:
     return np.stack([*vector, w * d - x * a - y * b - z * c], axis=1)
 
 
-def turns_of_angles(angles: Array) -> Array:
-    """Return unit quaternions (n, 4) x, y, z, w that turn by roll, pitch and yaw (n, 3) [rad], about x, then y, z."""
-    about = np.zeros((3, len(angles), 4))
-    about[range(3), :, range(3)], about[:, :, 3] = np.sin(0.5 * angles.T), np.cos(0.5 * angles.T)
-    return quaternion_product(about[2], quaternion_product(about[1], about[0]))
-
-
 def line_means(time: Array, values: Array, wanted: Array) -> Array:
     """Return the means (m, k) over intervals between times (m + 1,) [s] of the line through samples (n, k)."""
     steps = np.diff(time)[:, None]
