@@ -188,6 +188,20 @@ def test_the_air_of_a_stream_is_that_of_the_whole_record(dt: float, bound: float
         np.testing.assert_allclose(made[:, i, :6], known[:, :6], atol=bound * np.abs(known).max())
 
 
+def test_the_air_of_a_stream_stays_finite_where_the_flight_gets_faster() -> None:
+    """From 1 m/s to 8 without flaps, sinking at 0.2 m/s: an attached wing has pi rho U w S of lift, below 0.5 N."""
+    scenario = load_scenario("paper", ["air.strips=32"])
+    robot = believed_robot(scenario)
+    stream, q, v = AirStream(robot, scenario.believed_air, 0.01), robot.q0.copy(), np.zeros(robot.model.nv)
+    v[:3] = 1.0, 0.0, -0.2
+    stream.reset(0.0, q, v, 0.0, 0.0)
+    for k in range(1, 150):
+        v[0] = min(1.0 + 0.1 * k, 8.0)
+        q[0] += 0.01 * v[0]
+        made = stream.update(0.01 * k, q, v)
+    assert np.abs(made).max() < 0.5
+
+
 @pytest.mark.parametrize(
     "settings",
     [

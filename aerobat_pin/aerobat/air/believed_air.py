@@ -8,12 +8,13 @@ The longest stable step follows from the fastest mode of the lifting line, whose
 the number of strips.
 
 Along a flight under way (`AirStream`), the joints follow a cubic through both samples' angles and rates; velocities and
-wind change linearly. There are as many steps as the fastest airspeed of a flap at the start needs; the method stays
-stable up to twice that airspeed.
+wind change linearly. There are as many steps as the fastest airspeed of a flap at the start needs, or more where a
+strip met faster air at the sample before; the method stays stable up to twice that airspeed.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from aerobat_pin.aerobat.air.believed_air_kernels import Stream, advance_air_sta
 from aerobat_pin.aerobat.air.robot_in_air import RobotInAir
 from aerobat_pin.aerobat.motion import Motion, robot_air, wind_of
 from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE, joint_table
-from aerobat_pin.aerodynamics import LARGEST_AIRSPEED
+from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, strips_of
 from aerobat_pin.errors import LogError, ScenarioError, ShapeError
 from aerobat_pin.numerics import Array, Integers, fields_of, guarded, new_state
 from aerobat_pin.observers import rotations
@@ -250,7 +251,8 @@ class AirStream:
         self._along = AirAlongMotion(robot, air)
         self._in_air, self._wind = self._along.in_air, wind_of(air)
         self._gusty = not air.is_steady
-        self._steps = 1
+        self._fewest = self._steps = 1
+        self._airspeed = strips_of(self._in_air.fields.loads).airspeed
         self._memory = new_state(Stream, air=self._in_air.memory, nq=robot.model.nq, nv=robot.model.nv)
         self._stream = fields_of(self._memory, Stream)
         self._stream.dt[...] = dt
@@ -270,7 +272,8 @@ class AirStream:
         stream = self._stream
         stream.q[:], stream.v[:] = q, v
         stream.wind[:] = stream.last_wind[:] = wind[0]
-        self._steps = int(np.ceil(self.dt / along.longest_in_flap(*through_air(q, v, wind[0, 0]), crank_rate) - 1e-9))
+        step = along.longest_in_flap(*through_air(q, v, wind[0, 0]), crank_rate)
+        self._fewest = self._steps = int(np.ceil(self.dt / step - 1e-9))
         pin.nonLinearEffects(self.robot.model, self._in_air.data, stream.q, stream.v)
 
     def update(self, time: float, q: Array, v: Array) -> Array:
@@ -291,4 +294,6 @@ class AirStream:
         air_at(memory, q, v, ends - 1, count, q)
         nle(model, data, q, v)
         air_at(memory, q, v, ends, count, q)
+        airspeed = min(TOO_FAST, self._airspeed.max())  # TOO_FAST for what is not a number
+        self._steps = max(self._fewest, math.ceil(self.dt * self._along.fastest * airspeed / LARGEST_MODE_STEP))
         return stream.means.copy()
