@@ -25,7 +25,7 @@ from aerobat_pin.aerobat.raw import (
     mounted,
     raw_record,
 )
-from aerobat_pin.aerobat.raw.air import AirForces
+from aerobat_pin.aerobat.raw.air import AirAboutNominal, AirForces
 from aerobat_pin.aerobat.raw.channels import SensorSamples, part_of, stretches
 from aerobat_pin.aerobat.raw.dynamics import LinearDynamics, wings_by_crank
 from aerobat_pin.aerobat.raw.layout import MOUNT_PRIOR, POSE_ERROR, TWIST_ERROR, Layout, Prior, first_prior
@@ -420,6 +420,20 @@ def test_the_causal_filter_waits_for_what_begins_late_or_is_lost(sensor: str, mi
     stream = JointFilter(smoother, found.tuning, channels, "measured")
     samples = stream.run(RawRecord(record.time[:121], channels, record.known[:120], "measured"))
     assert next(k for k, sample in enumerate(samples) if sample is not None) == (110 if sensor == "crank" else 100)
+
+
+def test_the_air_of_the_causal_filter_stays_finite_where_the_flight_gets_faster() -> None:
+    """From 1 m/s without flaps to 8 m/s, sinking at 0.2 m/s: an attached wing has pi rho U w S of lift, below 0.5 N."""
+    scenario = load_scenario("paper", ["air.strips=32"])
+    air, crank = AirAboutNominal(load_aerobat(), scenario.believed_air), np.zeros((2, 3))
+
+    def motion(k: int) -> NominalMotion:
+        twist = np.zeros((2, 6))
+        twist[:, 0], twist[:, 2] = np.minimum(1.0 + 0.1 * np.array([k, k + 1]), 8.0), -0.2
+        return NominalMotion(0.01 * np.array([k, k + 1]), np.tile(np.eye(3), (2, 1, 1)), np.zeros((2, 3)), twist, crank)
+
+    air.begin(motion(0))
+    assert max(np.abs(air.go_on(motion(k)).force).max() for k in range(1, 150)) < 0.5
 
 
 def test_samples_of_the_first_instant_count_in_unix_time() -> None:

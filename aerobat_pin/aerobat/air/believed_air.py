@@ -25,7 +25,7 @@ from aerobat_pin.aerobat.air.believed_air_kernels import Stream, advance_air_sta
 from aerobat_pin.aerobat.air.robot_in_air import RobotInAir
 from aerobat_pin.aerobat.motion import Motion, robot_air, wind_of
 from aerobat_pin.aerobat.prescribed_joints import BASE_SIZE, joint_table
-from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, strips_of
+from aerobat_pin.aerodynamics import LARGEST_AIRSPEED, StripLoads
 from aerobat_pin.errors import LogError, ScenarioError, ShapeError
 from aerobat_pin.numerics import Array, Integers, fields_of, guarded, new_state
 from aerobat_pin.observers import rotations
@@ -34,6 +34,7 @@ from aerobat_pin.scenario import AirSection
 TOO_FAST = 1.1 * LARGEST_AIRSPEED  # [m/s], for noisy sensors; a motion in millimetres is far beyond
 LONGEST_STEP = 1.5e-3  # [s]: longer steps change the lift by more than a thousandth at 5 m/s and 6.7 Hz
 LARGEST_MODE_STEP = 1.4  # rate of the fastest mode times the step; the method is unstable from 2.785 on
+AIRSPEED = StripLoads._fields.index("airspeed")
 CRANK_ANGLES_TRIED = 721  # every half degree
 FLAP_ANGLES = 60  # number of crank angles in a turn at which its airspeeds are computed
 WARM_UP_LIMIT = 3.0  # [s]: for a crank that hardly turns; the wake matters for about ten chords of travel
@@ -79,6 +80,11 @@ class AirAlongMotion:
     def longest_step(self, airspeed: Array) -> Array:
         """Return the longest allowed step (n,) [s] for the airspeed (n,) [m/s] of the fastest strip."""
         return np.asarray(1.0 / np.maximum(1.0 / LONGEST_STEP, self.fastest * airspeed / LARGEST_MODE_STEP))
+
+    def steps_now(self, span: float) -> int:
+        """Return the number of steps that a span [s] needs at the airspeed of the fastest strip where it was last."""
+        airspeed = min(TOO_FAST, float(self.in_air.fields.loads[AIRSPEED].max()))  # TOO_FAST for what is not a number
+        return math.ceil(span * self.fastest * airspeed / LARGEST_MODE_STEP)
 
     def longest_in_flap(self, placement: Array, twist: Array, crank_rate: float) -> float:
         """Return the longest step [s] for the fastest airspeed of a flap, of a body as `through_air` returns it."""
@@ -252,7 +258,6 @@ class AirStream:
         self._in_air, self._wind = self._along.in_air, wind_of(air)
         self._gusty = not air.is_steady
         self._fewest = self._steps = 1
-        self._airspeed = strips_of(self._in_air.fields.loads).airspeed
         self._memory = new_state(Stream, air=self._in_air.memory, nq=robot.model.nq, nv=robot.model.nv)
         self._stream = fields_of(self._memory, Stream)
         self._stream.dt[...] = dt
@@ -294,6 +299,5 @@ class AirStream:
         air_at(memory, q, v, ends - 1, count, q)
         nle(model, data, q, v)
         air_at(memory, q, v, ends, count, q)
-        airspeed = min(TOO_FAST, self._airspeed.max())  # TOO_FAST for what is not a number
-        self._steps = max(self._fewest, math.ceil(self.dt * self._along.fastest * airspeed / LARGEST_MODE_STEP))
+        self._steps = max(self._fewest, self._along.steps_now(self.dt))
         return stream.means.copy()

@@ -82,7 +82,7 @@ class AirAboutNominal:
         """
         fields, inertia = self.in_air.fields, np.zeros((1, self.robot.model.nv, self.robot.model.nv))
         span = float(nominal.time[1] - nominal.time[0])
-        count = max(int(np.ceil(span / self._longest - 1e-9)), 1)
+        count = max(int(np.ceil(span / self._longest - 1e-9)), self.along.steps_now(span), 1)
         q, v, a, wind = self._half_steps(nominal, span, count)
         steps, dt = np.array([count]), np.array([span / count])
 
