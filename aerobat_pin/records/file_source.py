@@ -80,7 +80,7 @@ def open_by_map(
     joints_of = {request.key: request.joints for request in asked if request.key in channels}
     driven = joints_of.get("joints.effort", ())
     turned = (item for channel in channels.values() for item in channel.turns.items())
-    taken = [f"{joint}: {count} jumps by a full turn are taken out" for joint, count in turned]
+    taken = [f"{joint}: jumps by a full turn are taken out ({count})" for joint, count in turned]
     log, notes = replace(columns, values={}), (*columns.notes, *notes, *unsensed, *taken, *dropped)
     return Record(chosen, robot, channels, joints, driven, start, times.rate, parts, notes, times.knots, log, folder)
 

@@ -21,6 +21,7 @@ from aerobat_pin.aerobat import AerobatRobot, believed_robot, table_record
 from aerobat_pin.errors import CalibrationError, ObserverError
 from aerobat_pin.estimation import Calibration, Result
 from aerobat_pin.estimation.checks.result import _reason
+from aerobat_pin.estimation.checks.untold_forces import usual_beside
 from aerobat_pin.experiments import check_record, run
 from aerobat_pin.numerics import Array
 from aerobat_pin.observers import MomentumObserver
@@ -158,6 +159,15 @@ def test_no_pose_of_a_flying_body_hides_a_force(tmp_path: Path) -> None:
     stored = estimate(record).stored["force_level"]
     said = {_reason(record, stored, len(stored) // 2, component) for component in range(3)}
     assert said == {"the rows that show it err too much there"}
+
+
+@pytest.mark.parametrize(("lasts", "told"), [(0.0, False), (0.1, False), (0.4, True)])
+def test_half_of_what_is_stated_is_enough_for_a_push_that_lasts_alone(lasts: float, told: bool) -> None:
+    """Errors whose tail is long reach 0.8 of what is stated beside errors that are usually small: they were a push."""
+    lean = np.linspace(0.01, 0.07, 500)
+    lean[: round(500 * lasts)] += 0.7
+    lean[-1] = 0.8
+    assert (usual_beside(0.8, lean, 1.0) is not None) == told
 
 
 def test_a_push_that_lasts_where_no_force_is_sought_is_said(tmp_path: Path) -> None:

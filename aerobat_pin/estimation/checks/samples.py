@@ -66,7 +66,7 @@ def sample_findings(record: Record) -> Iterator[Finding]:
     told, more = longest_holes(gaps)
     for begin, end in told:
         whose, *others = gaps[begin, end]
-        whose += f" and {len(others)} other channels" * bool(others)
+        whose += f" (and {len(others)} more)" * bool(others)
         what = f"no sample of {whose} for {end - begin:.2f} s, from {begin - record.start:.2f} s on: left out"
         yield Finding("gap", "warning", what, end - begin, "s")
     if more:

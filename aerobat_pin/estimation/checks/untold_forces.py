@@ -6,9 +6,9 @@ is left is alike whenever the robot moves. A push at another place does not canc
 compared with those that are usual in the same record. How large errors are need not be known: where that is found
 beside the forces, a push passes for one. But a mean must be as large as what is stated for an instant, too: as a robot
 that stood begins to move, errors are others for a moment, and smaller. A push that lasts is usual itself, and raises
-what is stated beside it: there half of that is enough, if the mean stands out of half of the record. A push at a point
-makes rows err, too, as by friction that grows with the load: by a tenth of what it does to them. What carries a free
-robot does so all the time, so that this is usual.
+what is stated beside it: there, where nothing stands out of four fifths of the record, half of that is enough, if the
+mean stands out of half of it. A push at a point makes rows err, too, as by friction that grows with the load: by a
+tenth of what it does to them. What carries a free robot does so all the time, so that this is usual.
 
 Rows to spare may all belong to other components than those that are seen: what is wrong with the rows that show these
 would look like a force. Of a gantry each slide alone shows a force along it; that its last joint feels none tests
@@ -69,16 +69,23 @@ def elsewhere_findings(record: Record, estimate: StoredEstimate, expected: Expec
     lean = np.sqrt(squares.sum(axis=1))
     doubtful = lean / np.where(np.sum(squares * moving, axis=1) > IN_MOTION * lean**2, 1.0, AT_REST)
     worst = int(np.argmax(np.where(settled(record, time), doubtful, 0.0)))
-    stated = np.sqrt(estimate.redundancy.redundant)
+    usual = usual_beside(float(doubtful[worst]), lean[moves], np.sqrt(estimate.redundancy.redundant))
+    if usual is not None:
+        times = float(lean[worst] / usual)
+        text = (
+            f"from {time[worst] - record.start:.2f} s on, what no force explains leans one way for {LEANS_FOR:g} s, "
+            f"{times:.2g} times as far as usual: {MISFIT}"
+        )
+        yield Finding("push elsewhere", "warning", text, times, "1")
+
+
+def usual_beside(mean: float, lean: Array, stated: float) -> float | None:
+    """Return what is usual among means of rows (n,) in motion, if one stands out of it and of what is stated."""
     for share, times, size in NO_ERROR:
-        usual = float(np.quantile(lean[moves], share))
-        if doubtful[worst] > max(times * usual, size * stated):
-            text = (
-                f"from {time[worst] - record.start:.2f} s on, what no force explains leans one way for {LEANS_FOR:g} "
-                f"s, {lean[worst] / usual:.2g} times as far as usual: {MISFIT}"
-            )
-            yield Finding("push elsewhere", "warning", text, float(lean[worst] / usual), "1")
-            return
+        usual = float(np.quantile(lean, share))
+        if mean > times * usual:
+            return usual if mean > size * stated else None
+    return None
 
 
 def _leaning(record: Record, estimate: StoredEstimate, expected: Expected) -> tuple[Array, Array, Array]:
