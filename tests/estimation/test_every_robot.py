@@ -152,6 +152,18 @@ def test_what_motors_differ_by_is_no_wrong_unit(name: str, seed: int, tmp_path: 
     assert [one.text for one in found.findings if one.warns and one.check.startswith("effort")] == []
 
 
+@pytest.mark.parametrize("name", ["ur10", *further("ur5", "xarm7")])
+def test_an_effort_that_is_off_by_a_constant_is_told(name: str, tmp_path: Path) -> None:
+    """By the rms of a joint that bears the arm: it was told as 1.28 and 1.33 times as large efforts of two, or not."""
+    log = pushed_robot(name)
+    effort = f"{log.robot.joints[1]}_tau"
+    off = float(np.sqrt(np.mean(log.table[effort] ** 2)))
+    log.table[effort] += off
+    [told] = [one for one in estimate(log.record(tmp_path)).findings if one.warns and one.check.startswith("effort")]
+    assert told.check == "effort zero"
+    assert told.value == pytest.approx(off, rel=0.1)
+
+
 def test_no_pose_of_a_flying_body_hides_a_force(tmp_path: Path) -> None:
     """A drone without a joint was told that a force along an axis hardly turns a joint."""
     log = pushed_robot("iris")

@@ -25,6 +25,7 @@ from aerobat_pin.forces import (
     Explanation,
     InputsBetween,
     Instants,
+    column_rms,
     most_likely_with,
     slopes_of_need,
     without_quarters,
@@ -46,6 +47,7 @@ LEAST_TURN = np.radians(3.0)  # by which a robot must be mounted otherwise than 
 SIZE_OF_GRAVITY = 0.25  # of gravity, by which its size may seem another, as friction and masses are known badly
 NO_GRAVITY = 0.1  # of gravity: what seems to pull where efforts do not bear the weight
 TURNED, SLID = (0.03, 0.5), (0.02, 0.3)  # least and largest zero of a joint that is named [rad], [m]
+LARGE_OFFSET = 0.3  # of an effort's rms, that its sensor may be off by unseen
 LARGE_ZERO = 0.15  # [rad, m]: no encoder slips by so much unseen
 Formed = Callable[[InputsBetween], tuple[EffortRows, Instants]]  # the rows of other inputs
 
@@ -125,6 +127,10 @@ def changes_of_efforts(record: Record, instants: Instants, rows: EffortRows, wit
         yield common
         yield Change(each_own, needed, doubt=FACTOR, cases=(common, *single))
         yield from single
+    for k, name in enumerate(names):
+        rms = float(column_rms(rows.effort[:, at[k]]))
+        constant = np.broadcast_to(identity[:, [k]], (*rows.y.shape, 1))
+        yield Change(partial(_offset, record.robot, name, rms), constant, leaves=LEFT_BY_ROBOT)
     for pair in [*joint_pairs(record.robot, names), *(limb_pairs(record) if len(names) == len(record.driven) else [])]:
         shift = np.zeros_like(rows.y)
         for j, k in [*zip(*pair, strict=True), *zip(*pair[::-1], strict=True)]:
@@ -204,6 +210,18 @@ def _beyond(factors: Array, size: float) -> NDArray[np.bool_]:
 def _factor_of(size: Array) -> Array:
     """Return the factors of efforts of which rows are off by a share h of what is needed."""
     return np.asarray(1.0 / np.where(size == 1.0, 1e-9, 1.0 - size))
+
+
+def _offset(robot: PlainRobot, joint: str, rms: float, explanation: Explanation, leaves: str) -> Sequence[Finding]:
+    """Return that an effort is off by a constant, if that is far more than what is always believed possible."""
+    off, unit = -float(explanation.size[0]), "N" if robot.slides(joint) else "N m"
+    if abs(off) < LARGE_OFFSET * rms:
+        return []
+    text = (
+        f"the effort of {joint} seems to be {off:.3g} {unit} more than it is, which leaves {leaves}: its sensor's "
+        "zero, which a calibration learns, or what pulls there all the time"
+    )
+    return [Finding("effort zero", "warning", text, off, unit)]
 
 
 def _exchanged(names: Sequence[str], pair: Exchange, _: Explanation, leaves: str) -> Sequence[Finding]:
