@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from aerobat_pin.aerobat.aerobat import JOINTS
 from aerobat_pin.aerobat.wing import LINKS
-from aerobat_pin.numerics import ELSEWHERE, Array, Integers, copy_values, guarded, inner, kernel
+from aerobat_pin.numerics import ELSEWHERE, Array, Integers, copy_values, guarded, in_outer_axes, inner, kernel
 
 
 class Tree(NamedTuple):
@@ -92,16 +92,15 @@ def climb(tree: Tree, liMi: Array, wrenches: Array, force: Array) -> None:
         fx, fy, fz, mx, my, mz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
         force[row] = axis[link, 0] * mx + axis[link, 1] * my + axis[link, 2] * mz
         P = liMi[joint]
-        gx = P[0] * fx + P[3] * fy + P[6] * fz
-        gy = P[1] * fx + P[4] * fy + P[7] * fz
-        gz = P[2] * fx + P[5] * fy + P[8] * fz
+        gx, gy, gz = in_outer_axes(P, fx, fy, fz)
+        tx, ty, tz = in_outer_axes(P, mx, my, mz)
         up = wrenches[parent]
         up[0] += gx
         up[1] += gy
         up[2] += gz
-        up[3] += P[0] * mx + P[3] * my + P[6] * mz + P[10] * gz - P[11] * gy
-        up[4] += P[1] * mx + P[4] * my + P[7] * mz + P[11] * gx - P[9] * gz
-        up[5] += P[2] * mx + P[5] * my + P[8] * mz + P[9] * gy - P[10] * gx
+        up[3] += tx + P[10] * gz - P[11] * gy
+        up[4] += ty + P[11] * gx - P[9] * gz
+        up[5] += tz + P[9] * gy - P[10] * gx
     base = row_of[0]
     copy_values(wrenches[0], force[base : base + 6])
 

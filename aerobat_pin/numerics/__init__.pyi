@@ -60,6 +60,9 @@ from .pinocchio_views import placements as placements
 from .small_matrices import copy_values as copy_values
 from .small_matrices import dot as dot
 from .small_matrices import eigenvectors as eigenvectors
+from .small_matrices import in_inner_axes as in_inner_axes
+from .small_matrices import in_outer_axes as in_outer_axes
+from .small_matrices import rotated as rotated
 from .small_matrices import saturated as saturated
 from .small_matrices import solve_factored as solve_factored
 from .small_matrices import solve_positive as solve_positive

@@ -37,6 +37,28 @@ def saturated(value: float, limit: float) -> float:
 
 
 @inlined
+def rotated(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Rotate a vector by a matrix (3, 3)."""
+    return (
+        R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
+        R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
+        R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
+    )
+
+
+@inlined
+def in_outer_axes(P: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Rotate a vector by the rotation of a placement (12,), see `placements`."""
+    return (P[0] * x + P[3] * y + P[6] * z, P[1] * x + P[4] * y + P[7] * z, P[2] * x + P[5] * y + P[8] * z)
+
+
+@inlined
+def in_inner_axes(P: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Rotate a vector back by the rotation of a placement (12,)."""
+    return (P[0] * x + P[1] * y + P[2] * z, P[3] * x + P[4] * y + P[5] * z, P[6] * x + P[7] * y + P[8] * z)
+
+
+@inlined
 def solve_factored(L: Array, b: Array) -> None:
     """Solve L L^T x = b for a lower triangle L (n, n); x overwrites b."""
     n = b.shape[0]

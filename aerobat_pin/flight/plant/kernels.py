@@ -17,10 +17,13 @@ from aerobat_pin.numerics import (
     array_at,
     copy_values,
     fields_of,
+    in_inner_axes,
+    in_outer_axes,
     inlined,
     kernel,
     next_state,
     next_tangent,
+    rotated,
     solve_positive,
 )
 
@@ -50,46 +53,82 @@ def push(
         noisy: (p, 3) written: forces with noise, world axes [N].
         clean: (p, 3) written: forces without noise, world axes [N].
     """
-    table, place = unknown.direction, unknown.point_place
-    point_of, link_of, axes_of, amplitude = unknown.point, unknown.link, unknown.axes, unknown.elbow_amplitude
-    carrier = unknown.point_link
     wrenches[:] = 0.0
     noisy[:] = 0.0
     clean[:] = 0.0
-    for i in range(point_of.shape[0]):
-        point, axes = point_of[i], axes_of[i]
-        signal = amplitude[i] * np.sin(elbow) + step_means[1, i, k]
+    for i in range(unknown.point.shape[0]):
+        point, axes = unknown.point[i], unknown.axes[i]
+        signal = unknown.elbow_amplitude[i] * np.sin(elbow) + step_means[1, i, k]
         with_noise = signal + step_means[0, i, k]
-        x, y, z = table[i, 0], table[i, 1], table[i, 2]
+        direction = (unknown.direction[i, 0], unknown.direction[i, 1], unknown.direction[i, 2])
         if axes == 0:
-            R = rotation[link_of[i]]
-            x, y, z = (
-                R[0, 0] * x + R[0, 1] * y + R[0, 2] * z,
-                R[1, 0] * x + R[1, 1] * y + R[1, 2] * z,
-                R[2, 0] * x + R[2, 1] * y + R[2, 2] * z,
-            )
+            direction = rotated(rotation[unknown.link[i]], direction[0], direction[1], direction[2])
+        if axes != 2:
+            direction = in_outer_axes(world, direction[0], direction[1], direction[2])
         for row in range(3):
-            direction = table[i, row]
-            if axes != 2:
-                direction = world[row] * x + world[3 + row] * y + world[6 + row] * z
-            noisy[point, row] += with_noise * direction
-            clean[point, row] += signal * direction
-    for point in range(carrier.shape[0]):
-        link = carrier[point]
-        x, y, z = place[point, 0], place[point, 1], place[point, 2]
-        R, f, wrench = rotation[link], noisy[point], wrenches[link]
-        bx = world[0] * f[0] + world[1] * f[1] + world[2] * f[2]
-        by = world[3] * f[0] + world[4] * f[1] + world[5] * f[2]
-        bz = world[6] * f[0] + world[7] * f[1] + world[8] * f[2]
-        fx = R[0, 0] * bx + R[1, 0] * by + R[2, 0] * bz
-        fy = R[0, 1] * bx + R[1, 1] * by + R[2, 1] * bz
-        fz = R[0, 2] * bx + R[1, 2] * by + R[2, 2] * bz
+            noisy[point, row] += with_noise * direction[row]
+            clean[point, row] += signal * direction[row]
+    for point in range(unknown.point_link.shape[0]):
+        f, place, link = noisy[point], unknown.point_place[point], unknown.point_link[point]
+        bx, by, bz = in_inner_axes(world, f[0], f[1], f[2])
+        fx, fy, fz = rotated(rotation[link].T, bx, by, bz)
+        x, y, z = place[0], place[1], place[2]
+        wrench = wrenches[link]
         wrench[0] += fx
         wrench[1] += fy
         wrench[2] += fz
         wrench[3] += y * fz - z * fy
         wrench[4] += z * fx - x * fz
         wrench[5] += x * fy - y * fx
+
+
+@inlined
+def apply_forces(
+    plant: PlantState, elbow: float, wind: Array, step_means: Array, k: int, air_state: Array, air_rate: Array
+) -> None:
+    """Write the generalised forces of air, unknown forces, and attitude hold or command, and the rate of the air.
+
+    `forces.air_power` is that of the air without added mass; the other arguments are as of `equations_of_motion`.
+    """
+    robot, forces, pushes = plant.robot, plant.forces, plant.pushes
+    tree, liMi, v, links, wrenches = robot.tree, robot.results.liMi, robot.results.v, robot.links, robot.links.wrenches
+    world, body, base = liMi[tree.joint[0]], v[tree.joint[0]], tree.row[0]
+    place_links(tree, robot.results, robot.gravity, wind, links)
+    air_loads(robot.air, links.twists, air_state, wrenches, air_rate, robot.loads)
+    noisy, clean = forces.force_W, forces.force_noise_free_W
+    push(plant.unknown, elbow, step_means, k, world, links.rotation, pushes, noisy, clean)
+    climb(tree, liMi, pushes, forces.unknown)
+    air_power = 0.0
+    for link in range(tree.joint.shape[0]):
+        for i in range(6):
+            forces.link_wrench[link, i] = wrenches[link, i]
+            air_power += wrenches[link, i] * v[tree.joint[link], i]
+    forces.air_power[()] = air_power
+    climb(tree, liMi, wrenches, forces.aerodynamic)
+    forces.thrusters[:] = 0.0
+    if plant.holds[()] > 0.0:
+        hold_wrench(plant.hold, world, body, plant.error_rotation, forces.thrusters[base : base + 6])
+    else:
+        copy_values(plant.command, forces.thrusters[base : base + 6])
+
+
+@inlined
+def write_powers(plant: PlantState, linked_rates: Array) -> None:
+    """Write the powers of the forces, of which `forces.air_power` has all but that of the added mass."""
+    forces, tree, swing = plant.forces, plant.robot.tree, plant.swing
+    body, added = plant.robot.results.v[tree.joint[0]], forces.added_mass
+    motor_power, air_power, held_power, pushed_power = 0.0, forces.air_power[()], 0.0, 0.0
+    for i in range(6):
+        air_power += added[i] * body[i]
+        held_power += forces.thrusters[i] * body[i]
+        pushed_power += forces.unknown[i] * body[i]
+    for link in range(1, tree.joint.shape[0]):
+        row, speed = tree.row[link], swing[0, link]
+        motor_power += forces.motor[row] * linked_rates[tree.angle[link]]
+        air_power += added[row] * speed
+        pushed_power += forces.unknown[row] * speed
+    forces.motor_power[()], forces.air_power[()] = motor_power, air_power
+    forces.thruster_power[()], forces.unknown_power[()] = held_power, pushed_power
 
 
 @inlined
@@ -109,52 +148,27 @@ def equations_of_motion(
             deflections of elastic joints and their rates (2 e,). Without the last two, all joints follow `joints`.
         rate: as `state`, written: base acceleration, and the rates of all other states.
     """
-    robot, forces, unknown, hold = plant.robot, plant.forces, plant.unknown, plant.hold
-    holds, error_rotation, pushes, A, b = plant.holds, plant.error_rotation, plant.pushes, plant.A, plant.b
-    command = plant.command
-    drive, linkage, closed, whole = plant.motor, plant.linkage, plant.closed, plant.start.shape[0]
-    tree, results, links, mass = robot.tree, robot.results, robot.links, robot.added_mass
-    H, h, joint, row_of, angle_of = robot.H, robot.h, tree.joint, tree.row, tree.angle
-    M, nle, liMi, v, wrenches = results.M, results.nle, results.liMi, results.v, links.wrenches
-    aerodynamic, added, thrusters = forces.aerodynamic, forces.added_mass, forces.thrusters
-    motor, pushed, link_wrench = forces.motor, forces.unknown, forces.link_wrench
-    total_motor_power, total_air_power = forces.motor_power, forces.air_power
-    thruster_power, unknown_power = forces.thruster_power, forces.unknown_power
-    crank_torque, drive_torque = forces.crank_torque, forces.drive_torque
-    drive_power, friction_power = forces.drive_power, forces.friction_power
-    elastic, stiffness, damping, swing = plant.elastic, plant.stiffness, plant.damping, plant.swing
-    nv, count, base = nle.shape[0], joint.shape[0], row_of[0]
-    body, world, rotation = v[joint[0]], liMi[joint[0]], links.rotation
-    complete = state.shape[0] == whole
-    free, bends = linkage.shape[0] > 0 and complete, elastic.shape[0] if complete else 0
+    robot, forces, swing, A, b = plant.robot, plant.forces, plant.swing, plant.A, plant.b
+    tree, results, closed, whole = robot.tree, robot.results, plant.closed, plant.start.shape[0]
+    H, h, M, nle, row_of, angle_of = robot.H, robot.h, results.M, results.nle, tree.row, tree.angle
+    aerodynamic, thrusters, pushed, motor = forces.aerodynamic, forces.thrusters, forces.unknown, forces.motor
+    nv, count, complete = nle.shape[0], tree.joint.shape[0], state.shape[0] == whole
+    free, bends = plant.linkage.shape[0] > 0 and complete, plant.elastic.shape[0] if complete else 0
     tail = state.shape[0] - 2 * bends
     end = tail - CRANK_SIZE if free else tail
     crank, bent = state[end:tail], state[tail:]
     if free:
-        joints_at(linkage, crank[0], closed)
+        joints_at(plant.linkage, crank[0], closed)
         for angle in range(2):
             joints[2, angle] = closed[2, angle] * crank[1] * crank[1]
-    place_links(tree, results, robot.gravity, wind, links)
-    air_loads(robot.air, links.twists, state[6:end], wrenches, rate[6:end], robot.loads)
-    push(unknown, joints[0, 1], step_means, k, world, rotation, pushes, forces.force_W, forces.force_noise_free_W)
-    climb(tree, liMi, pushes, pushed)
-    air_power = 0.0
-    for link in range(count):
-        for i in range(6):
-            link_wrench[link, i] = wrenches[link, i]
-            air_power += wrenches[link, i] * v[joint[link], i]
-    climb(tree, liMi, wrenches, aerodynamic)
-    thrusters[:] = 0.0
-    if holds[()] > 0.0:
-        hold_wrench(hold, world, body, error_rotation, thrusters[base : base + 6])
-    else:
-        copy_values(command, thrusters[base : base + 6])
+    apply_forces(plant, joints[0, 1], wind, step_means, k, state[6:end], rate[6:end])
 
+    # The equations A x = b of base, crank and deflections; x overwrites b.
     for i in range(nv):
         h[i] = nle[i]
         for j in range(nv):
             H[i, j] = M[i, j]
-    add_mass(mass, tree, results, links, H, h)
+    add_mass(robot.added_mass, tree, results, robot.links, H, h)
     for i in range(6):
         b[i] = aerodynamic[i] + thrusters[i] + pushed[i] - h[i]
         for j in range(6):
@@ -163,11 +177,10 @@ def equations_of_motion(
             b[i] -= H[i, row_of[link]] * joints[2, angle_of[link]]
     unknowns = 7 if free else 6
     if free:
-        add_crank(drive, crank, closed, row_of, angle_of, H, h, aerodynamic, pushed, joints, A, b)
+        add_crank(plant.motor, crank, closed, row_of, angle_of, H, h, aerodynamic, pushed, joints, A, b)
     for e in range(bends):
-        link = elastic[e]
-        at, row = unknowns + e, row_of[link]
-        torque = -stiffness[e] * bent[e] - damping[e] * bent[bends + e]
+        at, row = unknowns + e, row_of[plant.elastic[e]]
+        torque = -plant.stiffness[e] * bent[e] - plant.damping[e] * bent[bends + e]
         b[at] = aerodynamic[row] + pushed[row] + torque - h[row]
         for j in range(6):
             A[at, j] = H[row, j]
@@ -179,20 +192,23 @@ def equations_of_motion(
             if free:
                 A[at, 6] += H[row, column] * closed[1, angle]
         for f in range(e + 1):
-            A[at, unknowns + f] = H[row, row_of[elastic[f]]]
+            A[at, unknowns + f] = H[row, row_of[plant.elastic[f]]]
     solve_positive(A, b[: unknowns + bends])
+
+    # The rates of the states, and the joints' rates and accelerations.
+    copy_values(b[:6], rate[:6])
     if free:
-        crank_rates(drive, crank, b[6], rate[end:tail])
+        crank_rates(plant.motor, crank, b[6], rate[end:tail])
         for angle in range(2):
             joints[2, angle] += closed[1, angle] * b[6]
-    copy_values(b[:6], rate[:6])
     for link in range(1, count):
         swing[0, link], swing[1, link] = joints[1, angle_of[link]], joints[2, angle_of[link]]
     for e in range(bends):
-        link, rate[tail + e], rate[tail + bends + e] = elastic[e], bent[bends + e], b[unknowns + e]
+        link, rate[tail + e], rate[tail + bends + e] = plant.elastic[e], bent[bends + e], b[unknowns + e]
         swing[0, link] += bent[bends + e]
         swing[1, link] += b[unknowns + e]
-    motor_power = 0.0
+
+    # What the added mass and the motor did, by inverse dynamics.
     motor[:6] = 0.0
     for row in range(nv):
         inertial, dragged = h[row], nle[row] - h[row]
@@ -203,27 +219,17 @@ def equations_of_motion(
             column, acceleration = row_of[other], swing[1, other]
             inertial += H[row, column] * acceleration
             dragged += (M[row, column] - H[row, column]) * acceleration
-        added[row] = dragged
+        forces.added_mass[row] = dragged
         if row > 5:
             motor[row] = inertial - aerodynamic[row] - thrusters[row] - pushed[row]
-    held_power, pushed_power = 0.0, 0.0
-    for i in range(6):
-        air_power += added[i] * body[i]
-        held_power += thrusters[i] * body[i]
-        pushed_power += pushed[i] * body[i]
-    for link in range(1, count):
-        row, speed = row_of[link], swing[0, link]
-        motor_power += motor[row] * joints[1, angle_of[link]]
-        air_power += added[row] * speed
-        pushed_power += pushed[row] * speed
-    total_motor_power[()], total_air_power[()] = motor_power, air_power
-    thruster_power[()], unknown_power[()] = held_power, pushed_power
+    write_powers(plant, joints[1])
     if free:
         torque = 0.0
         for link in range(1, count):
             torque += motor[row_of[link]] * closed[1, angle_of[link]]
-        crank_torque[()], drive_torque[()] = torque, crank[2]
-        drive_power[()], friction_power[()] = crank[2] * crank[1], drive.friction[()] * crank[1] * crank[1]
+        forces.crank_torque[()], forces.drive_torque[()] = torque, crank[2]
+        forces.drive_power[()] = crank[2] * crank[1]
+        forces.friction_power[()] = plant.motor.friction[()] * crank[1] * crank[1]
 
 
 @kernel

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from aerobat_pin.numerics import Array, dot, doubles_at, fields_of, inlined, inner, kernel
+from aerobat_pin.numerics import Array, dot, doubles_at, fields_of, in_outer_axes, inlined, inner, kernel
 from aerobat_pin.observers.kernels.filters import low_pass, rotate
 from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.posterior import estimate_posterior, forget_errors
@@ -79,20 +79,14 @@ def write_momentum_and_jacobian(observer: ObserverState, v: Array, sample: Array
         joint, a, b, c, dx, dy, dz, mx, my, mz, turns = observer.components[row]
         P = oMi[:, int(joint)]
         if turns > 0.0:
-            dx, dy, dz = in_world_axes(P, dx, dy, dz)
-            mx, my, mz = in_world_axes(P, mx, my, mz)
-        x, y, z = in_world_axes(P, a, b, c)
+            dx, dy, dz = in_outer_axes(P, dx, dy, dz)
+            mx, my, mz = in_outer_axes(P, mx, my, mz)
+        x, y, z = in_outer_axes(P, a, b, c)
         x, y, z = x + P[9], y + P[10], z + P[11]
         mx, my, mz = mx + y * dz - z * dy, my + z * dx - x * dz, mz + x * dy - y * dx
         for i in range(nv):
             along = dx * J[0, i] + dy * J[1, i] + dz * J[2, i] + mx * J[3, i] + my * J[4, i] + mz * J[5, i]
             sample[3 + row, i] = observer.support[row, i] * along
-
-
-@inner
-def in_world_axes(P: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Rotate a vector by the rotation of a placement (12,)."""
-    return (P[0] * x + P[3] * y + P[6] * z, P[1] * x + P[4] * y + P[7] * z, P[2] * x + P[5] * y + P[8] * z)
 
 
 @inlined
