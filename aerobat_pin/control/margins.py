@@ -37,7 +37,6 @@ from aerobat_pin.scenario import Scenario, ThrustersSection
 
 FREQUENCIES = np.geomspace(0.05, 2000.0, 2001)  # [rad/s]
 Response = NDArray[np.complexfloating[Any, Any]]
-Polynomials = tuple[Array, Array]  # numerator and denominator, highest power first
 LAW_AXES = ("forward", "lateral", "height", "roll", "pitch", "yaw")  # of the law
 JUDGED_AXES = ("roll", "pitch", "yaw", "height", "forward")  # sideways, the robot is pushed by its roll
 WRONG_PLANTS = {  # name -> change of the real thrusters, and b
@@ -46,9 +45,33 @@ WRONG_PLANTS = {  # name -> change of the real thrusters, and b
     "thrust x1.4": ({"factor": 1.4}, 1.0),
     "bank x0.8": ({}, 0.8),
 }
-ONE: Polynomials = (np.ones(1), np.ones(1))
-NONE: Polynomials = (np.zeros(1), np.ones(1))
-TWICE: Polynomials = (np.array([1.0, 0.0, 0.0]), np.ones(1))  # s^2
+
+
+@dataclass(frozen=True)
+class TransferFunction:
+    """A ratio of two polynomials of s, by their coefficients, highest power first."""
+
+    numerator: Array
+    denominator: Array
+
+    def __mul__(self, other: TransferFunction) -> TransferFunction:
+        """Connect two in series."""
+        numerator = np.polymul(self.numerator, other.numerator)
+        return TransferFunction(numerator, np.polymul(self.denominator, other.denominator))
+
+    def __add__(self, other: TransferFunction) -> TransferFunction:
+        """Connect two in parallel."""
+        here, there = np.polymul(self.numerator, other.denominator), np.polymul(other.numerator, self.denominator)
+        return TransferFunction(np.polyadd(here, there), np.polymul(self.denominator, other.denominator))
+
+    def __call__(self, s: Response) -> Response:
+        """Return the values (n,) at complex frequencies s (n,)."""
+        return np.asarray(np.polyval(self.numerator, s) / np.polyval(self.denominator, s))
+
+
+def ratio(numerator: list[float], denominator: list[float] | None = None) -> TransferFunction:
+    """Return a transfer function by its coefficients; its denominator is 1 when omitted."""
+    return TransferFunction(np.array(numerator), np.array([1.0] if denominator is None else denominator))
 
 
 @dataclass(frozen=True)
@@ -117,16 +140,16 @@ def noise_slew(pilot: Controller) -> float:
     inertia, variance = np.append([nominal.mass] * 3, nominal.inertia), np.zeros(6)
     for i, axis in enumerate(LAW_AXES):
         parts = LoopParts(scenario, axis, 1.0)
-        answer = at(parts.lead, s) / (1.0 - at(_product(parts.lead, parts.observer), s) * at(parts.model_lag, s))
-        by_place = answer * at(parts.stiffness, s)
-        by_rate = answer * (at(parts.damping, s) / s + at(parts.observer, s) * s)
+        answer = parts.lead(s) / (1.0 - (parts.lead * parts.observer)(s) * parts.model_lag(s))
+        by_place = answer * parts.stiffness(s)
+        by_rate = answer * (parts.damping(s) / s + parts.observer(s) * s)
         first, second = (place, speed) if i < 3 else (angle, rate)
         spread = first * np.abs(by_place) ** 2 + second * np.abs(by_rate) ** 2
         if axis == "roll":  # the way over the bank
-            bank = by_place * at(parts.smoothing, s) / scenario.flight.gravity
+            bank = by_place * parts.smoothing(s) / scenario.flight.gravity
             side = LoopParts(scenario, "lateral", 1.0)
-            spread += place * np.abs(bank * at(side.stiffness, s)) ** 2
-            spread += speed * np.abs(bank * (at(side.damping, s) / s + at(side.observer, s) * s)) ** 2
+            spread += place * np.abs(bank * side.stiffness(s)) ** 2
+            spread += speed * np.abs(bank * (side.damping(s) / s + side.observer(s) * s)) ** 2
         if axis != "lateral":
             variance[i] = inertia[i] ** 2 * np.mean(spread * changes)
     spread_of_thrusts = pilot.allocation.free**2 @ variance
@@ -139,28 +162,26 @@ class LoopParts:
     def __init__(self, scenario: Scenario, axis: str, b: float) -> None:
         control, believed = control_of(scenario), scenario.believed_thrusters
         i = LAW_AXES.index(axis)
-        self.smoothing: Polynomials = ONE
+        self.smoothing = ratio([1.0])
         if control.smoothing > 0.0:
-            self.smoothing = np.ones(1), np.array([1.0 / control.smoothing, 1.0])
-        self.lead: Polynomials = np.array([believed.lag, 1.0]), np.array([believed.lag / control.lead, 1.0])
+            self.smoothing = ratio([1.0], [1.0 / control.smoothing, 1.0])
+        self.lead = ratio([believed.lag, 1.0], [believed.lag / control.lead, 1.0])
         if axis == "height":
-            self.lead = _product(self.lead, self.smoothing)
-        self.model_lag: Polynomials = np.ones(1), np.array([believed.lag, 1.0])
+            self.lead *= self.smoothing
+        self.model_lag = ratio([1.0], [believed.lag, 1.0])
         gain = float(observer_gains(control)[i]) if control.feedforward else 0.0
-        self.observer: Polynomials = (np.array([gain]), np.array([1.0, gain])) if gain > 0.0 else NONE
+        self.observer = ratio([gain], [1.0, gain]) if gain > 0.0 else ratio([0.0])
         w, z = control.frequencies[i], float(np.broadcast_to(control.damping, 6)[i])
         share = float(integral_shares(control)[i])
-        self.stiffness: Polynomials = np.array([1.0, share]) * w**2, np.array([1.0, 0.0])
-        if share == 0.0:
-            self.stiffness = np.array([w**2]), np.ones(1)
-        self.damping: Polynomials = np.array([2.0 * z * w, 0.0]), np.ones(1)
-        self.law = _sum(self.stiffness, self.damping)
+        self.stiffness = ratio([w**2, share * w**2], [1.0, 0.0]) if share != 0.0 else ratio([w**2])
+        self.damping = ratio([2.0 * z * w, 0.0])
+        self.law = self.stiffness + self.damping
         if axis == "roll":
             side = LoopParts(scenario, "lateral", 1.0)
-            way = _product((np.array([b]), np.array([1.0, 0.0, 0.0])), side.law)
+            way = ratio([b], [1.0, 0.0, 0.0]) * side.law
             if b != 1.0:
-                way = _sum(way, _product((np.array([b - 1.0]), np.ones(1)), side.observer))
-            self.law = _sum(_product(self.stiffness, _sum(ONE, _product(self.smoothing, way))), self.damping)
+                way += ratio([b - 1.0]) * side.observer
+            self.law = self.stiffness * (ratio([1.0]) + self.smoothing * way) + self.damping
 
 
 def _margins(scenario: Scenario, axis: str, b: float = 1.0, real: ThrustersSection | None = None) -> Margins:
@@ -168,17 +189,18 @@ def _margins(scenario: Scenario, axis: str, b: float = 1.0, real: ThrustersSecti
     control, real, believed = control_of(scenario), real or scenario.thrusters, scenario.believed_thrusters
     parts = LoopParts(scenario, axis, b)
     dt = scenario.simulation.dt if control.rate is None else 1.0 / control.rate
-    lag = np.ones(1), np.array([real.lag, 1.0])
-    forward = _product(parts.lead, _sum(parts.law, _product(parts.observer, TWICE)))
-    inner, inertia = _product(_product(parts.lead, parts.observer), parts.model_lag), (TWICE[1], TWICE[0])
-    outer = _product(_product(forward, lag), inertia)
+    forward = parts.lead * (parts.law + parts.observer * ratio([1.0, 0.0, 0.0]))
+    inner = parts.lead * parts.observer * parts.model_lag
+    outer = forward * ratio([1.0], [real.lag, 1.0]) * ratio([1.0], [1.0, 0.0, 0.0])  # lag, and a unit of inertia
     factor, late, assumed = real.factor / believed.factor, real.delay + 0.5 * dt, believed.delay
 
     s: Response = 1j * FREQUENCIES
-    L = factor * at(outer, s) * np.exp(-late * s) / (1.0 - at(inner, s) * np.exp(-assumed * s))
-    top, bottom = _product(outer, _pade(late))
-    closed = _sum(ONE, _product(_product((-np.ones(1), np.ones(1)), inner), _pade(assumed)))
-    loop = np.polymul(factor * top, closed[1]), np.polymul(bottom, closed[0])
+    L = factor * outer(s) * np.exp(-late * s) / (1.0 - inner(s) * np.exp(-assumed * s))
+    opened, closed = outer * _pade(late), ratio([1.0]) + ratio([-1.0]) * inner * _pade(assumed)
+    loop = (
+        np.polymul(factor * opened.numerator, closed.denominator),
+        np.polymul(opened.denominator, closed.numerator),
+    )
     poles = np.roots(np.polyadd(*loop))
     return _margins_of(L, bool(np.all(poles.real < 1e-6)))
 
@@ -206,20 +228,7 @@ def _margins_of(L: Response, stable: bool) -> Margins:
     )
 
 
-def _product(a: Polynomials, b: Polynomials) -> Polynomials:
-    return np.polymul(a[0], b[0]), np.polymul(a[1], b[1])
-
-
-def _sum(a: Polynomials, b: Polynomials) -> Polynomials:
-    return np.polyadd(np.polymul(a[0], b[1]), np.polymul(b[0], a[1])), np.polymul(a[1], b[1])
-
-
-def at(a: Polynomials, s: Response) -> Response:
-    """Return the values (n,) of a fraction of polynomials at complex frequencies s (n,)."""
-    return np.asarray(np.polyval(a[0], s) / np.polyval(a[1], s))
-
-
-def _pade(delay: float) -> Polynomials:
+def _pade(delay: float) -> TransferFunction:
     """Return the Pade approximation of exp(-delay s) of order three, good far beyond any crossover here."""
     terms = np.array([1.0 / 120.0, 0.1, 0.5, 1.0]) * delay ** np.array([3, 2, 1, 0])
-    return terms * np.array([-1.0, 1.0, -1.0, 1.0]), terms
+    return TransferFunction(terms * np.array([-1.0, 1.0, -1.0, 1.0]), terms)
