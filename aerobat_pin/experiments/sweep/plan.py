@@ -20,7 +20,7 @@ from aerobat_pin.aerobat import Aerobat, load_aerobat
 from aerobat_pin.errors import AerobatError, ControlWarning, SweepError
 from aerobat_pin.experiments.experiment import run
 from aerobat_pin.experiments.flight_summary import FlightSummary
-from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED, Draws, Factors, Span, SweepFile, read_sweep
+from aerobat_pin.experiments.sweep.sweep_file import DRAW, SEED, Draws, Span, SweepFile, read_sweep
 from aerobat_pin.forces import TRUTH_SCORES, Score
 from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario import RobotSection, Scenario, assign, load_scenario, parse_scenario
@@ -93,12 +93,12 @@ class Sweep:
     @cached_property
     def scenarios(self) -> list[Scenario]:
         """The scenario of each run. Raises ScenarioError, which names the run's labels, if a value breaks its rule."""
-        return [self._scenario(index) for index in self.indices]
-
-    def _scenario(self, index: tuple[int, ...]) -> Scenario:
-        chosen = [dimension.settings[i] for dimension, i in zip(self.dimensions, index, strict=True)]
-        labels = ", ".join(f"{name} = {value}" for name, value in self.labels(index).items())
-        return _with_keys(self.base, chosen, f"of sweep {self.file.name} at {labels}")
+        scenarios = []
+        for index in self.indices:
+            chosen = [dimension.settings[i] for dimension, i in zip(self.dimensions, index, strict=True)]
+            labels = ", ".join(f"{name} = {value}" for name, value in self.labels(index).items())
+            scenarios.append(_with_keys(self.base, chosen, f"of sweep {self.file.name} at {labels}"))
+        return scenarios
 
 
 @guarded()
@@ -114,8 +114,13 @@ def load_sweep(source: str | Path) -> Sweep:
     base = load_scenario(beside if os.path.isfile(source) and os.path.isfile(beside) else file.base)
     base = _with_keys(base, [file.set], f"of sweep {file.name}")
     _check_names_and_size(file, base)
-    dimensions = [_range_dimension(key, chosen) for key, chosen in file.ranges.items()]
-    dimensions += [_factor_dimension(name, factors) for name, factors in file.factors.items()]
+    dimensions = []
+    for key, given in file.ranges.items():
+        values = _listed(given)
+        dimensions.append(_dimension(f"ranges.{key}", key, values, [{key: value} for value in values]))
+    for name, factors in file.factors.items():
+        values = _listed(factors.values)
+        dimensions.append(_dimension(f"factors.{name}.values", name, values, list(map(factors.settings, values))))
     dimensions += [Dimension(name, tuple(sets), tuple(sets.values())) for name, sets in file.variants.items()]
     if file.draws is not None:
         dimensions.append(_draw_dimension(file.draws))
@@ -151,23 +156,17 @@ def _too_large(file: SweepFile, count: int, days: float) -> str:
     )
 
 
-def _range_dimension(key: str, chosen: list[Any] | Span) -> Dimension:
-    values = chosen.values if isinstance(chosen, Span) else chosen
+def _listed(given: list[Any] | Span) -> list[Any]:
+    return given.values if isinstance(given, Span) else given
+
+
+def _dimension(where: str, name: str, values: list[Any], settings: list[dict[str, Any]]) -> Dimension:
+    """Return the dimension of values that a file gives `where`, each with the settings that it stands for."""
     plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)
     labels = tuple(values) if plain else tuple(v if isinstance(v, str) else json.dumps(v) for v in values)
-    return _distinct(f"ranges.{key}", Dimension(key, labels, tuple({key: value} for value in values)))
-
-
-def _factor_dimension(name: str, factors: Factors) -> Dimension:
-    values = tuple(factors.values.values if isinstance(factors.values, Span) else factors.values)
-    settings = tuple(factors.settings(value) for value in values)
-    return _distinct(f"factors.{name}.values", Dimension(name, values, settings))
-
-
-def _distinct(where: str, dimension: Dimension) -> Dimension:
-    if len(set(dimension.labels)) < len(dimension.labels):
-        raise SweepError(f"{where} = {list(dimension.labels)}: each value once was expected")
-    return dimension
+    if len(set(labels)) < len(labels):
+        raise SweepError(f"{where} = {list(labels)}: each value once was expected")
+    return Dimension(name, labels, tuple(settings))
 
 
 def _draw_dimension(draws: Draws) -> Dimension:
