@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
 from aerobat_pin.aerobat.accelerometer_mount import Mount
 from aerobat_pin.aerobat.aerobat import Aerobat
@@ -21,7 +20,7 @@ from aerobat_pin.aerobat.raw.smoother import JointEstimate, JointSmoother
 from aerobat_pin.errors import ScenarioError
 from aerobat_pin.forces import KnownInputs
 from aerobat_pin.numerics import Array
-from aerobat_pin.observers import OBSERVERS, Estimate, Identifiability, Innovation, Observer
+from aerobat_pin.observers import OBSERVERS, Applications, Estimate, Identifiability, Innovation, Observer
 from aerobat_pin.records import Block, Channel, SmoothedMotion
 from aerobat_pin.scenario import AirSection, RawSection
 
@@ -144,31 +143,20 @@ def as_estimate(
         labels = tuple(f"{SUM}.F{axis}" for axis in "xyz")
         identifiability = Identifiability(labels, 3, np.ones(3), np.zeros((0, 3)), np.ones(3))
     deviation = np.sqrt(np.maximum(np.einsum("kii->ki", covariance), 0.0))
+    J = Applications(robot.model, checked.frames).jacobian(inputs.q[:-1])  # at the start of each interval
     return replace(
         checked,
         observer=name,
         components=components,
         frames=frames,
         units=units,
-        residual=generalised(robot, checked.frames, inputs, estimate.force),
+        residual=np.einsum("mcn,mc->mn", J, estimate.force.reshape(m, -1)),
         identifiability=identifiability,
         standard_deviation=deviation,
         innovation=Innovation(nis, white),
         notes=tuple(notes_of(estimate)),
         warnings=tuple(warnings),
     )
-
-
-def generalised(robot: Aerobat, frames: tuple[str, ...], inputs: KnownInputs, force: Array) -> Array:
-    """Return J^T f (m, nv) of forces (m, points, 3) in world axes, with J at the start of each interval."""
-    model, data = robot.model, robot.model.createData()
-    ids = [model.getFrameId(frame) for frame in frames]
-    generalised_force = np.zeros((len(force), model.nv))
-    world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    for k, forces in enumerate(force):
-        for frame, point_force in zip(ids, forces, strict=True):
-            generalised_force[k] += pin.computeFrameJacobian(model, data, inputs.q[k], frame, world)[:3].T @ point_force
-    return generalised_force
 
 
 def notes_of(smoothed: JointEstimate) -> list[str]:
