@@ -58,8 +58,11 @@ class Aerobat(ShownInNotebooks):
 
     @cached_property
     def visual_model(self) -> pin.GeometryModel:
-        """Visible parts, built in memory on first use, so that a changed robot needs no mesh files."""
-        return visual_model(self.model, self.morphology)
+        """Visible parts, each on its link's joint; built in memory, so that a changed robot needs no mesh files."""
+        visual = pin.GeometryModel()
+        for name, part in parts(self.morphology).items():
+            visual.addGeometryObject(geometry_object(self.model, name, part.link, part.mesh(), part.material))
+        return visual
 
     @cached_property
     def collision_model(self) -> pin.GeometryModel:
@@ -200,14 +203,6 @@ def believed_robot(scenario: Scenario) -> Aerobat:
     """Load the robot that a scenario's observers assume. Raises the same errors as `load_aerobat`."""
     chosen = scenario.believed_robot
     return load_aerobat(chosen.morphology, chosen.changes, gravity=scenario.flight.gravity)
-
-
-def visual_model(model: pin.Model, morphology: Morphology) -> pin.GeometryModel:
-    """Return the visible parts of the robot, each attached to the joint that carries its link."""
-    visual = pin.GeometryModel()
-    for name, part in parts(morphology).items():
-        visual.addGeometryObject(geometry_object(model, name, part.link, part.mesh(), part.material))
-    return visual
 
 
 def geometry_object(model: pin.Model, name: str, link: str, mesh: Mesh, material: str) -> pin.GeometryObject:

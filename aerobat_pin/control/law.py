@@ -179,8 +179,7 @@ def add_waves(coefficients: Array, crank_angle: float, out: Array) -> None:
     """Write the sum of waves of the crank angle, with coefficients (2 n, c) as in `Nominal.swing`: (c,)."""
     a, b = cos(crank_angle), sin(crank_angle)
     c, s = a, b
-    for i in range(out.shape[0]):
-        out[i] = 0.0
+    out[:] = 0.0
     for wave in range(coefficients.shape[0] // 2):
         for i in range(out.shape[0]):
             out[i] += c * coefficients[2 * wave, i] + s * coefficients[2 * wave + 1, i]

@@ -29,7 +29,7 @@ from aerobat_pin.estimation import Result
 from aerobat_pin.flight import log_with_motion
 from aerobat_pin.forces import blocks_of
 from aerobat_pin.numerics import Array, frame_id, guarded
-from aerobat_pin.observers import Estimate
+from aerobat_pin.observers import Estimate, has_free_base
 from aerobat_pin.records import FREE_NQ
 
 PACKAGE = "foxglove_msgs/msg"
@@ -271,7 +271,7 @@ def _joint_rows(model: pin.Model) -> dict[str, tuple[int, int]]:
 
 def _put_motion(topics: _Topics, part: McapStretch, joints: Mapping[str, tuple[int, int]], k: int) -> None:
     time, q, v = float(part.time[k]), part.q[k], part.v[k]
-    if part.model.njoints > 1 and part.model.joints[1].shortname() == "JointModelFreeFlyer":
+    if has_free_base(part.model):
         pose = {"position": _xyz(q[:3]), "orientation": dict(zip("xyzw", q[3:FREE_NQ].tolist(), strict=True))}
         topics.put("/pose", time, "geometry_msgs/msg/PoseStamped", {"header": _header(time), "pose": pose})
     if joints:

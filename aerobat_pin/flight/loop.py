@@ -135,16 +135,12 @@ class ClosedLoop:
             except AerobatError as error:
                 if k == 0:  # nothing has flown: the pilot does not fit
                     raise
-                raise self._lost(error) from error
+                title = f"scenario {self.plant.scenario.name}: the controller failed at t = {self.done * self.dt:.4f} s"
+                flown = self.flight.trajectory()  # raises if the flight had diverged before
+                raise SimulationError(f"{title}: {error}", self.done * self.dt, flown) from error
             if progress is not None and k % every == 0:
                 progress((k + 1) / count)
         return self.flight.trajectory()
-
-    def _lost(self, error: AerobatError) -> SimulationError:
-        """Return the end of a flight whose pilot failed; a flight that diverged before raises that instead."""
-        flown, when = self.flight.trajectory(), self.done * self.dt
-        title = f"scenario {self.plant.scenario.name}: the controller failed at t = {when:.4f} s"
-        return SimulationError(f"{title}: {error}", when, flown)
 
     def record(self, intervals: int | None = None) -> LoopRecord:
         """Return what happened so far, or in the first intervals."""

@@ -127,8 +127,7 @@ def follow(memory: Array, command: Array, wrench: Array) -> None:
     """Follow a command (m,) over an interval, and write the mean wrench (6,)."""
     fields = fields_of(memory, Propellers)
     thrust, waiting, turn = fields.thrust, fields.waiting, fields.turn[0]
-    for i in range(6):
-        wrench[i] = 0.0
+    wrench[:] = 0.0
     for j in range(thrust.shape[0]):
         wanted = min(max(command[j], 0.0), fields.limit[j])
         if waiting.shape[0] > 0:

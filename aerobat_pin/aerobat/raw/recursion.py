@@ -85,8 +85,7 @@ def take_samples(x: Array, P: Array, h: Array, e: Array, R: Array, gains: Array,
     n, score = x.shape[0], 0.0
     for i in range(h.shape[0]):
         row, gain = h[i], gains[i]
-        for a in range(n):
-            gain[a] = 0.0
+        gain[:] = 0.0
         add_row_product(gain, row, P, 1.0)
         innovation, variance = e[i] - dot(row, x), R[i] + dot(row, gain)
         innovations[i, 0], innovations[i, 1] = innovation, variance
@@ -188,8 +187,7 @@ def smooth_record(F: Array, fresh: Integers, block: Integers, rows: SampleRows, 
             row, gain = h[i], gains[i]
             innovation, variance = innovations[i, 0], innovations[i, 1]
             if wanted:
-                for a in range(n):
-                    w[a] = 0.0
+                w[:] = 0.0
                 add_row_product(w, gain, N, 1.0 / variance)
                 across = (dot(w, gain) + 1.0) / variance
                 for a in range(n):

@@ -168,8 +168,7 @@ def predict_covariance(
         for k in range(nv):
             row[k] = -filter_.sensed[k] * blurred[k, i]
         copy_values(right[i, nv:], along)
-        for j in range(unit.shape[0]):
-            unit[j] = 0.0
+        unit[:] = 0.0
         unit[i], unit[n] = 1.0, step.e[i]
 
 
@@ -200,8 +199,7 @@ def report(step: Step, dt: float, out: Array) -> None:
     """
     nv, blocks = step.rows.shape[0], step.basis.shape[0]
     c = step.z.shape[0] // blocks
-    for i in range(nv):
-        out[i] = 0.0
+    out[:nv] = 0.0
     for a in range(c):
         force, variance = 0.0, 0.0
         for block in range(blocks):

@@ -106,8 +106,7 @@ def fit_forces(observer: ObserverState, before: Array, after: Array, generalized
     nv, force, span = generalized.shape[0], observer.fitted, observer.span
     remainder[nv] = project(observer, before, after, generalized, force)
     if force.shape[0] == 0:
-        for k in range(nv):
-            remainder[k] = 0.0
+        remainder[:nv] = 0.0
         return
     copy_values(span[force.shape[0]], remainder[:nv])
     for i in range(force.shape[0]):
