@@ -73,21 +73,10 @@ class FlightLog:
         object.__setattr__(self, "measured", measured)
         if not any(channel in measured for channel in ("q", "pose", "mocap_position")):
             raise LogError(f"{name}: no channel named q or pose, nor mocap_position")
-        if "time" not in measured.coords:
-            raise LogError(f"{name}: no coordinate named time")
-        time = measured["time"].values
-        if time.dtype.kind not in "fiu":
-            raise LogError(f"{name}: the coordinate time has no numbers: seconds were expected")
-        if len(time) < 2:
-            raise LogError(f"{name}: {len(time)} samples: two or more were expected")
-        wrong = ~np.isfinite(time) | (np.diff(time, prepend=time[0]) < 0.0)
-        if np.any(wrong):
-            at = int(np.argmax(wrong))
-            raise LogError(f"{name}: time, sample {at} = {time[at]:g} s: time must be finite and must not decrease")
-        intervals = measured.sizes.get("interval", len(time) - 1)
-        if intervals != len(time) - 1:
-            raise LogError(f"{name}: {intervals} intervals between {len(time)} samples")
-        _check_raw_clocks(measured, name)
+        _check_clocks(measured, name)
+        samples = measured.sizes["time"]
+        if (intervals := measured.sizes.get("interval", samples - 1)) != samples - 1:
+            raise LogError(f"{name}: {intervals} intervals between {samples} samples")
         _check_angles(measured, name)
         _check_attributes(measured.attrs, name)
 
@@ -178,22 +167,27 @@ def _check_clock(data: xr.Dataset, time: Any, name: str) -> None:
                 raise LogError(f"{name}: {key} {at} is {stamps[at]:g} s: {expected[at]:g} s was expected")
 
 
-def _check_raw_clocks(measured: xr.Dataset, name: str) -> None:
-    """Raise LogError unless every raw channel has finite times of its own, two or more, that rise."""
-    if "mocap_position" in measured and "mocap_quaternion" not in measured:
+def _check_clocks(measured: xr.Dataset, name: str) -> None:
+    """Raise LogError unless the samples, and those of every raw channel, have two or more finite times, which rise.
+
+    Times of a log without raw samples may repeat.
+    """
+    raw = "mocap_position" in measured
+    if raw and "mocap_quaternion" not in measured:
         raise LogError(f"{name}: mocap_position without mocap_quaternion: both or none were expected")
-    for clock in (*RAW_CLOCKS, "time") if "mocap_position" in measured else RAW_CLOCKS:
-        if clock not in measured.dims:
-            continue
-        if clock not in measured.coords or measured[clock].dtype.kind not in "fiu":
-            raise LogError(f"{name}: no coordinate named {clock} with numbers: seconds were expected")
+    for clock in ("time", *(clock for clock in RAW_CLOCKS if clock in measured.dims)):
+        if clock not in measured.coords:
+            raise LogError(f"{name}: no coordinate named {clock}")
         time = measured[clock].values
+        if time.dtype.kind not in "fiu":
+            raise LogError(f"{name}: the coordinate {clock} has no numbers: seconds were expected")
         if len(time) < 2:
             raise LogError(f"{name}: {len(time)} samples along {clock}: two or more were expected")
-        wrong = ~np.isfinite(time) | (np.diff(time, prepend=-np.inf) <= 0.0)
+        repeats, step = clock == "time" and not raw, np.diff(time, prepend=-np.inf)
+        wrong = ~np.isfinite(time) | (step < 0.0 if repeats else step <= 0.0)
         if np.any(wrong):
-            at = int(np.argmax(wrong))
-            raise LogError(f"{name}: {clock}, sample {at} = {time[at]:g} s: time must be finite and rise")
+            at, rule = int(np.argmax(wrong)), "must not decrease" if repeats else "rise"
+            raise LogError(f"{name}: {clock}, sample {at} = {time[at]:g} s: time must be finite and {rule}")
 
 
 def _check_angles(measured: xr.Dataset, name: str) -> None:

@@ -74,26 +74,31 @@ def read_log(path: Path) -> FlightLog:
     channels, table, clocks = {}, MEASURED | {THRUSTERS: THRUST_CHANNEL}, dict[str, Channel]()
     raw = record.robot.smooths(record.channels)
     sources = {name: (key,) for name, key in RAW_KEYS.items()} if raw else STATE_KEYS
+
+    def values_of(keys: tuple[str, ...], *, means: bool) -> Array:
+        if means:
+            return record.means(keys[0], time)
+        if raw:
+            return np.asarray(record.channels[keys[0]].values[:])
+        if keys == STATE_KEYS["pose"]:
+            return np.asarray(np.hstack([record.at(keys[0], time), record.turns(time)]))
+        return np.asarray(np.hstack([record.at(key, time) for key in keys]))
+
     for name, keys in {**sources, THRUSTERS: (f"{EXTRA}known.thrusters",)}.items():
-        if all(key in record.channels for key in keys):
-            row, column = table[name], record.channels[keys[0]]
-            if row.dims[0] == "interval":
-                values = record.means(keys[0], time)
-            elif raw:
-                first = clocks.setdefault(row.dims[0], column)
-                if not np.array_equal(first.time[:], column.time[:]):
-                    raise LogError(
-                        f"log {path}: cells of {', '.join(column.names)} and of {', '.join(first.names)} are filled in "
-                        "different rows: both or none in a row, or one of the two channels, was expected"
-                    )
-                coords[row.dims[0]] = channel(column.time[:], row.dims[:1], "s", "stamp of the sample")
-                values = column.values[:]
-            elif name == "pose":
-                values = np.hstack([record.at(keys[0], time), record.turns(time)])
-            else:
-                values = np.hstack([record.at(key, time) for key in keys])
-            coords |= {dim: list(LABELS[dim]) for dim in row.dims[1:]}
-            channels[name] = filled(name, values if len(row.dims) > 1 else values[:, 0], table)
+        if not set(keys) <= record.channels.keys():
+            continue
+        row, column, means = table[name], record.channels[keys[0]], table[name].dims[0] == "interval"
+        if raw and not means:
+            first = clocks.setdefault(row.dims[0], column)
+            if not np.array_equal(first.time[:], column.time[:]):
+                raise LogError(
+                    f"log {path}: cells of {', '.join(column.names)} and of {', '.join(first.names)} are filled in "
+                    "different rows: both or none in a row, or one of the two channels, was expected"
+                )
+            coords[row.dims[0]] = channel(column.time[:], row.dims[:1], "s", "stamp of the sample")
+        coords |= {dim: list(LABELS[dim]) for dim in row.dims[1:]}
+        values = values_of(keys, means=means)
+        channels[name] = filled(name, values if len(row.dims) > 1 else values[:, 0], table)
     return FlightLog(xr.Dataset(channels, coords=coords, attrs={"scenario": path.stem}), name=f"log {path}")
 
 

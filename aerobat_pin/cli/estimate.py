@@ -77,6 +77,7 @@ def estimate_command(
         if out_mcap is not None:
             raise LogError(f"estimate: --out {out} and --out-mcap {out_mcap}: one MCAP file was expected")
         out, out_mcap = None, out
+    robot = None if urdf is None else str(urdf)
     if log is None and not self_check:
         raise LogError("estimate: a recorded flight was expected, or --self-check")
     idle = {"--map": map_file, "--urdf": urdf, "--suggest": suggest, "--calibration": calibration, "--correct": correct}
@@ -88,7 +89,7 @@ def estimate_command(
         if unused := [name for name, given in beside.items() if given]:
             raise LogError(f"estimate: --suggest prints a map, as in `--suggest > map.toml`, without {unused[0]}")
         with doing("looking at the log"):
-            text = suggested_map(log, None if urdf is None else str(urdf), option_names(points))
+            text = suggested_map(log, robot, option_names(points))
         typer.echo(text, nl=False)
         return
     if log is not None and (map_file is not None or urdf is not None):
@@ -96,24 +97,20 @@ def estimate_command(
             raise LogError("estimate: --set and --morphology are for Aerobat's own tables, without --map")
         if map_file is None:
             raise needs_map(log, robot=str(urdf))
-        chosen = with_options(
-            load_map(map_file), None if urdf is None else str(urdf), option_names(points), observers or []
-        )
+        chosen = with_options(load_map(map_file), robot, option_names(points), observers or [])
         target, learnt = out or Path("runs") / f"{log.stem}-estimate", read_learnt(calibration, correct=correct)
         options = {"force": force, "trust": trust, "self_check": self_check}
         estimate_by_map(log, chosen, map_file.absolute().parent, target, out_mcap, learnt, **options)
         return
-    if points is not None:
-        settings = [
-            *(settings or []),
-            f"observers.frames=[{', '.join(repr(name.strip()) for name in points.split(','))}]",
-        ]
     if out_mcap is not None:
         raise LogError("estimate: --out-mcap is for recordings by --map; `aerobat convert RUN` writes MCAP of a run")
+    given = list(settings or [])
+    if points is not None:
+        given.append(f"observers.frames=[{', '.join(repr(name.strip()) for name in points.split(','))}]")
     flight = None if log is None else read_log(log)
     name = "self-check" if log is None else log.stem
-    belief = belief_about(flight, name, morphology, observers or [], settings or [])
-    typer.echo(describe_belief(belief, morphology, settings or []))
+    belief = belief_about(flight, name, morphology, observers or [], given)
+    typer.echo(describe_belief(belief, morphology, given))
     if self_check and not _passes_self_check(belief):
         raise typer.Exit(1)
     if flight is None:

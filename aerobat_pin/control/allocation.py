@@ -145,15 +145,22 @@ def limit_thrusts(problem: Limited, u: Array) -> None:
             active[first] = 1 if b[first] > 0.0 else -1
             u[first] = limit[first] if b[first] > 0.0 else 0.0
             continue
-        worst, release = 1e-12, -1
-        for i in range(m):
-            if active[i] != 0:
-                slope = -f[i]
-                for j in range(m):
-                    slope += H[i, j] * u[j]
-                gain = -slope if active[i] < 0 else slope  # what the function would fall by, per newton inwards
-                if gain > worst:
-                    worst, release = gain, i
+        release = most_held(problem, u)
         if release < 0:
             return
         active[release] = 0
+
+
+@inner
+def most_held(problem: Limited, u: Array) -> int:
+    """Return which thruster at a limit the function would fall by most for, per newton inwards; -1 for none."""
+    H, f, active, largest, held = problem.H, problem.linear, problem.active, 1e-12, -1
+    for i in range(u.shape[0]):
+        if active[i] != 0:
+            slope = -f[i]
+            for j in range(u.shape[0]):
+                slope += H[i, j] * u[j]
+            gain = -slope if active[i] < 0 else slope
+            if gain > largest:
+                largest, held = gain, i
+    return held

@@ -21,7 +21,7 @@ sample is passed on as it is, to the bit.
 
 from __future__ import annotations
 
-from math import ceil, cos, isfinite, pi, sin, sqrt
+from math import ceil, cos, isfinite, pi, sin
 
 import numpy as np
 
@@ -31,7 +31,6 @@ from aerobat_pin.control.nominal_wrench import Nominal
 from aerobat_pin.control.sensed_channels import (
     ATTITUDE,
     CHANNELS,
-    CRANK,
     GYRO_CHANNEL,
     JOINT_CHANNEL,
     POSITION,
@@ -44,11 +43,11 @@ from aerobat_pin.control.sensed_channels import (
     follow_position,
     gyro,
     is_good,
+    judge_attitude,
+    judge_crank,
     product,
     rotate_vector,
-    share,
     taken_at,
-    within_half_a_turn,
     write_turn,
 )
 from aerobat_pin.linkage import joint_series, joints_at
@@ -123,15 +122,17 @@ class SensedMotion(Viewed):
         for k, (poles, period) in enumerate(((RATE_POLES, periods[ATTITUDE]), (SPEED_POLES, periods[POSITION]))):
             first = min(2.0 * poles * period, 0.8)
             fields.correct[k] = first, first**2 / 4.0 / period
-        first = fields.correct[0, 0]
-        attitude, gyro = fitted[ATTITUDE], fitted[GYRO_CHANNEL]
-        punctual = attitude.delay == gyro.delay == 0.0 and periods[ATTITUDE] == periods[GYRO_CHANNEL]
-        fields.trust[0] = part = 1.0 - np.exp(-periods[GYRO_CHANNEL] / DOUBTED)
-        spread = first / periods[ATTITUDE] * np.sqrt(part / 2.0) * max(attitude.noise)
-        fields.trust[1] = SLACK + SURE_OF_SAMPLE * spread if punctual else np.inf
-        jump = MOST_DEVIATIONS * np.sqrt(2.0) * max(gyro.noise) + UNKNOWN_SPIN * periods[GYRO_CHANNEL]
-        fields.trust[2] = jump if punctual else np.inf
-        fields.trust[3] = max(max(attitude.noise), LEAST_ATTITUDE_NOISE) ** 2
+        self._set_trust(fitted[ATTITUDE], fitted[GYRO_CHANNEL], periods[ATTITUDE], periods[GYRO_CHANNEL])
+
+    def _set_trust(self, attitude: SensorSection, gyro: SensorSection, every: float, gyro_every: float) -> None:
+        """Set how gyro and attitude judge each other; only if neither is late and both have one period [s]."""
+        trust, correct = self._fields.trust, self._fields.correct[0, 0]
+        punctual = attitude.delay == gyro.delay == 0.0 and every == gyro_every
+        trust[0] = part = 1.0 - np.exp(-gyro_every / DOUBTED)
+        spread = correct / every * np.sqrt(part / 2.0) * max(attitude.noise)
+        jump = MOST_DEVIATIONS * np.sqrt(2.0) * max(gyro.noise) + UNKNOWN_SPIN * gyro_every
+        trust[1:3] = (SLACK + SURE_OF_SAMPLE * spread, jump) if punctual else np.inf
+        trust[3] = max(max(attitude.noise), LEAST_ATTITUDE_NOISE) ** 2
 
     def _view(self) -> None:
         self._fields = fields = fields_of(self._memory, Senses)
@@ -161,7 +162,7 @@ class SensedMotion(Viewed):
 def sense(memory: Array, q: Array, v: Array, crank_angle: float, thrust: Array, push: Array) -> None:
     """Take a sample, see `SensedMotion.take`."""
     s = fields_of(memory, Senses)
-    now, estimate, offset = s.now, s.estimate, s.offset
+    now, estimate = s.now, s.estimate
     row = s.ticks[0] % s.carriers.shape[0]
     at = s.carriers[row]
     copy_values(q, now[:7])
@@ -173,34 +174,10 @@ def sense(memory: Array, q: Array, v: Array, crank_angle: float, thrust: Array, 
         s.age[c] += 1
     carry(s, at)
 
-    good = is_good(s, CRANK)
-    estimate[21] = offset[21] + at[21]
-    if good:
-        late = s.carriers[taken_at(s, CRANK)]
-        ahead = now[21] + (at[21] - late[21])
-        if believed(s, CRANK, abs(within_half_a_turn(ahead - estimate[21]))):
-            turn = within_half_a_turn(now[21] - late[21] - offset[21])
-            offset[21] += share(s, CRANK) * turn
-            estimate[21] = ahead
+    judge_crank(s, at)
     close_for_crank(s, at)
     turn_on(s, at, thrust, push)
-
-    seen = is_good(s, ATTITUDE)
-    if seen:
-        late = s.carriers[taken_at(s, ATTITUDE)]
-        product(now[3:7], late[3:7], -1.0, s.a)
-        product(s.a, at[3:7], 1.0, s.b)
-        alike = s.b[0] * estimate[3] + s.b[1] * estimate[4] + s.b[2] * estimate[5] + s.b[3] * estimate[6]
-        size = s.b[0] * s.b[0] + s.b[1] * s.b[1] + s.b[2] * s.b[2] + s.b[3] * s.b[3]
-        seen = believed(s, ATTITUDE, 2.0 * sqrt(max(0.0, 1.0 - alike * alike / size)))
-        if seen:
-            part, sign, norm = share(s, ATTITUDE), 1.0 if alike >= 0.0 else -1.0, 0.0
-            for i in range(4):
-                offset[3 + i] += part * (sign * s.a[i] - offset[3 + i])
-                norm += offset[3 + i] * offset[3 + i]
-                estimate[3 + i] = now[3 + i] if s.delay[ATTITUDE] == 0 else s.b[i]
-            for i in range(4):
-                offset[3 + i] /= sqrt(norm)
+    seen = judge_attitude(s, at)
     gyro(s, at)
     if seen:
         follow_attitude(s, at)

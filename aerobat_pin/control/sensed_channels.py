@@ -182,6 +182,43 @@ def add_channel(s: Senses, c: int, at: Array) -> None:
 
 
 @inner
+def judge_crank(s: Senses, at: Array) -> None:
+    """Judge the crank's angle, which counts without whole turns."""
+    now, estimate, offset = s.now, s.estimate, s.offset
+    good = is_good(s, CRANK)
+    estimate[21] = offset[21] + at[21]
+    if good:
+        late = s.carriers[taken_at(s, CRANK)]
+        ahead = now[21] + (at[21] - late[21])
+        if believed(s, CRANK, abs(within_half_a_turn(ahead - estimate[21]))):
+            turn = within_half_a_turn(now[21] - late[21] - offset[21])
+            offset[21] += share(s, CRANK) * turn
+            estimate[21] = ahead
+
+
+@inner
+def judge_attitude(s: Senses, at: Array) -> bool:
+    """Judge the attitude, whose offset from its carrier is a turn; return whether there is a sample to be believed."""
+    if not is_good(s, ATTITUDE):
+        return False
+    now, estimate, offset, late = s.now, s.estimate, s.offset, s.carriers[taken_at(s, ATTITUDE)]
+    product(now[3:7], late[3:7], -1.0, s.a)
+    product(s.a, at[3:7], 1.0, s.b)
+    alike = s.b[0] * estimate[3] + s.b[1] * estimate[4] + s.b[2] * estimate[5] + s.b[3] * estimate[6]
+    size = s.b[0] * s.b[0] + s.b[1] * s.b[1] + s.b[2] * s.b[2] + s.b[3] * s.b[3]
+    if not believed(s, ATTITUDE, 2.0 * sqrt(max(0.0, 1.0 - alike * alike / size))):
+        return False
+    part, sign, norm = share(s, ATTITUDE), 1.0 if alike >= 0.0 else -1.0, 0.0
+    for i in range(4):
+        offset[3 + i] += part * (sign * s.a[i] - offset[3 + i])
+        norm += offset[3 + i] * offset[3 + i]
+        estimate[3 + i] = now[3 + i] if s.delay[ATTITUDE] == 0 else s.b[i]
+    for i in range(4):
+        offset[3 + i] /= sqrt(norm)
+    return True
+
+
+@inner
 def gyro(s: Senses, at: Array) -> None:
     """Judge the gyro: a jump by more than noise is on trial. It waits for a sample that confirms it, then is believed.
 

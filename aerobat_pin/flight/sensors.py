@@ -178,7 +178,7 @@ class _Reader:
         taken = sampling_times(time, sensor.rate)
         axes = {"joint_angle": 4, "joint_rate": 4, "crank_angle": 1}.get(name, 3)
         errors = sensor_errors(time[taken], axes, sensor, rng)
-        self._errors = [_quaternion_of(pin.exp3(error)) for error in errors] if self._attitude else errors
+        self._errors: Any = [_quaternion_of(pin.exp3(error)) for error in errors] if self._attitude else errors
         self._number = np.full(len(time), -1)
         self._number[taken] = np.arange(len(taken))
         self._shown = last_arrived(time, taken, sensor, rng)
@@ -190,15 +190,12 @@ class _Reader:
         """Return the reading at time k, at which the channel's true value is given."""
         samples, number = self._samples, self._number[k]
         if number >= 0:
-            samples[number % len(samples)] = sample = self._sample(true, self._errors[number])
+            error, quantum = self._errors[number], self._quantum
+            sample = attitude_sample(true, error, quantum) if self._attitude else quantised(true + error, quantum)
+            samples[number % len(samples)] = sample
             if len(samples) == 1:  # nothing waits, and nothing was lost
                 return sample
         return np.asarray(samples[self._shown[k] % len(samples)])
-
-    def _sample(self, true: Array, error: Any) -> Array:
-        if not self._attitude:
-            return quantised(true + error, self._quantum)
-        return attitude_sample(true, error, self._quantum)
 
 
 def _quaternion_of(rotation: Array) -> pin.Quaternion:

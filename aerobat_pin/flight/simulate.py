@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -39,6 +40,7 @@ FORCES = (  # of the truth, means over the intervals
     *("force_W", "force_noise_free_W", "unknown", "aerodynamic", "added_mass"),
     *("motor_power", "air_power", "thruster_power", "unknown_power", "link_wrench"),
 )
+CRANK_FORCES = ("crank_torque", "drive_torque", "drive_power", "friction_power")  # if a motor turns the crank
 LOGGED = ("airspeed", "incidence", "downwash", "circulation", "strip_force_z", "strip_force_x")  # of the strips' loads
 
 
@@ -111,11 +113,9 @@ def flight_log_of(plant: Plant, time: Array, trajectory: Trajectory, record: Loo
     If thrusters flew it, `record` is what happened in the loop: the log's known force is then the wrench that the
     controller's model of the thrusters gave, the only one that is known beside a robot; the real one is in the truth.
     """
-    scenario, mean, strips = plant.scenario, trajectory.forces, strips_of(trajectory.loads)
-    q, v, crank = as_measured(
-        scenario, plant.robot, trajectory.q, trajectory.v, trajectory.crank_angle, trajectory.crank_rate
-    )
-    coords = {
+    scenario, mean, motion = plant.scenario, trajectory.forces, (trajectory.q, trajectory.v)
+    q, v, crank = as_measured(scenario, plant.robot, *motion, trajectory.crank_angle, trajectory.crank_rate)
+    coords: dict[str, Any] = {
         "time": channel(time, ("time",), "s", "sample time"),
         "interval": channel(time[:-1], ("interval",), "s", "start of the interval"),
     }
@@ -131,6 +131,7 @@ def flight_log_of(plant: Plant, time: Array, trajectory: Trajectory, record: Loo
     if record is not None:
         measured[THRUSTERS] = np.pad(record.modelled, ((0, 0), (0, plant.model.nv - record.modelled.shape[1])))
         measured["thruster_command"] = record.command
+        coords["thruster"] = channel(list(record.thrusters.names), ("thruster",), "", "thruster")
     attributes = {
         "scenario": scenario.name,
         "morphology": scenario.robot.morphology,
@@ -138,21 +139,29 @@ def flight_log_of(plant: Plant, time: Array, trajectory: Trajectory, record: Loo
         "gravity": scenario.flight.gravity,
         "air": scenario.believed_air.model_dump_json(),
     }
-    true = {name: getattr(mean, name) for name in FORCES}
+    table = MEASURED | {THRUSTERS: KNOWN_FORCE}
+    seen = {name: filled(name, values, table) for name, values in measured.items()}
+    labels = {name: list(LABELS[name]) for name in ("q_axis", "v_axis")}
+    data = xr.Dataset(seen, coords={**coords, **labels}, attrs=attributes)
+    return FlightLog(data, _truth(plant, trajectory, record, coords))
+
+
+def _truth(plant: Plant, trajectory: Trajectory, record: LoopRecord | None, coords: dict[str, Any]) -> xr.Dataset:
+    """Return what only a simulation knows of a flight; `coords` are the log's."""
+    mean, strips, motion = trajectory.forces, strips_of(trajectory.loads), ("q", "v", "crank_angle")
+    names = ["v_axis", "axis", "link", "wrench_axis"]
+    true: dict[str, Any] = {name: getattr(mean, name) for name in FORCES}
     for name in LOGGED:
         true[name] = getattr(strips, name.removeprefix("strip_")).copy()  # so that the other rows can go
-    more = []
-    if scenario.plant.shows_joints:
-        true |= {"q": trajectory.q, "v": trajectory.v, "crank_angle": trajectory.crank_angle}
-        more.append("q_axis")
+    if plant.scenario.plant.shows_joints:
+        true |= {name: getattr(trajectory, name) for name in motion}
+        names.append("q_axis")
     if plant.elastic.count:
         true["deflection"] = trajectory.deflection
-        more.append("joint")
+        names.append("joint")
     if isinstance(plant.drive, RateControlledMotor):
         true["crank_rate"] = trajectory.crank_rate
-        true |= {
-            name: getattr(mean, name) for name in ("crank_torque", "drive_torque", "drive_power", "friction_power")
-        }
+        true |= {name: getattr(mean, name) for name in CRANK_FORCES}
     if record is not None:
         true |= {
             "thrust": record.thrust,
@@ -160,22 +169,14 @@ def flight_log_of(plant: Plant, time: Array, trajectory: Trajectory, record: Loo
             "unrealised_wrench": record.unrealised,
             "seen_disturbance": record.disturbance,
         }
-        coords["thruster"] = channel(list(record.thrusters.names), ("thruster",), "", "thruster")
-    axes = {
-        **{name: list(LABELS[name]) for name in ("v_axis", "axis", "link", "wrench_axis", *more)},
-        "point": list(plant.points),
-        "strip": channel(plant.air.line.y, ("strip",), "m", "arc coordinate, left wing positive"),
-    }
     if trajectory.air.size:
         true["air_state"] = trajectory.air
+    axes: dict[str, Any] = {name: list(LABELS[name]) for name in names}
+    axes["point"] = list(plant.points)
+    axes["strip"] = channel(plant.air.line.y, ("strip",), "m", "arc coordinate, left wing positive")
     events = [(force.frame, *force.signal.event) for force in plant.forces if force.signal.event is not None]
     if events:
-        points, names, true["event_start"], true["event_end"] = zip(*events, strict=True)
-        axes |= {"event": list(names), "event_point": ("event", list(points))}
-    truth = xr.Dataset(
-        {name: filled(name, values, TRUE_CHANNELS) for name, values in true.items()}, coords={**coords, **axes}
-    )
-    table = MEASURED | {THRUSTERS: KNOWN_FORCE}
-    seen = {name: filled(name, values, table) for name, values in measured.items()}
-    labels = {name: list(LABELS[name]) for name in ("q_axis", "v_axis")}
-    return FlightLog(xr.Dataset(seen, coords={**coords, **labels}, attrs=attributes), truth)
+        points, events_named, true["event_start"], true["event_end"] = zip(*events, strict=True)
+        axes |= {"event": list(events_named), "event_point": ("event", list(points))}
+    channels = {name: filled(name, values, TRUE_CHANNELS) for name, values in true.items()}
+    return xr.Dataset(channels, coords={**coords, **axes})

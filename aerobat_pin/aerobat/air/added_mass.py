@@ -22,7 +22,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from aerobat_pin.aerobat.link_kernels import Links, PinocchioResults, Tree
-from aerobat_pin.numerics import Array, inner
+from aerobat_pin.numerics import Array, in_inner_axes, inlined, inner, rotated
 
 
 class AddedMass(NamedTuple):
@@ -54,6 +54,37 @@ def factored(G: Array) -> AddedMass:
     return matrices
 
 
+@inlined
+def write_normals(added: AddedMass, tree: Tree, liMi: Array, links: Links, link: int) -> int:
+    """Write a link's rows n to `links.normals`, and return the number of their columns: 6, 7 or 8, see `Links`."""
+    rows, x, y, skew = links.normals, added.x[link], added.y[link], added.skew[link]
+    R, p, parent, size = links.rotation[link], links.origin[link], tree.parent[link], 6
+    qx = p[0] + R[0, 0] * x + R[0, 1] * y  # centre of the added mass, in the body's frame
+    qy = p[1] + R[1, 0] * x + R[1, 1] * y
+    qz = p[2] + R[2, 0] * x + R[2, 1] * y
+    zx, zy, zz = R[0, 2], R[1, 2], R[2, 2]
+    rows[0, 0], rows[0, 1], rows[0, 2] = zx, zy, zz
+    rows[0, 3], rows[0, 4], rows[0, 5] = qy * zz - qz * zy, qz * zx - qx * zz, qx * zy - qy * zx
+    for i in range(3):
+        rows[1, 3 + i], rows[2, 3 + i] = R[i, 0] + skew * R[i, 1], R[i, 1]
+    if link > 0:
+        turn = tree.axis[link]
+        rows[0, 6] = turn[0] * y - turn[1] * x
+        rows[1, 6], rows[2, 6] = turn[0] + skew * turn[1], turn[1]
+        size = 7
+    if parent > 0:
+        P, a = liMi[tree.joint[link]], tree.axis[parent]
+        wx, wy, _ = in_inner_axes(P, a[0], a[1], a[2])
+        lift = (
+            P[6] * (a[1] * P[11] - a[2] * P[10])
+            + P[7] * (a[2] * P[9] - a[0] * P[11])
+            + P[8] * (a[0] * P[10] - a[1] * P[9])
+        )
+        rows[0, 7], rows[1, 7], rows[2, 7] = lift + wx * y - wy * x, wx + skew * wy, wy
+        size = 8
+    return size
+
+
 @inner
 def add_mass(added: AddedMass, tree: Tree, results: PinocchioResults, links: Links, H: Array, h: Array) -> None:
     """Add the added inertia M_a to H, and the added bias C_a v, corrected for the wind, to h.
@@ -66,53 +97,23 @@ def add_mass(added: AddedMass, tree: Tree, results: PinocchioResults, links: Lin
         H: (nv, nv) inertia; M_a is added in place.
         h: (nv,) bias; C_a v is added in place.
     """
-    rows, rotation, origin, twists = links.normals, links.rotation, links.origin, links.twists
-    gravity, wind, wind_rate = links.gravity_B, links.wind_B, links.wind_rate_B
-    masses, centre_x, centre_y, skews = added.masses, added.x, added.y, added.skew
-    joint_of, parent_of, row_of, axes = tree.joint, tree.parent, tree.row, tree.axis
-    liMi, a_gf = results.liMi, results.a_gf
-    for link in range(joint_of.shape[0]):
-        mass = masses[link]
+    rows, gravity, wind, wind_rate = links.normals, links.gravity_B, links.wind_B, links.wind_rate_B
+    for link in range(tree.joint.shape[0]):
+        mass = added.masses[link]
         if mass[0] == 0.0:
             continue
-        x, y, skew = centre_x[link], centre_y[link], skews[link]
-        R, p = rotation[link], origin[link]
-        qx = p[0] + R[0, 0] * x + R[0, 1] * y
-        qy = p[1] + R[1, 0] * x + R[1, 1] * y
-        qz = p[2] + R[2, 0] * x + R[2, 1] * y
-        zx, zy, zz = R[0, 2], R[1, 2], R[2, 2]
-        rows[0, 0], rows[0, 1], rows[0, 2] = zx, zy, zz
-        rows[0, 3], rows[0, 4], rows[0, 5] = qy * zz - qz * zy, qz * zx - qx * zz, qx * zy - qy * zx
-        for i in range(3):
-            rows[1, 3 + i], rows[2, 3 + i] = R[i, 0] + skew * R[i, 1], R[i, 1]
-        joint, parent, row, above = joint_of[link], parent_of[link], row_of[link], 0
-        size = 6
-        if link > 0:
-            turn = axes[link]
-            rows[0, 6] = turn[0] * y - turn[1] * x
-            rows[1, 6], rows[2, 6] = turn[0] + skew * turn[1], turn[1]
-            size = 7
-        if parent > 0:
-            P, a = liMi[joint], axes[parent]
-            above = row_of[parent]
-            wx, wy = P[0] * a[0] + P[1] * a[1] + P[2] * a[2], P[3] * a[0] + P[4] * a[1] + P[5] * a[2]
-            lift = (
-                P[6] * (a[1] * P[11] - a[2] * P[10])
-                + P[7] * (a[2] * P[9] - a[0] * P[11])
-                + P[8] * (a[0] * P[10] - a[1] * P[9])
-            )
-            rows[0, 7], rows[1, 7], rows[2, 7] = lift + wx * y - wy * x, wx + skew * wy, wy
-            size = 8
+        size = write_normals(added, tree, results.liMi, links, link)
         # Accelerations relative to the air that are due to v alone.
-        twist, bias = twists[link], a_gf[joint]
-        along = R[0, 0] * wind[0] + R[1, 0] * wind[1] + R[2, 0] * wind[2]
-        across = R[0, 1] * wind[0] + R[1, 1] * wind[1] + R[2, 1] * wind[2]
+        R, twist, bias = links.rotation[link], links.twists[link], results.a_gf[tree.joint[link]]
+        along, across, _ = rotated(R.T, wind[0], wind[1], wind[2])
         rise = bias[2] + twist[3] * across - twist[4] * along
         for i in range(3):
             rise -= R[i, 2] * (gravity[i] + wind_rate[i])
         spin, tilt = bias[3], bias[4]
-        rise, spin = mass[0] * (rise + y * spin - x * tilt), mass[1] * (spin + skew * tilt)
+        rise = mass[0] * (rise + added.y[link] * spin - added.x[link] * tilt)
+        spin = mass[1] * (spin + added.skew[link] * tilt)
         tilt *= mass[2]
+        row, above = tree.row[link], tree.row[max(tree.parent[link], 0)]
         for i in range(size):
             column = i if i < 6 else (row if i == 6 else above)
             first, second, third = mass[0] * rows[0, i], 0.0, 0.0

@@ -41,17 +41,10 @@ def mounted(record: RawRecord, mount: Mount) -> RawRecord:
 def find_mount(
     records: Sequence[RawRecord], robot: Aerobat, air: AirSection, frames: tuple[str, ...], settings: RawSection
 ) -> Mount:
-    """Find place and turn of the accelerometer.
+    """Find place and turn of the accelerometer from flights without unknown forces; it has no clock offset.
 
-    Args:
-        records: flights without unknown forces.
-        robot: the believed robot.
-        air: the believed air.
-        frames: frames at which forces take up what the belief gets wrong.
-        settings: the table `observers.raw`; clock offsets are not looked for.
-
-    Raises:
-        CalibrationError: a flight has no accelerometer.
+    Forces at the frames take up what the belief gets wrong; other arguments are as of `JointSmoother`. Raises
+    CalibrationError if a flight has no accelerometer.
     """
     for record in records:
         if "accelerometer" not in record.channels:

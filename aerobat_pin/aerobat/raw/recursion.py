@@ -18,8 +18,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from aerobat_pin.numerics import Array, Integers, add_product, add_row_product, dot, kernel, mirror
+from aerobat_pin.numerics import Array, Integers, add_product, add_row_product, dot, inner, kernel, mirror
+
+Flags = NDArray[np.bool_]
 
 
 class SampleRows(NamedTuple):
@@ -148,58 +151,73 @@ def filter_record(F: Array, shift: Array, noise: Array, fresh: Integers, rows: S
     return score
 
 
+@inner
+def back_over_interval(F: Array, replaced: Flags, wanted: bool, adjoint: Array, N: Array, T: Array) -> None:
+    """Carry the adjoint (n,), and if it is wanted its covariance N (n, n), back over an interval.
+
+    `replaced` (n,) are the states whose row of the transition is not that of the identity; T (n, n) is scratch.
+    """
+    n, moving, after = adjoint.shape[0], F.shape[0], adjoint.copy()
+    for j in range(n):
+        adjoint[j] = 0.0 if replaced[j] else after[j]
+    add_row_product(adjoint, after[:moving], F, 1.0)
+    if not wanted:
+        return
+    for i in range(n):
+        for j in range(n):
+            T[i, j] = 0.0 if replaced[j] else N[i, j]
+    add_product(T, N[:, :moving], F, 1.0)  # T = N F
+    for i in range(n):
+        for j in range(n):
+            N[i, j] = 0.0 if replaced[i] else T[i, j]
+    add_product(N, F.T, T[:moving], 1.0)  # N = F^T T
+    mirror(N, n)
+
+
+@inner
+def back_over_samples(h: Array, gains: Array, innovations: Array, wanted: bool, adjoint: Array, N: Array) -> None:
+    """Carry the adjoint (n,), and if it is wanted its covariance N (n, n), back over the samples (k) of a knot."""
+    n, w = adjoint.shape[0], np.empty(adjoint.shape[0])
+    for i in range(h.shape[0] - 1, -1, -1):
+        row, gain = h[i], gains[i]
+        innovation, variance = innovations[i, 0], innovations[i, 1]
+        if wanted:
+            w[:] = 0.0
+            add_row_product(w, gain, N, 1.0 / variance)
+            across = (dot(w, gain) + 1.0) / variance
+            for a in range(n):
+                w[a] -= 0.5 * across * row[a]
+            for a in range(n):
+                for j in range(n):
+                    N[a, j] -= row[a] * w[j] + row[j] * w[a]
+        push = (innovation + dot(gain, adjoint)) / variance
+        for a in range(n):
+            adjoint[a] -= push * row[a]
+
+
 @kernel
 def smooth_record(F: Array, fresh: Integers, block: Integers, rows: SampleRows, smoothed: Smoothed) -> None:
     """Smooth a record that `filter_record` has filtered; `block` (2,) are first and last (excluded) state of it."""
     (_, _, gains, innovations, filtered, covariances), states, blocks, pulls, informations, inside = smoothed
-    start, h = rows.start, rows.h
-    m, moving, n = F.shape[0], F.shape[1], states.shape[1]
-    adjoint, old, replaced = np.zeros(n), np.zeros(n), np.zeros(n, np.bool_)
-    wanted, spread = pulls.shape[0] > 0, blocks.shape[0] > 0
-    N, T, w = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    start, m, moving, n = rows.start, F.shape[0], F.shape[1], states.shape[1]
+    wanted, spread, of_block = pulls.shape[0] > 0, blocks.shape[0] > 0, slice(block[0], block[1])
+    adjoint, N, T, replaced = np.zeros(n), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n, np.bool_)
     for j in range(n):
         replaced[j] = j < moving or fresh[0] <= j < fresh[1]
     for k in range(m, -1, -1):
         if k < m:
-            for j in range(n):
-                old[j] = adjoint[j]
-                adjoint[j] = 0.0 if replaced[j] else old[j]
-            add_row_product(adjoint, old[:moving], F[k], 1.0)
-            if wanted:
-                for i in range(n):
-                    for j in range(n):
-                        T[i, j] = 0.0 if replaced[j] else N[i, j]
-                add_product(T, N[:, :moving], F[k], 1.0)  # T = N F
-                for i in range(n):
-                    for j in range(n):
-                        N[i, j] = 0.0 if replaced[i] else T[i, j]
-                add_product(N, F[k].T, T[:moving], 1.0)  # N = F^T T
-                mirror(N, n)
-        P = covariances[k]
+            back_over_interval(F[k], replaced, wanted, adjoint, N, T)
+        P, first, last = covariances[k], start[k], start[k + 1]
         for i in range(n):
             states[k, i] = filtered[k, i] - dot(P[i], adjoint)
         if spread:
             T[:] = 0.0
             add_product(T, P, N, 1.0)
-            blocks[k] = P[block[0] : block[1], block[0] : block[1]]
-            add_product(blocks[k], T[block[0] : block[1]], P[:, block[0] : block[1]], -1.0)
-        for i in range(start[k + 1] - 1, start[k] - 1, -1):
-            row, gain = h[i], gains[i]
-            innovation, variance = innovations[i, 0], innovations[i, 1]
-            if wanted:
-                w[:] = 0.0
-                add_row_product(w, gain, N, 1.0 / variance)
-                across = (dot(w, gain) + 1.0) / variance
-                for a in range(n):
-                    w[a] -= 0.5 * across * row[a]
-                for a in range(n):
-                    for j in range(n):
-                        N[a, j] -= row[a] * w[j] + row[j] * w[a]
-            push = (innovation + dot(gain, adjoint)) / variance
-            for a in range(n):
-                adjoint[a] -= push * row[a]
+            blocks[k] = P[of_block, of_block]
+            add_product(blocks[k], T[of_block], P[:, of_block], -1.0)
+        back_over_samples(rows.h[first:last], gains[first:last], innovations[first:last], wanted, adjoint, N)
         if wanted:
             pulls[k] = adjoint
             for a in range(n):
                 informations[k, a] = N[a, a]
-            inside[k] = N[block[0] : block[1], block[0] : block[1]]
+            inside[k] = N[of_block, of_block]

@@ -19,10 +19,9 @@ from aerobat_pin.aerobat.raw.dynamics import LinearDynamics, linear_dynamics
 from aerobat_pin.aerobat.raw.layout import MOTION, TWIST_ERROR, Layout, Prior, first_prior, prior_at
 from aerobat_pin.aerobat.raw.linear import TIMED, ClockOffset, LinearRecord, clock_offsets, corrected
 from aerobat_pin.aerobat.raw.nominal_motion import NominalMotion, first_guess
-from aerobat_pin.aerobat.raw.recursion import Smoothed
+from aerobat_pin.aerobat.raw.recursion import Flags, Smoothed
 from aerobat_pin.aerobat.raw.rows import sample_rows
 from aerobat_pin.aerobat.raw.tuning import (
-    Flags,
     Tuning,
     first_tuning,
     free_logs,

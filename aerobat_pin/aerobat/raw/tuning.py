@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from aerobat_pin.aerobat.raw.layout import CRANK_ERROR, Layout
-from aerobat_pin.aerobat.raw.recursion import Smoothed
+from aerobat_pin.aerobat.raw.recursion import Flags, Smoothed
 from aerobat_pin.numerics import Array
 from aerobat_pin.scenario import RawSection
 
-Flags = np.ndarray[Any, np.dtype[np.bool_]]
 TICK = 1.0e-3  # [s]: the white force is stated as a mean over so long
 FIRST_WALK, FIRST_BEND, FIRST_WHITE, FIRST_JERK = 0.1, 50.0, 0.02, 10.0  # of the weight (three), rad/s^2.5
 LEAST = np.log([1e-3] * 3 + [1e-2] * 3 + [1e-4] * 3)  # of the weight

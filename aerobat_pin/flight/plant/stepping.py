@@ -19,14 +19,7 @@ from aerobat_pin.numerics import Array, checked, lie_step, shaped
 
 
 class SteppedFlight:
-    """A flight of a plant, interval by interval.
-
-    Args:
-        plant: the plant that flies.
-        step_means: (2, f, n) mean noise and mean signal of each unknown force [N].
-        dt: length of an interval [s].
-        start: the state at the beginning.
-        endless: whether the flight goes on after n intervals, see `Plant.start`.
+    """A flight of a plant, interval by interval; `endless` as of `Plant.start`, other arguments as of `FlightTables`.
 
     Attributes:
         q: (nq,) configuration after the last interval.

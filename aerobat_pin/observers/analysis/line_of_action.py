@@ -62,13 +62,10 @@ class Panel:
         distance = float(distances[nearest])
         across = np.cross(self.normal, edges[nearest])
         along = gaps[nearest] / distance if distance > 0.0 else across / np.linalg.norm(across)
-        return (distance if self._inside(away) else -distance), along
-
-    def _inside(self, away: Array) -> bool:
-        """Return whether a point is inside the outline; `away` (k, 3) are the vectors from the corners to the point."""
-        first, second = away, np.roll(away, -1, axis=0)
-        turn = np.arctan2(np.cross(first, second) @ self.normal, np.sum(first * second, axis=1))
-        return bool(abs(turn.sum()) > np.pi)
+        next_away = np.roll(away, -1, axis=0)
+        turns = np.arctan2(np.cross(away, next_away) @ self.normal, np.sum(away * next_away, axis=1))
+        inside = abs(turns.sum()) > np.pi  # the outline winds around the point
+        return (distance if inside else -distance), along
 
 
 @dataclass(frozen=True)

@@ -168,21 +168,25 @@ class KalmanObserver(Observer):
         filter_.doubtful[:] = first, LEAST_MISFIT * weight
         filter_.known_noise[:] = KNOWN_NOISE * weight / self.believed.weight
         self._prior = np.tile(np.square(first * scale), blocks)
-        if isinstance(force_walk, str):
-            if force_walk != "gain":
-                raise ObserverError(f"force_walk = {force_walk!r}: a number in N/sqrt(s) or 'gain' was expected")
-        else:
-            walk = np.array(WALK * weight if force_walk is None else force_walk, float)
-            if walk.shape not in ((), scale.shape) or not (np.all(walk > 0.0) and np.all(walk <= LARGEST_REAL)):
-                allowed = f"one finite positive number or {len(scale)} were expected"
-                raise ObserverError(f"force_walk = {force_walk}: {allowed}")
-            filter_.walk[:] = np.diag(np.square(walk * scale if walk.shape == () else walk))
+        filter_.walk[:] = self._walk(WALK * weight if force_walk is None else force_walk)
         if expected is not None:
             expected.refuse_unusable(len(scale), nv)
             self.expected = expected
             self._expect(expected)
         self._width = nv + 2 * len(scale) + nv + 1 + nv
         self._update = kernels.update_filter
+
+    def _walk(self, given: ArrayLike | str) -> Array:
+        """Return the covariance (c, c) that a walk adds to the components in a second; zero if the gain sets it."""
+        scale = self.applications.scale
+        if isinstance(given, str):
+            if given != "gain":
+                raise ObserverError(f"force_walk = {given!r}: a number in N/sqrt(s) or 'gain' was expected")
+            return np.zeros((len(scale), len(scale)))
+        walk = np.array(given, float)
+        if walk.shape not in ((), scale.shape) or not (np.all(walk > 0.0) and np.all(walk <= LARGEST_REAL)):
+            raise ObserverError(f"force_walk = {given}: one finite positive number or {len(scale)} were expected")
+        return np.diag(np.square(walk * scale if walk.shape == () else walk))
 
     @guarded()
     def trust_model(self, misfit: float) -> None:

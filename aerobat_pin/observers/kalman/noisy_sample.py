@@ -26,7 +26,7 @@ import ctypes
 import numpy as np
 import pinocchio as pin
 
-from aerobat_pin.numerics import DOUBLE, Array, Integers, add_product, array_at, copy_values, inner
+from aerobat_pin.numerics import DOUBLE, Array, Integers, add_product, array_at, copy_values, inlined, inner
 from aerobat_pin.observers.kalman.kalman_state import Filter
 from aerobat_pin.observers.kernels.observer_state import ObserverState
 from aerobat_pin.observers.kernels.residual import dynamics_of, write_momentum_and_jacobian
@@ -89,18 +89,12 @@ def write_drift_and_slope(observer: ObserverState, filter_: Filter, v: Array, dr
         S, Y = J[:, k], inertias[tree[k, 0]]
         if tree[k, 0] != joint:
             joint = tree[k, 0]
-            for i in range(6):
-                V[i] = 0.0
+            V[:] = 0.0
             for other in range(nv):
                 if tree[k, 1 + other] == ABOVE:
                     for i in range(6):
                         V[i] += v[other] * J[i, other]
-        turns[0, k] = V[4] * S[2] - V[5] * S[1] + V[1] * S[5] - V[2] * S[4]
-        turns[1, k] = V[5] * S[0] - V[3] * S[2] + V[2] * S[3] - V[0] * S[5]
-        turns[2, k] = V[3] * S[1] - V[4] * S[0] + V[0] * S[4] - V[1] * S[3]
-        turns[3, k] = V[4] * S[5] - V[5] * S[4]
-        turns[4, k] = V[5] * S[3] - V[3] * S[5]
-        turns[5, k] = V[3] * S[4] - V[4] * S[3]
+        put_motion_product(V, S, turns[:, k])
         put_momentum(Y, S[0], S[1], S[2], S[3], S[4], S[5], carried[:, k])
         drift[k] = 0.0
         for i in range(6):
@@ -110,8 +104,7 @@ def write_drift_and_slope(observer: ObserverState, filter_: Filter, v: Array, dr
         S, Y, A, push = J[:, k], inertias[tree[k, 0]], turns[:, k], pushes[:, k]
         if tree[k, 0] != joint:  # velocities that move the joint move the whole subtree, those further out their own
             joint = tree[k, 0]
-            for i in range(6):
-                V[i], h[i] = 0.0, 0.0
+            V[:], h[:] = 0.0, 0.0
             for other in range(nv):
                 how = tree[k, 1 + other]
                 for i in range(6):
@@ -123,18 +116,11 @@ def write_drift_and_slope(observer: ObserverState, filter_: Filter, v: Array, dr
             for i in range(6):
                 h[i] += push[i]
         put_momentum(Y, A[0], A[1], A[2], A[3], A[4], A[5], push)
-        push[0] += S[4] * h[2] - S[5] * h[1]
-        push[1] += S[5] * h[0] - S[3] * h[2]
-        push[2] += S[3] * h[1] - S[4] * h[0]
-        push[3] += S[4] * h[5] - S[5] * h[4] + S[1] * h[2] - S[2] * h[1]
-        push[4] += S[5] * h[3] - S[3] * h[5] + S[2] * h[0] - S[0] * h[2]
-        push[5] += S[3] * h[4] - S[4] * h[3] + S[0] * h[1] - S[1] * h[0]
+        add_force_product(S, h, push)
         for i in range(6):
             drift[k] += A[i] * h[i]
     across = filter_.across
-    for k in range(nv):
-        for other in range(nv):
-            slope[k, other], across[k, other] = 0.0, 0.0
+    slope[:], across[:] = 0.0, 0.0
     add_product(slope, J.T, pushes, 1.0)
     add_product(across, carried.T, turns, 1.0)
     for k in range(nv):
@@ -142,6 +128,28 @@ def write_drift_and_slope(observer: ObserverState, filter_: Filter, v: Array, dr
             how = tree[k, 1 + other]
             if how != ABOVE:
                 slope[other, k] = across[other, k] if how == BELOW else 0.0
+
+
+@inlined
+def put_motion_product(V: Array, S: Array, product: Array) -> None:
+    """Write V x S of two twists (6,), linear part first."""
+    product[0] = V[4] * S[2] - V[5] * S[1] + V[1] * S[5] - V[2] * S[4]
+    product[1] = V[5] * S[0] - V[3] * S[2] + V[2] * S[3] - V[0] * S[5]
+    product[2] = V[3] * S[1] - V[4] * S[0] + V[0] * S[4] - V[1] * S[3]
+    product[3] = V[4] * S[5] - V[5] * S[4]
+    product[4] = V[5] * S[3] - V[3] * S[5]
+    product[5] = V[3] * S[4] - V[4] * S[3]
+
+
+@inlined
+def add_force_product(S: Array, h: Array, force: Array) -> None:
+    """Add S x* h of a twist and a momentum (6,) to a force (6,)."""
+    force[0] += S[4] * h[2] - S[5] * h[1]
+    force[1] += S[5] * h[0] - S[3] * h[2]
+    force[2] += S[3] * h[1] - S[4] * h[0]
+    force[3] += S[4] * h[5] - S[5] * h[4] + S[1] * h[2] - S[2] * h[1]
+    force[4] += S[5] * h[3] - S[3] * h[5] + S[2] * h[0] - S[0] * h[2]
+    force[5] += S[3] * h[4] - S[4] * h[3] + S[0] * h[1] - S[1] * h[0]
 
 
 @inner
