@@ -314,13 +314,6 @@ def test_a_stiff_motor_flies_the_prescribed_flight() -> None:
     assert 1e-3 < gap(1.0, "q") < 0.1
 
 
-def test_a_stiff_controller_keeps_the_rate() -> None:
-    """Gain instead of inertia: a hundred times the gain, a twentieth of the ripple, through a blow."""
-    stiff = ["crank.motor.gain=1.0", "crank.motor.lag=5e-4", "crank.motor.torque_limit=10", "simulation.dt=1e-4"]
-    ripples = [np.ptp(rate(flown(*settings))[-1000:]) for settings in ((), stiff)]
-    assert ripples[1] < 0.05 * ripples[0]
-
-
 def test_the_torque_keeps_its_limit_and_the_rate_does_not_overshoot_after_it() -> None:
     """From rest: long at the limit, the integral does not wind up."""
     constants = {"start_frequency": 0.0, "rotor_inertia": 1e-3, "gain": 0.1, "integral_gain": 1.0}
