@@ -183,13 +183,7 @@ def fly(
         u, w, q = section(now)
         incidence[k] = np.arctan2(w, u)
         w_eff, _ = line.effective_velocity(state, np.hypot(u, w), w)
-        _, _, az, bx, by, _ = twist_rate(t)[half].T
-        reaction = -mass * (az + bx * line.y - by * line.mid_chord)
-        fx, lift = np.sign(u) * line.suction(w_eff, q), line.lift(np.abs(u), w_eff)
-        couple = -mass * line.semichord * (0.5 * np.abs(u) * q - 0.125 * line.semichord * by)
-        pitching = -(line.quarter_chord * lift + line.mid_chord * reaction + couple)
-        fz, zero = lift + reaction, np.zeros(line.strips)
-        loads = line.width * np.array([fx, zero, fz, line.y * fz, pitching, -line.y * fx])
+        loads = _strip_wrenches(line, mass, u, q, w_eff, twist_rate(t)[half].T)
         strip_force[k] = np.einsum("nij,jn->ni", now.rotation[half], loads[:3])
         for i in range(2):
             wrench[k, i] = loads[:, half == i].sum(axis=1)
@@ -199,6 +193,21 @@ def fly(
         power[k] = np.sum(wrench[k] * now.twist)
     circulation = states[:, 2 * line.strips :]
     return LineFlight(instants, force, moment, strip_force, wrench, power, incidence, circulation)
+
+
+def _strip_wrenches(line: LiftingLine, mass: Array, u: Array, q: Array, w_eff: Array, rates: Array) -> Array:
+    """Return the wrenches (6, N) of the strips on their halves, at the origin and in the axes of these.
+
+    Speed u forward, nose-up rate q and effective velocity (N,) are those of the file's head, the added mass (N,) is per
+    span, and `rates` (6, N) are those of the halves' twists.
+    """
+    _, _, az, bx, by, _ = rates
+    reaction = -mass * (az + bx * line.y - by * line.mid_chord)
+    fx, lift = np.sign(u) * line.suction(w_eff, q), line.lift(np.abs(u), w_eff)
+    couple = -mass * line.semichord * (0.5 * np.abs(u) * q - 0.125 * line.semichord * by)
+    pitching = -(line.quarter_chord * lift + line.mid_chord * reaction + couple)
+    fz, zero = lift + reaction, np.zeros(line.strips)
+    return np.asarray(line.width * np.array([fx, zero, fz, line.y * fz, pitching, -line.y * fx]))
 
 
 def _halves(motion: Callable[[float], Halves], time: float) -> Halves:

@@ -27,12 +27,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from aerobat_pin.control.controller import Controller, integral_shares
 from aerobat_pin.control.disturbance import observer_gains, sample_variance
 from aerobat_pin.control.nominal_wrench import control_of
-from aerobat_pin.numerics import Array, guarded
+from aerobat_pin.numerics import guarded
 from aerobat_pin.scenario import Scenario, ThrustersSection
 
 FREQUENCIES = np.geomspace(0.05, 2000.0, 2001)  # [rad/s]
@@ -49,29 +49,28 @@ WRONG_PLANTS = {  # name -> change of the real thrusters, and b
 
 @dataclass(frozen=True)
 class TransferFunction:
-    """A ratio of two polynomials of s, by their coefficients, highest power first."""
+    """A ratio of polynomials of s."""
 
-    numerator: Array
-    denominator: Array
+    numerator: np.poly1d
+    denominator: np.poly1d
 
     def __mul__(self, other: TransferFunction) -> TransferFunction:
         """Connect two in series."""
-        numerator = np.polymul(self.numerator, other.numerator)
-        return TransferFunction(numerator, np.polymul(self.denominator, other.denominator))
+        return TransferFunction(self.numerator * other.numerator, self.denominator * other.denominator)
 
     def __add__(self, other: TransferFunction) -> TransferFunction:
         """Connect two in parallel."""
-        here, there = np.polymul(self.numerator, other.denominator), np.polymul(other.numerator, self.denominator)
-        return TransferFunction(np.polyadd(here, there), np.polymul(self.denominator, other.denominator))
+        total = self.numerator * other.denominator + other.numerator * self.denominator
+        return TransferFunction(total, self.denominator * other.denominator)
 
     def __call__(self, s: Response) -> Response:
         """Return the values (n,) at complex frequencies s (n,)."""
-        return np.asarray(np.polyval(self.numerator, s) / np.polyval(self.denominator, s))
+        return np.asarray(self.numerator(s) / self.denominator(s))
 
 
-def ratio(numerator: list[float], denominator: list[float] | None = None) -> TransferFunction:
-    """Return a transfer function by its coefficients; its denominator is 1 when omitted."""
-    return TransferFunction(np.array(numerator), np.array([1.0] if denominator is None else denominator))
+def ratio(numerator: ArrayLike, denominator: ArrayLike = 1.0) -> TransferFunction:
+    """Return a transfer function by its coefficients, highest power first."""
+    return TransferFunction(np.poly1d(numerator), np.poly1d(denominator))
 
 
 @dataclass(frozen=True)
@@ -162,26 +161,26 @@ class LoopParts:
     def __init__(self, scenario: Scenario, axis: str, b: float) -> None:
         control, believed = control_of(scenario), scenario.believed_thrusters
         i = LAW_AXES.index(axis)
-        self.smoothing = ratio([1.0])
+        self.smoothing = ratio(1.0)
         if control.smoothing > 0.0:
-            self.smoothing = ratio([1.0], [1.0 / control.smoothing, 1.0])
+            self.smoothing = ratio(1.0, [1.0 / control.smoothing, 1.0])
         self.lead = ratio([believed.lag, 1.0], [believed.lag / control.lead, 1.0])
         if axis == "height":
             self.lead *= self.smoothing
-        self.model_lag = ratio([1.0], [believed.lag, 1.0])
+        self.model_lag = ratio(1.0, [believed.lag, 1.0])
         gain = float(observer_gains(control)[i]) if control.feedforward else 0.0
-        self.observer = ratio([gain], [1.0, gain]) if gain > 0.0 else ratio([0.0])
+        self.observer = ratio(gain, [1.0, gain]) if gain > 0.0 else ratio(0.0)
         w, z = control.frequencies[i], float(np.broadcast_to(control.damping, 6)[i])
         share = float(integral_shares(control)[i])
-        self.stiffness = ratio([w**2, share * w**2], [1.0, 0.0]) if share != 0.0 else ratio([w**2])
+        self.stiffness = ratio([w**2, share * w**2], [1.0, 0.0]) if share != 0.0 else ratio(w**2)
         self.damping = ratio([2.0 * z * w, 0.0])
         self.law = self.stiffness + self.damping
         if axis == "roll":
             side = LoopParts(scenario, "lateral", 1.0)
-            way = ratio([b], [1.0, 0.0, 0.0]) * side.law
+            way = ratio(b, [1.0, 0.0, 0.0]) * side.law
             if b != 1.0:
-                way += ratio([b - 1.0]) * side.observer
-            self.law = self.stiffness * (ratio([1.0]) + self.smoothing * way) + self.damping
+                way += ratio(b - 1.0) * side.observer
+            self.law = self.stiffness * (ratio(1.0) + self.smoothing * way) + self.damping
 
 
 def _margins(scenario: Scenario, axis: str, b: float = 1.0, real: ThrustersSection | None = None) -> Margins:
@@ -191,17 +190,13 @@ def _margins(scenario: Scenario, axis: str, b: float = 1.0, real: ThrustersSecti
     dt = scenario.simulation.dt if control.rate is None else 1.0 / control.rate
     forward = parts.lead * (parts.law + parts.observer * ratio([1.0, 0.0, 0.0]))
     inner = parts.lead * parts.observer * parts.model_lag
-    outer = forward * ratio([1.0], [real.lag, 1.0]) * ratio([1.0], [1.0, 0.0, 0.0])  # lag, and a unit of inertia
+    outer = forward * ratio(1.0, [real.lag, 1.0]) * ratio(1.0, [1.0, 0.0, 0.0])  # lag, and a unit of inertia
     factor, late, assumed = real.factor / believed.factor, real.delay + 0.5 * dt, believed.delay
 
     s: Response = 1j * FREQUENCIES
     L = factor * outer(s) * np.exp(-late * s) / (1.0 - inner(s) * np.exp(-assumed * s))
-    opened, closed = outer * _pade(late), ratio([1.0]) + ratio([-1.0]) * inner * _pade(assumed)
-    loop = (
-        np.polymul(factor * opened.numerator, closed.denominator),
-        np.polymul(opened.denominator, closed.numerator),
-    )
-    poles = np.roots(np.polyadd(*loop))
+    opened, closed = outer * _pade(late), ratio(1.0) + ratio([-1.0]) * inner * _pade(assumed)
+    poles = (factor * opened.numerator * closed.denominator + opened.denominator * closed.numerator).roots
     return _margins_of(L, bool(np.all(poles.real < 1e-6)))
 
 
@@ -231,4 +226,4 @@ def _margins_of(L: Response, stable: bool) -> Margins:
 def _pade(delay: float) -> TransferFunction:
     """Return the Pade approximation of exp(-delay s) of order three, good far beyond any crossover here."""
     terms = np.array([1.0 / 120.0, 0.1, 0.5, 1.0]) * delay ** np.array([3, 2, 1, 0])
-    return TransferFunction(terms * np.array([-1.0, 1.0, -1.0, 1.0]), terms)
+    return ratio(terms * np.array([-1.0, 1.0, -1.0, 1.0]), terms)

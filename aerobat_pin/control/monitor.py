@@ -187,8 +187,13 @@ def watch(memory: Array, q: Array, error: Array, beyond: Integers, command: Arra
     w.short[1] += unrealised[2] * unrealised[2]
     w.seen[0] += 1
     w.ticks[0] += 1
-    if w.seen[0] < w.samples[0]:
-        return
+    if w.seen[0] >= w.samples[0]:
+        judge_window(w)
+
+
+@inner
+def judge_window(w: WatchState) -> None:
+    """Judge a window that has ended, and begin the next one."""
     n = w.seen[0]
     for i in range(6):
         rms = sqrt(w.squares[i] / n)

@@ -95,21 +95,14 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
     placements = np.tile(placement, (len(time), 1))
     placements[:, :3] += time[:, None] * np.array(flight.velocity)
     steady = scenario.believed_air.steady
-    stream, data = AirStream(robot, steady, dt), model.createData()
+    stream = AirStream(robot, steady, dt)
     beat = waves(angle[:-1]) if rate > 0.0 else np.zeros((FLAP_SAMPLES, 2 * OVERTONES))
     for remaining in reversed(range(PASSES)):
         q = robot.configuration(placements, closed.theta_s, closed.theta_e)
         v = robot.velocity(twists, closed.theta_s_dot, closed.theta_e_dot)
         a = robot.velocity(accelerations, closed.theta_s_ddot, closed.theta_e_ddot)
-        needed, air = np.zeros((FLAP_SAMPLES, BASE_SIZE)), _blown(stream, time, q, v, angle[0], rate)
-        inertia, centre = np.zeros(3), np.zeros(3)
-        inertias = np.zeros((FLAP_SAMPLES, BASE_SIZE, BASE_SIZE))
-        for k in range(FLAP_SAMPLES):
-            needed[k] = pin.rnea(model, data, q[k], v[k], a[k])[:BASE_SIZE]
-            pin.ccrba(model, data, q[k], v[k])
-            inertia += np.diag(attitude.T @ data.Ig.inertia @ attitude) / FLAP_SAMPLES
-            centre += data.oMi[1].actInv(data.com[0]) / FLAP_SAMPLES
-            inertias[k] = pin.crba(model, data, q[k])[:BASE_SIZE, :BASE_SIZE]
+        air = _blown(stream, time, q, v, angle[0], rate)
+        needed, inertias, inertia, centre = _base_dynamics(model, q, v, a, attitude)
         wrench = np.mean(needed - air, axis=0)
         lasting = (needed - air)[:, PITCHING] - np.mean(inertias[:, PITCHING, PITCHING]) * accelerations[:-1, PITCHING]
         steering = _of_waves(lasting, beat)[:2]  # what holds the pitch still
@@ -134,6 +127,24 @@ def nominal_flight(scenario: Scenario, robot: Aerobat) -> Nominal:
         swing=_of_waves(swing[:-1], beat),
         steering=steering,
     )
+
+
+def _base_dynamics(
+    model: pin.Model, q: Array, v: Array, a: Array, attitude: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Return the base's rows of inverse dynamics (FLAP_SAMPLES, 6) and inertia (FLAP_SAMPLES, 6, 6) along a flap.
+
+    Then follow means over it: `inertia` and `centre` of `Nominal`.
+    """
+    data, needed, inertias = model.createData(), np.zeros((FLAP_SAMPLES, 6)), np.zeros((FLAP_SAMPLES, 6, 6))
+    inertia, centre = np.zeros(3), np.zeros(3)
+    for k in range(FLAP_SAMPLES):
+        needed[k] = pin.rnea(model, data, q[k], v[k], a[k])[:BASE_SIZE]
+        pin.ccrba(model, data, q[k], v[k])
+        inertia += np.diag(attitude.T @ data.Ig.inertia @ attitude) / FLAP_SAMPLES
+        centre += data.oMi[1].actInv(data.com[0]) / FLAP_SAMPLES
+        inertias[k] = pin.crba(model, data, q[k])[:BASE_SIZE, :BASE_SIZE]
+    return needed, inertias, inertia, centre
 
 
 def most_steering(scenario: Scenario, robot: Aerobat, wrench: Array) -> float:

@@ -185,9 +185,8 @@ def add_channel(s: Senses, c: int, at: Array) -> None:
 def judge_crank(s: Senses, at: Array) -> None:
     """Judge the crank's angle, which counts without whole turns."""
     now, estimate, offset = s.now, s.estimate, s.offset
-    good = is_good(s, CRANK)
     estimate[21] = offset[21] + at[21]
-    if good:
+    if is_good(s, CRANK):
         late = s.carriers[taken_at(s, CRANK)]
         ahead = now[21] + (at[21] - late[21])
         if believed(s, CRANK, abs(within_half_a_turn(ahead - estimate[21]))):

@@ -71,22 +71,7 @@ def find_trim(scenario: Scenario) -> Trim:
     """
     from scipy.optimize import root  # takes as long to import as everything else together
 
-    if scenario.crank.frequency <= 0.0:
-        raise TrimError("crank.frequency = 0: only a flapping flight can be periodic")
-    if scenario.crank.drive != "constant":
-        raise TrimError(f"crank.drive = {scenario.crank.drive!r}: only a crank that turns steadily can be trimmed")
-    for key in ("shoulder", "elbow", "simulator"):
-        if getattr(scenario.plant, key) is not None:
-            what = "only a robot with rigid joints, and in no other simulator, can be trimmed"
-            raise TrimError(f"plant.{key}: {what}; no such key was expected")
-    flaps = FLAPS_PER_STRIP * scenario.air.strips
-    seconds = flaps * SECONDS_PER_STEP / (scenario.crank.frequency * scenario.simulation.dt)
-    if seconds > MOST_SECONDS:
-        raise TrimError(
-            f"simulation.dt = {scenario.simulation.dt:g} s at crank.frequency = {scenario.crank.frequency:g} Hz: the "
-            f"search takes some {flaps} flaps, about {seconds:.3g} s; at most {MOST_SECONDS:g} s are allowed: a longer "
-            "simulation.dt was expected"
-        )
+    _refuse_what_has_no_orbit(scenario)
     guess = flown_robot(scenario).morphology.wing.offset_x
     flight = scenario.flight
     body = [
@@ -127,6 +112,26 @@ def find_trim(scenario: Scenario) -> Trim:
         )
     trimmed = _trimmed(scenario, solved.x)
     return Trim(trimmed, residual, _multipliers(plant, start, end), 1.0 / trimmed.crank.frequency)
+
+
+def _refuse_what_has_no_orbit(scenario: Scenario) -> None:
+    """Raise TrimError for a flight that cannot be periodic, or whose search would take too long."""
+    if scenario.crank.frequency <= 0.0:
+        raise TrimError("crank.frequency = 0: only a flapping flight can be periodic")
+    if scenario.crank.drive != "constant":
+        raise TrimError(f"crank.drive = {scenario.crank.drive!r}: only a crank that turns steadily can be trimmed")
+    for key in ("shoulder", "elbow", "simulator"):
+        if getattr(scenario.plant, key) is not None:
+            what = "only a robot with rigid joints, and in no other simulator, can be trimmed"
+            raise TrimError(f"plant.{key}: {what}; no such key was expected")
+    flaps = FLAPS_PER_STRIP * scenario.air.strips
+    seconds = flaps * SECONDS_PER_STEP / (scenario.crank.frequency * scenario.simulation.dt)
+    if seconds > MOST_SECONDS:
+        raise TrimError(
+            f"simulation.dt = {scenario.simulation.dt:g} s at crank.frequency = {scenario.crank.frequency:g} Hz: the "
+            f"search takes some {flaps} flaps, about {seconds:.3g} s; at most {MOST_SECONDS:g} s are allowed: a longer "
+            "simulation.dt was expected"
+        )
 
 
 def _course(scenario: Scenario) -> float:

@@ -70,6 +70,7 @@ def linear_dynamics(
 
     The forces of the last iteration, `force` (m, points, 3) in world axes [N] at the frames, turn with the Jacobians.
     """
+    # The motion at the middles.
     dt = nominal.time[1:] - nominal.time[:-1]
     m, n, model = len(dt), layout.size, robot.model
     full, half = dt[:, None, None], 0.5 * dt[:, None, None]
@@ -80,6 +81,7 @@ def linear_dynamics(
     q, v, a = np.empty((m, model.nq)), np.empty((m, model.nv)), np.empty((m, model.nv))
     v[:, BODY_ROWS], a[:, BODY_ROWS] = twist, rate
     q[:, WING_JOINTS], v[:, WING_JOINTS], a[:, WING_JOINTS] = wing_motion(wings, crank[:, 1], crank[:, 2])
+    # What Pinocchio says there: ID and its derivatives, M, and the Jacobians of the points.
     ids, world = [model.getFrameId(frame) for frame in frames], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     rotation, ID, J = np.empty((m, 3, 3)), np.empty((m, model.nv)), np.empty((m, 3 * len(ids), model.nv))
     Dq, Dv, M = (np.empty((m, model.nv, model.nv)) for _ in range(3))
@@ -99,6 +101,7 @@ def linear_dynamics(
             J[k, 3 * i : 3 * i + 3] = pin.getFrameJacobian(model, data, frame, world)[:3]
     M += air.added_mass
 
+    # The rows by the state at the start, and what they say of the acceleration and the torques.
     Z, Jt = np.zeros((m, model.nv, n)), J.transpose(0, 2, 1)
     Zq, Zv = Dq[:, :, BODY_ROWS], Dv[:, :, BODY_ROWS] - air.by_twist
     Zq[:, :, 3:] -= Jt @ (cross_matrices(force.reshape(-1, 3)).reshape(m, -1, 3) @ rotation)
@@ -112,6 +115,7 @@ def linear_dynamics(
     A, push = solved[:, :, :n], solved[:, :, n]
     torque = through[:, WING_JOINTS] @ solved
 
+    # The transition of the states.
     F, shift = np.zeros((m, layout.moving, n)), np.zeros((m, layout.moving))
     F[:] = np.eye(layout.moving, n)
     F[:, TWIST_ERROR] += full * A

@@ -148,15 +148,19 @@ class ForceNode:
                         part = message.wrench.force if label[-2] == "F" else message.wrench.torque
                         setattr(part, label[-1], values[label])
                     publisher.publish(message)
-        if not self.estimator.walks or not all(f"{point}.Fz" in force for point in points):
-            return
+        if self.estimator.walks and all(f"{point}.Fz" in force for point in points):
+            self._publish_contacts(sample, list(points), at)
+
+    def _publish_contacts(self, sample: OnlineSample, points: list[str], at: Any) -> None:
+        """Publish which of the points are in contact."""
+        force, deviation = sample.components, sample.deviation
         publisher = self._publisher(self._contact, sample.observer, "contacts")
         watch = self._watches.setdefault(sample.observer, ContactWatch(self.estimator.robot.weight))
         up = np.array([force[f"{point}.Fz"] for point in points])
         on = watch.take(up)
         if publisher.get_subscription_count():
             message = self._contact()
-            message.header.stamp, message.header.frame_id, message.name = at, "world", list(points)
+            message.header.stamp, message.header.frame_id, message.name = at, "world", points
             message.position = on.astype(float).tolist()
             if deviation:
                 sigma = np.array([deviation[f"{point}.Fz"] for point in points])

@@ -16,7 +16,6 @@ without air, would otherwise turn or decay by more than `MODE_TURN` in a step; m
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -43,6 +42,7 @@ class ElasticJoints:
         count: number e of elastic joints.
         joints: (e,) their indices in `JOINTS`.
         rows: (e,) their rows in v.
+        links: (e,) indices in `LINKS` of the links that they carry.
         stiffness, damping: (e,) of their springs [N m/rad, N m s/rad].
         fastest_mode: largest modulus of their eigenvalues [1/s].
     """
@@ -55,12 +55,8 @@ class ElasticJoints:
         self.damping = np.array([section.damping for section in elastic.values()])
         self.rows = [robot.idx_v[i] for i in self.joints]
         carried = [robot.model.names[int(i)] for i in tree_of(robot.model).joint]
-        self._links = [carried.index(JOINTS[i]) for i in self.joints]
+        self.links = [carried.index(JOINTS[i]) for i in self.joints]
         self.fastest_mode = max(self._modes(robot), default=0.0)
-
-    def write(self, fields: Any) -> None:
-        """Write links, stiffness and damping to the fields of a kernel's memory."""
-        fields.elastic[:], fields.stiffness[:], fields.damping[:] = self._links, self.stiffness, self.damping
 
     def spread(self, values: Array) -> Array:
         """Return values (..., 4) of all joints in the order of `JOINTS` from those (..., e) of the elastic ones."""

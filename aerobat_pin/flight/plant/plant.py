@@ -96,7 +96,8 @@ class Plant:
         if motor is not None:
             fill(self.fields.motor, motor)
             self.fields.linkage[...] = series
-        self.elastic.write(self.fields)
+        fields, elastic = self.fields, self.elastic
+        fields.elastic[:], fields.stiffness[:], fields.damping[:] = elastic.links, elastic.stiffness, elastic.damping
         self.fastest_mode = 0.0  # [1/s] of the aerodynamic states at the start's largest airspeed
         self.initial = self._warmed_up(rotation)
         if self.elastic.count:

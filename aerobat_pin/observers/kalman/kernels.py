@@ -78,16 +78,18 @@ def predict_momentum(before: Array, after: Array, u: Array, dt: float, filter_: 
     for a in range(errors.shape[0]):
         for i in range(nv):
             shear[h + a, i] = dt * errors[a, i]
+    # The decay, and what is wrong with the mass, which scales known and estimated forces.
     for a in range(nz):
         step.decay[a] = np.exp(-filter_.rate[a] * dt) if filter_.rate[a] > 0.0 else 1.0
     if step.blind[0] > 0.0:
         drop_unseen(step, 0, z.reshape((nz, 1)))
-    if filter_.mass_in_doubt > 0:  # an error of the mass scales known and estimated forces
+    if filter_.mass_in_doubt > 0:
         for i in range(nv):
             shear[nz - 1, i] = dt * u[i]
         for a in range(h):
             for i in range(nv):
                 shear[nz - 1, i] += shear[a, i] * z[a]
+    # A^T, and the innovation.
     for k in range(nv):
         M, slope, row = before[3 + c + k], before[3 + c + nv + k], onward[k]
         for i in range(nv):
@@ -113,6 +115,7 @@ def predict_covariance(
     P, shear, rows, by_gain = filter_.P, step.shear, step.rows, filter_.walk_gain[0] > 0.0
     nz, n, c = shear.shape[0], shear.shape[1], filter_.walk.shape[0]
     nv, blurred, S = n - nz, filter_.blurred, rows[:, : n - nz]
+    # B^T, and how the coefficients z decay and walk.
     for k in range(nv):
         M, slope, row, size = after[3 + c + k], after[3 + c + nv + k], blurred[k], filter_.sensed[k]
         for i in range(nv):
@@ -136,6 +139,7 @@ def predict_covariance(
     if step.blind[0] > 0.0:
         drop_unseen(step, nv, P)
         drop_unseen(step, nv, P.T)
+    # S = X_p + B B^T with the shear of z, the misfit of the model and the noise of known forces.
     onward, right = step.onward, filter_.right
     right[:, :], S[:, :] = 0.0, 0.0
     add_product(right, onward.T, P[:nv], 1.0)
@@ -163,6 +167,7 @@ def predict_covariance(
     if filter_.hidden.shape[0] > 0:
         add_unknown_torques(before, after, misfit, filter_, S)
     add_product(S, blurred.T, blurred, 1.0)
+    # The further columns of the rows.
     for i in range(nv):
         row, along, unit = rows[i, nv : 2 * nv], rows[i, 2 * nv : nv + n], rows[i, nv + n :]
         for k in range(nv):

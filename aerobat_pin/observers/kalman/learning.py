@@ -89,13 +89,15 @@ def leak_of_noise(
     c, nv, A = filter_.walk.shape[0], before.shape[1], observer.equations
     noise_rows, ended = filter_.noise_rows, filter_.ended
     span, columns, along, unit = filter_.span, filter_.columns, filter_.along, power_unit(observer, observer.velocity)
-    for a in range(c):  # an orthonormal basis of what forces explain, with the Cholesky factor that `fit_forces` left
+    # An orthonormal basis of what forces explain, with the Cholesky factor that `fit_forces` left.
+    for a in range(c):
         copy_values(observer.span[a], span[a])
         add_row_product(span[a], A[a, :a], span[:a], -1.0)
         inverse = 1.0 / A[a, a]
         for i in range(nv):
             span[a, i] *= inverse
             columns[i, a] = span[a, i]
+    # What noise of each velocity at the start and at the end makes of the rows, without what forces explain.
     top, noise = before.shape[0] - 2 * nv, filter_.sent
     for k in range(nv):
         size, half, start, end = filter_.sensed[k] / dt, 0.5 * filter_.sensed[k], noise[k], noise[nv + k]
@@ -107,6 +109,7 @@ def leak_of_noise(
     along[:, :] = 0.0
     add_product(along, noise_rows, columns, 1.0)
     add_product(noise_rows, along, span, -1.0)
+    # (a s - b s)^2 and (a s).(b s), a of the interval before, behind both low-passes.
     apart, together, first = 0.0, 0.0, filter_.intervals[0] == 0.0
     for k in range(nv):
         for s in range(nv):
@@ -223,6 +226,24 @@ def write_row_errors(before: Array, after: Array, filter_: Filter) -> None:
         filter_.errors[first + k, k] = np.sqrt(filter_.rows[0, k] + filter_.rows[1, k] * (1.0 - sliding * sliding))
 
 
+@inner
+def most_surprising(w: Array, squares: Array, e: Array, variance: Array, least: float) -> tuple[int, float]:
+    """Return the component that is most deviations beyond `JUMPED`, and the size of its jump; -1 if none is.
+
+    Arguments are as in `let_jump`, with `squares` (c,) w.w of each component, times `variance` no less than `least`.
+    """
+    surprise, size, jumping, best = JUMPED * JUMPED, 0.0, -1, 0.0
+    for a in range(w.shape[0]):
+        along, square, shown = 0.0, squares[a], squares[a] * variance[a]
+        for i in range(w.shape[1]):
+            along += w[a, i] * e[i]
+        if shown > least and along * along > JUMPED * JUMPED * square:
+            more = along * along / square / surprise - 1.0
+            if more > SAME_SURPRISE or (more > -SAME_SURPRISE and shown > best):
+                surprise, size, jumping, best = along * along / square, along / square, a, shown
+    return jumping, size
+
+
 @kernel
 def let_jump(P: Array, variance: Array, step: Step) -> None:
     """Let forces jump, the most surprising one first, until no component is beyond `JUMPED` deviations.
@@ -248,16 +269,7 @@ def let_jump(P: Array, variance: Array, step: Step) -> None:
                 squares[a] += w[a, i] * w[a, i]
             if jumps == 0:
                 least = max(least, HARDLY_SHOWN**-2.0 * squares[a] * variance[a])
-        surprise, size, jumping, best = JUMPED * JUMPED, 0.0, -1, 0.0
-        for a in range(c):
-            along, square = 0.0, squares[a]
-            for i in range(nv):
-                along += w[a, i] * e[i]
-            shown = square * variance[a]
-            if shown > least and along * along > JUMPED * JUMPED * square:
-                more = along * along / square / surprise - 1.0
-                if more > SAME_SURPRISE or (more > -SAME_SURPRISE and shown > best):
-                    surprise, size, jumping, best = along * along / square, along / square, a, shown
+        jumping, size = most_surprising(w, squares, e, variance, least)
         if jumping < 0:
             return
         P[nv + jumping, nv + jumping] += size * size
