@@ -252,7 +252,9 @@ def _message_field(store: Any, node: tuple[Any, Any], value: Any) -> Any:
 def _write_stretch(topics: _Topics, part: McapStretch) -> None:
     middle = 0.5 * (part.time[1:] + part.time[:-1])
     every = max(1, round(1.0 / ARROWS_PER_SECOND / float(np.median(np.diff(part.time)))))
-    data, joints = part.model.createData(), _joint_rows(part.model)
+    model, data = part.model, part.model.createData()
+    named = zip(model.names.tolist()[1:], model.joints.tolist()[1:], strict=True)
+    joints = {name: (int(joint.idx_q), int(joint.idx_v)) for name, joint in named if joint.nq == joint.nv == 1}
     for k, moment in enumerate(middle.tolist()):
         _put_motion(topics, part, joints, k)
         for topic, (_, force) in part.forces.items():
@@ -263,13 +265,8 @@ def _write_stretch(topics: _Topics, part: McapStretch) -> None:
             _put_arrows(topics, part, data, k, moment)
 
 
-def _joint_rows(model: pin.Model) -> dict[str, tuple[int, int]]:
-    """Return joint -> index in q and in v, for the joints with one coordinate."""
-    named = zip(model.names.tolist()[1:], model.joints.tolist()[1:], strict=True)
-    return {name: (int(joint.idx_q), int(joint.idx_v)) for name, joint in named if joint.nq == joint.nv == 1}
-
-
 def _put_motion(topics: _Topics, part: McapStretch, joints: Mapping[str, tuple[int, int]], k: int) -> None:
+    """Put pose and joints of a sample; `joints` are the indices in q and in v of those with one coordinate."""
     time, q, v = float(part.time[k]), part.q[k], part.v[k]
     if has_free_base(part.model):
         pose = {"position": _xyz(q[:3]), "orientation": dict(zip("xyzw", q[3:FREE_NQ].tolist(), strict=True))}

@@ -54,7 +54,11 @@ def results_grid(sweep: Sweep, outcomes: Mapping[int, Any]) -> xr.Dataset:
     notes = {"sweep": sweep.file.name, "description": sweep.file.description, "base": sweep.base.name}
     grid = xr.Dataset(attrs={**notes, "versions": json.dumps(versions())})
     for dimension in sweep.dimensions:
-        grid.coords[dimension.name] = (dimension.name, list(dimension.labels), _label_attributes(sweep, dimension.name))
+        attributes, factors = {}, sweep.file.factors.get(dimension.name)
+        if factors is not None:
+            references = ", ".join(f"{key} = {reference}" for key, reference in factors.of.items())
+            attributes = {"units": "1", "long_name": f"factor of {references}"}
+        grid.coords[dimension.name] = (dimension.name, list(dimension.labels), attributes)
         if dimension.name == DRAW:
             for key in dimension.settings[0]:
                 grid.coords[key] = (DRAW, [row[key] for row in dimension.settings])
@@ -106,15 +110,6 @@ def results_csv(sweep: Sweep, outcomes: Mapping[int, Any]) -> str:
 def _observers(outcome: Mapping[str, Any]) -> dict[str, ObserverScores]:
     """Return the scores of each observer of a run; empty if the run failed."""
     return {name: ObserverScores.from_json(entry) for name, entry in outcome.get("observers", {}).items()}
-
-
-def _label_attributes(sweep: Sweep, name: str) -> dict[str, str]:
-    """Return unit and description of a dimension of factors; empty for other dimensions, which need no description."""
-    factors = sweep.file.factors.get(name)
-    if factors is None:
-        return {}
-    references = ", ".join(f"{key} = {reference}" for key, reference in factors.of.items())
-    return {"units": "1", "long_name": f"factor of {references}"}
 
 
 @dataclass(frozen=True)
