@@ -137,16 +137,9 @@ def equations_of_motion(
 ) -> None:
     """Evaluate the equations of motion from Pinocchio's M, nle, placements and twists.
 
-    Args:
-        plant: the plant's state; its `forces` and its robot's `loads` are written.
-        joints: (3, 2) angle, rate and acceleration of shoulder and elbow as the linkage drives them. If the crank is
-            free, the acceleration is written.
-        wind: (2, 3) wind velocity and its rate of change, world axes.
-        step_means: (2, f, intervals) mean noise and mean signal of each unknown force [N].
-        k: index of the interval.
-        state: base twist in body axes (6,), aerodynamic state, the crank's state (4,) if the crank is free, and the
-            deflections of elastic joints and their rates (2 e,). Without the last two, all joints follow `joints`.
-        rate: as `state`, written: base acceleration, and the rates of all other states.
+    The plant's `forces` and its robot's `loads` are written. `step_means` (2, f, intervals) are those of all intervals,
+    of which k is this one; other arguments are as of `Plant.evaluate`. Without the crank's state and the deflections in
+    `state`, all joints follow `joints`.
     """
     robot, forces, swing, A, b = plant.robot, plant.forces, plant.swing, plant.A, plant.b
     tree, results, closed, whole = robot.tree, robot.results, plant.closed, plant.start.shape[0]
