@@ -30,7 +30,7 @@ from aerobat_pin.observers import (
 from aerobat_pin.records import Map, PlainRobot
 
 LEGS_EVERY, LEGS_KEPT = 10, 200  # estimates of a robot that walks: one in so many shows the errors of legs in the air
-RUBS_EVERY = 4  # estimates of another: one in so many shows friction
+RUBS_EVERY = 4  # estimates: one in so many shows friction, which counts where no leg is in the air
 
 
 class StreamSizes:
@@ -47,7 +47,7 @@ class StreamSizes:
         self._walks = walks_on(robot, chosen)
         count, nv = 3 * len(chosen.robot.points), robot.model.nv
         self._legs = np.zeros((LEGS_KEPT, count)), np.zeros((LEGS_KEPT, count, nv))  # forces, and their Jacobians
-        self._count = self._taken = 0
+        self._count = 0
         self._rate = values.stiction(robot)[1]
         self._joints = [robot.v_index(joint) for joint in robot.joints]
         self._limits, self._slid = effort_limits(robot.model, self._joints), np.zeros(nv)
@@ -59,16 +59,14 @@ class StreamSizes:
         """Take what observers find at the end q (nq,) of an interval of length dt [s], of known forces u (nv,)."""
         sample, self._count = samples[together.judge], self._count + 1
         if self._walks and sample is not None and self._count % LEGS_EVERY == 0:
-            at = self._taken % LEGS_KEPT
+            at = (self._count // LEGS_EVERY - 1) % LEGS_KEPT
             observer = together.observers[together.judge]
             self._legs[0][at], self._legs[1][at] = sample.components, observer.applications.jacobian(q)
-            self._taken += 1
-        elif not self._walks and self._count % RUBS_EVERY == 0:
+        if self._count % RUBS_EVERY == 0:
             v, y = together.last_interval(u, dt)
             z = np.stack([np.tanh(v / self._rate), v, y])
             self._products += z[:, None] * z
             self._slid = np.maximum(self._slid, np.abs(z[0]))
-            self._taken += 1
 
     def expected(self, effort: Array) -> Expected | None:
         """Return what is expected, from the rms (nv,) of the efforts so far; other rows carry the weight.
@@ -80,11 +78,11 @@ class StreamSizes:
         carried = scale_of_forces(self._robot.model) * row_scale(self._robot.model)
         expected = expected_from(self._robot, self._rows, self._values, self._points, effort, carried)
         errors = np.zeros_like(expected.row_error)
-        if self._walks and self._taken:
-            force, jacobians = (part[: self._taken] for part in self._legs)
+        if self._walks and self._count >= LEGS_EVERY:
+            force, jacobians = (part[: self._count // LEGS_EVERY] for part in self._legs)
             rows = np.einsum("mc,mcv->mv", force, jacobians)
             errors = lifted_errors(self._robot.model, rows, jacobians, self._robot.weight)
-        elif self._taken and self._values.friction is None:
+        if self._count >= RUBS_EVERY and self._values.friction is None and not errors.any():  # no leg is in the air
             slides = self._slid[self._joints] > SLIDES_AT
             errors[self._joints] = as_others_rub(self._rubbing()[self._joints], slides, self._limits)
         return replace(expected, row_error=np.hypot(expected.row_error, errors))
@@ -96,4 +94,4 @@ class StreamSizes:
         A, y = A / (scale[:, :, None] * scale[:, None, :]) + LEAST_SHOWN * np.eye(2), y / scale
         b = np.linalg.solve(A, y[..., None])[..., 0]
         both, alone = np.where(np.all(b < 0.0, axis=1), np.sum(b * y, axis=1), 0.0), np.minimum(y, 0.0).min(axis=1)
-        return np.asarray(np.sqrt(np.maximum(both, alone**2) / self._taken))
+        return np.asarray(np.sqrt(np.maximum(both, alone**2) / (self._count // RUBS_EVERY)))
