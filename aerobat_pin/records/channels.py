@@ -48,6 +48,7 @@ BASE_PARTS = {  # what the base's motion is found from -> what is read
     "imu": ("quaternion", "rate", "acceleration"),
     "joints": ("quaternion", "rate"),
 }
+RATES = ("base.velocity", "base.rate", "joints.velocity")
 TWIST = {"base.velocity": "linear", "base.rate": "angular"}  # parts that a message with the pose may have
 
 
@@ -133,8 +134,8 @@ def named_columns(chosen: Map) -> set[str]:
 def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channel | None:
     """Read a channel, at the stamps of its fastest column, with the holes longer than `longest_gap` [s] of any column.
 
-    None if it is optional and missing. Raises LogError if the log has no such columns, if they are in another unit or
-    share no time, or if quaternions do not have length one.
+    None if it is optional and missing, as are rates that a topic's messages all leave 0. Raises LogError if the log has
+    no such columns, if they are in another unit or share no time, or if quaternions do not have length one.
     """
     if request.optional and not all(name in columns.values for name in request.names):
         return None
@@ -145,6 +146,8 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
                 continue
             raise LogError(f"log {columns.path}: column '{name} [{stated}]': {unit} was expected")
     parts = [columns.series(name, request.key) for name in request.names]
+    if request.optional and request.key in RATES and not any(x.any() for _, part in parts for x in part.pieces()):
+        return None
     turned: dict[str, int] = {}
     for k, turn in enumerate(request.turns):
         if turn:

@@ -50,8 +50,7 @@ def open_by_map(
     """
     path, folder = Path(path), None if folder is None else Path(folder)
     if not isinstance(chosen, Map):
-        folder = folder or Path(chosen).parent
-        chosen = load_map(Path(chosen))
+        folder, chosen = folder or Path(chosen).parent, load_map(Path(chosen))
     folder = folder or Path()
     robot = (robot or robot_of_map(chosen.robot, folder)).carrying(chosen.payload)
     chosen = with_held_joints(chosen, robot)
@@ -77,10 +76,11 @@ def open_by_map(
         start, parts, dropped = times[0], ((0, len(times) - 1),), ()
     if not parts:
         raise LogError(f"log {path}: no part is left to use: {'; '.join(dropped) or 'it is too short'}")
-    joints_of = {request.key: request.joints for request in asked if request.key in channels}
-    driven = joints_of.get("joints.effort", ())
+    driven = next((each.joints for each in asked if each.key == "joints.effort" and each.key in channels), ())
     turned = (item for channel in channels.values() for item in channel.turns.items())
     taken = [f"{joint}: jumps by a full turn are taken out ({count})" for joint, count in turned]
+    lacked = [each.names for each in asked if each.key not in channels and each.names[0] in columns.values]
+    taken += [f"{', '.join(names)} are 0 in every message: found from the positions" for names in lacked]
     log, notes = replace(columns, values={}), (*columns.notes, *notes, *unsensed, *taken, *dropped)
     return Record(chosen, robot, channels, joints, driven, start, times.rate, parts, notes, times.knots, log, folder)
 

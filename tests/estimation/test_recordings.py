@@ -200,6 +200,19 @@ def test_axes_that_the_map_states_count_for_an_odometry_topic_too(folder: Path) 
     assert np.max(np.abs(plain[:, 3:6] - turning[:, 3:6])) > 0.01
 
 
+def test_rates_that_nobody_filled_are_found_from_the_positions(folder: Path) -> None:
+    """Messages of motion capture and of drivers often hold a pose or angles alone, and zeros beside them."""
+    walked = walk(2.0)
+    bag(replace(walked, v=np.zeros_like(walked.v)), folder / "zeros")
+    shared = edited(bag_map(folder / "quadruped.urdf"), {"base.rate": {"from": "pose"}})
+    found = recorded(folder / "zeros", shared)
+    block = found.block(0, 900)
+    assert block.source["v"] == "reconstructed"
+    assert sum("are 0 in every message" in note for note in found.notes) == 2  # the odometry's, the joints'
+    at = np.searchsorted(walked.time, block.time - block.time[0] + walked.time[1])
+    assert np.sqrt(np.mean((block.v - walked.v[at])[100:-100] ** 2)) < 0.05 * np.sqrt(np.mean(walked.v**2))
+
+
 @pytest.mark.parametrize(
     ("how", "said", "late"),
     [
