@@ -24,6 +24,7 @@ from aerobat_pin.records.map_tables import LogTable, TimeSection
 from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
 from aerobat_pin.records.robot_tables import RobotTable
+from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import typical_spacing
 from aerobat_pin.records.suggest_base import ROTOR_WORDS, attitudes, line_of_attitude, suggest_rotors
 from aerobat_pin.records.suggest_joints import followers, joint_topic, listed, suggest_joints, toml_text, topic_of
@@ -35,6 +36,7 @@ TIME = re.compile(
 )
 M_ROWS = ("base.Mx", "base.My", "base.Mz")
 GAIN, SHARE_OF_RATE = 200.0, 0.2  # K [1/s] that is suggested, or so much of a slow log's rate
+FIRST_ROWS = 1000  # of a table, that tell what looks like its time
 STEMS = [  # as in vel_x_world, and velocity_x: what is read of a name counts where all its axes are there
     re.compile(rf"^(?P<stem>.*?)[._ ]?(?P<axis>[xyzw])(?P<tail>{tail})$", re.IGNORECASE) for tail in ("_[a-z0-9]*", "")
 ]
@@ -84,7 +86,7 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
     lines += ["", "[log]"]
     spacing = _spacing_of_lead(columns)
     if not columns.kinds and not str(log).lower().endswith(NETCDF):
-        line, spacing = _suggested_time(log, columns, timed)
+        line, spacing = _suggested_time(log, columns, timed, _lead(columns, built, groups.get("position", ())))
         lines.append(line)
     lines += ['world = "z_up"  # or "ned": does z point down?', ""]
     lines += [*_suggest_base(columns, groups), *suggest_joints(columns, built, spacing)]
@@ -191,16 +193,24 @@ def _robot(columns: Columns, known: RobotTable | None, free: bool) -> list[str]:
     ]
 
 
-def _suggested_time(log: Path, columns: Columns, timed: bool) -> tuple[str, float | None]:
-    """Return the line about a table's time, by the column that looks like one, and its step [s]; None if none does."""
-    rising = (name for name, series in columns.values.items() if _is_evenly_rising(series[:1000]))
+def _lead(columns: Columns, robot: PlainRobot | None, places: Sequence[str]) -> Array:
+    """Return which of a table's first rows have samples at whose times it is estimated: of joints, else of `places`."""
+    parts = joint_columns(columns, [] if robot is None else list(robot.joints)).values()
+    names = [*(part["position"] for part in parts if "position" in part), *places, *columns.values]
+    return np.isfinite(columns.values[names[0]][:FIRST_ROWS]) if names else np.ones(FIRST_ROWS, bool)
+
+
+def _suggested_time(log: Path, columns: Columns, timed: bool, lead: Array) -> tuple[str, float | None]:
+    """Return the line about a table's time, if a column looks like one, and the step [s] of rows `lead`."""
+    rising = (name for name, series in columns.values.items() if _is_evenly_rising(series[:FIRST_ROWS]))
     name = next((match[0] for match in map(TIME.match, header_of(log)[1]) if match), next(rising, None))
     asked = "no column looks like a time"
     if name is not None and name not in columns.values and not timed:
         asked = f"{name} holds no numbers, nor dates as ISO 8601 writes them (2026-11-03T12:00:00.002)"
     elif name is not None:
-        series = columns.values.get(name, columns.clocks["table"].time)
-        step = float(np.median(np.diff(series[:1000]))) if len(series) > 1 else 0.0
+        series = columns.values.get(name, columns.clocks["table"].time)[:FIRST_ROWS]
+        series = series[lead] if np.sum(lead) > 1 else series
+        step = float(np.median(np.diff(series))) if len(series) > 1 else 0.0
         if step:
             guess = next((unit for unit, factor in SECONDS.items() if 1e-5 < step * factor < 0.5), "s")
             unit = named_unit("time", [name]) or guess

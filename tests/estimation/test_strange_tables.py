@@ -545,6 +545,17 @@ def test_a_time_since_1970_is_one_so_is_what_rises_evenly_and_a_column_of_whole_
         assert f"\n{said}" in suggestion(tmp_path, columns)
 
 
+def test_the_suggested_gain_suits_the_joints_where_others_have_rows_of_their_own(tmp_path: Path) -> None:
+    """Rows of joints at 100 Hz among those of a sensor at 1 kHz: it was that of 1 kHz."""
+    (tmp_path / "arm.urdf").write_text(arm_of(1))
+    time = 0.001 * np.arange(2000.0)
+    angle = np.where(np.arange(2000) % 10 == 3, np.sin(time), np.nan)
+    pd.DataFrame({"t": time, "pos_joint1": angle, "fx": time}).to_csv(tmp_path / "log.csv", index=False)
+    suggested = suggested_map(tmp_path / "log.csv", tmp_path / "arm.urdf")
+    assert tomllib.loads(suggested)["observer"]["gain"] == 20.0
+    assert 'unit = "s"}  # steps of 0.01:' in suggested
+
+
 def test_packed_numbers_of_a_netcdf_log_are_unpacked(tmp_path: Path) -> None:
     """As xarray packs them, a hole too; one packed variable that no map reads refused the whole log."""
     x = np.array([0.0, 0.25, np.nan, 0.75, 1.0])
