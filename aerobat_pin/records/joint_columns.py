@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -54,10 +54,10 @@ def joint_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, str
     return other if not named or len(other) == len(names) > len(named) else named
 
 
-def _described(columns: Columns) -> list[str]:
-    """Return the columns that may be a joint's, what is said to be measured first, what was wanted last."""
-    words = {name: set(re.findall("[a-z]+", humps_apart(name).lower())) for name in columns.values}
-    likely = [name for name in words if not words[name] & OTHER_WORDS]
+def measured_first(names: Iterable[str], without: Collection[str] = ()) -> list[str]:
+    """Return names, what is said to be measured first, what was wanted last, without those that have some words."""
+    words = {name: set(re.findall("[a-z]+", humps_apart(name).lower())) for name in names}
+    likely = [name for name in words if words[name].isdisjoint(without)]
     return sorted(likely, key=lambda name: (bool(words[name] & WANTED_WORDS), not words[name] & MEASURED_WORDS))
 
 
@@ -88,7 +88,7 @@ def columns_by_name(columns: Columns, names: list[str]) -> dict[str, dict[str, s
         shorts = (re.escape(form.lower().removesuffix("_joint")) for form in (each, humps_apart(each)))
         patterns[each] = re.compile(rf"(?<![a-z0-9])({'|'.join(shorts)})(_joint)?(?![a-z0-9])")
     parts_of, forces = dict[str, dict[str, str]](), dict[str, str]()
-    for name in _described(columns):
+    for name in measured_first(columns.values, OTHER_WORDS):
         forms = (name.lower(), humps_apart(name).lower())
         matches = ((joint, text) for text in forms for joint, pattern in patterns.items() if pattern.search(text))
         joint, text = next(matches, (None, ""))
@@ -118,7 +118,7 @@ def _ordered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, 
     beside = {word for words in UNITS_IN_NAMES.values() for word in words} | {"", "joint", "per"}
     beside |= WANTED_WORDS | MEASURED_WORDS
     parts_of: dict[str, dict[str, str]] = {}
-    for name in _described(columns):
+    for name in measured_first(columns.values, OTHER_WORDS):
         part = _part_in(name)
         if part is not None:
             stem = "_".join(word for word in words_of_name(name) if word not in PART_WORDS[part] | beside)
@@ -141,7 +141,7 @@ def numbered_columns(columns: Columns, names: list[str]) -> dict[str, dict[str, 
     if len({*map(len, apart)}) == len(differing) == 1 and all(map(str.isdigit, differing[0])):
         names = [name for _, name in sorted(zip(map(int, differing[0]), names, strict=True))]
     series: dict[tuple[str, str], dict[int, str]] = {}
-    for name in _described(columns):
+    for name in measured_first(columns.values, OTHER_WORDS):
         match = NUMBERED.match(name)
         if match is not None and BEHIND_NUMBERS.issuperset(words_of_name(match["tail"])):
             series.setdefault((match["stem"].lower(), match["tail"].lower()), {})[int(match["number"])] = name

@@ -19,7 +19,7 @@ from aerobat_pin.numerics import Array, guarded
 from aerobat_pin.observers import has_free_base
 from aerobat_pin.records.columns import Columns
 from aerobat_pin.records.csv_columns import SECONDS, header_of
-from aerobat_pin.records.joint_columns import WANTED_WORDS, humps_apart, joint_columns, named_unit
+from aerobat_pin.records.joint_columns import WANTED_WORDS, humps_apart, joint_columns, measured_first, named_unit
 from aerobat_pin.records.map_tables import LogTable, TimeSection
 from aerobat_pin.records.read import BAGS, NETCDF, read_columns
 from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robot_of_map, urdf_of
@@ -202,7 +202,7 @@ def _lead(columns: Columns, robot: PlainRobot | None, places: Sequence[str]) -> 
 
 def _suggested_time(log: Path, columns: Columns, timed: bool, lead: Array) -> tuple[str, float | None]:
     """Return the line about a table's time, if a column looks like one, and the step [s] of rows `lead`."""
-    rising = (name for name, series in columns.values.items() if _is_evenly_rising(series[:FIRST_ROWS]))
+    rising = (name for name in measured_first(columns.values) if _is_evenly_rising(columns.values[name][:FIRST_ROWS]))
     name = next((match[0] for match in map(TIME.match, header_of(log)[1]) if match), next(rising, None))
     asked = "no column looks like a time"
     if name is not None and name not in columns.values and not timed:

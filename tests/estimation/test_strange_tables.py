@@ -540,6 +540,10 @@ def test_a_time_since_1970_is_one_so_is_what_rises_evenly_and_a_column_of_whole_
             {"time": ["11/03/2026 11:59:55 PM"] * 50, "x": 0.0},
             "# MISSING: time holds no numbers, nor dates as ISO 8601",
         ),
+        (
+            {"des_time": 1e-3 * np.arange(50.0), "x": 0.0, "meas_time": 0.0144 * np.arange(50.0)},
+            'time = {column = "meas_time", unit = "s"}',
+        ),
         ({"stamp_sec": np.ones(50), "stamp_nsec": 1e7 * np.arange(50)}, "# MISSING: stamp_sec repeats from row to row"),
     ):
         assert f"\n{said}" in suggestion(tmp_path, columns)
