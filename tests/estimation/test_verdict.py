@@ -5,6 +5,8 @@ import math
 import re
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pinocchio as pin
@@ -30,6 +32,7 @@ from aerobat_pin.forces import (
     deviations,
     largest_of,
 )
+from aerobat_pin.forces.deviations import warnings_about
 from aerobat_pin.forces.observer_scores import MEDIAN_DEVIATION, score_table
 from aerobat_pin.forces.scores import lag, r_squared
 from aerobat_pin.observers import OBSERVERS, Estimate, Expected, force_size
@@ -530,3 +533,14 @@ def test_a_log_knows_everything_that_comes_and_goes(tmp_path: Path) -> None:
     assert true_events(FlightLog(log.measured)) == []
     values["unknown_force"] = values["unknown_force"][-1:]
     assert true_events(simulate(parse_scenario(values, "none"))) == []
+
+
+def test_rounding_of_a_component_that_no_row_shows_is_not_told_as_its_noise() -> None:
+    """A real robot of three parallel joints had "hook_2.Fx 2.86e-10 mN beside 3.19e-10 mN"."""
+    noise = np.random.default_rng(1).standard_normal((2000, 2)) * [1.0, 1e-13]
+    names, units = ("hook.Fy", "hook.Fx"), ("N", "N")
+    shown = SimpleNamespace(innovation=None, frames=(1,), components=noise, units=units, warnings=(), rows="joints")
+    shown.identifiability, shown.observer = SimpleNamespace(components=names), "force_level"
+    [line] = warnings_about(cast(Estimate, shown))
+    assert "hook.Fy" in line
+    assert "hook.Fx" not in line
