@@ -27,7 +27,7 @@ from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import typical_spacing
 from aerobat_pin.records.suggest_base import ROTOR_WORDS, attitudes, line_of_attitude, suggest_rotors
-from aerobat_pin.records.suggest_joints import followers, joint_topic, listed, suggest_joints, toml_text, topic_of
+from aerobat_pin.records.suggest_joints import followers, joint_topic, listed, suggest_joints, toml_text, topics_of
 
 TIME = re.compile(
     r"^_*(((t|time|stamp|epoch|unix|elapsed|duration|seconds)[ _]*)+|(?=[mun]s$))"
@@ -77,7 +77,7 @@ def suggested_map(log: Path, robot: Path | str | None, points: Sequence[str] = (
         *(f"# {note}" for note in columns.notes),
         "",
     ]
-    free = "position" in groups or bool(_pose_topic(columns)) or (built is not None and not built.joints)
+    free = "position" in groups or bool(_pose_topics(columns)) or (built is not None and not built.joints)
     lines += _robot(columns, known, free)
     if built is not None and (following := followers(columns, built)):
         lines.append(f"rows = {{ignore = {listed(following)}}}  # they follow other joints, whose motors move them")
@@ -230,23 +230,29 @@ def _is_evenly_rising(series: Array) -> bool:
 
 def _spacing_of_lead(columns: Columns) -> float | None:
     """Return the step [s] of the topic at whose stamps a bag is estimated, of a file its own; None if it has none."""
-    lead = joint_topic(columns) or _pose_topic(columns)
+    lead = joint_topic(columns) or next(iter(_pose_topics(columns)), None)
     clock = columns.clocks.get(lead or next(iter(columns.clocks), ""))
     return typical_spacing(clock.time) if clock is not None and len(clock.time) > 1 else None
 
 
-def _pose_topic(columns: Columns) -> str | None:
-    """Return the first topic that may tell where the base is; None if there is none."""
-    return topic_of(columns, "Pose", "Odometry", "Transform", without=TOOL_WORDS)
+def _pose_topics(columns: Columns) -> list[str]:
+    """Return the topics that may tell where the base is."""
+    return topics_of(columns, "Pose", "Odometry", "Transform", without=TOOL_WORDS)
+
+
+def _or(topics: Sequence[str]) -> str:
+    """Return the question whether another topic than the first is meant."""
+    return f" Or {', '.join(topics[1:])}?" if topics[1:] else ""
 
 
 def _suggest_base(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
-    pose, imu = _pose_topic(columns), topic_of(columns, "Imu")
-    if pose:
+    poses, imus = _pose_topics(columns), topics_of(columns, "Imu")
+    imu = imus[0] if imus else None
+    if poses:
         yield "[base]"
-        yield f'topic = "{pose}"  # the pose of the base link, or of markers on it?'
+        yield f'topic = "{poses[0]}"  # the pose of the base link, or of markers on it?{_or(poses)}'
         if imu:
-            yield f'rate = {{topic = "{imu}"}}  # are its axes those of the base link?'
+            yield f'rate = {{topic = "{imu}"}}  # are its axes those of the base link?{_or(imus)}'
         yield ""
     elif "position" in groups:
         yield "[base]"
@@ -297,14 +303,14 @@ def _felt(columns: Columns, names: tuple[str, ...]) -> str:
 
 
 def _suggest_check(columns: Columns, groups: dict[str, tuple[str, ...]]) -> Iterator[str]:
-    wrench, imu = topic_of(columns, "Wrench"), topic_of(columns, "Imu")
-    if imu:
-        yield f'specific_force = {{topic = "{imu}"}}'
+    wrenches, imus = topics_of(columns, "Wrench"), topics_of(columns, "Imu")
+    if imus:
+        yield f'specific_force = {{topic = "{imus[0]}"}}'
     elif "acceleration" in groups:
         yield f"specific_force = {_felt(columns, groups['acceleration'])}"
     asked = 'force on the robot (1) or on the sensor (-1)? In its own axes: axes = "frame".'
-    if wrench:
-        yield f'wrench = {{topic = "{wrench}", sign = 1}}  # {asked} At which point?'
+    if wrenches:
+        yield f'wrench = {{topic = "{wrenches[0]}", sign = 1}}  # {asked} At which point?{_or(wrenches)}'
     elif "force" in groups:
         unit = named_unit("load", groups["force"]) or "N"
         yield f'wrench = {{columns = {listed(groups["force"])}, unit = "{unit}", sign = 1}}  # {asked} At which point?'

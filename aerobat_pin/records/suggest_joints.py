@@ -239,11 +239,11 @@ def joint_topics(columns: Columns) -> list[str]:
     return sorted(count, key=lambda topic: -count[topic])
 
 
-def topic_of(columns: Columns, *kinds: str, without: Collection[str] = ()) -> str | None:
-    """Return the first topic of one of these types, without these words in its name."""
+def topics_of(columns: Columns, *kinds: str, without: Collection[str] = ()) -> list[str]:
+    """Return the topics of one of these types, without these words in their names."""
     filled = {name.partition(".")[0] for name in columns.values}  # a topic can be silent, or hold no numbers
     named = (topic for topic, kind in columns.kinds.items() if any(word in kind for word in kinds))
-    return next((topic for topic in named if topic in filled and not {*words_of_name(topic)} & {*without}), None)
+    return [topic for topic in named if topic in filled and not {*words_of_name(topic)} & {*without}]
 
 
 def listed(names: Iterable[str]) -> str:

@@ -413,10 +413,15 @@ def test_a_folder_called_like_a_robot_does_not_hide_it(tmp_path: Path, monkeypat
 
 
 def test_a_goal_is_no_pose_of_the_base() -> None:
-    """The base was suggested to be where it was to go, by the first topic of a pose."""
-    kinds = dict.fromkeys(("/goal_pose", "/tcp/pose", "/mocap/pose"), "geometry_msgs/msg/PoseStamped")
+    """The base was suggested to be where it was to go, by the first topic of a pose; of several no other was told."""
+    kinds = dict.fromkeys(("/goal_pose", "/tcp/pose", "/ekf/pose", "/mocap/pose"), "geometry_msgs/msg/PoseStamped")
+    kinds |= dict.fromkeys(("/imu/raw", "/imu/data"), "sensor_msgs/msg/Imu")
     columns = cast(Columns, SimpleNamespace(kinds=kinds, values=dict.fromkeys(f"{one}.position.x" for one in kinds)))
-    assert [*_suggest_base(columns, {})][1].startswith('topic = "/mocap/pose"')
+    _, pose, rate, _ = _suggest_base(columns, {})
+    assert pose.startswith('topic = "/ekf/pose"')
+    assert pose.endswith("Or /mocap/pose?")
+    assert rate.startswith('rate = {topic = "/imu/raw"}')
+    assert rate.endswith("Or /imu/data?")
 
 
 WRONG: dict[str, tuple[dict[str, Any], str]] = {
