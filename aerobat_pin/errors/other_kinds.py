@@ -12,6 +12,8 @@ OTHER_KINDS = {
     (b"\x1f\x8b",): "is gzip-compressed: unpack it first",
     (b"PK\x03\x04",): "is a zip archive or a spreadsheet: unpack it, or save it as CSV, first",
     (b"PAR1",): "is in the Parquet format: save it as CSV or NetCDF first",
+    (b"ULog",): "is a ULog file of PX4: make a table of its topics first, as by ulog2csv",
+    (b"MATL",): "is a MATLAB file: save its numbers as CSV, as by writetable, first",
     (b'{"', b"{\n", b"[{", b"[\n"): "is JSON: save it as CSV, a column for each number, first",
     (b"\xff\xfe", b"\xfe\xff"): "is text in UTF-16: save it as UTF-8 first",
 }

@@ -30,6 +30,8 @@ GZIPPED = gzip.compress(b"time,q1\n", mtime=0)  # of no time: pytest's workers m
         ("log.mcap", GZIPPED, "is gzip-compressed: unpack it first"),
         ("log.xlsx", b"PK\x03\x04\x14", "is a zip archive or a spreadsheet"),
         ("log.parquet", b"PAR1\x15\x04", "is in the Parquet format: save it as CSV or NetCDF first"),
+        ("log.ulg", b"ULog\x01\x12\x35", "is a ULog file of PX4: make a table of its topics first"),
+        ("log.mat", b"MATLAB 5.0 MAT-file", "is a MATLAB file: save its numbers as CSV"),
         ("log.json", b'[{"time": 0.0, "q": [0.1, 0.2]}, {"time": 0.1, "q": [0.1, 0.3]}]', "is JSON: save it as CSV"),
         ("log.jsonl", b'{"time": 0.0, "q": [0.1, 0.2]}\n{"time": 0.1, "q": [0.1, 0.3]}\n', "is JSON: save it as CSV"),
         ("log.csv", "time,q1\n0,1\n".encode("utf-16"), "is text in UTF-16: save it as UTF-8 first"),
