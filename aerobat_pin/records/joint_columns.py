@@ -22,6 +22,8 @@ FORCE_WORDS = {"", "f", "force", "n"}  # beside a joint's name: its effort, if n
 WANTED_WORDS = {"target", "desired", "des", "cmd", "command", "commanded", "setpoint", "goal", "ref", "reference"}
 MEASURED_WORDS = {"actual", "act", "measured", "meas"}
 OTHER_WORDS = {"voltage", "volt", "temp", "temperature", "acc", "accel", "acceleration", "ext", "external", "error"}
+GYRO_WORDS = {"gyro", "gyr"}
+OTHER_WORDS |= GYRO_WORDS
 UNITS_IN_NAMES = {  # kind of quantity -> word in a column's name -> unit
     "time": {"s": "s", "sec": "s", "ms": "ms", "us": "us", "ns": "ns"},
     "length": {"mm": "mm", "cm": "cm", "m": "m"},

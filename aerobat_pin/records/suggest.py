@@ -26,7 +26,7 @@ from aerobat_pin.records.robot_files import model_of_file, option_of_robot, robo
 from aerobat_pin.records.robot_tables import RobotTable
 from aerobat_pin.records.robots import PlainRobot
 from aerobat_pin.records.spool import typical_spacing
-from aerobat_pin.records.suggest_base import ROTOR_WORDS, attitudes, line_of_attitude, suggest_rotors
+from aerobat_pin.records.suggest_base import ROTOR_WORDS, attitudes, line_of_attitude, numbered_imu, suggest_rotors
 from aerobat_pin.records.suggest_joints import followers, joint_topic, listed, suggest_joints, toml_text, topics_of
 
 TIME = re.compile(
@@ -150,6 +150,7 @@ def _column_groups(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
             if beside and set(axes) == set("xyz"):
                 yield "position", tuple(axes[axis] for axis in "xyz")
                 break
+    yield from ((kind, names) for kind, names in numbered_imu(columns) if kind not in taken)
     if "quaternion" not in taken:
         yield from (("quaternion", names) for names in attitudes(columns))
 

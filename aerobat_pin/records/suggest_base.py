@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -9,11 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.records.columns import Columns
-from aerobat_pin.records.joint_columns import MEASURED_WORDS, WANTED_WORDS, named_unit, words_of_name
+from aerobat_pin.records.joint_columns import GYRO_WORDS, MEASURED_WORDS, WANTED_WORDS, named_unit, words_of_name
 from aerobat_pin.records.suggest_joints import listed, toml_text
 
 UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
 FULL_TURN = 7.0  # beyond any angle of an attitude in rad
+IMU_WORDS = {"rate": GYRO_WORDS, "acceleration": {"acc", "accel", "accelerometer"}}
 RPY = ("roll", "pitch", "yaw")
 OF_BASE = {"attitude", "att", "orientation", "euler", "rpy", "angle", "angles", "base", "body", "pose", "imu", "odom"}
 OF_BASE |= {"mocap", "vicon", "vision", "optitrack", *MEASURED_WORDS}  # else a joint of that name, or its command
@@ -32,7 +34,7 @@ def attitudes(columns: Columns) -> Iterator[tuple[str, ...]]:
         if words and words[-1] in RPY and {*words[:-1]} <= OF_BASE:
             found.setdefault(tuple(words[:-1]), {})[words[-1]] = name
     yield from (tuple(axes[axis] for axis in RPY) for axes in found.values() if len(axes) == len(RPY))
-    yield from (names for names in _numbered_by_four(columns) if _is_attitude(columns, names))
+    yield from (names for names in _numbered(columns, 4) if _is_attitude(columns, names))
 
 
 def line_of_attitude(columns: Columns, names: tuple[str, ...]) -> str:
@@ -42,25 +44,34 @@ def line_of_attitude(columns: Columns, names: tuple[str, ...]) -> str:
         unit = named_unit("angle", names) or ("deg" if largest > FULL_TURN else "rad")
         asked = "about x, then y, then z? With z up pitch is nose down"
         return f'quaternion = {{columns = {listed(names)}, unit = "{unit}"}}  # {asked}; the largest is {largest:.3g}'
-    means = [float(np.abs(columns.sample(name)).mean()) for name in names]
-    numbered = names in [*_numbered_by_four(columns)]
+    means = [float(np.nanmean(np.abs(columns.sample(name)))) for name in names]
+    numbered = names in [*_numbered(columns, 4)]
     order = "wxyz" if numbered and means[0] > means[3] else "xyzw"
     asked = f"  # or {'xyzw' if order == 'wxyz' else 'wxyz'}?" if numbered else ""
     return f'quaternion = {{columns = {listed(names)}, order = "{order}", sense = "body_to_world"}}{asked}'
 
 
-def _numbered_by_four(columns: Columns) -> Iterator[tuple[str, ...]]:
-    """Yield four columns each that are numbered, as q[0] to q[3]."""
+def numbered_imu(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
+    """Yield kind -> three columns of a gyro or an accelerometer that are numbered, as gyro_rad[0] to gyro_rad[2]."""
+    for kind, words in IMU_WORDS.items():
+        some = (names for names in _numbered(columns, 3) if {*words_of_name(names[0])} & words)
+        yield from ((kind, names) for names in itertools.islice(some, 1))
+
+
+def _numbered(columns: Columns, count: int) -> Iterator[tuple[str, ...]]:
+    """Yield so many columns each that are numbered, as q[0] to q[3]."""
     groups: dict[str, list[str]] = {}
     for name in columns.names:
         groups.setdefault(re.sub(r"[\[_ .]?\d\]?$", "", name), []).append(name)
-    yield from (tuple(names) for names in groups.values() if len(names) == 4)
+    yield from (tuple(names) for names in groups.values() if len(names) == count)
 
 
 def _is_attitude(columns: Columns, names: tuple[str, ...]) -> bool:
     """Return whether four columns are unit quaternions that turn."""
     values = np.column_stack([columns.sample(name) for name in names])
-    return bool(np.allclose(np.linalg.norm(values, axis=1), 1.0, atol=UNIT_ERROR) and np.ptp(values, axis=0).any())
+    values = values[np.isfinite(values).all(axis=1)]  # where the attitude has rows of its own
+    unit = bool(len(values)) and np.allclose(np.linalg.norm(values, axis=1), 1.0, atol=UNIT_ERROR)
+    return unit and bool(np.ptp(values, axis=0).any())
 
 
 def suggest_rotors(columns: Columns, model: pin.Model | None, forces: Sequence[str], used: str) -> Iterator[str]:

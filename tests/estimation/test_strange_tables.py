@@ -255,6 +255,23 @@ def test_names_with_quotes_are_texts_of_a_suggested_map(tmp_path: Path) -> None:
     assert r'# effort = {columns = [..., "joint2 \"motor\" torque"], unit' in text
 
 
+def test_topics_of_an_autopilot_in_one_table_are_its_attitude_gyro_and_accelerometer(tmp_path: Path) -> None:
+    """As ulog2csv writes PX4's, in rows of their own: no attitude was found, and the gyro was "3 joints?"."""
+    first, turned = np.arange(100) % 2 == 0, np.sin(0.1 * np.arange(100.0))
+    table = {"timestamp": 5e3 * np.arange(100.0), "x": 0.0, "y": 0.0, "z": turned, "a.output[0]": 0.0}
+    parts = enumerate((np.cos(turned), 0.0, 0.0, np.sin(turned)))
+    table |= {f"q[{k}]": np.where(first, part, np.nan) for k, part in parts}
+    for name in ("s.gyro_rad", "s.accelerometer_m_s2"):
+        table |= {f"{name}[{k}]": np.where(first, np.nan, k * turned) for k in range(3)}
+    words = suggestion(tmp_path, table)
+    assert "joints?" not in words
+    suggested = tomllib.loads(words)
+    assert suggested["base"]["quaternion"]["columns"] == [f"q[{k}]" for k in range(4)]
+    assert suggested["base"]["quaternion"]["order"] == "wxyz"
+    assert suggested["base"]["rate"]["columns"] == [f"s.gyro_rad[{k}]" for k in range(3)]
+    assert suggested["check"]["specific_force"]["columns"] == [f"s.accelerometer_m_s2[{k}]" for k in range(3)]
+
+
 def test_a_column_that_may_be_another_is_asked_for(tmp_path: Path) -> None:
     """Of a spring in the joint the motor's side was taken, with the rate of the link's, without a question."""
     names = ("motor_pos", "link_pos", "link_vel", "cmd_pos", "motor_torque", "spring_torque")
