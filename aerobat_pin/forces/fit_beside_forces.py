@@ -81,7 +81,7 @@ def fit_beside_forces(forces: KnownForces) -> tuple[KnownForces, Expected | None
     expected = expected_of(record, instants, values)
     fitted = _shown_values(forces, instants, expected) if sought else None
     if fitted is None:
-        if measured and not sought:  # friction is known
+        if measured and not sought and len(instants.rows):  # friction is known
             expected = replace(expected, shared=shared_error(record.robot.model, instants, expected).deviation)
         return forces, expected, instants
     law, n = fitted.friction, len(instants.joints)

@@ -199,9 +199,12 @@ def _loads(weights: Array, J: Array) -> NDArray[np.bool_]:
 def shown_without_any_quarter(columns: Array, y: Array, force: Array, variance: Array, moved: Array) -> SharedError:
     """Return what is shown of errors that move components so (m, k, n), by the three quarters that show least.
 
-    A push elsewhere, which lasts for a while, is no error of masses. The rest as in `beside_forces`.
+    A push elsewhere, which lasts for a while, is no error of masses. The rest as in `beside_forces`. Fewer instants
+    than quarters show nothing.
     """
     n, errors = moved.shape[2], list[SharedError]()
+    if len(y) < QUARTERS:
+        return SharedError(np.zeros(n), np.eye(n), moved)
     for k in range(QUARTERS):
         quarter = range(k, k + 1)
         x, rows, SJ, R = (without_quarters(each, quarter) for each in (columns, y, force, variance))

@@ -639,6 +639,14 @@ def test_contacts_are_not_told_where_a_moment_is_sought_beside_a_point(tmp_path:
     assert "at tool0" in result.verdict
 
 
+@pytest.mark.parametrize("rows", [20, 28])
+def test_a_record_in_which_hardly_a_filter_settles_is_estimated(rows: int, folder: Path, learnt: Calibration) -> None:
+    """Of intervals that begin 5/K = 50 ms after the first, 20 samples have none, and 28 have one."""
+    table = pd.read_csv(folder / "pushed.csv")[:rows]
+    result = estimate(recorded(folder / f"{rows}.csv", swinging_arm.arm_map(), table=table), calibration=learnt)
+    assert np.all(np.isfinite(result.estimates["force_level"].standard_deviation))
+
+
 def test_an_arm_without_a_row_to_spare_says_that_it_cannot_tell(tmp_path: Path) -> None:
     """Three joints, and a force of three components: friction with offsets explains any pull that lasts."""
     (tmp_path / "arm.urdf").write_text(swinging_arm.arm())
