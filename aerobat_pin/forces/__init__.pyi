@@ -81,6 +81,7 @@ from .inverse_dynamics import required_torque as required_torque
 from .known_forces import BESIDE as BESIDE
 from .known_forces import CALIBRATION as CALIBRATION
 from .known_forces import FRICTION as FRICTION
+from .known_forces import LEAST_LEFT as LEAST_LEFT
 from .known_forces import FittedValues as FittedValues
 from .known_forces import KnownForces as KnownForces
 from .known_forces import command_sum as command_sum

@@ -15,6 +15,7 @@ from aerobat_pin.estimation.findings import Finding
 from aerobat_pin.estimation.result import Result
 from aerobat_pin.forces import (
     BESIDE,
+    LEAST_LEFT,
     FreeMotion,
     KnownForces,
     PairedEstimate,
@@ -101,7 +102,7 @@ def fit_findings(forces: KnownForces) -> Iterator[Finding]:
         if np.isnan(fit.outside) and not fit.name.endswith(BESIDE):  # which k tests
             text = f"{fit.name}: no further part is known to be free of contact (use.free), so nothing tests it"
             yield Finding("fit", "note", text)
-        elif fit.outside > FIT_HARMS * fit.before or fit.outside > FIT_WORSE * fit.inside:
+        elif fit.outside > FIT_HARMS * fit.before or fit.outside > max(FIT_WORSE * fit.inside, LEAST_LEFT * fit.before):
             sizes = (
                 f"leaves {fit.outside:.3g} {fit.unit} on the rest, {fit.inside:.3g} where fitted, "
                 f"{fit.before:.3g} without"
