@@ -16,7 +16,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.forces.deviations import noise_of_rows
 from aerobat_pin.forces.inputs import KnownInputs
 from aerobat_pin.forces.instants import column_rms
 from aerobat_pin.forces.inverse_dynamics import accelerations, halfway, slope_noise
@@ -174,7 +173,7 @@ def motion_of(record: Record, inputs: InputsBetween) -> FreeMotion | None:
         chosen = slice(count // 10, count - count // 10, step)
         v = 0.5 * (block.v[:-1] + block.v[1:])
         known = sum(given.known.values(), np.zeros_like(given.tau))
-        noise.append(slope_noise(noise_of_rows(block.v, record), record))
+        noise.append(slope_noise(block.v, record))
         rates = (each[chosen] for each in (v, accelerations(block, record), given.tau, known))
         parts.append((block.q[:-1][chosen], halfway(record, block, chosen), *rates))
         seen.append((given.time, given.tau[:, at], chosen))

@@ -36,9 +36,8 @@ from aerobat_pin.observers import (
     low_passed,
     row_names,
 )
-from aerobat_pin.records import Map, Record, typical_spacing
+from aerobat_pin.records import Map
 
-JOINTS_APART = 0.01  # [s]: in sixth differences so far apart, 8 Hz are no noise
 DIFFERENCE = 6  # order of the differences in which a force that changes slowly leaves nothing, and noise everything
 GAUSSIAN = 1.4826  # standard deviation over median of the magnitude
 NOISE_STRETCH = 32  # samples in which noise is told from that of other stretches
@@ -104,22 +103,6 @@ def sample_noise(components: Array) -> Array:
         return np.zeros(components.shape[1])
     size = np.median(np.abs(np.diff(components, n=DIFFERENCE, axis=0)), axis=0)
     return np.asarray(GAUSSIAN * size / sqrt(comb(2 * DIFFERENCE, DIFFERENCE)))
-
-
-def noise_of_rows(rows: Array, record: Record) -> Array:
-    """Return `sample_noise` (nv,) of rows or velocities (m, nv) at common times.
-
-    Where a free base is slower than these, what is interpolated hides its noise: samples are taken as far apart as its
-    own, of joints, whose motion is fast and whose rows feel the base, by at most `JOINTS_APART`.
-    """
-    noise = sample_noise(rows)
-    base = [record.channels.get(f"base.{part}") for part in ("velocity", "rate", "position", "quaternion")]
-    spacing = max((typical_spacing(each.time) for each in base if each is not None), default=0.0)
-    for columns, most in ((slice(6), np.inf), (slice(6, None), JOINTS_APART)):
-        step = round(min(spacing, most) * record.rate)
-        if record.robot.free and step > 1:
-            noise[columns] = np.maximum(noise[columns], sample_noise(rows[::step, columns]))
-    return noise
 
 
 def local_noise(components: Array) -> Array:

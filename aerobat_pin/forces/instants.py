@@ -15,9 +15,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from aerobat_pin.forces.deviations import noise_of_rows
 from aerobat_pin.forces.inputs import KnownInputs
-from aerobat_pin.forces.inverse_dynamics import accelerations, mean_in, required_torque
+from aerobat_pin.forces.inverse_dynamics import accelerations, mean_in, noise_of_rows, required_torque
 from aerobat_pin.forces.known_forces import FittedValues, mean_motion
 from aerobat_pin.forces.run_observers import points_of
 from aerobat_pin.forces.stored_estimate import TIME_CONSTANTS_TO_SETTLE

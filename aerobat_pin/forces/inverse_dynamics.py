@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import comb, sqrt
 
 import numpy as np
 import pinocchio as pin
 
 from aerobat_pin.errors import MapError
+from aerobat_pin.forces.deviations import DIFFERENCE, sample_noise
 from aerobat_pin.numerics import Array, frame_id, frame_jacobian
-from aerobat_pin.records import Block, Record, slopes, uneven_slopes, world_turn
+from aerobat_pin.records import Block, Record, slopes, typical_spacing, uneven_slopes, world_turn
 
 ALL = slice(None)
+JOINTS_APART = 0.01  # [s]: in sixth differences so far apart, 8 Hz are no noise
 SMOOTHING = 0.03  # [s]: window of the parabolas whose slope is the acceleration
+MEASURED_AS = (  # velocities of a free robot: the base's, its rate, the joints'
+    ("base.velocity", "base.position"),
+    ("base.rate", "base.quaternion"),
+    ("joints.velocity", "joints.position"),
+)
 
 
 def accelerations(block: Block, record: Record) -> Array:
@@ -24,11 +32,45 @@ def accelerations(block: Block, record: Record) -> Array:
     return np.asarray(0.5 * (a[1:] + a[:-1]))
 
 
-def slope_noise(noise: Array, record: Record) -> Array:
-    """Return the standard deviation (nv,) of `accelerations` [m/s2, rad/s2] of velocities with white noise (nv,)."""
-    reach = 8 + round(SMOOTHING / record.dt)
-    a = slopes(np.eye(1, 2 * reach, reach).T, record.dt, SMOOTHING)  # of an impulse
-    return np.asarray(0.5 * np.linalg.norm(a[1:] + a[:-1]) * noise)
+def noise_of_rows(rows: Array, record: Record) -> Array:
+    """Return `sample_noise` (nv,) of rows or velocities (m, nv) at common times."""
+    noise = sample_noise(rows)
+    for columns, step in _samples_apart(record):
+        if step > 1:
+            noise[columns] = np.maximum(noise[columns], sample_noise(rows[::step, columns]))
+    return noise
+
+
+def _samples_apart(record: Record) -> list[tuple[slice, int]]:
+    """Return rows of a free base, and of its joints, and how many samples apart their noise is told.
+
+    Where a free base is slower than these, what is interpolated hides its noise: samples are taken as far apart as its
+    own, of joints, whose motion is fast and whose rows feel the base, by at most `JOINTS_APART`.
+    """
+    base = [record.channels.get(f"base.{part}") for part in ("velocity", "rate", "position", "quaternion")]
+    spacing = max((typical_spacing(each.time) for each in base if each is not None), default=0.0)
+    rows = ((slice(6), np.inf), (slice(6, None), JOINTS_APART)) if record.robot.free else ()
+    return [(columns, max(1, round(min(spacing, most) * record.rate))) for columns, most in rows]
+
+
+def slope_noise(v: Array, record: Record) -> Array:
+    """Return the standard deviation (nv,) of a free robot's `accelerations` [m/s2, rad/s2] by velocities (m, nv).
+
+    Slopes of places over a window hardly change from sample to sample, but over the window by the places' noise.
+    """
+    size = np.ones(v.shape[1])
+    (_, base), (_, joints) = _samples_apart(record)
+    for k, keys, apart, window in zip((0, 3, 6), MEASURED_AS, (base, base, joints), record.windows, strict=True):
+        spacing = next((typical_spacing(record.channels[key].time) for key in keys if key in record.channels), 0.0)
+        own = max(1, round(spacing * record.rate))
+        reach = 7 * max(own, apart) + round((SMOOTHING + window) / record.dt)
+        felt = np.maximum(1.0 - np.abs(np.arange(-reach, reach + 1.0)) / own, 0.0)[:, None]  # of one sample's noise
+        felt = slopes(felt, record.dt, window) if window else felt
+        a, seen = slopes(felt, record.dt, SMOOTHING), felt
+        for _ in range(DIFFERENCE):
+            seen = seen[apart:] - seen[:-apart]
+        size[k:] = 0.5 * np.linalg.norm(a[1:] + a[:-1]) / np.linalg.norm(seen) * sqrt(comb(2 * DIFFERENCE, DIFFERENCE))
+    return size * noise_of_rows(v, record)
 
 
 def required_torque(record: Record, block: Block, acceleration: Array, at: slice = ALL) -> Array:

@@ -108,6 +108,16 @@ class Record:
             return np.asarray(self.knots[first : last + 1])
         return np.asarray(self.start + np.arange(first, last + 1) * self.dt)
 
+    @property
+    def windows(self) -> tuple[float, float, float]:
+        """Windows [s] of the slopes that are the base's velocity and rate, and the joints'; 0 where they are none."""
+        base, joints, even = self.map.base, self.map.joints, self.knots is None
+        linear, angular = base.velocity or VelocitySection(), base.rate or RateSection()
+        turning = joints.velocity or JointVelocitySection()
+        each = (("base.velocity", linear.window), ("base.rate", angular.window), ("joints.velocity", turning.window))
+        some = [window if even and key not in self.channels else 0.0 for key, window in each]
+        return some[0] if base.from_ == "measured" else 0.0, some[1], some[2]
+
     def block(self, first: int, last: int) -> Block:
         """Return the samples from index `first` to `last` inclusive, completed by the robot."""
         robot, count = self.robot, last - first + 1
@@ -123,9 +133,8 @@ class Record:
         if "joints.velocity" in self.channels:
             v[:, rows_v] = self.at("joints.velocity", time)
         elif self.joints and self.knots is None:
-            window = (self.map.joints.velocity or JointVelocitySection()).window
             wide, inside = self._wide(first, last)
-            v[:, rows_v] = slopes(self.at("joints.position", wide), self.dt, window)[inside]
+            v[:, rows_v] = slopes(self.at("joints.position", wide), self.dt, self.windows[2])[inside]
         if "joints.effort" in self.channels:
             tau[:, [robot.v_index(joint) for joint in self.driven]] = self.means("joints.effort", time)
         if robot.free and not self.map.base.held:
@@ -256,12 +265,11 @@ class Record:
         if "base.velocity" in self.channels:
             linear = self._in_body("base.velocity", time, R)
         elif self.knots is None and base.from_ == "measured":
-            window = (base.velocity or VelocitySection()).window
-            linear = np.einsum("nji,nj->ni", R, slopes(place, self.dt, window))
+            linear = np.einsum("nji,nj->ni", R, slopes(place, self.dt, self.windows[0]))
         if "base.rate" in self.channels:
             angular = self._in_body("base.rate", time, R)
         elif self.knots is None:
-            angular = turn_rates(attitude, self.dt, (base.rate or RateSection()).window)
+            angular = turn_rates(attitude, self.dt, self.windows[1])
         if base.from_ == "imu":
             linear = np.zeros_like(angular)
             linear[inside] = self._integrated(first, last, R[inside]) - np.cross(angular[inside], base.imu.place)

@@ -16,6 +16,7 @@ from aerobat_pin.errors import LogError, MapError
 from aerobat_pin.estimation import calibrate, estimate
 from aerobat_pin.forces import Contact, fitted_forces
 from aerobat_pin.forces.contacts import found_contacts, joined_contacts
+from aerobat_pin.forces.inverse_dynamics import accelerations, slope_noise
 
 
 def believed(thrust: float) -> dict[str, Any]:
@@ -175,6 +176,22 @@ def test_one_axis_of_a_gyro_is_no_reading_of_a_quaternion(tmp_path: Path) -> Non
     told = {one.check for one in estimate(record, trust=True).findings if one.warns}
     assert "gyro against attitude" in told
     assert "quaternion order" not in told
+
+
+@pytest.mark.parametrize("every", [1, 4])
+def test_noise_of_places_is_known_in_the_accelerations_that_follow_from_them(every: int, tmp_path: Path) -> None:
+    """Slopes over 50 ms hide it from sample to sample: it was taken for a quarter, and what it leaves for a fault."""
+    table = fly(21)[0]
+    rough, rng = table.copy(), np.random.default_rng(0)
+    rough[["px", "py", "pz"]] += 1e-3 * rng.standard_normal((len(table), 3))
+    rough.loc[np.arange(len(table)) % every > 0, ["px", "py", "pz"]] = np.nan
+    chosen = flying_map(tmp_path, ["tip"])
+    clean, record = (recorded(tmp_path / f"{k}.csv", chosen, table=log) for k, log in enumerate((table, rough)))
+    first, last = record.parts[0]
+    blocks = [each.block(first, last) for each in (clean, record)]
+    found = [accelerations(block, record)[:, :3] for block in blocks]
+    told = slope_noise(blocks[1].v, record)[:3]
+    np.testing.assert_allclose(told, np.std(found[1] - found[0], axis=0), rtol=0.25)
 
 
 def test_contacts_at_one_point_that_overlap_are_one() -> None:
