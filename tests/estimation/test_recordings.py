@@ -593,6 +593,28 @@ def test_a_misread_attitude_makes_two_weights_of_force(tmp_path: Path) -> None:
         estimate(recorded(tmp_path / "flight.csv", misread))
 
 
+@pytest.mark.parametrize(
+    ("order", "signs", "said"),
+    [
+        ([0, 1, 2], [1, 1, 1], "read as roll, pitch, yaw, body to world"),
+        ([0, 1, 2], [1, -1, 1], "the columns seem to be roll, -pitch, yaw, body to world"),
+        ([0, 1, 2], [-1, 1, 1], "the columns seem to be -roll, pitch, yaw, body to world"),
+        ([2, 1, 0], [1, 1, 1], "the columns seem to be yaw, pitch, roll, body to world"),
+    ],
+)
+def test_an_angle_that_counts_the_other_way_is_named(
+    order: list[int], signs: list[int], said: str, tmp_path: Path
+) -> None:
+    """The gyro's sign was said to be wrong, and angles to be read as x, y, z, w."""
+    log, names = flight(seconds=6.0), ["roll", "pitch", "yaw"]
+    angles = Rotation.from_quat(log[["qx", "qy", "qz", "qw"]]).as_euler("xyz")
+    log[names] = (signs * angles)[:, order]
+    record = recorded(tmp_path / "log.csv", edited(MAP, {"base.quaternion": {"columns": names}}), table=log)
+    told = [each for each in record_findings(record) if each.check == "quaternion order"]
+    assert [said in each.text for each in told] == [True]
+    assert told[0].warns == ("seem" in said)
+
+
 def test_roll_pitch_and_yaw_are_an_attitude(tmp_path: Path) -> None:
     """As autopilots log them, in deg and past 180; four columns were expected, and `--suggest` did not know them."""
     one = flight(seconds=3.0)

@@ -14,7 +14,7 @@ import numpy as np
 from aerobat_pin.estimation.findings import LOST_SAMPLES, Finding, FindingVerdict
 from aerobat_pin.numerics import COMPARED_OVER, Array, CrossCorrelation, compare_rates, compare_series, lost_samples
 from aerobat_pin.observers import rotation_matrices
-from aerobat_pin.records import Agreement, G
+from aerobat_pin.records import Agreement, G, Map, QuaternionSection, Record, as_attitude, sampled_turns
 
 FOLLOWS = 0.8  # correlation from which one series is taken to follow the other
 CONFUSED = 0.5  # correlation below which one does not follow the other
@@ -31,7 +31,14 @@ UNIT_FACTORS = {  # second per first -> the slip that makes it
     0.01: "hundredths of the position (cm) are read as units",
     9.5493: "revolutions a minute are read as rad/s",
 }
-Reading = tuple[str, str]  # order and sense of a quaternion, as a map says them
+Reading = tuple[str, str]  # order and sense of a quaternion, as a map says them, or names of three angles and sense
+OTHER_ANGLES = (  # what an attitude's columns may be -> which are roll, pitch and yaw, with which signs
+    ("yaw, pitch, roll", [2, 1, 0], [1.0, 1.0, 1.0]),
+    ("-roll, pitch, yaw", [0, 1, 2], [-1.0, 1.0, 1.0]),
+    ("roll, -pitch, yaw", [0, 1, 2], [1.0, -1.0, 1.0]),
+    ("roll, pitch, -yaw", [0, 1, 2], [1.0, 1.0, -1.0]),
+    ("roll, -pitch, -yaw", [0, 1, 2], [1.0, -1.0, -1.0]),
+)
 BETTER, FITS = 0.6, 0.7  # share of the own misfit, and of the motion, below which another reading fits
 CERTAINLY_FITS = 0.05  # of the motion: what the map's reading leaves, where no other one is tried
 MISREAD = 0.9  # of the motion: what a reading leaves that is certainly wrong
@@ -169,6 +176,31 @@ def turned_so_far(attitude: Array) -> Array:
     return np.concatenate([np.zeros((1, 3)), np.cumsum(vector * (angle / sine)[:, None], axis=0)])
 
 
+def read_attitudes(record: Record, time: Array, raw: Array) -> dict[Reading, Array]:
+    """Return reading of the quaternion, or of three angles -> attitude (m, 4), the map's reading first.
+
+    At times (m,) [s] of a record, with its channel's samples (m, 4) there.
+    """
+    if record.channels["base.quaternion"].time is not record.knots:
+        raw = sampled_turns(*record.cut("base.quaternion", time), time)
+    mapped = record.map.base.quaternion or QuaternionSection()
+    turns = {"xyzw": raw, "wxyz": raw}
+    if len(mapped.columns) == 3:
+        from scipy.spatial.transform import Rotation  # slow to import
+
+        angles = Rotation.from_quat(raw).as_euler("xyz")
+        others = ((order, signs * angles[:, columns]) for order, columns, signs in OTHER_ANGLES)
+        turns = {"roll, pitch, yaw": raw, **{order: Rotation.from_euler("xyz", a).as_quat() for order, a in others}}
+    first = mapped.order if "xyzw" in turns else next(iter(turns)), mapped.sense
+    readings = dict.fromkeys([first, *itertools.product(turns, ("body_to_world", "world_to_body"))])
+    return {reading: as_attitude(_read_as(record.map, mapped, reading), turns[reading[0]]) for reading in readings}
+
+
+def _read_as(chosen: Map, mapped: QuaternionSection, reading: Reading) -> Map:
+    section = mapped.model_copy(update={"order": reading[0], "sense": reading[1]})
+    return chosen.model_copy(update={"base": chosen.base.model_copy(update={"quaternion": section})})
+
+
 def reading_findings(
     attitudes: Mapping[Reading, Array],
     pairs: Callable[[Array], list[Agreement]],
@@ -193,7 +225,8 @@ def reading_findings(
     judge(mapped, agreements := pairs(attitudes[mapped]))
     seem = [_other_way(pair) for pair in agreements]
     fits = len(shares[mapped]) > 0 and misfit[mapped] < CERTAINLY_FITS and upward[mapped] > low
-    others = [] if fits or any(alone for _, alone in seem) else others
+    angles = "roll" in mapped[0]  # of which one alone may count the other way
+    others = [] if fits or (any(alone for _, alone in seem) and not angles) else others
     for reading in others:
         judge(reading, pairs(attitudes[reading]))
     moving, worst = len(shares[mapped]) > 0, np.maximum(WORSE * shares[mapped], WORSE_FROM)
@@ -206,9 +239,11 @@ def reading_findings(
     certain = misfit[mapped] > MISREAD if moving else specific_force is not None and upward[mapped] < 0.0
     motion_says = misfit[best] < min(BETTER * misfit[mapped], FITS)
     if motion_says or (upward[mapped] < low and upward[best] > upward[mapped] + gain):
+        how = f'order = "{best[0]}", sense = "{best[1]}"'
+        how = f'the order of base.quaternion.columns, sense = "{best[1]}"; a sign: in the log' if angles else how
         what = (
             f"{text}, as {_words(best)} {misfit[best]:.2g} and {upward[best]:.2f}: the columns seem to be "
-            f'{_words(best)} (order = "{best[0]}", sense = "{best[1]}")' + "".join(words for words, _ in seem)
+            f"{_words(best)} ({how})" + "".join(words for words, _ in seem)
         )
         yield Finding("quaternion order", "refused" if certain else "warning", what, misfit[mapped], "1")
     elif not moving and specific_force is None:
@@ -218,7 +253,8 @@ def reading_findings(
 
 
 def _words(reading: Reading) -> str:
-    return f"{', '.join(reading[0])}, {reading[1].replace('_', ' ')}"
+    order = reading[0] if "roll" in reading[0] else ", ".join(reading[0])
+    return f"{order}, {reading[1].replace('_', ' ')}"
 
 
 def _shares(pairs: list[Agreement]) -> Array:

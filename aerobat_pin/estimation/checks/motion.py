@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
 
 from aerobat_pin.estimation.checks.agreement import (
-    Reading,
     accelerometer_findings,
     agreement_findings,
     comparison_of,
+    read_attitudes,
     reading_findings,
     turned_so_far,
 )
@@ -25,9 +24,7 @@ from aerobat_pin.records import (
     LARGEST_DELAY,
     Agreement,
     Map,
-    QuaternionSection,
     Record,
-    as_attitude,
     body_turn,
     has_world_axes,
     said_unit,
@@ -149,7 +146,9 @@ def _base_findings(record: Record, time: Array, measured: Measured, latest: floa
         felt = imu @ sensor.T
     elif felt is not None:
         felt = felt @ (body @ _sensor_turn(record, "check.specific_force")).T
-    attitudes = _attitudes(record, time, measured)
+    attitude = measured("base.quaternion")
+    assert attitude is not None
+    attitudes = read_attitudes(record, time, attitude)
     weightless = record.robot.weightless
     misread = [*reading_findings(attitudes, lambda attitude: [pair(attitude) for pair in evidence], felt, weightless)]
     yield from misread
@@ -196,24 +195,6 @@ def _size_and_residual(pair: Agreement) -> tuple[float, float]:
     if comparison is None:
         return 0.0, 0.0
     return float(np.linalg.norm(comparison.sizes[0])), float(np.linalg.norm(comparison.residual))
-
-
-def _attitudes(record: Record, time: Array, measured: Measured) -> dict[Reading, Array]:
-    """Return reading of the quaternion -> attitude (m, 4), the map's reading first."""
-    raw = measured("base.quaternion")
-    if record.channels["base.quaternion"].time is not record.knots:
-        raw = sampled_turns(*record.cut("base.quaternion", time), time)
-    assert raw is not None
-    mapped = record.map.base.quaternion or QuaternionSection()
-    orders = ("xyzw", "wxyz") if len(mapped.columns) != 3 else ("xyzw",)  # roll, pitch and yaw have one
-    others = itertools.product(orders, ("body_to_world", "world_to_body"))
-    readings = dict.fromkeys([(mapped.order, mapped.sense), *others])
-    return {reading: as_attitude(_read_as(record.map, mapped, reading), raw) for reading in readings}
-
-
-def _read_as(chosen: Map, mapped: QuaternionSection, reading: Reading) -> Map:
-    section = mapped.model_copy(update={"order": reading[0], "sense": reading[1]})
-    return chosen.model_copy(update={"base": chosen.base.model_copy(update={"quaternion": section})})
 
 
 def _sensor_turn(record: Record, key: str) -> Array:
