@@ -615,6 +615,19 @@ def test_an_angle_that_counts_the_other_way_is_named(
     assert told[0].warns == ("seem" in said)
 
 
+def test_a_pose_that_stands_still_and_jumps_is_said(tmp_path: Path) -> None:
+    """Motion capture that loses its markers for 0.3 s; a robot that rests does not jump afterwards."""
+    log, pose = flight(seconds=6.0), ["px", "py", "pz", "qx", "qy", "qz", "qw"]
+    frozen, rests = log.copy(), log.copy()
+    frozen.loc[200:229, pose] = log.loc[200, pose].to_numpy()
+    rests[pose] = log.loc[np.maximum(np.arange(len(log)) - 30, 0), pose].to_numpy()
+    for table_, held in ((log, 0), (rests, 0), (frozen, 2)):
+        found = record_findings(recorded(tmp_path / "log.csv", MAP, table=table_))
+        told = [each.text for each in found if each.check == "held channel" and "does not change" in each.text]
+        assert len(told) == held
+        assert all("for 0.30 s, from 1.96 s on" in text for text in told)
+
+
 def test_roll_pitch_and_yaw_are_an_attitude(tmp_path: Path) -> None:
     """As autopilots log them, in deg and past 180; four columns were expected, and `--suggest` did not know them."""
     one = flight(seconds=3.0)
