@@ -112,6 +112,18 @@ def test_a_world_on_its_side_is_asked_for_its_axes(tilt: float, words: str) -> N
     assert words in found.text
 
 
+def test_an_accelerometer_without_gravity_is_told_so(tmp_path: Path) -> None:
+    """As phones and some drivers give it; "up is down: log.world or base.axes" was said, or "g is read as m/s2"."""
+    log = flight(seconds=6.0)
+    felt, R = [f"imu_acc_{axis}" for axis in "xyz"], Rotation.from_quat(log[["qx", "qy", "qz", "qw"]])
+    for gravity, said in ((0.0, ""), (1.0, "gravity seems to be taken off it")):
+        without = log.copy()
+        without[felt] -= gravity * R.inv().apply([0.0, 0.0, 1.0])
+        found = record_findings(recorded(tmp_path / "log.csv", MAP, table=without))
+        told = [one for one in found if one.check == "accelerometer against gravity"]
+        assert [(one.verdict, said in one.text) for one in told] == [("warning" if said else "good", True)]
+
+
 def test_a_bag_by_its_headers_and_by_its_recorder(bagged: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Topics at their own rates: 0.1 N by the sensors' stamps; by the recorder's, a warning names the 3 ms."""
     monkeypatch.setattr("aerobat_pin.records.bag_columns.REORDERED", 100)  # as of a long bag

@@ -292,18 +292,25 @@ def accelerometer_findings(
     specific_force: Array, attitude: Array, position: Array, time: Array, gravity: float, weight: float
 ) -> Iterator[Finding]:
     """Yield how an accelerometer (m, 3), turned to the world, agrees with gravity and the pose's acceleration."""
-    size = float(np.median(np.linalg.norm(specific_force, axis=1))) / gravity
-    off = min(abs(np.log(size * G)), abs(np.log(size / G))) if size > 0.0 else np.inf
-    if off < np.log(2.0):
-        slip = "g is read as m/s2" if size < 1.0 else "m/s2 is read as g"
-        text = f"its median is {size:.3g} of gravity: {slip}"
-        yield Finding("accelerometer against gravity", "refused" if off < 0.1 else "warning", text, size, "1")
-        return
     n = 2 * min(max(1, round(0.25 * COMPARED_OVER * (len(time) - 1) / float(time[-1] - time[0]))), len(time) // 6)
     inside = slice(n // 2, len(time) - n // 2)  # between the middles of the first and the last n steps
     speeds = [(position[k + n] - position[k]) / (time[k + n] - time[k]) for k in (0, len(time) - 1 - n)]
     world = np.einsum("nij,nj->ni", rotation_matrices(attitude[inside]), specific_force[inside]).mean(axis=0)
     world = world - (speeds[1] - speeds[0]) / (time[inside][-1] - time[inside][0])
+    least, size = (np.quantile(np.linalg.norm(specific_force, axis=1), [0.05, 0.5]) / gravity).tolist()
+    off = min(abs(np.log(size * G)), abs(np.log(size / G))) if size > 0.0 else np.inf
+    if max(least, np.linalg.norm(world) / gravity) < UPWARD * size:  # nearly nothing at times, and nothing in the mean
+        text = (
+            f"its median is {size:.3g} of gravity, its mean in the world {np.linalg.norm(world) / gravity:.2g}: gravity"
+        )
+        text += " seems to be taken off it; at rest an accelerometer shows g upward"
+        yield Finding("accelerometer against gravity", "warning", text, size, "1")
+        return
+    if off < np.log(2.0):
+        slip = "g is read as m/s2" if size < 1.0 else "m/s2 is read as g"
+        text = f"its median is {size:.3g} of gravity: {slip}"
+        yield Finding("accelerometer against gravity", "refused" if off < 0.1 else "warning", text, size, "1")
+        return
     tilt = float(np.degrees(np.arccos(np.clip(world[2] / np.linalg.norm(world), -1.0, 1.0))))
     seeming = 2.0 * weight * np.sin(np.radians(0.5 * tilt))  # between the weight and the turned weight
     text = (
