@@ -113,6 +113,9 @@ def _all_columns(log: Path) -> tuple[Columns, bool]:
         columns, timed = read_columns(log, LogTable(time=TimeSection(rate=1.0))), False
     empty = {name for name in columns.values if not np.isfinite(columns.sample(name)).any()}
     values = {name: series for name, series in columns.values.items() if name not in empty}
+    if not values and not columns.kinds:
+        below = "; is there a line of units below the names? They stand behind these, as 'x [m]'"
+        raise LogError(f"log {log}: no column holds numbers alone{below}")
     return replace(columns, names=tuple(name for name in columns.names if name not in empty), values=values), timed
 
 

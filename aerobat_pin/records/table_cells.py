@@ -16,6 +16,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 
 BYTES_AT_ONCE = 1_000_000  # also the longest row
+LIST = re.compile(r"\[[\[\s]*(?:[-+.\d\]]|NaN|nan|Inf|null)")  # its beginning, unlike a unit's, [m]
 QUOTED = re.compile(rb'(?<![\w.])"(?:[^"\n]|"")*"')
 CUT = "the last row is cut short, as by a logger that was killed: it is left out"
 
@@ -122,12 +123,13 @@ def numbers_of(path: Path, name: str, cells: Any, first: int, *, strict: bool) -
     if np.isinf(numbers[k]):
         raise LogError(f"{where} {numbers[k]:g}: a finite number was expected")
     rule = "a number was expected, or an empty cell where there is no sample"
+    rule += "; a unit stands behind the column's name, as 'x [m]'" * (first + k == 0)
     raise LogError(f"{where} '{str(cells.iloc[k])[:40]}': {rule}")
 
 
 def holds_lists(cells: Any) -> bool:
     """Return whether the first cell of a pandas series that is not empty is a list."""
-    return str(next(iter(cells.dropna().head(1)), "")).startswith("[")
+    return LIST.match(str(next(iter(cells.dropna().head(1)), ""))) is not None
 
 
 def _lists(path: Path, name: str, cells: Any, *, strict: bool) -> dict[str, Array]:

@@ -82,6 +82,16 @@ def test_what_stands_above_the_names_of_columns_is_no_header(above: str, tmp_pat
         suggested_map(tmp_path / "log.csv", None)
 
 
+@pytest.mark.parametrize("units", ["s,m", "[s],[m]", "[s],[m/s^2]"])
+def test_a_line_of_units_below_the_names_is_said_to_be_one(units: str, tmp_path: Path) -> None:
+    """A map without a column was suggested for it, and units in brackets were lists of different lengths."""
+    (tmp_path / "log.csv").write_text(f"t,x\n{units}\n0.0,1.0\n0.1,2.0\n")
+    with pytest.raises(LogError, match="no column holds numbers alone; is there a line of units below the names"):
+        suggested_map(tmp_path / "log.csv", None)
+    with pytest.raises(LogError, match=r"line 2: t = '.*s.*': a number was expected.*a unit stands behind the column"):
+        read_columns(tmp_path / "log.csv", LogTable(), ["x"])
+
+
 @pytest.mark.parametrize(
     ("upset", "told"),
     [
