@@ -152,15 +152,17 @@ class KalmanSection(Section):
     )
     force_walk: Positive | Literal["gain"] | None = Field(
         None,
-        description='how much a force changes in a second; left out: 2.2 weights; "gain": as observers.gain says '
-        "[N/sqrt(s)]",
+        description="how much a force changes in a second; left out: 2.2 weights, or by a map forces of the size that is "
+        'expected, each for error_time; "gain": as observers.gain says [N/sqrt(s)]',
     )
-    prior: Positive | None = Field(None, description="deviation of the forces at the start; left out: 0.33 weights [N]")
+    prior: Positive | None = Field(
+        None, description="deviation of the forces at the start; left out: 0.33 weights, or by a map what is expected [N]"
+    )
     known_error: dict[str, Positive] = Field(
         default_factory=dict, description="deviations of known forces' factors, such as {aerodynamic = 0.2} [-]"
     )
     mass_error: NonNegative = Field(0.0, description="deviation of the mass's factor; 0 trusts it [-]")
-    error_time: Positive = Field(1.0, description="how long such a factor stays what it is [s]")
+    error_time: Positive = Field(1.0, description="how long such a factor, or what is expected, lasts [s]")
     misfit: Positive = Field(0.01, description="white noise for what no factor explains [sqrt(s)]")
     frequency: Positive | None = Field(
         None, description="flapping frequency, for forces that also swing with it; left out: a plain walk [Hz]"

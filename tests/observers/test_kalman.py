@@ -289,6 +289,21 @@ def test_where_errors_last_as_long_as_forces_the_filter_is_the_posterior() -> No
     assert_equal(found.standard_deviation[-1], np.sqrt(np.diag(P)), 1e-2)
 
 
+def test_a_stated_prior_holds_beside_what_is_expected() -> None:
+    """As in a map: at rest the first force is as small as it says, later ones become as large as is expected."""
+    model, frames = MODELS["arm"]
+    q, rest = record(model)[1][0], np.zeros((41, model.nv))
+    tau = np.tile(pin.rnea(model, model.createData(), q, rest[0], rest[0]), (40, 1))
+    stated, free = (
+        KalmanObserver(model, frames[:1], prior=prior, expected=lasting(model)).run(
+            0.01 * np.arange(41), np.tile(q, (41, 1)), rest, tau
+        )
+        for prior in (0.1, None)
+    )
+    assert np.all(stated.standard_deviation[0] < 0.5 * free.standard_deviation[0])
+    assert np.all(stated.standard_deviation[-1] > stated.standard_deviation[0])
+
+
 DT, COUNT, HIT = 1e-3, 1000, slice(500, 510)
 BLOW = np.array([300.0, -200.0, 1000.0, 0.0, 0.0, 0.0])  # at the centre of mass, world axes
 
