@@ -124,8 +124,8 @@ def check_command(
 ) -> None:
     """Is a calibration still good? Print one line, draw one figure; exit code 0 if nothing changed, 3 if something has.
 
-    It is 4 where the forces sought leave no row that could tell. Five seconds without unknown forces suffice, and
-    forces at the known points do no harm.
+    It is 4 where nothing can tell, as where the forces sought leave no row to spare. Five seconds without unknown
+    forces suffice, and forces at the known points do no harm.
     """
     from aerobat_pin.errors import CalibrationError, check_file, write_files
     from aerobat_pin.estimation import estimate, read_calibration

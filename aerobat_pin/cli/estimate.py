@@ -31,7 +31,7 @@ def estimate_command(
         Path | None,
         typer.Argument(
             help="Recorded flight of Aerobat (`.nc` of a run, or `.csv`, docs/recorded.md); with --map any "
-            "robot's CSV, NetCDF, MCAP or ROS 2 bag (docs/recordings.md)."
+            "robot's CSV, NetCDF, MCAP or ROS bag (docs/recordings.md)."
         ),
     ] = None,
     morphology: BelievedMorphology = None,

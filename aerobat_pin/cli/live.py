@@ -18,7 +18,11 @@ if TYPE_CHECKING:
 
 def live_command(
     what: Annotated[
-        str, typer.Argument(metavar="[SCENARIO|ROBOT|LOG]", help="A scenario, a robot by name or URDF file, or a log.")
+        str,
+        typer.Argument(
+            metavar="[SCENARIO|ROBOT|LOG]",
+            help="A scenario, by default hover_closed_loop; a robot by name or URDF file; or a log.",
+        ),
     ] = "",
     map_file: Annotated[
         Path | None, typer.Option("--map", help="What the log's columns mean, or without a log the topics of ROS 2.")
