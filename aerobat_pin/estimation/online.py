@@ -63,7 +63,7 @@ class OnlineEstimator:
     """Estimates unknown forces from samples as they arrive, by a map.
 
     Args:
-        chosen: the map; its check tables, fits, parts and known forces of commands are not used online.
+        chosen: the map; its check tables and parts are not used online.
         folder: where relative paths of the map begin.
         heard: called with each estimate, in place of collecting what `push` and `message` return.
         calibration: friction, factors of efforts and mass from a recording (`calibrate`).
@@ -74,7 +74,7 @@ class OnlineEstimator:
     Raises:
         CalibrationError: the calibration belongs to another robot, or to a map that means something else.
         MapError, LogError: the map does not fit the robot, or asks for what only a whole record has: a velocity that is
-            differentiated, a fit, a smoother.
+            differentiated, a known force, a fit, a smoother, no point at all.
     """
 
     @guarded()
