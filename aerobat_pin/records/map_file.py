@@ -16,7 +16,7 @@ from aerobat_pin.scenario import Section, describe_tables, read_toml, validated
 MapPart = TypeVar("MapPart", bound=Section)
 HEAD = (
     "A map is a TOML file that says what the columns of a recording mean: `aerobat estimate LOG --map map.toml`. "
-    "`aerobat estimate LOG --suggest` writes one from what it finds. Only what is marked required must be written; a "
+    "`aerobat estimate LOG --suggest` prints one from what it finds. Only what is marked required must be written; a "
     "channel is a table with `columns` (of a table, in order) or a `topic` (of a bag)."
 )
 
