@@ -163,7 +163,7 @@ class KalmanSection(Section):
     )
     mass_error: NonNegative = Field(0.0, description="deviation of the mass's factor; 0 trusts it [-]")
     error_time: Positive = Field(1.0, description="how long such a factor, or what is expected, lasts [s]")
-    misfit: Positive = Field(0.01, description="white noise for what no factor explains [sqrt(s)]")
+    misfit: Positive = Field(0.01, description="fast errors, as a share of what these factors make of a row [sqrt(s)]")
     frequency: Positive | None = Field(
         None, description="flapping frequency, for forces that also swing with it; left out: a plain walk [Hz]"
     )
