@@ -152,11 +152,11 @@ class KalmanSection(Section):
     )
     force_walk: Positive | Literal["gain"] | None = Field(
         None,
-        description="how much a force changes in a second; left out: 2.2 weights, or by a map forces of the size that is "
-        'expected, each for error_time; "gain": as observers.gain says [N/sqrt(s)]',
+        description="how much a force changes in a second; left out: 2.2 weights, or by a map forces of the size that "
+        'is expected, each for error_time; "gain": as observers.gain says [N/sqrt(s)]',
     )
     prior: Positive | None = Field(
-        None, description="deviation of the forces at the start; left out: 0.33 weights, or by a map what is expected [N]"
+        None, description="deviation of the forces at the start; left out: 0.33 weights, by a map what is expected [N]"
     )
     known_error: dict[str, Positive] = Field(
         default_factory=dict, description="deviations of known forces' factors, such as {aerodynamic = 0.2} [-]"
