@@ -77,8 +77,8 @@ class KalmanObserver(Observer):
             multiplied by a lever arm of 50 mm for moments. With `"gain"` the filter follows every pattern of forces
             like a second-order Butterworth filter that rises to 63 % in 1/K, if the model is exact: this walk is
             computed anew in every interval, and of the stated sensor noise only the ratios matter, whatever the record.
-        prior: standard deviation [N] of the forces at the start; when omitted, a third of the robot's weight, or what is
-            `expected`.
+        prior: standard deviation [N] of the forces at the start; when omitted, a third of the robot's weight, or
+            what is `expected`.
         known_error: name of a known force -> standard deviation of the error of its factor: 0.2 for "right to 20 %".
         mass_error: the same for the mass; the inertias change in proportion.
         error_time: correlation time of these factors, and of what is `expected` [s].
