@@ -25,8 +25,8 @@ PIN_RULE = ">=4.0,<5"
 # Modules and libraries that other folders of the search paths must not contain.
 FOREIGN_MODULES = ("pinocchio", "eigenpy", "coal", "hppfcl", "numpy", "scipy", "numba")
 FOREIGN_LIBRARIES = ("libpinocchio*", "libeigenpy*", "libcoal*", "libhpp-fcl*")
-REINSTALL = f"pip install --force-reinstall --no-deps {PROJECT}"
-START_FRESH = f"make a fresh environment (python -m venv) and pip install {PROJECT} into it alone"
+REINSTALL = "pip install --force-reinstall --no-deps . in this project's folder"
+START_FRESH = "make a fresh environment (python -m venv), and in this project's folder pip install . into it alone"
 PINOCCHIO_PROBE = """import json, pinocchio as p
 print(json.dumps([p.__file__ or "", getattr(p, "__version__", "") if hasattr(p, "crba") else ""]))"""
 

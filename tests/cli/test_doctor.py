@@ -73,7 +73,7 @@ def test_a_missing_package_that_checks_need_is_a_finding(monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, "packaging.specifiers", None)
     findings = found(doctor._platform, doctor._pinocchio, doctor._requirements, doctor._description)
     for name in ("platform", "pinocchio", "requirements"):
-        assert_bad(findings[name], "packaging.specifiers", advice="pip install aerobat-pinocchio")
+        assert_bad(findings[name], "packaging.specifiers", advice="in this project's folder pip install .")
     assert findings["description"].ok
 
 
