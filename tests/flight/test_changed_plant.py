@@ -52,7 +52,7 @@ def test_one_joint_swings_at_its_frequency_and_decays_by_its_damping(stiffness: 
     wing = plant.model.inertias[plant.model.getJointId("left_elbow")]
     c = wing.lever
     about = wing.inertia + wing.mass * (c @ c * np.eye(3) - np.outer(c, c))
-    hinge = np.ravel(plant.fields.robot.tree.axis[plant.elastic._links[0]])
+    hinge = np.ravel(plant.fields.robot.tree.axis[plant.elastic.links[0]])
     inertia = float(hinge @ about @ hinge)
     decay, t = 0.5 * damping / inertia, np.arange(801) * 2.5e-4
     swing = np.sqrt(complex(stiffness / inertia - decay**2))

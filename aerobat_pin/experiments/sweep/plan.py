@@ -116,10 +116,10 @@ def load_sweep(source: str | Path) -> Sweep:
     _check_names_and_size(file, base)
     dimensions = []
     for key, given in file.ranges.items():
-        values = _listed(given)
+        values = _each_value(given)
         dimensions.append(_dimension(f"ranges.{key}", key, values, [{key: value} for value in values]))
     for name, factors in file.factors.items():
-        values = _listed(factors.values)
+        values = _each_value(factors.values)
         dimensions.append(_dimension(f"factors.{name}.values", name, values, list(map(factors.settings, values))))
     dimensions += [Dimension(name, tuple(sets), tuple(sets.values())) for name, sets in file.variants.items()]
     if file.draws is not None:
@@ -156,7 +156,7 @@ def _too_large(file: SweepFile, count: int, days: float) -> str:
     )
 
 
-def _listed(given: list[Any] | Span) -> list[Any]:
+def _each_value(given: list[Any] | Span) -> list[Any]:
     return given.values if isinstance(given, Span) else given
 
 
