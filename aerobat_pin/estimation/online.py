@@ -130,7 +130,7 @@ class OnlineEstimator:
         put(self._memory, 0, np.nan, self._readers[0][2])  # these four compile
         build_interval(self._memory, self._leading)
         raise_to_noise(np.zeros(0), np.zeros((RECENT, 0)), np.zeros(0))
-        add_lag_of_filter(np.zeros(0), 0.0, np.zeros((LAGS + 1, 0)), np.zeros(0))
+        add_lag_of_filter(np.zeros(0), 0.0, np.zeros((LAGS + 2, 0)), np.zeros(0))
         self.reset()
         self._rings.tally[:] = 0
 

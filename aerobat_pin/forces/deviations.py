@@ -9,7 +9,8 @@ A force that changes is ahead of its filter r, by r'/K. With x what another filt
 input, that is (x + x^2 + x^3 + ...) r. The size of the first term, and by how much the next ones exceed the errors of
 rows, say how much it may be: K t e^-Kt of a step, all of a ramp, and a push that swings twice as fast as K. It hides
 when something pushed, not that it did (`without_lag`). `kalman` and `smoother` are faster, but errors of rows are known
-behind the same low-pass: faster ones may be in them. At its start a filter of first order lacks r / (e^Kt - 1).
+behind the same low-pass: faster ones may be in them. At its start a filter of first order lacks r / (e^Kt - 1), one of
+second order, as `super_twisting` nearly is, r / (e^x / (1 + x) - 1), x = `RISE` K t.
 
 A constant tilt cancels in the equations of motion: an accelerometer that is turned with gravity shows the same world,
 turned. So the forces are right in body axes, and in world axes horizontal ones get a share of the vertical one.
@@ -26,6 +27,8 @@ import numpy as np
 from aerobat_pin.forces.scores import quantity
 from aerobat_pin.numerics import Array, kernel
 from aerobat_pin.observers import (
+    FIRST_ORDER,
+    RISE,
     AllBut,
     Estimate,
     Expected,
@@ -74,11 +77,7 @@ class ComponentSize:
     seen: float | None = None
 
     def certainty(self, say: Callable[[float, str], str]) -> str:
-        """Return the deviation as text: `infinite` if the component is unseen, `-` if the observer states none.
-
-        Args:
-            say: function from a size [N, N m] and its unit to text.
-        """
+        """Return the deviation as text by `say`: `infinite` if the component is unseen, `-` if none is stated."""
         if self.unseen:
             return "infinite" if self.seen is None else "not seen"
         return "-" if self.deviation is None else say(self.deviation, self.unit)
@@ -177,24 +176,18 @@ def rows_as_components(estimate: Estimate, observer: Observer, v: Array, expecte
     """Return an estimate, of an observer without points, whose components are its believed rows, such as `elbow.M`.
 
     Their deviations, at velocities v (m + 1, nv), are what is expected where nothing touches, if that is known, or
-    their noise, if that is larger.
+    their noise, if that is larger, and the lag of the filter.
     """
     names, rows = row_names(observer.model), observer.believed.rows
     kept = rows.kept(observer.model) if isinstance(rows, AllBut) else list(range(len(names)))
     labels = [name if "." in name else f"{name}.{'F' if unit == 'N' else 'M'}" for name, unit in names.items()]
     units, count = tuple(np.array(list(names.values()))[kept].tolist()), len(kept)
-    components, deviation = estimate.residual[:, kept], None
-    if expected is not None:
-        deviation = expected.row_deviation(0.5 * (v[1:] + v[:-1]))[:, kept]
-        deviation = np.maximum(deviation, local_noise(components))
     known = Identifiability(tuple(labels[k] for k in kept), count, np.ones(count), np.zeros((0, count)), np.ones(count))
-    return replace(
-        estimate,
-        components=components,
-        units=units,
-        identifiability=known,
-        standard_deviation=deviation,
-    )
+    whole = replace(estimate, components=estimate.residual[:, kept], units=units, identifiability=known)
+    if expected is None:
+        return whole
+    deviation = expected.row_deviation(0.5 * (v[1:] + v[:-1]))[:, kept]
+    return _with_lag(whole, observer, np.maximum(deviation, local_noise(whole.components)))
 
 
 def with_expected(estimate: Estimate, observer: Observer, expected: Expected) -> Estimate:
@@ -203,21 +196,25 @@ def with_expected(estimate: Estimate, observer: Observer, expected: Expected) ->
     if deviation is None:
         return estimate
     whole = replace(estimate, expected_force=expected.force, seen=expected.seen(deviation))
-    deviation = np.maximum(deviation, recent_noise(estimate.components))
-    gain = float(np.min(observer.gain))
+    return _with_lag(whole, observer, np.maximum(deviation, recent_noise(whole.components)), expected.shared)
+
+
+def _with_lag(estimate: Estimate, observer: Observer, deviation: Array, shared: Array | float = 0.0) -> Estimate:
+    """Return an estimate with deviations (m, c), how far forces may be ahead of it, and shared errors."""
+    size, gain, second = np.abs(estimate.components), float(np.min(observer.gain)), observer.kind != FIRST_ORDER
     lag = lag_of_filter(estimate.components, np.diff(estimate.time), gain, deviation)
     if not isinstance(observer, KalmanObserver):
-        risen = np.maximum(-np.expm1(-gain * (estimate.time[1:] - estimate.time[0])), np.finfo(float).tiny)
-        lag = np.maximum(lag, np.abs(estimate.components) * (1.0 - risen[:, None]) / risen[:, None])
-    return replace(whole, standard_deviation=np.sqrt(deviation**2 + lag**2 + np.square(expected.shared)))
+        x = gain * (RISE if second else 1.0) * (estimate.time[1:, None] - estimate.time[0])
+        rest = (1.0 + second * x) * np.exp(-x)
+        lag = np.maximum(lag, size * rest / np.maximum(1.0 - rest, np.finfo(float).tiny))
+    return replace(estimate, standard_deviation=np.sqrt(deviation**2 + lag**2 + np.square(shared)))
 
 
 def with_belief_error(estimate: Estimate, deviation: Array | None) -> Estimate:
     """Return an estimate that states the errors of its belief (m, c), too; where it stated none, noise and these."""
     if deviation is None:
         return estimate
-    stated = estimate.standard_deviation
-    stated = local_noise(estimate.components) if stated is None else stated
+    stated = local_noise(estimate.components) if estimate.standard_deviation is None else estimate.standard_deviation
     unseen = np.isinf(estimate.identifiability.deviation)
     return replace(estimate, standard_deviation=np.where(unseen, np.inf, np.hypot(stated, deviation)))
 
@@ -259,27 +256,30 @@ def lag_of_filter(components: Array, dt: Array, gain: float, deviation: Array) -
 
 def filters_at_start(observer: Observer) -> tuple[Array, Array]:
     """Return what a stream keeps of an observer that starts: `behind` of `add_lag_of_filter`, `recent` of the noise."""
-    behind = np.zeros((LAGS + 1, len(observer.applications.components)))
-    behind[LAGS] = isinstance(observer, KalmanObserver)
+    behind = np.zeros((LAGS + 2, len(observer.applications.components)))
+    behind[LAGS:] = [[not isinstance(observer, KalmanObserver)], [observer.kind != FIRST_ORDER]]
     return behind, np.zeros((RECENT, behind.shape[1]))
 
 
 def without_lag(estimate: Estimate, deviation: Array) -> Array:
     """Return deviations (m, c) of an estimate with what they contain of its filter's lag taken out."""
-    if estimate.seen is None or estimate.expected_force is None:
+    if estimate.standard_deviation is None or (estimate.frames and estimate.seen is None):
         return deviation
     components, gain, dt = estimate.components, float(np.min(estimate.gain)), np.diff(estimate.time)
     components = components - components[0]
-    errors = np.maximum(estimate.expected_force * np.sqrt(1.0 - estimate.seen), recent_noise(components))
+    errors = np.broadcast_to(deviation.min(axis=0), deviation.shape)  # of rows: about what they are without lag
+    if estimate.seen is not None and estimate.expected_force is not None:
+        errors = estimate.expected_force * np.sqrt(1.0 - estimate.seen)
+    errors = np.maximum(errors, recent_noise(components))
     lag = lag_of_filter(components, dt, gain, errors)
     return np.asarray(np.sqrt(np.maximum(deviation**2 - lag**2, errors**2)))
 
 
 @kernel
 def add_lag_of_filter(components: Array, kept: float, behind: Array, deviation: Array) -> None:
-    """Do in a stream what `lag_of_filter` does: move filters `behind` (LAGS + 1, c), which keep e^-K dt.
+    """Do in a stream what `lag_of_filter` does: move filters `behind` (LAGS + 2, c), which keep e^-K dt.
 
-    The last one is behind a constant of one: how far an observer has risen; a Kalman filter has so from the start.
+    The last rows are e^-Kt, 0 of a Kalman filter, which need not rise, and whether an observer is of second order.
     """
     for j in range(components.shape[0]):
         ahead, lagging = 0.0, components[j]
@@ -287,8 +287,10 @@ def add_lag_of_filter(components: Array, kept: float, behind: Array, deviation: 
             behind[i, j] = lagging + kept * (behind[i, j] - lagging)
             lagging -= behind[i, j]
             ahead += max(abs(lagging) - (deviation[j] if i > 0 else 0.0), 0.0)
-        behind[LAGS, j] = 1.0 + kept * (behind[LAGS, j] - 1.0)
-        ahead = max(ahead, abs(components[j]) * (1.0 / behind[LAGS, j] - 1.0))
+        behind[LAGS, j] = rest = kept * behind[LAGS, j]
+        if behind[LAGS + 1, j] > 0.0 and rest > 0.0:
+            rest = (1.0 - RISE * np.log(rest)) * rest**RISE
+        ahead = max(ahead, abs(components[j]) * rest / (1.0 - rest))
         deviation[j] = np.hypot(deviation[j], ahead)
 
 

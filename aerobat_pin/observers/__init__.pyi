@@ -41,6 +41,8 @@ from .friction import fit_friction as fit_friction
 from .identifiability import Identifiability as Identifiability
 from .kalman.kalman import KalmanObserver as KalmanObserver
 from .kalman.kalman import SmootherObserver as SmootherObserver
+from .kernels.filters import FIRST_ORDER as FIRST_ORDER
+from .kernels.filters import RISE as RISE
 from .kernels.posterior import MEMORY_OF_K as MEMORY_OF_K
 from .momentum import ForceLevelObserver as ForceLevelObserver
 from .momentum import MomentumObserver as MomentumObserver

@@ -335,11 +335,8 @@ def test_deviations_contain_what_a_filter_lags_behind() -> None:
     for k in range(1, len(t)):
         found[k] = force[k] + kept * (found[k - 1] - force[k])
     noise = np.full(found.shape, 0.01)
-    lag, behind = (
-        deviations.lag_of_filter(found, np.full(len(t), dt), gain, noise),
-        np.zeros((deviations.LAGS + 1, force.shape[1])),
-    )
-    behind[-1] = 1.0  # it has risen
+    lag = deviations.lag_of_filter(found, np.full(len(t), dt), gain, noise)
+    behind = np.zeros((deviations.LAGS + 2, force.shape[1]))  # it has risen
     within = np.abs(found - force)[100:] <= 2.0 * np.hypot(lag, noise)[100:]
     assert np.all(within.mean(axis=0) > 0.95)
     assert np.all(lag[100:].mean(axis=0) < 2.0 * np.abs(found - force)[100:].mean(axis=0))
@@ -349,7 +346,7 @@ def test_deviations_contain_what_a_filter_lags_behind() -> None:
         np.testing.assert_allclose(deviation, np.hypot(noise[0], sure), atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["momentum", "force_level", "kalman"])
+@pytest.mark.parametrize("name", ["momentum", "force_level", "second_order", "super_twisting", "kalman"])
 def test_deviations_say_what_a_filter_lacks_at_its_start(name: str) -> None:
     """A force of 50 N from the first sample on; 45 N were missing, with a deviation of 11 N; a stream says the same."""
     model, force, dt = load_robot("ur5").model, np.array([30.0, -20.0, 50.0]), 0.002
@@ -371,6 +368,27 @@ def test_deviations_say_what_a_filter_lacks_at_its_start(name: str) -> None:
         deviations.raise_to_noise(row, recent, deviation)
         deviations.add_lag_of_filter(row, np.exp(-50.0 * dt), behind, deviation)
         np.testing.assert_allclose(deviation, stated, rtol=1e-9)
+
+
+def test_deviations_of_rows_say_what_their_filter_lacks() -> None:
+    """Of a robot without points: moments from the first sample on, a step, and a swing at twice the filter's rate."""
+    model, dt, gain = load_robot("ur5").model, 0.002, 50.0
+    time = dt * np.arange(801)
+    now = time[1:, None]
+    moment = np.hstack([0.0 * now + 40.0, np.where(now > 0.8, 20.0, 0.0), 10.0 * np.sin(2.0 * gain * now)])
+    tau = -np.pad(moment, [(0, 0), (0, 3)])
+    model.gravity.linear[:] = 0.0
+    expected = Expected(np.zeros(0), np.full(6, 0.3), np.zeros(6), np.ones(6))
+    observer = OBSERVERS["momentum"](model, (), gain, "all")
+    found = observer.run(time, *np.zeros((2, 801, 6)), tau, {})
+    rows = deviations.rows_as_components(found, observer, np.zeros((801, 6)), expected)
+    sure = rows.standard_deviation
+    assert sure is not None
+    assert np.all(np.mean(np.abs(rows.components[:, :3] - moment) < 2.0 * sure[:, :3], axis=0) > [0.99, 0.99, 0.85])
+    np.testing.assert_allclose(sure[:, 3:], 0.3)
+    without = deviations.without_lag(rows, sure)
+    step = 400 + int(np.argmax(sure[400:, 1]))
+    assert without[step, 1] < 0.1 * sure[step, 1]
 
 
 def test_noise_of_late_is_that_of_the_samples_and_of_no_step() -> None:
