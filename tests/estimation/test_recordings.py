@@ -255,6 +255,15 @@ def test_what_steady_motion_shows_to_be_right_is_not_off_by_a_factor(factor: flo
     assert any(one.warns for one in agreement_findings(pair)) == wrong
 
 
+def test_a_noise_of_rates_within_what_is_allowed_is_no_factor() -> None:
+    """Beside a robot that hardly moves: velocities "0.67 times what follows", by a correlation of 0.15."""
+    time, rng = np.arange(2000) / 100.0, np.random.default_rng(0)
+    place = 1e-3 * np.sin(time)[:, None] * [1.0, 2.0, 3.0] + [[0.0, 0.0, 0.5]]
+    pace = 0.05 * rng.standard_normal((len(time), 3))
+    pair = Agreement("position", ("a", "b"), time, place, pace, "rates", ("x", "y", "z"), "m", 0.01, "m")
+    assert not any(one.warns for one in agreement_findings(pair))
+
+
 def scaled(names: list[str], factor: float) -> Change:
     """Return a change of a table: columns times a factor."""
     return lambda frame: frame.assign(**{name: frame[name] * factor for name in names})

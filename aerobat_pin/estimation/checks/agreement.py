@@ -75,7 +75,8 @@ def agreement_findings(pair: Agreement) -> Iterator[Finding]:
     skip = {column for columns in swapped for column in columns}
     limit = np.maximum(pair.floor, pair.share * comparison.sizes[0])
     factor = np.array([comparison.follows(column)[0] for column in range(len(limit))])  # as it is told
-    explained = (np.abs(factor - 1.0) > FACTOR_OFF) & (comparison.scaled < 0.5 * comparison.unlike)
+    likely = np.abs([comparison.follows(column)[1] for column in range(len(limit))]) > CONFUSED  # or it is noise
+    explained = likely & (np.abs(factor - 1.0) > FACTOR_OFF) & (comparison.scaled < 0.5 * comparison.unlike)
     wrong = (comparison.residual > limit) | (explained & (comparison.swings.max(axis=0) > LEAST_MOTION))
     slips: dict[str, list[int]] = {}
     for column in np.flatnonzero(wrong).tolist():
