@@ -46,7 +46,7 @@ GAUSSIAN = 1.4826  # standard deviation over median of the magnitude
 NOISE_STRETCH = 32  # samples in which noise is told from that of other stretches
 BURST = 0.95  # share of the time in which a component's noise is smaller than what it is judged by
 MISFIT = "forces elsewhere, a moment, or a wrong model"  # what such errors may come from
-ROUNDED = 1e-9  # of the largest component's rms: no more than rounding makes of one that nothing shows
+NO_NOISE = 1e-9  # of the largest component's rms: no more than rounding makes of one that nothing shows
 LARGEST_NOISE = 0.5  # share of a component's rms above which its noise is named
 DOUBT_STRETCH = 1.0  # [s] over which k is averaged to find when the rows fit worst
 ROOT_OF_NOISE = 0.822 * comb(2 * DIFFERENCE, DIFFERENCE) ** 0.25  # mean root of the differences of unit white noise
@@ -132,7 +132,7 @@ def _noisy_components(estimate: Estimate) -> list[str]:
     loud = [
         f"{name} {quantity(sigma, unit)} beside {quantity(size, unit)}"
         for name, unit, sigma, size in zip(estimate.identifiability.components, estimate.units, noise, rms, strict=True)
-        if sigma > max(LARGEST_NOISE * size, ROUNDED * rms.max())
+        if sigma > max(LARGEST_NOISE * size, NO_NOISE * rms.max())
     ]
     line = (
         f"mostly noise from sample to sample where that is largest, rms beside that of all: {', '.join(loud)}; kalman, "

@@ -48,7 +48,7 @@ BASE_PARTS = {  # what the base's motion is found from -> what is read
     "imu": ("quaternion", "rate", "acceleration"),
     "joints": ("quaternion", "rate"),
 }
-RATES = ("base.velocity", "base.rate", "joints.velocity")
+LEFT_ZERO = ("base.velocity", "base.rate", "joints.velocity")
 TWIST = {"base.velocity": "linear", "base.rate": "angular"}  # parts that a message with the pose may have
 
 
@@ -146,7 +146,7 @@ def channel_of(request: Request, columns: Columns, longest_gap: float) -> Channe
                 continue
             raise LogError(f"log {columns.path}: column '{name} [{stated}]': {unit} was expected")
     parts = [columns.series(name, request.key) for name in request.names]
-    if request.optional and request.key in RATES and not any(x.any() for _, part in parts for x in part.pieces()):
+    if request.optional and request.key in LEFT_ZERO and not any(x.any() for _, part in parts for x in part.pieces()):
         return None
     turned: dict[str, int] = {}
     for k, turn in enumerate(request.turns):

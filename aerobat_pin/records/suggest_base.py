@@ -34,7 +34,7 @@ def attitudes(columns: Columns) -> Iterator[tuple[str, ...]]:
         if words and words[-1] in RPY and {*words[:-1]} <= OF_BASE:
             found.setdefault(tuple(words[:-1]), {})[words[-1]] = name
     yield from (tuple(axes[axis] for axis in RPY) for axes in found.values() if len(axes) == len(RPY))
-    yield from (names for names in _numbered(columns, 4) if _is_attitude(columns, names))
+    yield from (names for names in _numbered_alike(columns, 4) if _is_attitude(columns, names))
 
 
 def line_of_attitude(columns: Columns, names: tuple[str, ...]) -> str:
@@ -45,7 +45,7 @@ def line_of_attitude(columns: Columns, names: tuple[str, ...]) -> str:
         asked = "about x, then y, then z? With z up pitch is nose down"
         return f'quaternion = {{columns = {listed(names)}, unit = "{unit}"}}  # {asked}; the largest is {largest:.3g}'
     means = [float(np.nanmean(np.abs(columns.sample(name)))) for name in names]
-    numbered = names in [*_numbered(columns, 4)]
+    numbered = names in [*_numbered_alike(columns, 4)]
     order = "wxyz" if numbered and means[0] > means[3] else "xyzw"
     asked = f"  # or {'xyzw' if order == 'wxyz' else 'wxyz'}?" if numbered else ""
     return f'quaternion = {{columns = {listed(names)}, order = "{order}", sense = "body_to_world"}}{asked}'
@@ -54,11 +54,11 @@ def line_of_attitude(columns: Columns, names: tuple[str, ...]) -> str:
 def numbered_imu(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield kind -> three columns of a gyro or an accelerometer that are numbered, as gyro_rad[0] to gyro_rad[2]."""
     for kind, words in IMU_WORDS.items():
-        some = (names for names in _numbered(columns, 3) if {*words_of_name(names[0])} & words)
+        some = (names for names in _numbered_alike(columns, 3) if {*words_of_name(names[0])} & words)
         yield from ((kind, names) for names in itertools.islice(some, 1))
 
 
-def _numbered(columns: Columns, count: int) -> Iterator[tuple[str, ...]]:
+def _numbered_alike(columns: Columns, count: int) -> Iterator[tuple[str, ...]]:
     """Yield so many columns each that are numbered, as q[0] to q[3]."""
     groups: dict[str, list[str]] = {}
     for name in columns.names:
