@@ -231,9 +231,10 @@ def _unit_length(columns: Columns, request: Request, time: Array, values: Array)
     length = np.linalg.norm(values, axis=1)
     if np.any(np.abs(length - 1.0) > 0.05):
         row = int(np.argmax(np.abs(length - 1.0)))
+        lost = bool(length[row] == 0.0)
         raise LogError(
             f"log {columns.path}: base.quaternion ({', '.join(request.names)}) has length {length[row]:.3g} at "
-            f"{time[row] - request.delay:g} s: 1 was expected"
+            f"{time[row] - request.delay:g} s: 1 was expected" + "; where it was lost, leave its cells empty" * lost
         )
     return np.asarray(values / length[:, None])
 

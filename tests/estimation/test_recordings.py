@@ -637,7 +637,7 @@ def test_an_angle_that_counts_the_other_way_is_named(
 
 
 def test_a_pose_that_stands_still_and_jumps_is_said(tmp_path: Path) -> None:
-    """Motion capture that loses its markers for 0.3 s; a robot that rests does not jump afterwards."""
+    """Motion capture that loses its markers for 0.3 s, or writes zeros; a robot that rests does not jump afterwards."""
     log, pose = flight(seconds=6.0), ["px", "py", "pz", "qx", "qy", "qz", "qw"]
     frozen, rests = log.copy(), log.copy()
     frozen.loc[200:229, pose] = log.loc[200, pose].to_numpy()
@@ -646,7 +646,10 @@ def test_a_pose_that_stands_still_and_jumps_is_said(tmp_path: Path) -> None:
         found = record_findings(recorded(tmp_path / "log.csv", MAP, table=table_))
         told = [each.text for each in found if each.check == "held channel" and "does not change" in each.text]
         assert len(told) == held
-        assert all("for 0.30 s, from 1.96 s on" in text for text in told)
+        assert all("for 0.30 s, from 1.96 s on; leave its cells empty" in text for text in told)
+    log.loc[200:202, pose] = 0.0
+    with pytest.raises(LogError, match=r"has length 0 at .* s: 1 was expected; where it was lost, leave its cells"):
+        recorded(tmp_path / "log.csv", MAP, table=log)
 
 
 def test_roll_pitch_and_yaw_are_an_attitude(tmp_path: Path) -> None:
