@@ -300,7 +300,8 @@ def accelerometer_findings(
     world = world - (speeds[1] - speeds[0]) / (time[inside][-1] - time[inside][0])
     least, size = (np.quantile(np.linalg.norm(specific_force, axis=1), [0.05, 0.5]) / gravity).tolist()
     off = min(abs(np.log(size * G)), abs(np.log(size / G))) if size > 0.0 else np.inf
-    if max(least, np.linalg.norm(world) / gravity) < UPWARD * size:  # nearly nothing at times, and nothing in the mean
+    varies = size < UPWARD or least < UPWARD * size  # as gravity does not
+    if varies and np.linalg.norm(world) < UPWARD * size * gravity:
         text = (
             f"its median is {size:.3g} of gravity, its mean in the world {np.linalg.norm(world) / gravity:.2g}: gravity"
         )

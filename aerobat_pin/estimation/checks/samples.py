@@ -284,7 +284,7 @@ def _stuck(
         if len(changes) > 1 and end - begin > long and (end - begin > STUCK or _moved(channel, begin, end)):
             what = f"{channel.key} does not change for {end - begin:.2f} s, from {begin - start:.2f} s on"
             at_rest = angles is not None and not _moved(angles, begin, end)
-            what += "" if at_rest or long == STUCK else f"; {EMPTY}"
+            what += f"; {EMPTY}" if end - begin <= STUCK else ""
             yield Finding("held channel", "note" if at_rest else "warning", what, end - begin, "s")
 
 
