@@ -185,7 +185,7 @@ def _fitted(
     def likely(rows: Array, size: Array, kinds: list[int]) -> tuple[Array, Array, Array, Array]:
         x, known = instants.columns[kinds][:, :, at], expected_of_kind[kinds]
         series = rows[:, kept], x, known, J, at, instants.sliding
-        return most_likely(*series, size, error, offset=robot.mass * offset * by_base, limits=limits)
+        return most_likely(*series, size, error, offset=robot.mass * offset * by_base, limits=limits)[:4]
 
     factors: Array = np.zeros(n)
     unsure: Array = np.zeros(len(kept))
@@ -245,10 +245,11 @@ def most_likely(
     *,
     offset: float = 0.0,
     limits: Array | None = None,
-) -> tuple[Array, Array, Array, Array]:
-    """Return b (kinds, n), the sizes r (k,), what its errors make of the rows (k,), squared, and the errors' rms (k,).
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return b (kinds, n), the sizes r (k,), what b's errors make of the rows (k,), squared, the errors' rms (k,).
 
-    Errors of b are those of coefficients that are not at their bounds, and those of an offset.
+    And the covariance of b (kinds n, kinds n). Its errors are those of coefficients that are not at their bounds, and
+    those of an offset.
 
     Args:
         y: (m, k) rows.
@@ -307,7 +308,7 @@ def most_likely(
     unsure = np.zeros(k)
     unsure[at] = np.sum(np.mean(np.einsum("ami,aio->omi", x, change) ** 2, axis=1), axis=0)
     unsure[at] += row_variance(x, covariance)
-    return b, size, unsure, column_rms(mean)
+    return b, size, unsure, column_rms(mean), covariance
 
 
 def _bounded(normal: Array, target: Array, largest: Array) -> Array:

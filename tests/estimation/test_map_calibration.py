@@ -589,6 +589,16 @@ def test_a_pull_is_not_learnt_as_friction(tmp_path: Path) -> None:
     assert any(re.search(PULLED, line) for line in trusted.warnings)
 
 
+def test_what_a_short_recording_cannot_tell_is_no_push(tmp_path: Path) -> None:
+    """Friction and offsets of 1.5 and 3 s are known badly, and what that makes of forces was told as a push."""
+    swing(tmp_path / "swing.csv", 3)
+    table, chosen = pd.read_csv(tmp_path / "swing.csv"), six_map(observer={"gain": 20.0})
+    del chosen["joints"]["friction"]
+    for begin, count in ((100, 150), (1500, 300), (2500, 300)):
+        short = recorded(tmp_path / "short.csv", chosen, table=table.iloc[begin : begin + count])
+        assert not any("pushed" in line for line in calibrate([short]).warnings)
+
+
 def test_a_pull_is_not_normal_where_no_joint_rubs(tmp_path: Path) -> None:
     """Without friction to learn it was taken for what rows err by: 19 N at a hand for one second in eight."""
     write_log(tmp_path / "free.csv", 211, nothing, pace=1.6, rubs=0.0)

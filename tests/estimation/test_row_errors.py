@@ -138,7 +138,7 @@ def found_in(y: Array, x: Array, J: Array) -> tuple[Array, Array, Array]:
     """Return friction b, the errors' variance (4,) of the rows, and what friction's own errors add to it."""
     m, k = y.shape
     known, force = np.full(2, np.inf), np.full((m, 2), 20.0)
-    b, size, unsure, _ = most_likely(y, x, known, J, list(range(k)), np.full((m, k), SLIDING), force, np.full(k, 0.1))
+    b, size, unsure, *_ = most_likely(y, x, known, J, list(range(k)), np.full((m, k), SLIDING), force, np.full(k, 0.1))
     return b, 0.01 * size, unsure
 
 

@@ -182,7 +182,8 @@ def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
     missing from every later record. Where rows are to spare, a force moves them by its Jacobian, which changes with the
     pose, and an offset does not. So friction, inertia of rotors, offsets and the errors of rows are found beside the
     forces, as in a record that is pushed (`fit_beside_forces.py`), and what is found at the points must not stand out
-    from its errors. Friction, if the forces have some, was fitted as if nothing pushed.
+    from its errors, of which those of friction and offsets are the largest in a short record. Friction, if the forces
+    have some, was fitted as if nothing pushed.
     """
     record = forces.record
     if not record.robot.limits_forces:
@@ -198,7 +199,8 @@ def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
     force = np.broadcast_to(S, J.shape[:2])
     offset = np.broadcast_to(-column_rms(instants.columns[3][:, at]) - error[at], (1, len(y), len(at)))
     x = np.concatenate([instants.columns[:3, :, at], offset])
-    b, size, _, _ = most_likely(y, x, np.array([np.inf, np.inf, np.inf, 1.0]), J, at, instants.sliding, force, error)
+    known = np.array([np.inf, np.inf, np.inf, 1.0])
+    b, size, _, _, covariance = most_likely(y, x, known, J, at, instants.sliding, force, error)
     if not points or np.all(spare_share(J, force, np.sqrt(size) * error) < CHECKED):
         text = "no row is to spare: a force that lasts would have been learnt as friction and offset of "
         untold = f"{record.title}: {text}{', '.join(instants.joints)}; make sure that nothing pushed"
@@ -209,8 +211,11 @@ def pushed_points(forces: KnownForces) -> tuple[list[str], list[str]]:
     error = np.sqrt(size * error**2 + stiction**2 / 3.0 * (1.0 - instants.sliding**2))
     B = J / error[:, None]
     P = np.linalg.inv(B @ np.swapaxes(B, 1, 2) + np.diag(S**-2.0))
-    push = np.einsum("mcd,mdk,mk->mc", P, B, residual / error)
-    deviation = np.sqrt(np.diagonal(P, axis1=1, axis2=2) + burst_noise(push) ** 2)  # that of velocities is in all rows
+    G = P @ B / error[:, None]
+    push = np.einsum("mck,mk->mc", G, residual)
+    moved = np.einsum("mck,akm->mcak", G[:, :, at], x.transpose(0, 2, 1)).reshape(*push.shape, -1)  # by friction
+    variance = np.diagonal(P, axis1=1, axis2=2) + np.einsum("mcp,pq,mcq->mc", moved, covariance, moved)
+    deviation = np.sqrt(variance + burst_noise(push) ** 2)  # that of velocities is in all rows
     components = Applications(record.robot.model, points).components
     return list(_in_words(forces, components, instants.time, push, deviation)), []
 
