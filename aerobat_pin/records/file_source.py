@@ -79,7 +79,7 @@ def open_by_map(
     driven = next((each.joints for each in asked if each.key == "joints.effort" and each.key in channels), ())
     turned = (item for channel in channels.values() for item in channel.turns.items())
     taken = [f"{joint}: jumps by a full turn are taken out ({count})" for joint, count in turned]
-    lacked = [each.names for each in asked if each.key not in channels and each.names[0] in columns.values]
+    lacked = [each.names for each in asked if each.key not in channels and columns.values.keys() >= {*each.names}]
     taken += [f"{', '.join(names)} are 0 in every message: found from the positions" for names in lacked]
     log, notes = replace(columns, values={}), (*columns.notes, *notes, *unsensed, *taken, *dropped)
     return Record(chosen, robot, channels, joints, driven, start, times.rate, parts, notes, times.knots, log, folder)

@@ -124,6 +124,17 @@ def test_an_accelerometer_without_gravity_is_told_so(tmp_path: Path) -> None:
         assert [(one.verdict, said in one.text) for one in told] == [("warning" if said else "good", True)]
 
 
+def test_vibration_of_several_g_takes_no_gravity_off_an_accelerometer() -> None:
+    """Its mean was 1 of gravity, "its median is 4.07 of gravity, ...: gravity seems to be taken off it"."""
+    time, up = np.arange(1000) / 500.0, np.array([0.0, 0.0, 9.81])
+    still, attitude = np.zeros((1000, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (1000, 1))
+    felt = up * (1.0 + 6.0 * np.sin(2.0 * np.pi * 20.0 * time))[:, None]
+    (found,) = accelerometer_findings(felt, attitude, still, time, 9.81, 100.0)
+    assert found.verdict == "good"
+    (found,) = accelerometer_findings(felt - up, attitude, still, time, 9.81, 100.0)
+    assert "gravity seems to be taken off it" in found.text
+
+
 def test_a_bag_by_its_headers_and_by_its_recorder(bagged: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Topics at their own rates: 0.1 N by the sensors' stamps; by the recorder's, a warning names the 3 ms."""
     monkeypatch.setattr("aerobat_pin.records.bag_columns.REORDERED", 100)  # as of a long bag
@@ -223,6 +234,18 @@ def test_rates_that_nobody_filled_are_found_from_the_positions(folder: Path) -> 
     assert sum("are 0 in every message" in note for note in found.notes) == 2  # the odometry's, the joints'
     at = np.searchsorted(walked.time, block.time - block.time[0] + walked.time[1])
     assert np.sqrt(np.mean((block.v - walked.v[at])[100:-100] ** 2)) < 0.05 * np.sqrt(np.mean(walked.v**2))
+
+
+def test_rates_of_some_joints_alone_are_not_said_to_be_0(bagged: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where a gripper's messages hold positions alone; a note said that all joints' are 0 in every message."""
+
+    def without_one(*asked: Any) -> Any:
+        columns = read_columns(*asked)
+        held = {name: series for name, series in columns.values.items() if name != "/joint_states.velocity.FR_HAA"}
+        return replace(columns, values=held)
+
+    monkeypatch.setattr("aerobat_pin.records.file_source.read_columns", without_one)
+    assert recorded(bagged / "walk", bag_map(bagged / "quadruped.urdf")).notes == ()
 
 
 @pytest.mark.parametrize(
