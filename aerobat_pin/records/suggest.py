@@ -206,7 +206,8 @@ def _lead(columns: Columns, robot: PlainRobot | None, places: Sequence[str]) -> 
 
 def _suggested_time(log: Path, columns: Columns, timed: bool, lead: Array) -> tuple[str, float | None]:
     """Return the line about a table's time, if a column looks like one, and the step [s] of rows `lead`."""
-    rising = (name for name in measured_first(columns.values) if _is_evenly_rising(columns.values[name][:FIRST_ROWS]))
+    named = measured_first(name for name in columns.values if "time" in name.lower())
+    rising = (name for name in [*named, *columns.values] if _is_evenly_rising(columns.values[name][:FIRST_ROWS]))
     name = next((match[0] for match in map(TIME.match, header_of(log)[1]) if match), next(rising, None))
     asked = "no column looks like a time"
     if name is not None and name not in columns.values and not timed:

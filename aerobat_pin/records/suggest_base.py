@@ -15,7 +15,10 @@ from aerobat_pin.records.suggest_joints import listed, toml_text
 
 UNIT_ERROR = 1e-3  # of a quaternion's length, as it is written
 FULL_TURN = 7.0  # beyond any angle of an attitude in rad
-IMU_WORDS = {"rate": GYRO_WORDS, "acceleration": {"acc", "accel", "accelerometer"}}
+IMU_WORDS = {  # joints have accelerations, too
+    "rate": [{word} for word in GYRO_WORDS],
+    "acceleration": [{"accelerometer"}, {"imu", "acc"}, {"imu", "accel"}],
+}
 RPY = ("roll", "pitch", "yaw")
 OF_BASE = {"attitude", "att", "orientation", "euler", "rpy", "angle", "angles", "base", "body", "pose", "imu", "odom"}
 OF_BASE |= {"mocap", "vicon", "vision", "optitrack", *MEASURED_WORDS}  # else a joint of that name, or its command
@@ -54,7 +57,8 @@ def line_of_attitude(columns: Columns, names: tuple[str, ...]) -> str:
 def numbered_imu(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Yield kind -> three columns of a gyro or an accelerometer that are numbered, as gyro_rad[0] to gyro_rad[2]."""
     for kind, words in IMU_WORDS.items():
-        some = (names for names in _numbered_alike(columns, 3) if {*words_of_name(names[0])} & words)
+        groups = ((names, {*words_of_name(names[0])}) for names in _numbered_alike(columns, 3))
+        some = (names for names, found in groups if any(each <= found for each in words))
         yield from ((kind, names) for names in itertools.islice(some, 1))
 
 

@@ -16,7 +16,7 @@ from aerobat_pin.errors import LogError
 from aerobat_pin.numerics import Array
 
 BYTES_AT_ONCE = 1_000_000  # also the longest row
-LIST = re.compile(r"\[[\[\s]*(?:[-+.\d\]]|NaN|nan|Inf|null)")  # its beginning, unlike a unit's, [m]
+LIST = re.compile(r"\[[\[\s]*(?:[-+.\d\]]|NaN|nan|Inf|null|true|false)")  # its beginning, unlike a unit's, [m]
 QUOTED = re.compile(rb'(?<![\w.])"(?:[^"\n]|"")*"')
 CUT = "the last row is cut short, as by a logger that was killed: it is left out"
 

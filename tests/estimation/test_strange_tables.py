@@ -62,6 +62,13 @@ def test_a_cell_without_its_list_is_no_sample(empty: int, tmp_path: Path) -> Non
     np.testing.assert_array_equal(found.values["v.1"], np.where(np.arange(3) == empty, np.nan, [1.0, 3.0, 5.0]))
 
 
+def test_a_list_of_contacts_is_one(tmp_path: Path) -> None:
+    """As JSON writes it; since a unit in brackets is no list, these were texts: "a number was expected"."""
+    (tmp_path / "log.csv").write_text("t;on\n0;[true, false]\n1;[true, true]\n")
+    found = read_csv_columns(tmp_path / "log.csv", LogTable(), ["on.1"])
+    np.testing.assert_array_equal(found.values["on.1"], [0.0, 1.0])
+
+
 @pytest.mark.parametrize(("separator", "comments"), [(" ", "# "), (",", "# "), ("\t", "%")])
 def test_a_header_behind_the_sign_of_a_comment_names_the_columns(separator: str, comments: str, tmp_path: Path) -> None:
     """As numpy.savetxt writes it: between spaces the sign passed for a column, and each name for that of the next."""
@@ -280,6 +287,12 @@ def test_topics_of_an_autopilot_in_one_table_are_its_attitude_gyro_and_accelerom
     assert suggested["base"]["quaternion"]["order"] == "wxyz"
     assert suggested["base"]["rate"]["columns"] == [f"s.gyro_rad[{k}]" for k in range(3)]
     assert suggested["check"]["specific_force"]["columns"] == [f"s.accelerometer_m_s2[{k}]" for k in range(3)]
+
+
+def test_accelerations_of_three_joints_are_no_accelerometer(tmp_path: Path) -> None:
+    """Of an arm that stands on the floor `specific_force = {columns = ["joint_acc_1", ...` was suggested."""
+    table = {f"{part}_{k}": np.sin(0.1 * k * np.arange(100.0)) for part in ("q", "joint_acc", "tau") for k in (1, 2, 3)}
+    assert "specific_force" not in suggestion(tmp_path, {"time": 0.01 * np.arange(100.0), **table}, arm_of(3))
 
 
 def test_a_column_that_may_be_another_is_asked_for(tmp_path: Path) -> None:
@@ -566,6 +579,10 @@ def test_a_time_since_1970_is_one_so_is_what_rises_evenly_and_a_column_of_whole_
         (
             {"time": ["11/03/2026 11:59:55 PM"] * 50, "x": 0.0},
             "# MISSING: time holds no numbers, nor dates as ISO 8601",
+        ),
+        (
+            {"clk": 0.01 * np.arange(50.0), "actual_angle": 0.02 * np.arange(50.0)},
+            'time = {column = "clk", unit = "s"}',
         ),
         (
             {"des_time": 1e-3 * np.arange(50.0), "x": 0.0, "meas_time": 0.0144 * np.arange(50.0)},
