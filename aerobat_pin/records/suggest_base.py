@@ -65,7 +65,7 @@ def numbered_imu(columns: Columns) -> Iterator[tuple[str, tuple[str, ...]]]:
 def _numbered_alike(columns: Columns, count: int) -> Iterator[tuple[str, ...]]:
     """Yield so many columns each that are numbered, as q[0] to q[3]."""
     groups: dict[str, list[str]] = {}
-    for name in columns.names:
+    for name in columns.values:
         groups.setdefault(re.sub(r"[\[_ .]?\d\]?$", "", name), []).append(name)
     yield from (tuple(names) for names in groups.values() if len(names) == count)
 

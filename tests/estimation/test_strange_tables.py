@@ -289,6 +289,12 @@ def test_topics_of_an_autopilot_in_one_table_are_its_attitude_gyro_and_accelerom
     assert suggested["check"]["specific_force"]["columns"] == [f"s.accelerometer_m_s2[{k}]" for k in range(3)]
 
 
+def test_columns_of_lists_are_suggested(tmp_path: Path) -> None:
+    """Lists of three ended in a traceback, as their own column counted as a fourth."""
+    table = {"time": 0.01 * np.arange(100.0), "q": [str([0.1 * k, 0.2, 0.3 * k]) for k in range(100)]}
+    assert 'position = {columns = ["q.0", "q.1", "q.2"]' in suggestion(tmp_path, table, arm_of(3))
+
+
 def test_accelerations_of_three_joints_are_no_accelerometer(tmp_path: Path) -> None:
     """Of an arm that stands on the floor `specific_force = {columns = ["joint_acc_1", ...` was suggested."""
     table = {f"{part}_{k}": np.sin(0.1 * k * np.arange(100.0)) for part in ("q", "joint_acc", "tau") for k in (1, 2, 3)}
