@@ -29,7 +29,7 @@ from aerobat_pin import open_record
 from aerobat_pin.aerobat import needs_map
 from aerobat_pin.errors import AerobatError, LogError, MapError, OutputError
 from aerobat_pin.estimation import OnlineEstimator, Result, calibrate, estimate, record_findings
-from aerobat_pin.estimation.checks.agreement import accelerometer_findings, agreement_findings
+from aerobat_pin.estimation.checks.agreement import accelerometer_findings, agreement_findings, read_attitudes
 from aerobat_pin.estimation.checks.result import fit_findings
 from aerobat_pin.experiments.write_mcap import McapStretch, write_mcap_stretches
 from aerobat_pin.forces.fit_known_forces import fitted_forces
@@ -659,17 +659,31 @@ def test_an_angle_that_counts_the_other_way_is_named(
     assert told[0].warns == ("seem" in said)
 
 
+def test_angles_of_a_nose_that_is_straight_up_are_read_without_a_warning() -> None:
+    """As of a tail-sitter: "Gimbal lock detected. Setting third angle to zero" stood between the findings."""
+    chosen = parse_map(edited(MAP, {"base.quaternion": {"columns": ["roll", "pitch", "yaw"]}}), "of the test")
+    raw, time = Rotation.from_euler("xyz", [[0.1, -0.5 * np.pi, 0.2]] * 3).as_quat(), np.arange(3.0)
+    record = SimpleNamespace(map=chosen, knots=time, channels={"base.quaternion": SimpleNamespace(time=time)})
+    read = read_attitudes(cast(Record, record), time, raw)
+    assert len(read) == 12
+    turned = read["roll, pitch, -yaw", "body_to_world"]
+    np.testing.assert_allclose(Rotation.from_quat(turned).apply([1.0, 0.0, 0.0]), [[0.0, 0.0, 1.0]] * 3, atol=1e-7)
+
+
 def test_a_pose_that_stands_still_and_jumps_is_said(tmp_path: Path) -> None:
     """Motion capture that loses its markers for 0.3 s, or writes zeros; a robot that rests does not jump afterwards."""
     log, pose = flight(seconds=6.0), ["px", "py", "pz", "qx", "qy", "qz", "qw"]
     frozen, rests = log.copy(), log.copy()
     frozen.loc[200:229, pose] = log.loc[200, pose].to_numpy()
     rests[pose] = log.loc[np.maximum(np.arange(len(log)) - 30, 0), pose].to_numpy()
+    waits = log.assign(**log.loc[np.maximum(np.arange(len(log)) - 100, 0), pose].reset_index(drop=True))
     for table_, held in ((log, 0), (rests, 0), (frozen, 2)):
         found = record_findings(recorded(tmp_path / "log.csv", MAP, table=table_))
         told = [each.text for each in found if each.check == "held channel" and "does not change" in each.text]
         assert len(told) == held
         assert all("for 0.30 s, from 1.96 s on; leave its cells empty" in text for text in told)
+    found = record_findings(recorded(tmp_path / "log.csv", MAP, table=waits))
+    assert not any("leave its cells empty" in each.text for each in found if "does not change for" in each.text)
     log.loc[200:202, pose] = 0.0
     with pytest.raises(LogError, match=r"has length 0 at .* s: 1 was expected; where it was lost, leave its cells"):
         recorded(tmp_path / "log.csv", MAP, table=log)

@@ -189,7 +189,9 @@ def read_attitudes(record: Record, time: Array, raw: Array) -> dict[Reading, Arr
     if len(mapped.columns) == 3:
         from scipy.spatial.transform import Rotation  # slow to import
 
-        angles = Rotation.from_quat(raw).as_euler("xyz")
+        R, angles = rotation_matrices(raw), np.zeros((len(raw), 3))  # scipy warns where the nose is straight up
+        angles[:, 0], angles[:, 2] = np.arctan2(R[:, 2, 1], R[:, 2, 2]), np.arctan2(R[:, 1, 0], R[:, 0, 0])
+        angles[:, 1] = -np.arcsin(np.clip(R[:, 2, 0], -1.0, 1.0))
         others = ((order, signs * angles[:, columns]) for order, columns, signs in OTHER_ANGLES)
         turns = {"roll, pitch, yaw": raw, **{order: Rotation.from_euler("xyz", a).as_quat() for order, a in others}}
     first = mapped.order if "xyzw" in turns else next(iter(turns)), mapped.sense

@@ -280,11 +280,12 @@ def _stuck(
         k = int(np.argmax(np.diff(edges)))
         begin, end = float(channel.time[int(edges[k])]), float(channel.time[int(edges[k + 1])])
         others = np.delete(np.diff(edges), k)
-        long = FROZEN if np.diff(edges)[k] * others.sum() > OVER_USUAL * (others @ others) else STUCK
-        if len(changes) > 1 and end - begin > long and (end - begin > STUCK or _moved(channel, begin, end)):
+        unusual = bool(np.diff(edges)[k] * others.sum() > OVER_USUAL * (others @ others))
+        jumps = unusual and end - begin > FROZEN and _moved(channel, begin, end)
+        if len(changes) > 1 and (jumps or end - begin > STUCK):
             what = f"{channel.key} does not change for {end - begin:.2f} s, from {begin - start:.2f} s on"
             at_rest = angles is not None and not _moved(angles, begin, end)
-            what += f"; {EMPTY}" if end - begin <= STUCK else ""
+            what += f"; {EMPTY}" * (jumps and not at_rest)
             yield Finding("held channel", "note" if at_rest else "warning", what, end - begin, "s")
 
 
