@@ -30,6 +30,7 @@ from aerobat_pin.observers import (
 from aerobat_pin.records import Map, PlainRobot
 
 LEGS_EVERY, LEGS_KEPT = 10, 200  # estimates of a robot that walks: one in so many shows the errors of legs in the air
+RUBS_SHOWN = 200  # estimates of a robot with feet after which friction shows: before, what its feet carry looks like it
 RUBS_EVERY = 4  # estimates: one in so many shows friction, which counts where no leg is in the air
 
 
@@ -82,7 +83,8 @@ class StreamSizes:
             force, jacobians = (part[: self._count // LEGS_EVERY] for part in self._legs)
             rows = np.einsum("mc,mcv->mv", force, jacobians)
             errors = lifted_errors(self._robot.model, rows, jacobians, self._robot.weight)
-        if self._count >= RUBS_EVERY and self._values.friction is None and not errors.any():  # no leg is in the air
+        least = RUBS_SHOWN if self._walks else RUBS_EVERY
+        if self._count >= least and self._values.friction is None and not errors.any():  # no leg is in the air
             slides = self._slid[self._joints] > SLIDES_AT
             errors[self._joints] = as_others_rub(self._rubbing()[self._joints], slides, self._limits)
         return replace(expected, row_error=np.hypot(expected.row_error, errors))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerobat_pin.forces.calibration_use import SURE_OF_CONTACT, CalibrationUse, Contact
+from aerobat_pin.forces.deviations import without_lag
 from aerobat_pin.forces.scores import point_label
 from aerobat_pin.forces.stored_estimate import StoredEstimate
 from aerobat_pin.numerics import Array
@@ -224,11 +225,16 @@ def joined_contacts(contacts: Iterable[Contact]) -> list[Contact]:
 
 
 def _over_bars(estimate: StoredEstimate) -> tuple[Array, Array, Array]:
-    """Return times (m + 1,) [s], the components (m, c), 0 where not shown, and their sizes over what is a contact."""
-    parts = [
-        (np.where(block.shown, block.components, 0.0), SURE_OF_CONTACT * np.asarray(block.standard_deviation))
-        for block in estimate.blocks()
-    ]
+    """Return times (m + 1,) [s], the components (m, c), 0 where not shown, and their sizes over what is a contact.
+
+    Of rows a filter's lag counts for nothing, which hides when something pushes, not that it does.
+    """
+    rows = not estimate.head.frames
+    parts = []
+    for block in estimate.blocks():
+        deviation = np.asarray(block.standard_deviation)
+        bars = SURE_OF_CONTACT * (without_lag(block, deviation) if rows else deviation)
+        parts.append((np.where(block.shown, block.components, 0.0), bars))
     values, bars = (np.concatenate(part) for part in zip(*parts, strict=True))
     return np.concatenate([estimate.start[:], [estimate.end]]), values, np.abs(values) / bars
 

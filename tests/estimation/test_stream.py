@@ -162,8 +162,8 @@ def test_friction_of_legs_that_are_never_in_the_air_counts(folder: Path) -> None
     walked, rub = walk(1.6), 0.4 * np.array([1.0, 0.5, 0.25])  # [N m]
     rates = np.gradient(walked.q[:, 7:], walked.time, axis=0)
     tau = walked.tau + np.tile(rub, 4) * np.tanh(rates / 0.02)
-    found = streamed(OnlineEstimator(mapped(folder, None), folder), messages(replace(walked, tau=tau)))[25:]
-    errors = np.abs(values_of(found) - walked.force.reshape(len(walked.force), -1)[25 : len(found) + 25])
+    found = streamed(OnlineEstimator(mapped(folder, None), folder), messages(replace(walked, tau=tau)))[225:]
+    errors = np.abs(values_of(found) - walked.force.reshape(len(walked.force), -1)[225 : len(found) + 225])
     beyond = errors > 2.0 * np.array([list(one.deviation.values()) for one in found])
     assert beyond.mean() < 0.05
     assert np.sqrt(np.mean(errors**2)) < 1.0
