@@ -76,7 +76,7 @@ def python(code: str, installed: Path, cwd: Path, **changes: str) -> str:
 
 
 def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -> None:
-    """Every file of the two packages, the licence, no tests, no documents, under 1.23 MB (95 kB: equal meshes)."""
+    """Every file of the two packages, the licence, no tests, no documents, under 1.24 MB (95 kB: equal meshes)."""
     names = zipfile.ZipFile(wheel).namelist()
     info = next(name.split("/")[0] for name in names if name.endswith(".dist-info/METADATA"))
     ours = {
@@ -96,7 +96,7 @@ def test_the_wheel_holds_the_packages_their_data_and_nothing_else(wheel: Path) -
         assert sum(name.startswith("aerobat_description/") and name.endswith(end) for name in ours) >= 3
     assert f"{info}/licenses/LICENSE" in names
     assert wheel.name.endswith("-py3-none-any.whl")
-    assert wheel.stat().st_size < 1_235_000
+    assert wheel.stat().st_size < 1_240_000
 
 
 def test_the_wheel_names_no_machine(wheel: Path) -> None:
