@@ -19,7 +19,7 @@ FREQUENT = 0.75  # share of samples that change in a channel that is not held
 MOSTLY_HELD = 0.9  # share of repeats beyond which a channel counts as slow, not as stuck
 RUN = 16  # changes whose distances are even in a channel that is held; those of a rounded slow signal are not
 REGULAR = 0.5  # share of runs that must be even: one lost sample spoils a run
-STUCK, FROZEN = 0.5, 0.1  # [s] without change, of a channel that otherwise changes; of one that jumps afterwards
+STUCK, FROZEN = 0.5, 0.1  # [s] without change, of a channel that otherwise changes; of a pose that jumps afterwards
 OVER_USUAL, MOVES = 10.0, 0.1  # times as long as an effort else stays as it is; of its joint's range, meanwhile
 MOVED_ON, STEPS_AFTER = 10.0, 10  # times the largest of so many steps afterwards, or one count: it moved on unseen
 CUT_OFF, OFTEN_CUT_OFF = 10.0, 0.01  # times as many samples as at the next value, and of all: more than a coarse peak
@@ -280,12 +280,12 @@ def _stuck(
         k = int(np.argmax(np.diff(edges)))
         begin, end = float(channel.time[int(edges[k])]), float(channel.time[int(edges[k + 1])])
         others = np.delete(np.diff(edges), k)
-        unusual = bool(np.diff(edges)[k] * others.sum() > OVER_USUAL * (others @ others))
-        jumps = unusual and end - begin > FROZEN and _moved(channel, begin, end)
+        jumps = np.diff(edges)[k] * others.sum() > OVER_USUAL * (others @ others) and end - begin > FROZEN
+        jumps = jumps and channel.key in ("base.position", "base.quaternion") and _moved(channel, begin, end)
         if len(changes) > 1 and (jumps or end - begin > STUCK):
             what = f"{channel.key} does not change for {end - begin:.2f} s, from {begin - start:.2f} s on"
             at_rest = angles is not None and not _moved(angles, begin, end)
-            what += f"; {EMPTY}" * (jumps and not at_rest)
+            what += f"; {EMPTY}" * bool(jumps and not at_rest)
             yield Finding("held channel", "note" if at_rest else "warning", what, end - begin, "s")
 
 
